@@ -1,0 +1,118 @@
+"""The one tree of errors: a bad input is refused, a bad bench is reported, a bad sensor is neither (it is a verdict).
+
+Every error is a full sentence, carries its numbers as attributes, and knows the exit code of the command line.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+class BenchError(Exception):
+    """Something went wrong on the bench; the base of every error raised on purpose."""
+
+    exit_code = 3
+
+
+class InputError(BenchError):
+    """The user's input was refused before anything moved."""
+
+    exit_code = 2
+
+
+class NotFoundError(InputError):
+    """A name is unknown; the message lists the names that exist."""
+
+    def __init__(self, kind: str, name: str, existing: list[str]):
+        self.kind, self.name, self.existing = kind, name, existing
+        listing = ", ".join(existing) if existing else "none"
+        super().__init__(f"unknown {kind} '{name}'; known: {listing}")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One fault of an input file, with the place a person finds it at (line and column from 1)."""
+
+    message: str
+    path: str = ""
+    line: int | None = None
+    column: int | None = None
+
+
+class FileProblems(InputError):
+    """An input file was refused; lists every problem found in it at once as `file:line:column: path: message`."""
+
+    def __init__(self, file: str | Path, problems: list[Problem]):
+        self.file, self.problems = str(file), problems
+        super().__init__("\n".join(self._sentence(problem) for problem in problems))
+
+    def _sentence(self, problem: Problem) -> str:
+        place = self.file
+        if problem.line is not None:
+            place += f":{problem.line}" + (f":{problem.column}" if problem.column is not None else "")
+        return ": ".join(part for part in (place, problem.path, problem.message) if part)
+
+
+class ExpressionError(InputError):
+    """An arithmetic expression of a protocol cannot be read or evaluated."""
+
+
+class PlanError(InputError):
+    """A plan breaks a rule and is refused before anything moves."""
+
+
+class LimitError(PlanError):
+    """A joint would exceed one of its limits.
+
+    Attributes:
+        joint: Joint name. quantity: "position", "velocity" or "acceleration". value, limit: In unit.
+        unit: Unit of value and limit. time: [s] from the start of the plan. step: Name of the step.
+    """
+
+    def __init__(self, joint: str, quantity: str, value: float, limit: float, unit: str, time: float, step: str):
+        self.joint, self.quantity, self.value, self.limit = joint, quantity, value, limit
+        self.unit, self.time, self.step = unit, time, step
+        super().__init__(
+            f"joint {joint}: {quantity} {value:.2f} {unit} exceeds {limit:.2f} {unit} at t = {time:.3f} s (step '{step}')"
+        )
+
+
+class CollisionError(PlanError):
+    """Two bodies would touch (clearance and margin in metres, time in seconds)."""
+
+    def __init__(self, first: str, second: str, clearance: float, margin: float, time: float, step: str):
+        self.first, self.second, self.clearance, self.margin = first, second, clearance, margin
+        self.time, self.step = time, step
+        what = "collide" if clearance <= 0 else f"come within {1e3 * clearance:.1f} mm (margin {1e3 * margin:.1f} mm)"
+        super().__init__(f"{first} and {second} {what} at t = {time:.3f} s (step '{step}')")
+
+
+class SensorRangeError(PlanError):
+    """The motion would saturate a sensor."""
+
+    def __init__(self, sensor: str, quantity: str, value: float, limit: float, unit: str, time: float, step: str):
+        self.sensor, self.quantity, self.value, self.limit = sensor, quantity, value, limit
+        self.unit, self.time, self.step = unit, time, step
+        super().__init__(
+            f"sensor {sensor}: {quantity} {value:.2f} {unit} exceeds its range of {limit:.2f} {unit} "
+            f"at t = {time:.3f} s (step '{step}')"
+        )
+
+
+class SessionError(InputError):
+    """A folder is not a session, or a session lacks what a stage needs."""
+
+
+class DriverError(BenchError):
+    """An arm or a sensor failed while it was being used."""
+
+
+class RunInterrupted(BenchError):
+    """The operator stopped the run; what was recorded is kept in `session`."""
+
+    exit_code = 130
+
+    def __init__(self, message: str, session: object = None):
+        self.session = session
+        super().__init__(message)

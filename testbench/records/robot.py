@@ -1,0 +1,234 @@
+"""Robot: what the bench knows of an arm beside its URDF: limits with their reasons, mounting, servo, noise of its encoders."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from testbench.exceptions import InputError, NotFoundError
+from testbench.records.shipped import shipped_folder
+from testbench.records.strict import Placement, StrictModel
+from testbench.records.yaml_file import YamlDocument, load_yaml
+
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class Joint(StrictModel):
+    """One joint of the arm, in the vendor's order."""
+
+    name: str
+    position_deg: Pair | None = Field(description="Lowest and highest angle [deg]; null: unlimited.")
+    velocity_deg_s: float = Field(gt=0)
+    acceleration_deg_s2: float = Field(gt=0)
+    jerk_deg_s3: float = Field(gt=0)
+    why: str = Field(description="Where these limits come from.")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Joint:
+        if self.position_deg is not None and self.position_deg[0] >= self.position_deg[1]:
+            raise ValueError(f"position_deg {self.position_deg} must be ordered: lowest, highest")
+        return self
+
+
+class Floor(StrictModel):
+    """A horizontal plane the arm must not touch."""
+
+    height_mm: float = Field(description="Height of the plane in the world frame [mm].")
+    ignore: list[str] = Field(default=[], description="Links that stand on it.")
+    why: str = ""
+
+
+class Collision(StrictModel):
+    """How collisions are judged."""
+
+    margin_mm: float = Field(default=0.0, ge=0, description="Smallest clearance that is accepted [mm].")
+    ignore: list[Annotated[list[str], Field(min_length=2, max_length=2)]] = Field(
+        default=[], description="Pairs of links that are never checked, beside neighbours."
+    )
+    why: str = ""
+
+
+class Servo(StrictModel):
+    """Dynamics of the simulated arm: each joint follows its reference as a second-order system."""
+
+    natural_frequency_hz: float = Field(default=12.0, gt=0)
+    damping_ratio: float = Field(default=1.0, gt=0)
+    encoder_resolution_deg: float = Field(default=360 / 2**18, ge=0)
+    encoder_noise_deg: float = Field(default=0.0005, ge=0, description="Standard deviation of one reading [deg].")
+    velocity_noise_deg_s: float = Field(default=0.02, ge=0, description="Standard deviation of one reading [deg/s].")
+    repeatability_deg: float = Field(
+        default=0.003, ge=0, description="Standard deviation of the joint's true angle about its reading, drawn per move [deg]."
+    )
+    why: str = ""
+
+
+class Rates(StrictModel):
+    """Rates of the controller."""
+
+    control_hz: float = Field(default=500.0, gt=0)
+    record_hz: float = Field(default=125.0, gt=0)
+
+
+class RobotSpec(StrictModel):
+    """The content of a robot.yaml."""
+
+    name: str
+    description: str = ""
+    urdf: str = Field(description="Path of the URDF: below this file, or below example-robot-data with that prefix.")
+    mesh_packages: list[str] = Field(default=[], description="Python distributions whose packages hold the meshes.")
+    base: Placement = Field(default_factory=Placement, description="Pose of the arm's base in the world.")
+    gravity_m_s2: Vector3 = Field(default=[0.0, 0.0, -9.80665], description="Gravity in the world frame.")
+    joints: list[Joint] = Field(min_length=1)
+    home_deg: list[float]
+    floor: Floor | None = None
+    collision: Collision = Field(default_factory=Collision)
+    servo: Servo = Field(default_factory=Servo)
+    rates: Rates = Field(default_factory=Rates)
+
+    @model_validator(mode="after")
+    def _home_fits(self) -> RobotSpec:
+        if len(self.home_deg) != len(self.joints):
+            raise ValueError(f"home_deg has {len(self.home_deg)} angles, the arm has {len(self.joints)} joints")
+        return self
+
+
+class Robot:
+    """An arm the bench can plan for: its specification, where its URDF lies, and its limits in radians.
+
+    Args:
+        spec: The content of robot.yaml.
+        urdf: Absolute path of the URDF.
+        text: The specification as YAML, written verbatim into every session.
+    """
+
+    def __init__(self, spec: RobotSpec, urdf: Path, text: str):
+        self.spec, self.urdf, self.text = spec, urdf, text
+
+    @property
+    def name(self) -> str:
+        return self.spec.name
+
+    @property
+    def joint_names(self) -> list[str]:
+        return [joint.name for joint in self.spec.joints]
+
+    @property
+    def position_limits(self) -> np.ndarray:
+        """Lowest and highest angle of each joint, shape (n, 2), [rad]; infinite where unlimited."""
+        unlimited = [-np.inf, np.inf]
+        return np.radians([joint.position_deg or unlimited for joint in self.spec.joints])
+
+    @property
+    def velocity_limits(self) -> np.ndarray:
+        """Shape (n,), [rad/s]."""
+        return np.radians([joint.velocity_deg_s for joint in self.spec.joints])
+
+    @property
+    def acceleration_limits(self) -> np.ndarray:
+        """Shape (n,), [rad/s^2]."""
+        return np.radians([joint.acceleration_deg_s2 for joint in self.spec.joints])
+
+    @property
+    def jerk_limits(self) -> np.ndarray:
+        """Shape (n,), [rad/s^3]."""
+        return np.radians([joint.jerk_deg_s3 for joint in self.spec.joints])
+
+    @property
+    def home(self) -> np.ndarray:
+        """Shape (n,), [rad]."""
+        return np.radians(self.spec.home_deg)
+
+    @property
+    def gravity(self) -> np.ndarray:
+        """Gravity in the world frame, shape (3,), [m/s^2]."""
+        return np.asarray(self.spec.gravity_m_s2, float)
+
+    def mesh_folders(self) -> list[Path]:
+        """Folders that `package://` addresses of the URDF are looked up in."""
+        folders = [self.urdf.parent]
+        for name in self.spec.mesh_packages:
+            folders.append(_distribution_folder(name))
+        return folders
+
+
+def load_robot(name_or_path: str | Path) -> Robot:
+    """Find an arm by name or by path.
+
+    Args:
+        name_or_path: A name that `list_robots` gives, or the path of a robot.yaml, of its folder, or of a bare URDF.
+
+    Raises:
+        NotFoundError: No such robot; lists those that exist.
+        FileProblems: The robot file is malformed.
+    """
+    from testbench.records.robot_urdf import robot_from_urdf
+
+    path = Path(name_or_path)
+    if path.suffix in {".yaml", ".yml", ".urdf"} or path.is_dir():
+        if not path.exists():
+            raise InputError(f"robot file {path} does not exist")
+        if path.suffix == ".urdf":
+            return robot_from_urdf(path)
+        return _robot_from_yaml(path / "robot.yaml" if path.is_dir() else path)
+    name = str(name_or_path)
+    folder = shipped_folder("robots") / name
+    if (folder / "robot.yaml").is_file():
+        return _robot_from_yaml(folder / "robot.yaml")
+    entry = _catalogue().get(name)
+    if entry is None:
+        raise NotFoundError("robot", name, sorted(list_robots()))
+    return robot_from_urdf(_example_robot_data() / entry.urdf, name=name, entry=entry)
+
+
+def list_robots() -> dict[str, str]:
+    """Names of the arms that can be asked for, with a line on each."""
+    own = {
+        path.parent.name: load_yaml(path, RobotSpec).value.description
+        for path in sorted(shipped_folder("robots").glob("*/robot.yaml"))
+    }
+    return own | {name: entry.description for name, entry in _catalogue().items() if name not in own}
+
+
+class CatalogueEntry(StrictModel):
+    """An arm of example-robot-data that needs no robot.yaml of its own."""
+
+    urdf: str
+    description: str = ""
+    joints: list[str] = Field(description="The arm's joints in the vendor's order; every other joint is locked.")
+    home_deg: list[float]
+
+
+class Catalogue(StrictModel):
+    """The content of robots/example_robot_data.yaml."""
+
+    robots: dict[str, CatalogueEntry]
+    source: Literal["example-robot-data"] = "example-robot-data"
+
+
+def _catalogue() -> dict[str, CatalogueEntry]:
+    return load_yaml(shipped_folder("robots") / "example_robot_data.yaml", Catalogue).value.robots
+
+
+def _robot_from_yaml(path: Path) -> Robot:
+    document: YamlDocument[RobotSpec] = load_yaml(path, RobotSpec)
+    prefix, _, rest = document.value.urdf.partition(":")
+    urdf = _example_robot_data() / rest if prefix == "example-robot-data" else path.parent / document.value.urdf
+    if not urdf.is_file():
+        raise document.problem(f"the URDF {urdf} does not exist", "urdf")
+    return Robot(document.value, urdf.resolve(), document.text)
+
+
+def _example_robot_data() -> Path:
+    return _distribution_folder("example-robot-data") / "cmeel.prefix/share/example-robot-data/robots"
+
+
+def _distribution_folder(name: str) -> Path:
+    try:
+        return Path(str(distribution(name).locate_file("")))
+    except PackageNotFoundError as error:
+        raise InputError(f"the package '{name}', which this robot's meshes come from, is not installed") from error
