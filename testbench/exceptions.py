@@ -59,7 +59,17 @@ class ExpressionError(InputError):
 
 
 class PlanError(InputError):
-    """A plan breaks a rule and is refused before anything moves."""
+    """A plan breaks a rule and is refused before anything moves.
+
+    Attributes:
+        place: `file:line` of the protocol step at fault, put in front of the sentence once it is known.
+    """
+
+    place: str = ""
+
+    def __str__(self) -> str:
+        sentence = super().__str__()
+        return f"{self.place}: {sentence}" if self.place else sentence
 
 
 class LimitError(PlanError):

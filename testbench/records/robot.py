@@ -150,10 +150,8 @@ class Robot:
 
     def mesh_folders(self) -> list[Path]:
         """Folders that `package://` addresses of the URDF are looked up in."""
-        folders = [self.urdf.parent]
-        for name in self.spec.mesh_packages:
-            folders.append(_distribution_folder(name))
-        return folders
+        folders = [self.urdf.parent, _example_robot_data().parent.parent]
+        return folders + [_distribution_folder(name) for name in self.spec.mesh_packages]
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -208,6 +206,12 @@ class Catalogue(StrictModel):
 
     robots: dict[str, CatalogueEntry]
     source: Literal["example-robot-data"] = "example-robot-data"
+
+
+def robot_from_text(file: Path, urdf: Path) -> Robot:
+    """The robot of a session, from the specification kept in it and the URDF it was run with."""
+    document = load_yaml(file, RobotSpec)
+    return Robot(document.value, urdf, document.text)
 
 
 def _catalogue() -> dict[str, CatalogueEntry]:

@@ -1,0 +1,36 @@
+"""A robot arm turned into a metrology bench for inertial sensors.
+
+    from testbench import plan, execute, estimate, evaluate
+
+The four stages, and `Session` to open a recording; each is loaded when it is first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from testbench.estimation import estimate
+    from testbench.evaluation import evaluate
+    from testbench.execution import execute
+    from testbench.planning import plan
+    from testbench.records.session import Session
+    from testbench.reporting.report import report
+
+__all__ = ["Session", "estimate", "evaluate", "execute", "plan", "report"]
+
+_HOMES = {
+    "plan": "testbench.planning",
+    "execute": "testbench.execution",
+    "estimate": "testbench.estimation",
+    "evaluate": "testbench.evaluation",
+    "report": "testbench.reporting.report",
+    "Session": "testbench.records.session",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'testbench' has no attribute '{name}'")
+    return getattr(import_module(_HOMES[name]), name)

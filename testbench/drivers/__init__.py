@@ -1,0 +1,1 @@
+"""The outside world, live: arms and inertial sensors, simulated or real."""

@@ -1,0 +1,160 @@
+"""A simulated arm: servo lag, encoders that round and hiss, and joints that are not quite where the encoders say."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from scipy.linalg import expm
+
+from testbench.drivers.arms.base import Arm
+from testbench.exceptions import DriverError
+from testbench.frames import NANOSECONDS
+from testbench.model.noise import random_stream
+from testbench.records.plan import Plan
+from testbench.records.robot import Robot
+from testbench.records.samples import ArmSamples
+from testbench.records.trajectory import Trajectory
+
+STOP_TIME_S = 0.5
+
+
+class SimulatedArm(Arm):
+    """An arm in virtual time.
+
+    Each joint follows its reference as a second-order servo, solved exactly between control instants. Its true angle differs from
+    the servo's by a repeatability error that is redrawn with every move and blends over the move; its reading is the servo's
+    angle, rounded and noisy. `true_state` is what the simulated sensors feel; nothing else may ask for it.
+
+    Args:
+        robot: Servo, encoder and rates. seed: Of the run.
+    """
+
+    def __init__(self, robot: Robot, seed: int):
+        self.robot, self.seed = robot, seed
+        self._period_ns = round(NANOSECONDS / robot.spec.rates.control_hz)
+        self._every = max(round(robot.spec.rates.control_hz / robot.spec.rates.record_hz), 1)
+        self._noise = random_stream(seed, "arm", "encoder")
+        self._reference: Trajectory | None = None
+        self._stopped_at: int | None = None
+
+    def prepare(self, plan: Plan) -> None:
+        """Take the plan; draw the repeatability error of each of its moves."""
+        self._reference = plan.trajectory
+        self._error = self._repeatability(plan)
+        q0 = plan.trajectory.q[0]
+        self._servo = np.stack([q0, np.zeros_like(q0)])
+        self._update = _servo_update(self.robot, self._period_ns / NANOSECONDS)
+        e0 = self._error.q[0]
+        self._times = np.zeros(1, dtype=np.int64)
+        self._true = np.stack([q0 + e0, np.zeros_like(q0), np.zeros_like(q0)])[None]
+        self._next = 1
+        self._kicked = False
+
+    def kickoff(self) -> None:
+        """Begin."""
+        if self._reference is None:
+            raise DriverError("the simulated arm was started before it was prepared")
+        self._kicked = True
+
+    def read(self, until_ns: int) -> ArmSamples:
+        """Advance virtual time."""
+        if self._reference is None or not self._kicked:
+            raise DriverError("the simulated arm was read before it was started")
+        last = until_ns // self._period_ns + 1  # one control period ahead, so that sensors can interpolate
+        ticks = np.arange(self._next - 1, last + 1)
+        times = ticks * self._period_ns
+        sent = self._sent(times)
+        servo = servo_response(*self._update, self._servo, sent)
+        omega, damping = self._parameters()
+        acceleration = omega**2 * (sent - servo[:, 0]) - 2 * damping * omega * servo[:, 1]
+        error = np.stack(self._error.at(times), axis=1)
+        true = np.concatenate([servo, acceleration[:, None]], axis=1) + error
+        self._times = np.concatenate([self._times[-2:], times[1:]])
+        self._true = np.concatenate([self._true[-2:], true[1:]])
+        self._servo, self._next = servo[-1], last + 1
+        keep = ticks[1:] % self._every == 0
+        return self._samples(times[1:][keep], sent[1:][keep], servo[1:][keep])
+
+    def true_state(self, time_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """True joint angles, rates and accelerations at times within what was just read, shape (n, n_joints)."""
+        return Trajectory(self._times, self._true[:, 0], self._true[:, 1], self._true[:, 2]).at(time_ns)
+
+    def stop(self) -> None:
+        """Freeze the reference; the servo brings the joints to rest."""
+        if self._stopped_at is None and self._reference is not None:
+            self._stopped_at = (self._next - 1) * self._period_ns
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    def _sent(self, times: np.ndarray) -> np.ndarray:
+        assert self._reference is not None
+        if self._stopped_at is None:
+            return self._reference.at(times)[0]
+        q, v, _ = self._reference.at(np.array([self._stopped_at]))
+        t = np.clip((times - self._stopped_at) / NANOSECONDS, 0.0, STOP_TIME_S)[:, None]
+        return np.asarray(q + v * (t - t**2 / (2 * STOP_TIME_S)))
+
+    def _samples(self, times: np.ndarray, sent: np.ndarray, servo: np.ndarray) -> ArmSamples:
+        spec = self.robot.spec.servo
+        noise = self._noise.standard_normal((len(times), 2, sent.shape[1]))
+        q = servo[:, 0] + np.radians(spec.encoder_noise_deg) * noise[:, 0]
+        if spec.encoder_resolution_deg:
+            count = np.radians(spec.encoder_resolution_deg)
+            q = np.round(q / count) * count
+        v = servo[:, 1] + np.radians(spec.velocity_noise_deg_s) * noise[:, 1]
+        return ArmSamples(self.robot.joint_names, times, sent, q, v)
+
+    def _parameters(self) -> tuple[float, float]:
+        servo = self.robot.spec.servo
+        return 2 * np.pi * servo.natural_frequency_hz, servo.damping_ratio
+
+    def _repeatability(self, plan: Plan) -> Trajectory:
+        """Error of the true angles: a knot at the start and end of each move, blended smoothly over it."""
+        sd = np.radians(self.robot.spec.servo.repeatability_deg)
+        rng = random_stream(self.seed, "arm", "repeatability")
+        joints = len(self.robot.joint_names)
+        times, errors = [0], [sd * rng.standard_normal(joints)]
+        for step in plan.steps:
+            if step.settled_ns > step.start_ns:
+                if step.start_ns > times[-1]:
+                    times.append(step.start_ns)
+                    errors.append(errors[-1])
+                times.append(step.settled_ns)
+                errors.append(sd * rng.standard_normal(joints))
+        end = max(plan.trajectory.time_ns[-1], times[-1]) + 3600 * NANOSECONDS
+        q = np.array([*errors, errors[-1]])
+        return Trajectory(np.array([*times, end], dtype=np.int64), q, np.zeros_like(q), np.zeros_like(q))
+
+
+def _servo_update(robot: Robot, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Exact discrete form of the servo for a reference that is linear between instants (Franklin et al. 1998, section 4.3)."""
+    omega, damping = 2 * np.pi * robot.spec.servo.natural_frequency_hz, robot.spec.servo.damping_ratio
+    A = np.array([[0.0, 1.0], [-(omega**2), -2 * damping * omega]])
+    B = np.array([[0.0], [omega**2]])
+    augmented = np.zeros((4, 4))
+    augmented[:2, :2], augmented[:2, 2:3], augmented[2, 3] = A * period, B * period, 1.0
+    exponential = expm(augmented)
+    now, slope = exponential[:2, 2], exponential[:2, 3]
+    return exponential[:2, :2].copy(), now - slope, slope.copy()
+
+
+@njit(cache=True)
+def servo_response(Phi: np.ndarray, now: np.ndarray, following: np.ndarray, start: np.ndarray, sent: np.ndarray) -> np.ndarray:
+    """Angles and rates of joints that follow a reference.
+
+    Args:
+        Phi, now, following: Update x+ = Phi x + now u + following u+. start: First state, shape (2, m). sent: Shape (n, m).
+
+    Returns:
+        Shape (n, 2, m); the first row is the start.
+    """
+    n, m = sent.shape
+    states = np.empty((n, 2, m))
+    states[0] = start
+    for i in range(1, n):
+        for j in range(m):
+            q, v = states[i - 1, 0, j], states[i - 1, 1, j]
+            for r in range(2):
+                states[i, r, j] = Phi[r, 0] * q + Phi[r, 1] * v + now[r] * sent[i - 1, j] + following[r] * sent[i, j]
+    return states

@@ -1,0 +1,36 @@
+"""What the bench asks of an inertial sensor, simulated or real."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+from testbench.records.samples import ImuSamples
+
+
+class Imu(ABC):
+    """A sensor that records by itself and hands over its samples.
+
+    Attributes:
+        rate: Nominal output rate [Hz]. has_magnetometer, has_orientation: What its samples hold.
+    """
+
+    rate: float
+    has_magnetometer: bool
+    has_orientation: bool
+
+    @abstractmethod
+    def kickoff(self) -> None:
+        """Begin to record."""
+
+    @abstractmethod
+    def read(self, until_ns: int) -> ImuSamples:
+        """What was sampled since the last call, up to a host time; waits for it where time is real."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Stop recording, from any state; a second call does nothing."""
+
+    @abstractmethod
+    def describe(self) -> dict[str, Any]:
+        """What the manifest should say of this sensor."""

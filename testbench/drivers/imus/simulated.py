@@ -1,0 +1,138 @@
+"""A simulated inertial sensor on the simulated arm: it feels the true motion and reports it on its own clock, with its own errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from testbench.drivers.imus.base import Imu
+from testbench.frames import NANOSECONDS
+from testbench.model.imu import DeviceOrientationModel, TriadModel, dipole_field, earth_field
+from testbench.model.kinematics import Kinematics, Pose
+from testbench.model.noise import random_stream
+from testbench.records.protocol import Environment, Sensor
+from testbench.records.samples import ImuSamples
+
+TrueState = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
+class SimulatedImu(Imu):
+    """An IMU in virtual time.
+
+    Args:
+        name: The sensor's name in the protocol; it selects its random numbers. sensor: Where it sits, and its parameters.
+        kinematics: Of the arm that carries it. environment: The magnetic field. true_state: Gives the true joint angles, rates
+        and accelerations at host times. seed: Of the run.
+    """
+
+    def __init__(
+        self, name: str, sensor: Sensor, kinematics: Kinematics, environment: Environment, true_state: TrueState, seed: int
+    ):
+        self.name, self.sensor, self.kinematics, self.environment = name, sensor, kinematics, environment
+        self.parameters = parameters = sensor.imu()
+        self.rate = rate = parameters.rate_hz
+        self.has_magnetometer = parameters.magnetometer is not None
+        self.has_orientation = parameters.device_orientation is not None
+        self._true_state, self._seed = true_state, seed
+        # The real mounting is the believed one followed by its error.
+        self._link_from_sensor = Pose.from_placement(sensor.mounting) @ Pose.from_placement(sensor.mounting_error)
+        self._accelerometer = TriadModel(parameters.accelerometer.triad(), rate, seed, name, "accelerometer")
+        self._gyroscope = TriadModel(parameters.gyroscope.triad(), rate, seed, name, "gyroscope")
+        self._magnetometer = (
+            TriadModel(parameters.magnetometer.triad(), rate, seed, name, "magnetometer") if parameters.magnetometer else None
+        )
+        self._orientation = (
+            DeviceOrientationModel(parameters.device_orientation, rate, seed, name, "orientation")
+            if parameters.device_orientation
+            else None
+        )
+        self._draw_clock()
+        self._count = 0
+        self._stopped = False
+
+    def kickoff(self) -> None:
+        """Begin at time 0."""
+        self._count = 0
+
+    def read(self, until_ns: int) -> ImuSamples:
+        """Samples taken up to a host time."""
+        times, device_times, counter = self._sampling(until_ns)
+        q, v, a = self._true_state(times)
+        motion = self.kinematics.frame_motion(self.sensor.link, q, v, a, self._link_from_sensor)
+        force = motion.specific_force_in_frame(self.kinematics.robot.gravity)
+        acc, acc_saturated = self._accelerometer.measure(force)
+        gyr, gyr_saturated = self._gyroscope.measure(motion.angular_velocity_in_frame, force)
+        saturated = acc_saturated | gyr_saturated
+        mag = None
+        if self._magnetometer is not None:
+            field = self._field(motion.position, q)
+            mag, mag_saturated = self._magnetometer.measure(np.einsum("nji,nj->ni", motion.R_world_from_frame, field))
+            saturated = saturated | mag_saturated
+        device_q = None if self._orientation is None else self._orientation.measure(motion.q_world_from_frame)
+        arrival = self._arrival(times)
+        kept = self._loss.random(len(times)) >= self.parameters.lost_packets_percent / 100
+        samples = (device_times, arrival, gyr, acc, mag, device_q, counter, saturated)
+        return ImuSamples(*[None if array is None else array[kept] for array in samples])  # type: ignore[arg-type]
+
+    def stop(self) -> None:
+        """Stop recording."""
+        self._stopped = True
+
+    def describe(self) -> dict[str, Any]:
+        """What a data sheet would say; nothing of the errors that this part was given."""
+        return {
+            "driver": "simulated",
+            "preset": self.sensor.preset,
+            "description": self.parameters.description,
+            "rate_hz": self.rate,
+            "magnetometer": self.has_magnetometer,
+            "orientation": self.has_orientation,
+        }
+
+    def _draw_clock(self) -> None:
+        clock, rng = self.parameters.clock, random_stream(self._seed, self.name, "clock")
+        offset, drift, phase = rng.standard_normal(), rng.standard_normal(), rng.random()
+        self._offset_ns = 1e6 * (clock.offset_ms + clock.offset_sd_ms * offset)
+        self._drift = 1e-6 * (clock.drift_ppm + clock.drift_sd_ppm * drift)
+        self._phase_ns = phase * NANOSECONDS / self.rate
+        self._jitter = random_stream(self._seed, self.name, "jitter")
+        self._latency = random_stream(self._seed, self.name, "latency")
+        self._loss = random_stream(self._seed, self.name, "loss")
+        self._last_arrival = 0
+
+    def _sampling(self, until_ns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Host times of sampling, what the sensor's clock says then, and the counter.
+
+        The clock ticks regularly by itself; jitter of the sampling instant is not seen by it.
+        """
+        if self._stopped:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64)
+        period = NANOSECONDS / self.rate
+        margin = 10_000 * self.parameters.clock.jitter_us  # ten standard deviations, so that no sample lies past `until`
+        last = int(((until_ns - margin) * (1 + self._drift) - self._phase_ns) // period)
+        counter = np.arange(self._count, max(last + 1, self._count))
+        self._count += len(counter)
+        own = self._phase_ns + counter * period  # the sensor's clock since the session began, without its offset
+        jitter = 1000 * self.parameters.clock.jitter_us * np.clip(self._jitter.standard_normal(len(counter)), -8, 8)
+        times = np.maximum(own / (1 + self._drift) + jitter, 0)
+        return np.round(times).astype(np.int64), np.round(own + self._offset_ns).astype(np.int64), counter
+
+    def _arrival(self, times: np.ndarray) -> np.ndarray:
+        clock = self.parameters.clock
+        delay = 1e6 * (clock.latency_ms + clock.latency_jitter_ms * self._latency.exponential(size=len(times)))
+        arrival = np.maximum.accumulate(np.append(self._last_arrival, times + np.round(delay).astype(np.int64)))[1:]
+        if len(arrival):
+            self._last_arrival = int(arrival[-1])
+        return np.asarray(arrival)
+
+    def _field(self, position: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Magnetic field at the sensor in the world frame, shape (n, 3) [uT]."""
+        field = np.broadcast_to(earth_field(self.environment), position.shape).copy()
+        for dipole in self.environment.dipoles:
+            offset = Pose(np.eye(3), np.asarray(dipole.position_mm) / 1000)
+            motion = self.kinematics.frame_motion(dipole.link, q, offset=offset)
+            moment = motion.R_world_from_frame @ np.asarray(dipole.moment_A_m2)
+            field += dipole_field(position - motion.position, moment)
+        return field

@@ -1,0 +1,118 @@
+"""Record a run: the session's folder, its streams and its events."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from testbench.clock import Clock
+from testbench.drivers.imus.base import Imu
+from testbench.execution.truth import kinematic_truth
+from testbench.frames import NANOSECONDS
+from testbench.model.kinematics import Kinematics
+from testbench.records.plan import Plan, PlannedStep
+from testbench.records.samples import ArmSamples, ImuSamples
+from testbench.records.session import ARM, PLAN, Event, RunStatus, Session
+from testbench.records.session_writer import SessionWriter
+from testbench.records.storage import read_parquet
+
+IMU_NOTES = {
+    "content": "raw samples of an inertial sensor, in the sensor frame",
+    "device_q": "q_earth_from_sensor of the vendor's filter, w x y z, Hamilton",
+    "units": "the suffix of each column; times in nanoseconds",
+}
+ARM_NOTES = {"content": "joint angles sent and measured", "units": "the suffix of each column; times in nanoseconds"}
+TRUTH_NOTES = {
+    "content": "what the sensor went through by the arm's kinematics, from the measured joint angles and the mounting as believed",
+    "q_world_from_sensor": "w x y z, Hamilton",
+    "force": "specific force in the sensor frame, +9.81 upwards at rest",
+}
+
+
+class Recorder:
+    """Writes one run.
+
+    Args:
+        plan: What is run. imus: The sensors, by name. folder: The session's folder, to be made. clock: For the time of start and the
+        rhythm of syncing. seed: Of the run. details: Further entries of the manifest.
+    """
+
+    def __init__(self, plan: Plan, imus: dict[str, Imu], folder: Path, clock: Clock, seed: int, details: dict[str, Any]):
+        self.plan, self.imus, self.clock = plan, imus, clock
+        spec = plan.protocol.spec
+        self._writer = SessionWriter(
+            folder,
+            spec.analysis(),
+            {name: imu.describe() for name, imu in imus.items()},
+            clock.utc(),
+            {
+                "kind": "run",
+                "seed": seed,
+                "protocol": {"name": spec.name, "purpose": spec.purpose, "file": plan.protocol.document.file.name},
+                "robot": {"name": plan.robot.name, "urdf": str(plan.robot.urdf)},
+                "plan": {"hash": plan.hash, "check": plan.check.to_dict()},
+                **details,
+            },
+        )
+        self._writer.add_text("protocol.yaml", plan.protocol.document.text)
+        for name, text in plan.protocol.texts().items():
+            if name != plan.protocol.document.file.name:
+                self._writer.add_text(f"included_{name}", text)
+        self._writer.add_text("robot.yaml", plan.robot.text)
+        self._writer.add_text("robot.urdf", plan.robot.urdf.read_text(encoding="utf-8"))
+        plan.save(folder / PLAN)
+        self._writer.open_journal(ARM, ArmSamples.columns(plan.robot.joint_names), ARM_NOTES)
+        for name, imu in imus.items():
+            self._writer.open_journal(f"imu_{name}", ImuSamples.columns(imu.has_magnetometer, imu.has_orientation), IMU_NOTES)
+        self._synced_ns = clock.monotonic_ns()
+
+    @property
+    def path(self) -> Path:
+        """The session's folder."""
+        return self._writer.path
+
+    def event(self, host_time_ns: int, event: str, **details: Any) -> None:
+        """Note that something happened."""
+        self._writer.event(Event(host_time_ns, event, details))
+
+    def step_events(self, begin_ns: int, end_ns: int) -> None:
+        """Note what the steps of the plan did in [begin, end) [ns]."""
+        happened: list[tuple[int, int, str, PlannedStep]] = []
+        for step in self.plan.steps:
+            if step.start_ns >= end_ns or step.end_ns < begin_ns:
+                continue
+            for order, (time, event) in enumerate(
+                ((step.start_ns, "step_started"), (step.settled_ns, "step_settled"), (step.end_ns, "step_ended"))
+            ):
+                if begin_ns <= time < end_ns:
+                    happened.append((step.index, order, event, step))
+        for _, _, event, step in sorted(happened, key=lambda item: item[:2]):
+            time = {"step_started": step.start_ns, "step_settled": step.settled_ns, "step_ended": step.end_ns}[event]
+            details: dict[str, Any] = {"index": step.index}
+            if event == "step_started":
+                details |= {"section": step.section, "role": step.role, "name": step.name, "kind": step.kind}
+                details["variables"] = step.variables
+            self.event(time, event, **details)
+
+    def samples(self, arm: ArmSamples, imus: dict[str, ImuSamples]) -> None:
+        """Append what was read, and sync once a second."""
+        self._writer.append(ARM, arm.to_columns())
+        for name, samples in imus.items():
+            self._writer.append(f"imu_{name}", samples.to_columns())
+        self._writer.flush()
+        if self.clock.monotonic_ns() - self._synced_ns >= NANOSECONDS:
+            self._writer.sync()
+            self._synced_ns = self.clock.monotonic_ns()
+
+    def close(self, status: RunStatus, message: str = "") -> Session:
+        """Compact the streams, add the truth, and finish the manifest."""
+        self._writer.compact()
+        table = read_parquet(self.path / f"{ARM}.parquet")
+        samples = ArmSamples.from_columns(table, self.plan.robot.joint_names)
+        kinematics = Kinematics(self.plan.robot)
+        for name in self.imus:
+            truth = kinematic_truth(kinematics, samples, self.plan.protocol.spec.sensors[name])
+            self._writer.add_table(f"truth_{name}", truth.to_columns(), TRUTH_NOTES)
+        duration = (samples.host_time_ns[-1] if len(samples.host_time_ns) else 0) / NANOSECONDS
+        self._writer.close(status, message=message, duration_s=float(duration))
+        return Session(self.path)

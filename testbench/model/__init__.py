@@ -1,0 +1,1 @@
+"""Physics: rotations, kinematics, what inertial sensors measure, and their noise."""

@@ -1,0 +1,115 @@
+"""Kinematics of one frame of a chain of rotating joints, compiled: pose, angular velocity and classical acceleration.
+
+The recursions are those of a rigid body carried by rotating axes (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 4),
+written in the world frame. Pinocchio, which gives the joints' placements, is the oracle of the tests.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def chain_motion(
+    rotations: np.ndarray,
+    offsets: np.ndarray,
+    axes: np.ndarray,
+    columns: np.ndarray,
+    tip_rotation: np.ndarray,
+    tip_offset: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Motion of the tip of a chain of k rotating joints.
+
+    Args:
+        rotations, offsets: Placement of each joint in the previous one, shapes (k, 3, 3) and (k, 3) [m].
+        axes: Joint axes in the joint frames, shape (k, 3). columns: Column of q of each joint, shape (k,).
+        tip_rotation, tip_offset: Placement of the frame in the last joint.
+        q, v, a: Joint angles, rates and accelerations, shape (n, m).
+
+    Returns:
+        Position (n, 3), rotation world from frame (n, 3, 3), linear velocity (n, 3), angular velocity (n, 3), classical
+        linear acceleration (n, 3), angular acceleration (n, 3): all in the world frame.
+    """
+    n, k = q.shape[0], rotations.shape[0]
+    position = np.empty((n, 3))
+    rotation = np.empty((n, 3, 3))
+    velocity = np.empty((n, 3))
+    rate = np.empty((n, 3))
+    acceleration = np.empty((n, 3))
+    rate_derivative = np.empty((n, 3))
+    R = np.empty((3, 3))
+    S = np.empty((3, 3))
+    T = np.empty((3, 3))
+    d = np.empty(3)
+    u = np.empty(3)
+    p = np.empty(3)
+    pv = np.empty(3)
+    pa = np.empty(3)
+    w = np.empty(3)
+    dw = np.empty(3)
+    for i in range(n):
+        for r in range(3):
+            p[r] = pv[r] = pa[r] = w[r] = dw[r] = 0.0
+            for c in range(3):
+                R[r, c] = 1.0 if r == c else 0.0
+        for j in range(k + 1):
+            offset = offsets[j] if j < k else tip_offset
+            fixed = rotations[j] if j < k else tip_rotation
+            for r in range(3):
+                d[r] = R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
+            # velocity and acceleration of a point fixed to the body at distance d
+            cx = w[1] * d[2] - w[2] * d[1]
+            cy = w[2] * d[0] - w[0] * d[2]
+            cz = w[0] * d[1] - w[1] * d[0]
+            pa[0] += dw[1] * d[2] - dw[2] * d[1] + w[1] * cz - w[2] * cy
+            pa[1] += dw[2] * d[0] - dw[0] * d[2] + w[2] * cx - w[0] * cz
+            pa[2] += dw[0] * d[1] - dw[1] * d[0] + w[0] * cy - w[1] * cx
+            pv[0] += cx
+            pv[1] += cy
+            pv[2] += cz
+            for r in range(3):
+                p[r] += d[r]
+                for c in range(3):
+                    S[r, c] = R[r, 0] * fixed[0, c] + R[r, 1] * fixed[1, c] + R[r, 2] * fixed[2, c]
+            if j == k:
+                for r in range(3):
+                    for c in range(3):
+                        R[r, c] = S[r, c]
+                break
+            axis = axes[j]
+            for r in range(3):
+                u[r] = S[r, 0] * axis[0] + S[r, 1] * axis[1] + S[r, 2] * axis[2]
+            rate_j, acceleration_j = v[i, columns[j]], a[i, columns[j]]
+            dw[0] += u[0] * acceleration_j + (w[1] * u[2] - w[2] * u[1]) * rate_j
+            dw[1] += u[1] * acceleration_j + (w[2] * u[0] - w[0] * u[2]) * rate_j
+            dw[2] += u[2] * acceleration_j + (w[0] * u[1] - w[1] * u[0]) * rate_j
+            for r in range(3):
+                w[r] += u[r] * rate_j
+            sine, cosine = np.sin(q[i, columns[j]]), np.cos(q[i, columns[j]])
+            rest = 1.0 - cosine
+            x, y, z = axis[0], axis[1], axis[2]
+            T[0, 0] = cosine + x * x * rest
+            T[0, 1] = x * y * rest - z * sine
+            T[0, 2] = x * z * rest + y * sine
+            T[1, 0] = y * x * rest + z * sine
+            T[1, 1] = cosine + y * y * rest
+            T[1, 2] = y * z * rest - x * sine
+            T[2, 0] = z * x * rest - y * sine
+            T[2, 1] = z * y * rest + x * sine
+            T[2, 2] = cosine + z * z * rest
+            for r in range(3):
+                for c in range(3):
+                    R[r, c] = S[r, 0] * T[0, c] + S[r, 1] * T[1, c] + S[r, 2] * T[2, c]
+        for r in range(3):
+            position[i, r] = p[r]
+            velocity[i, r] = pv[r]
+            acceleration[i, r] = pa[r]
+            rate[i, r] = w[r]
+            rate_derivative[i, r] = dw[r]
+            for c in range(3):
+                rotation[i, r, c] = R[r, c]
+    return position, rotation, velocity, rate, acceleration, rate_derivative

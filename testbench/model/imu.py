@@ -1,0 +1,138 @@
+"""The measurement model of an inertial sensor: from what happens to what is reported.
+
+y = quantise(clip(M f(x) + b + w(t) + noise)), where M holds scale and cross-axis errors, f the bandwidth and a cubic
+nonlinearity, b the turn-on bias, and w the in-run bias (Gauss-Markov and random walk); IEEE Std 952 and 1293 name the same terms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from testbench.model import rotation
+from testbench.model.noise import GaussMarkov, RandomWalk, random_stream
+from testbench.records.protocol import Environment
+from testbench.records.sensor import DeviceOrientation, Triad
+
+MU_0_OVER_4PI = 1e-7
+"""Magnetic constant over 4 pi [T m/A] (CODATA 2018, to 1e-9)."""
+
+
+@dataclass(frozen=True)
+class TriadErrors:
+    """The errors one part was born with, or turned on with.
+
+    Attributes:
+        matrix: Scale and cross-axis sensitivity, shape (3, 3). bias: Shape (3,) [unit].
+        g_matrix: Response of a gyroscope to specific force, shape (3, 3) [unit/(m/s^2)].
+    """
+
+    matrix: np.ndarray
+    bias: np.ndarray
+    g_matrix: np.ndarray
+
+    @staticmethod
+    def draw(triad: Triad, rng: np.random.Generator) -> TriadErrors:
+        """A part off the production line."""
+        scale = triad.scale_sd * rng.standard_normal(3)
+        cross = triad.cross_axis_sd * rng.standard_normal((3, 3))
+        np.fill_diagonal(cross, scale)
+        bias = triad.bias_sd * rng.standard_normal(3)
+        return TriadErrors(np.eye(3) + cross, bias, triad.g_sensitivity_sd * rng.standard_normal((3, 3)))
+
+
+class TriadModel:
+    """Three sensing axes that report at a fixed rate.
+
+    Args:
+        triad: The data sheet. rate: Output rate [Hz]. seed: Of the run. labels: Name this triad; they select its random numbers.
+    """
+
+    def __init__(self, triad: Triad, rate: float, seed: int, *labels: str):
+        self.triad = triad
+        self.errors = TriadErrors.draw(triad, random_stream(seed, *labels, "part"))
+        interval = 1.0 / rate
+        self._bias = GaussMarkov(
+            triad.bias_instability, triad.bias_time_constant, interval, 3, random_stream(seed, *labels, "bias instability")
+        )
+        self._walk = RandomWalk(triad.bias_random_walk, interval, 3, random_stream(seed, *labels, "bias walk"))
+        self._noise = random_stream(seed, *labels, "noise")
+        self._noise_sd = triad.noise_density * np.sqrt(rate / 2)
+        self._pole = 0.0 if triad.bandwidth is None else float(np.exp(-2 * np.pi * triad.bandwidth / rate))
+        self._filter_state: np.ndarray | None = None
+
+    def measure(self, x: np.ndarray, specific_force: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """What is reported of a quantity.
+
+        Args:
+            x: The quantity in the sensor frame at the next n sampling instants, shape (n, 3) [unit].
+            specific_force: Felt at the same instants, shape (n, 3) [m/s^2]; for gyroscopes.
+
+        Returns:
+            Readings, shape (n, 3) [unit], and whether any axis was at full scale, shape (n,).
+        """
+        triad = self.triad
+        if len(x) == 0:
+            return np.zeros((0, 3)), np.zeros(0, dtype=bool)
+        y = self._low_pass(x)
+        y = y + triad.nonlinearity / triad.range**2 * y**3
+        y = y @ self.errors.matrix.T + self.errors.bias + self._bias.draw(len(y)) + self._walk.draw(len(y))
+        if specific_force is not None:
+            y = y + specific_force @ self.errors.g_matrix.T
+        y = y + self._noise_sd * self._noise.standard_normal(y.shape)
+        saturated = (np.abs(y) >= triad.range).any(axis=1)
+        y = np.clip(y, -triad.range, triad.range)
+        return (np.round(y / triad.resolution) * triad.resolution if triad.resolution else y), saturated
+
+    def _low_pass(self, x: np.ndarray) -> np.ndarray:
+        if self._pole < 1e-12:
+            return x
+        if self._filter_state is None:
+            self._filter_state = self._pole * x[:1]
+        y, self._filter_state = lfilter([1 - self._pole], [1.0, -self._pole], x, axis=0, zi=self._filter_state)
+        return np.asarray(y)
+
+
+class DeviceOrientationModel:
+    """A vendor's on-board filter: the true orientation with slow errors, in an earth frame of its own heading.
+
+    Args:
+        parameters: Sizes of the errors. rate: Output rate [Hz]. seed, labels: As for TriadModel.
+    """
+
+    def __init__(self, parameters: DeviceOrientation, rate: float, seed: int, *labels: str):
+        power_up = random_stream(seed, *labels, "heading")
+        self.heading = float(power_up.uniform(-np.pi, np.pi)) if parameters.heading_unknown else 0.0
+        self._sd = np.radians([parameters.inclination_sd_deg, parameters.inclination_sd_deg, parameters.heading_sd_deg])
+        self._slow = GaussMarkov(1.0, parameters.time_constant_s, 1.0 / rate, 3, random_stream(seed, *labels, "slow"))
+        self._noise = random_stream(seed, *labels, "noise")
+        self._noise_sd = np.radians(parameters.noise_sd_deg)
+
+    def measure(self, q_world_from_sensor: np.ndarray) -> np.ndarray:
+        """q_earth_from_sensor as the device reports it, shape (n, 4)."""
+        n = len(q_world_from_sensor)
+        error = self._sd * self._slow.draw(n) + self._noise_sd * self._noise.standard_normal((n, 3))
+        q_earth_from_world = rotation.multiply(rotation.from_heading(self.heading), rotation.from_rotation_vector(error))
+        return rotation.multiply(q_earth_from_world, q_world_from_sensor)
+
+
+def dipole_field(displacement: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Field of magnetic dipoles (Jackson, Classical Electrodynamics, eq. 5.56).
+
+    Args:
+        displacement: From the dipole to the point, shape (n, 3) [m]. moment: Shape (n, 3) [A m^2], same frame.
+
+    Returns:
+        Shape (n, 3) [uT].
+    """
+    distance = np.linalg.norm(displacement, axis=1, keepdims=True)
+    direction = displacement / distance
+    field = MU_0_OVER_4PI * (3 * direction * np.sum(direction * moment, axis=1, keepdims=True) - moment) / distance**3
+    return 1e6 * field
+
+
+def earth_field(environment: Environment) -> np.ndarray:
+    """The undisturbed field in the world frame, shape (3,) [uT]."""
+    return np.asarray(environment.magnetic_field_uT, float)

@@ -1,0 +1,199 @@
+"""Kinematics of an arm: the one door to Pinocchio.
+
+Position, orientation, velocity and classical acceleration of any frame for arrays of joint angles, and what an ideal inertial
+sensor fixed to that frame would measure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import pinocchio as pin
+
+from testbench.exceptions import FileProblems, NotFoundError, Problem
+from testbench.model import rotation
+from testbench.model.chain import chain_motion
+from testbench.records.robot import Robot
+from testbench.records.strict import Placement
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A rigid displacement: coordinates in `target` of a point given in `source` are R x + position."""
+
+    R: np.ndarray
+    position: np.ndarray
+
+    @staticmethod
+    def from_placement(placement: Placement) -> Pose:
+        """The pose a person wrote in degrees and millimetres."""
+        matrix = np.eye(3)
+        for sequence, angles in placement.rotation_deg.items():
+            matrix = rotation.to_matrix(rotation.from_euler(sequence, np.radians(angles)))
+        return Pose(matrix, np.asarray(placement.position_mm, float) / 1000.0)
+
+    def __matmul__(self, other: Pose) -> Pose:
+        return Pose(self.R @ other.R, self.R @ other.position + self.position)
+
+    @property
+    def quaternion(self) -> np.ndarray:
+        """w, x, y, z."""
+        return rotation.from_matrix(self.R)
+
+
+@dataclass(frozen=True)
+class FrameMotion:
+    """Motion of a frame over n instants, in the world frame.
+
+    Attributes:
+        position: Shape (n, 3) [m]. R_world_from_frame: Shape (n, 3, 3). velocity: Shape (n, 3) [m/s].
+        angular_velocity: Shape (n, 3) [rad/s]. acceleration: Classical acceleration of the frame's origin, shape (n, 3)
+        [m/s^2], without gravity. angular_acceleration: Shape (n, 3) [rad/s^2].
+    """
+
+    position: np.ndarray
+    R_world_from_frame: np.ndarray
+    velocity: np.ndarray
+    angular_velocity: np.ndarray
+    acceleration: np.ndarray
+    angular_acceleration: np.ndarray
+
+    @property
+    def q_world_from_frame(self) -> np.ndarray:
+        """Unit quaternions w, x, y, z, shape (n, 4)."""
+        return rotation.from_matrix(self.R_world_from_frame)
+
+    @property
+    def angular_velocity_in_frame(self) -> np.ndarray:
+        """What an ideal gyroscope fixed to the frame reads, shape (n, 3) [rad/s]."""
+        return np.einsum("nji,nj->ni", self.R_world_from_frame, self.angular_velocity)
+
+    def specific_force_in_frame(self, gravity: np.ndarray) -> np.ndarray:
+        """What an ideal accelerometer at the frame's origin reads, shape (n, 3) [m/s^2]; gravity in the world, shape (3,)."""
+        return np.einsum("nji,nj->ni", self.R_world_from_frame, self.acceleration - gravity)
+
+
+class Kinematics:
+    """Forward kinematics of a robot.
+
+    Args:
+        robot: The arm; joints of its URDF that it does not name are locked at zero.
+
+    Raises:
+        FileProblems: Pinocchio cannot build a model of the URDF.
+    """
+
+    def __init__(self, robot: Robot):
+        self.robot = robot
+        try:
+            full = pin.buildModelFromUrdf(str(robot.urdf))
+        except (ValueError, RuntimeError) as error:
+            raise FileProblems(robot.urdf, [Problem(f"Pinocchio cannot read this URDF: {error}")]) from None
+        unknown = [name for name in robot.joint_names if not full.existJointName(name)]
+        if unknown:
+            raise FileProblems(robot.urdf, [Problem(f"the URDF has no movable joint {unknown[0]}; it has {list(full.names)[1:]}")])
+        self._locked = [i for i in range(1, full.njoints) if full.names[i] not in robot.joint_names]
+        self._full = full
+        self.model = pin.buildReducedModel(full, self._locked, pin.neutral(full)) if self._locked else full
+        self.world_from_base = Pose.from_placement(robot.spec.base)
+        self._column = {name: i for i, name in enumerate(robot.joint_names)}
+
+    @property
+    def link_names(self) -> list[str]:
+        """Links of the URDF, base first."""
+        return [frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY]
+
+    @cached_property
+    def neutral(self) -> np.ndarray:
+        """Pinocchio's configuration vector at zero angles, shape (nq,)."""
+        return pin.neutral(self.model)
+
+    def configuration(self, q: np.ndarray) -> np.ndarray:
+        """Pinocchio's configuration vector of joint angles in the robot's order, shape (n_joints,) to (nq,) [rad]."""
+        result = self.neutral.copy()
+        for name, column in self._column.items():
+            joint = self.model.joints[self.model.getJointId(name)]
+            if joint.nq == 2:
+                result[joint.idx_q : joint.idx_q + 2] = np.cos(q[column]), np.sin(q[column])
+            else:
+                result[joint.idx_q] = q[column]
+        return result
+
+    def check_link(self, link: str) -> None:
+        """Refuse a link the arm does not have.
+
+        Raises:
+            NotFoundError: Lists the links that exist.
+        """
+        if link not in self.link_names:
+            raise NotFoundError(f"link of {self.robot.name}", link, self.link_names)
+
+    def frame_motion(
+        self, link: str, q: np.ndarray, v: np.ndarray | None = None, a: np.ndarray | None = None, offset: Pose | None = None
+    ) -> FrameMotion:
+        """Motion of a link's frame, or of a frame fixed to it.
+
+        Args:
+            link: Name of the link in the URDF.
+            q, v, a: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order, shape (n, n_joints);
+                v and a are zero if None.
+            offset: Pose of the wanted frame in the link; the link's own frame if None.
+
+        Raises:
+            NotFoundError: The arm has no such link.
+        """
+        self.check_link(link)
+        q = np.ascontiguousarray(np.atleast_2d(q), dtype=float)
+        zero = np.zeros_like(q)
+        v = zero if v is None else np.ascontiguousarray(np.atleast_2d(v), dtype=float)
+        a = zero if a is None else np.ascontiguousarray(np.atleast_2d(a), dtype=float)
+        rotations, offsets, axes, columns, tip = self._chain(link)
+        if offset is not None:
+            tip = tip @ offset
+        arrays = chain_motion(rotations, offsets, axes, columns, np.ascontiguousarray(tip.R), tip.position, q, v, a)
+        return FrameMotion(*arrays)
+
+    @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
+    def _chain(self, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Pose]:
+        """Placements, axes and columns of the joints that carry a link, and the link's pose in the last of them."""
+        model = self.model
+        frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+        joints: list[int] = []
+        joint = frame.parentJoint
+        while joint > 0:
+            joints.insert(0, joint)
+            joint = model.parents[joint]
+        placements = [Pose(model.jointPlacements[j].rotation.copy(), model.jointPlacements[j].translation.copy()) for j in joints]
+        tip = Pose(frame.placement.rotation.copy(), frame.placement.translation.copy())
+        if placements:
+            placements[0] = self.world_from_base @ placements[0]
+        else:
+            tip = self.world_from_base @ tip
+        rotations = np.array([pose.R for pose in placements]).reshape(-1, 3, 3)
+        offsets = np.array([pose.position for pose in placements]).reshape(-1, 3)
+        axes = np.array([self._axis(j) for j in joints]).reshape(-1, 3)
+        columns = np.array([self._column[model.names[j]] for j in joints], dtype=np.int64)
+        return rotations, offsets, axes, columns, tip
+
+    def _axis(self, joint: int) -> np.ndarray:
+        """Axis of a rotating joint in its own frame, shape (3,): the angular part of its motion subspace."""
+        data = self.model.createData()
+        pin.forwardKinematics(self.model, data, self.neutral, np.eye(self.model.nv)[self.model.joints[joint].idx_v])
+        return np.asarray(data.v[joint].angular).copy()
+
+    def collision_geometry(self) -> pin.GeometryModel:
+        """The collision bodies of the URDF.
+
+        Raises:
+            FileProblems: A mesh cannot be found or read.
+        """
+        folders = [str(folder) for folder in self.robot.mesh_folders()]
+        try:
+            geometry = pin.buildGeomFromUrdf(self._full, str(self.robot.urdf), pin.GeometryType.COLLISION, package_dirs=folders)
+        except (ValueError, RuntimeError) as error:
+            raise FileProblems(self.robot.urdf, [Problem(f"collision geometry: {error}")]) from None
+        if self._locked:
+            _, geometry = pin.buildReducedModel(self._full, geometry, self._locked, pin.neutral(self._full))
+        return geometry

@@ -1,0 +1,163 @@
+"""Rotations: unit quaternions w, x, y, z (Hamilton), vectorised over any leading axes.
+
+`q_target_from_source` turns coordinates: x_target = rotate(q_target_from_source, x_source), and
+multiply(q_a_from_b, q_b_from_c) is q_a_from_c. Euler angles are intrinsic, their sequence spelt in upper case as in SciPy.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Hamilton product p q, shapes (..., 4)."""
+    pw, px, py, pz = np.moveaxis(np.asarray(p, float), -1, 0)
+    qw, qx, qy, qz = np.moveaxis(np.asarray(q, float), -1, 0)
+    return np.stack(
+        [
+            pw * qw - px * qx - py * qy - pz * qz,
+            pw * qx + px * qw + py * qz - pz * qy,
+            pw * qy - px * qz + py * qw + pz * qx,
+            pw * qz + px * qy - py * qx + pz * qw,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(q: np.ndarray) -> np.ndarray:
+    """Inverse of a unit quaternion, shape (..., 4)."""
+    return np.asarray(q, float) * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def normalise(q: np.ndarray) -> np.ndarray:
+    """Scale to unit length, shape (..., 4)."""
+    q = np.asarray(q, float)
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def rotate(q_target_from_source: np.ndarray, x_source: np.ndarray) -> np.ndarray:
+    """Coordinates of vectors in the target frame, shapes (..., 4) and (..., 3) to (..., 3)."""
+    q = np.asarray(q_target_from_source, float)
+    x = np.asarray(x_source, float)
+    w, v = q[..., :1], q[..., 1:]
+    t = 2.0 * np.cross(v, x)
+    return x + w * t + np.cross(v, t)
+
+
+def to_matrix(q: np.ndarray) -> np.ndarray:
+    """Rotation matrices, shape (..., 4) to (..., 3, 3)."""
+    q = np.asarray(q, float)
+    matrices = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix()
+    return matrices.reshape(*q.shape[:-1], 3, 3)
+
+
+def from_matrix(matrix: np.ndarray) -> np.ndarray:
+    """Quaternions of rotation matrices, shape (..., 3, 3) to (..., 4), with w >= 0."""
+    matrix = np.asarray(matrix, float)
+    q = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
+    return q.reshape(*matrix.shape[:-2], 4)
+
+
+def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
+    """Quaternions of rotation vectors [rad], shape (..., 3) to (..., 4)."""
+    vector = np.asarray(vector, float)
+    q = Rotation.from_rotvec(vector.reshape(-1, 3)).as_quat(scalar_first=True)
+    return q.reshape(*vector.shape[:-1], 4)
+
+
+def from_euler(sequence: str, angles: np.ndarray) -> np.ndarray:
+    """Quaternions of intrinsic Euler angles [rad], shape (..., 3) to (..., 4)."""
+    angles = np.asarray(angles, float)
+    q = Rotation.from_euler(sequence, angles.reshape(-1, 3)).as_quat(scalar_first=True)
+    return q.reshape(*angles.shape[:-1], 4)
+
+
+def to_euler(sequence: str, q: np.ndarray) -> np.ndarray:
+    """Intrinsic Euler angles [rad], shape (..., 4) to (..., 3).
+
+    The middle angle lies in [0, pi] for sequences such as ZXZ and in [-pi/2, pi/2] for sequences such as XYZ. In gimbal
+    lock only the sum or difference of the outer angles exists; the third is then set to zero (see `gimbal_margin`).
+    """
+    q = np.asarray(q, float)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Gimbal lock")
+        angles = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_euler(sequence)
+    return angles.reshape(*q.shape[:-1], 3)
+
+
+def gimbal_margin(sequence: str, angles: np.ndarray) -> np.ndarray:
+    """Distance of the middle angle from gimbal lock [rad], shape (..., 3) to (...)."""
+    middle = np.asarray(angles, float)[..., 1]
+    if sequence[0] == sequence[2]:
+        return np.minimum(np.abs(middle), np.abs(np.pi - np.abs(middle)))
+    return np.abs(np.pi / 2 - np.abs(middle))
+
+
+def from_heading(angle: np.ndarray) -> np.ndarray:
+    """Rotation about the vertical (z) by an angle [rad], shape (...) to (..., 4)."""
+    half = np.asarray(angle, float) / 2
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+
+
+def angle(q: np.ndarray) -> np.ndarray:
+    """Angle of a rotation [rad] in [0, pi], shape (..., 4) to (...); exact for small angles."""
+    q = np.asarray(q, float)
+    return 2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), np.abs(q[..., 0]))
+
+
+def heading_angle(q_world_error: np.ndarray) -> np.ndarray:
+    """Signed angle [rad] in (-pi, pi] of the rotation about the vertical that comes nearest to a rotation, (..., 4) to (...)."""
+    q = np.asarray(q_world_error, float)
+    sign = np.where(q[..., 0] < 0, -1.0, 1.0)
+    return 2.0 * np.arctan2(sign * q[..., 3], sign * q[..., 0])
+
+
+def inclination_angle(q_world_error: np.ndarray) -> np.ndarray:
+    """Angle [rad] that remains of a rotation once its heading is taken away (Laidig & Seel 2023, VQF), (..., 4) to (...)."""
+    q = np.asarray(q_world_error, float)
+    return 2.0 * np.arctan2(np.hypot(q[..., 1], q[..., 2]), np.hypot(q[..., 0], q[..., 3]))
+
+
+def wrap(angle_rad: np.ndarray) -> np.ndarray:
+    """Angles [rad] brought into [-pi, pi)."""
+    return (np.asarray(angle_rad, float) + np.pi) % (2 * np.pi) - np.pi
+
+
+def mean(q: np.ndarray) -> np.ndarray:
+    """Mean of quaternions of either sign, shape (n, 4) to (4,): the largest eigenvector of sum q q' (Markley et al. 2007)."""
+    q = np.asarray(q, float)
+    _, vectors = np.linalg.eigh(q.T @ q)
+    result = vectors[:, -1]
+    return result if result[0] >= 0 else -result
+
+
+def interpolate(times: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Spherical linear interpolation, held at the ends.
+
+    Args:
+        times: Increasing, shape (n,). q: Shape (n, 4), of either sign. at: Shape (m,), same unit as times.
+
+    Returns:
+        Shape (m, 4).
+    """
+    index = np.clip(np.searchsorted(times, at, side="right") - 1, 0, max(len(times) - 2, 0))
+    following = np.minimum(index + 1, len(times) - 1)
+    span = times[following] - times[index]
+    span = np.where(span > 0, span, 1)
+    u = np.clip((at - times[index]) / span, 0.0, 1.0)
+    start, end = q[index], q[following]
+    dot = np.sum(start * end, axis=-1)
+    end = np.where(dot[:, None] < 0, -end, end)
+    theta = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
+    sin = np.sin(theta)
+    near = sin < 1e-6
+    safe = np.where(near, 1.0, sin)
+    a = np.where(near, 1 - u, np.sin((1 - u) * theta) / safe)
+    b = np.where(near, u, np.sin(u * theta) / safe)
+    return normalise(a[:, None] * start + b[:, None] * end)

@@ -1,0 +1,170 @@
+"""Timing of motion: the one door to ruckig.
+
+Moves go from rest to rest, jerk-limited and as fast as the scaled limits allow, every joint arriving together. Ruckig's
+intermediate waypoints would call a cloud service and are not used; moves are chained.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import ruckig
+
+from testbench.exceptions import PlanError
+from testbench.frames import NANOSECONDS
+from testbench.planning.expansion import Command, SineCommand, TrapezoidCommand
+from testbench.records.protocol import Motion
+from testbench.records.robot import Robot
+from testbench.records.trajectory import Trajectory
+
+SINE_KNOT_S = 0.004
+"""Spacing of the knots of a sine; the quintic between them follows a 5 Hz sine to 1e-9 of its amplitude."""
+
+
+class MotionBuilder:
+    """Builds the knots of a trajectory command by command, starting at rest at the robot's home.
+
+    Args:
+        robot: Its limits, scaled per command, bound the motion.
+    """
+
+    def __init__(self, robot: Robot):
+        self.robot = robot
+        self.now_ns = 0
+        self.q = robot.home.copy()
+        self._ruckig = ruckig.Ruckig(len(self.q))
+        self._time = [np.zeros(1, dtype=np.int64)]
+        self._states = [np.stack([self.q, np.zeros_like(self.q), np.zeros_like(self.q)])[None]]
+
+    def add(self, command: Command) -> tuple[int, int, int]:
+        """Append a command.
+
+        Returns:
+            Start of its motion, end of its motion, end of its dwell [ns].
+
+        Raises:
+            PlanError: Ruckig finds no motion.
+        """
+        start = self.now_ns
+        if command.target is not None:
+            self.move(np.where(np.isnan(command.target), self.q, command.target), command.motion)
+        if command.sweeps:
+            self._sweep(command)
+        settled = self.now_ns
+        self.hold(command.dwell)
+        return start, settled, self.now_ns
+
+    def move(self, target: np.ndarray, motion: Motion, speed: np.ndarray | None = None) -> None:
+        """Append a move to `target` [rad], rest to rest; `speed` [rad/s] replaces the scaled velocity limits."""
+        if np.array_equal(target, self.q):
+            return
+        inputs = ruckig.InputParameter(len(self.q))
+        inputs.current_position, inputs.target_position = self.q.tolist(), target.tolist()
+        limits = self.robot.velocity_limits * motion.speed
+        inputs.max_velocity = (limits if speed is None else np.minimum(limits, speed)).tolist()
+        inputs.max_acceleration = (self.robot.acceleration_limits * motion.acceleration).tolist()
+        inputs.max_jerk = (self.robot.jerk_limits * motion.jerk).tolist()
+        path = ruckig.Trajectory(len(self.q))
+        result = self._ruckig.calculate(inputs, path)
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            raise PlanError(f"no motion from {_degrees(self.q)} to {_degrees(target)} deg: ruckig says {result.name}")
+        duration_ns = max(math.ceil(path.duration * NANOSECONDS), 1)
+        switches = np.concatenate([np.cumsum(profile.t) for profile in path.profiles[0]])
+        times = np.unique(np.round(switches * NANOSECONDS).astype(np.int64))
+        times = times[(times > 0) & (times < duration_ns)]
+        states = np.array([path.at_time(t / NANOSECONDS) for t in times]).reshape(-1, 3, len(self.q))
+        self._append(times, states)
+        self._rest(duration_ns, target)
+
+    def hold(self, seconds: float) -> None:
+        """Append a rest."""
+        duration = round(seconds * NANOSECONDS)
+        if duration > 0:
+            self._rest(duration, self.q)
+
+    def trajectory(self) -> Trajectory:
+        """All that was appended."""
+        states = np.concatenate(self._states)
+        return Trajectory(np.concatenate(self._time), states[:, 0].copy(), states[:, 1].copy(), states[:, 2].copy())
+
+    def _append(self, times: np.ndarray, states: np.ndarray) -> None:
+        if len(times):
+            self._time.append(self.now_ns + times)
+            self._states.append(states)
+
+    def _rest(self, duration_ns: int, q: np.ndarray) -> None:
+        zero = np.zeros_like(q)
+        self._append(np.array([duration_ns], dtype=np.int64), np.stack([q, zero, zero])[None])
+        self.now_ns += duration_ns
+        self.q = q.copy()
+
+    def _sweep(self, command: Command) -> None:
+        trapezoids = [sweep for sweep in command.sweeps if isinstance(sweep, TrapezoidCommand)]
+        sines = [sweep for sweep in command.sweeps if isinstance(sweep, SineCommand)]
+        if trapezoids and (sines or len(trapezoids) > 1):
+            raise PlanError("a trapezoid sweeps one joint alone; only sines can run together")
+        for trapezoid in trapezoids:
+            self._trapezoid(trapezoid, command.motion)
+        if sines:
+            self._sines(sines)
+
+    def _trapezoid(self, sweep: TrapezoidCommand, motion: Motion) -> None:
+        centre, target, speed = self.q.copy(), self.q.copy(), np.full(len(self.q), np.inf)
+        target[sweep.joint] += sweep.amplitude
+        limit = self.robot.velocity_limits[sweep.joint] * motion.speed
+        if sweep.rate > limit:
+            raise PlanError(
+                f"joint {self.robot.joint_names[sweep.joint]}: a rate of {math.degrees(sweep.rate):.2f} deg/s exceeds "
+                f"{math.degrees(limit):.2f} deg/s (limit times motion.speed)"
+            )
+        speed[sweep.joint] = sweep.rate
+        for _ in range(sweep.cycles):
+            for goal in (target, centre):
+                self.move(goal, motion, speed)
+                self.hold(sweep.hold)
+
+    def _sines(self, sweeps: list[SineCommand]) -> None:
+        """Sines faded in and out by a quintic smoothstep; the longest decides the duration, the others rest at their end."""
+        durations = [(sweep.cycles + 2 * sweep.ramp_cycles) / sweep.frequency for sweep in sweeps]
+        total_ns = round(max(durations) * NANOSECONDS)
+        count = max(math.ceil(total_ns / NANOSECONDS / SINE_KNOT_S), 2)
+        times = np.unique(np.round(np.linspace(0, total_ns, count + 1)).astype(np.int64))[1:-1]
+        states = np.zeros((len(times), 3, len(self.q)))
+        states[:, 0] = self.q
+        for sweep, duration in zip(sweeps, durations, strict=True):
+            t = times / NANOSECONDS
+            state = faded_sine(t, sweep, duration)
+            inside = t < duration
+            for order in range(3):
+                states[inside, order, sweep.joint] += state[order][inside]
+        self._append(times, states)
+        self._rest(total_ns, self.q)
+
+
+def faded_sine(t: np.ndarray, sweep: SineCommand, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angle, rate and acceleration of a sine under a fade that starts and ends at rest.
+
+    Args:
+        t: Shape (n,) [s], from 0 to duration. sweep: The sine. duration: [s].
+
+    Returns:
+        Offset from the centre [rad], [rad/s], [rad/s^2], each of shape (n,).
+    """
+    ramp = sweep.ramp_cycles / sweep.frequency
+    rising = t <= duration / 2
+    u = np.clip(np.where(rising, t, duration - t) / ramp, 0.0, 1.0)
+    sign = np.where(rising, 1.0, -1.0)
+    w = u**3 * (10 - 15 * u + 6 * u**2)
+    dw = sign * 30 * u**2 * (1 - u) ** 2 / ramp
+    ddw = 60 * u * (1 - u) * (1 - 2 * u) / ramp**2
+    omega = 2 * np.pi * sweep.frequency
+    s, c = np.sin(omega * t + sweep.phase), np.cos(omega * t + sweep.phase)
+    q = sweep.amplitude * w * s
+    v = sweep.amplitude * (dw * s + w * omega * c)
+    a = sweep.amplitude * (ddw * s + 2 * dw * omega * c - w * omega**2 * s)
+    return q, v, a
+
+
+def _degrees(q: np.ndarray) -> str:
+    return "[" + ", ".join(f"{angle:.1f}" for angle in np.degrees(q)) + "]"

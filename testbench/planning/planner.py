@@ -1,0 +1,87 @@
+"""The stage `plan`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from testbench.exceptions import NotFoundError, PlanError
+from testbench.model.kinematics import Kinematics
+from testbench.planning.checks import check_plan
+from testbench.planning.expansion import LONGEST_DURATION_S, Command, expand
+from testbench.planning.motion import MotionBuilder
+from testbench.records.plan import Plan, PlannedStep
+from testbench.records.protocol import Protocol, load_protocol
+from testbench.records.robot import Robot, load_robot
+
+
+def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = None) -> Plan:
+    """Turn a protocol into a checked, timed motion.
+
+    The arm starts at rest at its home. The same inputs give the same plan, to the bit.
+
+    Args:
+        protocol: A protocol, its file, or the name of one that ships with the bench.
+        robot: The arm, its name or file; the one the protocol names if None.
+
+    Raises:
+        FileProblems: The protocol or robot file is malformed.
+        PlanError: The motion breaks a limit, collides, or would saturate a sensor.
+    """
+    if not isinstance(protocol, Protocol):
+        protocol = load_protocol(protocol)
+    if not isinstance(robot, Robot):
+        robot = _find_robot(protocol, robot)
+    commands = expand(protocol, robot)
+    _check_names(protocol, robot)
+    builder = MotionBuilder(robot)
+    steps = []
+    for index, command in enumerate(commands):
+        try:
+            start, settled, end = builder.add(command)
+        except PlanError as error:
+            error.place = command.place
+            raise
+        if end > LONGEST_DURATION_S * 1e9:
+            raise protocol.document.problem(f"the motion lasts longer than the {LONGEST_DURATION_S:g} s allowed", "sections")
+        steps.append(_planned(index, command, start, settled, end))
+    if builder.now_ns == 0:
+        raise protocol.document.problem("nothing moves and nothing dwells: the protocol lasts no time", "sections")
+    trajectory = builder.trajectory()
+    check = check_plan(robot, protocol, trajectory, steps)
+    return Plan(protocol, robot, trajectory, steps, check)
+
+
+def _planned(index: int, command: Command, start: int, settled: int, end: int) -> PlannedStep:
+    kind: Any = "sweep" if command.sweeps else "hold" if settled == start else "move"
+    return PlannedStep(
+        index, command.section, command.role, command.name, kind, dict(command.variables), start, settled, end, command.place
+    )
+
+
+def _find_robot(protocol: Protocol, robot: str | Path | None) -> Robot:
+    if robot is not None:
+        return load_robot(robot)
+    name = protocol.spec.robot
+    if name.endswith((".yaml", ".yml", ".urdf")) and not Path(name).is_absolute():
+        return load_robot(protocol.document.file.parent / name)
+    try:
+        return load_robot(name)
+    except NotFoundError as error:
+        raise protocol.document.problem(str(error), "robot") from None
+
+
+def _check_names(protocol: Protocol, robot: Robot) -> None:
+    """Links and joints that sensors, joint definitions and dipoles name must exist on the arm."""
+    kinematics = Kinematics(robot)
+    named = [(sensor.link, ("sensors", name, "link")) for name, sensor in protocol.spec.sensors.items()]
+    named += [(dipole.link, ("environment", "dipoles", i, "link")) for i, dipole in enumerate(protocol.spec.environment.dipoles)]
+    for link, where in named:
+        try:
+            kinematics.check_link(link)
+        except NotFoundError as error:
+            raise protocol.document.problem(str(error), *where) from None
+    for name, joint in protocol.spec.joints.items():
+        if joint.reference_joint is not None and joint.reference_joint not in robot.joint_names:
+            error = NotFoundError(f"joint of {robot.name}", joint.reference_joint, robot.joint_names)
+            raise protocol.document.problem(str(error), "joints", name, "reference_joint")

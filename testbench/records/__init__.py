@@ -1,0 +1,1 @@
+"""Nouns: what a person writes, and what the stages hand to one another."""

@@ -1,0 +1,177 @@
+"""Estimate: what the sensors, filters and joint angles say, on the host's clock and in the world frame; derived, may be rebuilt."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from testbench.records.samples import QUATERNION, join, names, split
+from testbench.records.storage import read_json, read_parquet, write_json, write_parquet
+
+SCHEMA_VERSION = 1
+FOLDER = "estimate"
+
+
+@dataclass(frozen=True)
+class ClockFit:
+    """A sensor's clock against the host's: device time = host time * (1 + drift) + offset.
+
+    Attributes:
+        offset_s, drift_ppm: The fit. offset_sd_s, drift_sd_ppm: Standard uncertainties. residual_deg_s: RMS difference of the
+        angular-rate magnitudes after the fit. angle_error_deg: Angle that the uncertainty of the time means at the peak rate.
+        method: "angular_rate", or "none" where the sensor is on the host's clock or there is no truth to fit to.
+    """
+
+    offset_s: float = 0.0
+    drift_ppm: float = 0.0
+    offset_sd_s: float = float("nan")
+    drift_sd_ppm: float = float("nan")
+    residual_deg_s: float = float("nan")
+    angle_error_deg: float = float("nan")
+    method: str = "none"
+
+    def to_host(self, device_time_ns: np.ndarray) -> np.ndarray:
+        """Host times of device times, shape (n,), int64."""
+        host = (device_time_ns - 1e9 * self.offset_s) / (1 + 1e-6 * self.drift_ppm)
+        return np.asarray(np.round(host).astype(np.int64))
+
+
+@dataclass(frozen=True)
+class FrameFit:
+    """How a filter's earth frame and the sensor's mounting were brought to the world and to the segment.
+
+    Attributes:
+        heading_deg: Heading of the filter's earth frame seen from the world. mounting_deg: Remaining rotation of the sensor
+        against its believed mounting, as a rotation vector in the sensor frame, shape (3,). method: As in the protocol.
+    """
+
+    heading_deg: float = 0.0
+    mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    method: str = "none"
+
+
+@dataclass(frozen=True)
+class CalibrationFit:
+    """Corrections of a sensor: acc = acc_matrix (acc_raw - acc_bias), gyr = gyr_raw - gyr_bias.
+
+    Attributes:
+        acc_matrix: Shape (3, 3). acc_bias: [m/s^2]. acc_bias_sd: Standard uncertainty [m/s^2]. gyr_bias: [rad/s].
+        poses: Number of static poses used. residual_m_s2: RMS over the poses. method: As in the protocol.
+    """
+
+    acc_matrix: np.ndarray = field(default_factory=lambda: np.eye(3))
+    acc_bias: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    acc_bias_sd: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
+    gyr_bias: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    poses: int = 0
+    residual_m_s2: float = float("nan")
+    method: str = "none"
+
+
+@dataclass(frozen=True)
+class SensorEstimate:
+    """One sensor's orientation by every filter.
+
+    Attributes:
+        host_time_ns: Sampling instants on the host's clock, shape (n,), int64. static: At rest by its own signals, shape (n,).
+        orientation: q_world_from_sensor by filter, shape (n, 4), aligned. clock, calibration: What was fitted.
+        frames: The alignment of each filter. skipped: Filters that could not run, and why.
+    """
+
+    host_time_ns: np.ndarray
+    static: np.ndarray
+    orientation: dict[str, np.ndarray]
+    clock: ClockFit
+    calibration: CalibrationFit
+    frames: dict[str, FrameFit]
+    skipped: dict[str, str]
+
+
+@dataclass(frozen=True)
+class JointEstimate:
+    """One joint's angles.
+
+    Attributes:
+        host_time_ns: Shape (n,), int64. angles: The three intrinsic Euler angles of the distal segment against the proximal one
+        by (filter, sequence), shape (n, 3) [rad].
+    """
+
+    host_time_ns: np.ndarray
+    angles: dict[tuple[str, str], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """All estimates of a session."""
+
+    session: str
+    sensors: dict[str, SensorEstimate]
+    joints: dict[str, JointEstimate]
+
+    def save(self, session_folder: Path) -> None:
+        """Write the folder `estimate` of a session."""
+        folder = session_folder / FOLDER
+        folder.mkdir(exist_ok=True)
+        summary: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "session": self.session, "sensors": {}, "joints": {}}
+        for name, sensor in self.sensors.items():
+            columns = {"host_time_ns": sensor.host_time_ns, "static": sensor.static}
+            for key, q in sensor.orientation.items():
+                columns |= split(names(f"{key}_q_world_from_sensor", "", QUATERNION), q)
+            write_parquet(folder / f"orientation_{name}.parquet", columns, {"content": "estimated orientation, w x y z"})
+            summary["sensors"][name] = {
+                "filters": list(sensor.orientation),
+                "clock": asdict(sensor.clock),
+                "calibration": asdict(sensor.calibration),
+                "frames": {key: asdict(fit) for key, fit in sensor.frames.items()},
+                "skipped": sensor.skipped,
+            }
+        for name, joint in self.joints.items():
+            columns = {"host_time_ns": joint.host_time_ns}
+            for (key, sequence), angles in joint.angles.items():
+                columns |= split(_angle_columns(key, sequence), angles)
+            write_parquet(folder / f"joint_{name}.parquet", columns, {"content": "intrinsic Euler angles"})
+            summary["joints"][name] = [{"filter": key, "sequence": sequence} for key, sequence in joint.angles]
+        write_json(folder / "estimate.json", summary)
+
+    @staticmethod
+    def load(session_folder: Path) -> Estimate:
+        """Read the folder `estimate` of a session.
+
+        Raises:
+            SessionError: It is missing or damaged.
+        """
+        folder = session_folder / FOLDER
+        summary = read_json(folder / "estimate.json")
+        sensors, joints = {}, {}
+        for name, data in summary["sensors"].items():
+            table = read_parquet(folder / f"orientation_{name}.parquet")
+            orientation = {key: join(table, names(f"{key}_q_world_from_sensor", "", QUATERNION)) for key in data["filters"]}
+            calibration = {
+                key: np.array(value, dtype=float) if isinstance(value, list) else value for key, value in data["calibration"].items()
+            }
+            sensors[name] = SensorEstimate(
+                table["host_time_ns"],
+                table["static"],
+                orientation,
+                ClockFit(**_numbers(data["clock"])),
+                CalibrationFit(**_numbers(calibration)),
+                {key: FrameFit(**fit) for key, fit in data["frames"].items()},
+                data["skipped"],
+            )
+        for name, rows in summary["joints"].items():
+            table = read_parquet(folder / f"joint_{name}.parquet")
+            angles = {(row["filter"], row["sequence"]): join(table, _angle_columns(row["filter"], row["sequence"])) for row in rows}
+            joints[name] = JointEstimate(table["host_time_ns"], angles)
+        return Estimate(summary["session"], sensors, joints)
+
+
+def _angle_columns(key: str, sequence: str) -> list[str]:
+    return [f"{key}_{sequence}_{which}_rad" for which in ("first", "second", "third")]
+
+
+def _numbers(data: dict[str, Any]) -> dict[str, Any]:
+    """JSON has no NaN; null stands for it."""
+    return {key: float("nan") if value is None else value for key, value in data.items()}

@@ -1,0 +1,145 @@
+"""Evaluation: errors against the truth, and the verdict; evaluation.json is documented in docs/session_format.md."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from testbench.exceptions import SessionError
+from testbench.records.storage import plain_values, read_json, read_parquet, write_json, write_parquet
+
+SCHEMA_VERSION = 1
+FILE, FOLDER = "evaluation.json", "evaluation"
+
+
+class Outcome(StrEnum):
+    """The verdict on the sensor; says nothing of the bench."""
+
+    PASS = "pass"  # noqa: S105
+    MARGINAL = "marginal"
+    FAIL = "fail"
+    NOT_MEASURED = "not_measured"
+
+
+SEVERITY = [Outcome.PASS, Outcome.MARGINAL, Outcome.NOT_MEASURED, Outcome.FAIL]
+
+
+@dataclass(frozen=True)
+class JointRow:
+    """Errors of a flexion angle over one group of samples: all those at one commanded pose, or of one sweep; degrees.
+
+    Attributes:
+        joint, filter, sequence: What was computed. section: Of the protocol. misalignment_deg, flexion_deg: Commanded, None where
+        the protocol has no such variable. variables: All loop variables. n: Samples. flexion_*: Error of the flexion angle.
+        other_*: Mean absolute errors of the two other Euler angles, in their order, against the same sequence of the true
+        orientations; None in gimbal lock.
+    """
+
+    joint: str
+    filter: str
+    sequence: str
+    section: str
+    misalignment_deg: float | None
+    flexion_deg: float | None
+    variables: dict[str, float]
+    n: int
+    flexion_mean_error_deg: float
+    flexion_mean_abs_error_deg: float
+    flexion_sd_deg: float
+    flexion_rmse_deg: float
+    flexion_max_abs_error_deg: float
+    other_mean_abs_error_deg: list[float | None]
+
+
+@dataclass(frozen=True)
+class OrientationRow:
+    """Errors of a sensor's orientation by one filter over all judged samples; degrees."""
+
+    sensor: str
+    filter: str
+    n: int
+    total_rmse_deg: float
+    heading_rmse_deg: float
+    inclination_rmse_deg: float
+    total_max_deg: float
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number with its limits and verdict.
+
+    Attributes:
+        name: E.g. elbow.flexion_mean_abs_error_deg. filter, sequence, section: What it belongs to, where that applies.
+        lower, upper: Limits, or None. meaning: A sentence for people.
+    """
+
+    name: str
+    value: float | None
+    unit: str
+    lower: float | None
+    upper: float | None
+    outcome: Outcome
+    meaning: str
+    filter: str | None = None
+    sequence: str | None = None
+    section: str | None = None
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """All results of a session.
+
+    Attributes:
+        series: Error signals for figures and the viewer, by table name and column; kept beside evaluation.json as Parquet.
+            "orientation_<sensor>": host_time_ns, judged, and for each filter <filter>_total_rad, <filter>_heading_rad,
+            <filter>_inclination_rad.
+            "joint_<joint>": host_time_ns, judged, reference_rad (true flexion), and for each filter and sequence
+            <filter>_<sequence>_flexion_rad and <filter>_<sequence>_error_rad.
+    """
+
+    session: str
+    joint_angle: list[JointRow]
+    orientation: list[OrientationRow]
+    metrics: list[Metric]
+    outcome: Outcome
+    notes: list[str] = field(default_factory=list)
+    series: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of evaluation.json."""
+        data = {key: value for key, value in asdict(self).items() if key != "series"}
+        result: dict[str, Any] = plain_values({"schema_version": SCHEMA_VERSION, **data})
+        return result
+
+    def save(self, session_folder: Path) -> None:
+        """Write evaluation.json and the error signals."""
+        folder = session_folder / FOLDER
+        folder.mkdir(exist_ok=True)
+        for name, columns in self.series.items():
+            write_parquet(folder / f"{name}.parquet", columns, {"content": "errors against the truth"})
+        write_json(session_folder / FILE, self.to_dict())
+
+    @staticmethod
+    def load(session_folder: Path) -> Evaluation:
+        """Read it back.
+
+        Raises:
+            SessionError: It is missing or damaged.
+        """
+        data = read_json(session_folder / FILE)
+        if data.get("schema_version") != SCHEMA_VERSION:
+            raise SessionError(f"{session_folder / FILE} has schema {data.get('schema_version')}; this version reads {SCHEMA_VERSION}")
+        series = {path.stem: read_parquet(path) for path in sorted((session_folder / FOLDER).glob("*.parquet"))}
+        return Evaluation(
+            data["session"],
+            [JointRow(**row) for row in data["joint_angle"]],
+            [OrientationRow(**row) for row in data["orientation"]],
+            [Metric(**{**row, "outcome": Outcome(row["outcome"])}) for row in data["metrics"]],
+            Outcome(data["outcome"]),
+            data["notes"],
+            series,
+        )

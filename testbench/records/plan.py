@@ -1,0 +1,150 @@
+"""Plan: a protocol turned into a checked, timed and hashable motion; it touches no hardware."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from testbench.records.protocol import Protocol, Role
+from testbench.records.robot import Robot
+from testbench.records.storage import write_parquet
+from testbench.records.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class PlannedStep:
+    """One step of the protocol with its times from the start of the plan.
+
+    Attributes:
+        index: From 0. section, role: Of the protocol. name: For people. kind: "move" ends at rest in a pose, "sweep" is judged
+        while it moves, "hold" does not move. variables: Values of the loop variables, by name. start_ns: Motion begins.
+        settled_ns: Motion ends and the dwell begins. end_ns: The dwell ends. place: `file:line` in the protocol.
+    """
+
+    index: int
+    section: str
+    role: Role
+    name: str
+    kind: Literal["move", "sweep", "hold"]
+    variables: dict[str, float]
+    start_ns: int
+    settled_ns: int
+    end_ns: int
+    place: str = ""
+
+
+@dataclass(frozen=True)
+class JointUse:
+    """How much of a joint's limits a plan uses; degrees and seconds."""
+
+    joint: str
+    lowest_deg: float
+    highest_deg: float
+    peak_speed_deg_s: float
+    speed_limit_deg_s: float
+    peak_acceleration_deg_s2: float
+    acceleration_limit_deg_s2: float
+
+
+@dataclass(frozen=True)
+class SensorUse:
+    """What a sensor will feel, and its full scale."""
+
+    sensor: str
+    peak_rate_deg_s: float
+    range_deg_s: float
+    peak_specific_force_m_s2: float
+    range_m_s2: float
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """The smallest distance between two bodies over the whole motion."""
+
+    first: str
+    second: str
+    distance_mm: float
+    time_s: float
+    step: str
+
+
+@dataclass(frozen=True)
+class PlanCheck:
+    """What was checked before anything moves."""
+
+    duration_s: float
+    steps: int
+    joints: list[JointUse]
+    sensors: list[SensorUse]
+    clearance: Clearance | None
+    samples: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain values for JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A checked motion.
+
+    Attributes:
+        protocol, robot: What it was made from. trajectory: The reference the arm is to follow, starting at home at time 0.
+        steps: In order of time. check: Limits, clearance and sensor ranges, as found.
+    """
+
+    protocol: Protocol
+    robot: Robot
+    trajectory: Trajectory
+    steps: list[PlannedStep]
+    check: PlanCheck
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return self.trajectory.duration
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 over protocol, robot, trajectory and steps: the same inputs give the same hash."""
+        digest = hashlib.sha256()
+        for name, text in sorted(self.protocol.texts().items()):
+            digest.update(f"{name}\0{text}\0".encode())
+        digest.update(self.robot.text.encode())
+        digest.update(self.robot.urdf.read_bytes())
+        for array in (self.trajectory.time_ns, self.trajectory.q, self.trajectory.v, self.trajectory.a):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        digest.update(json.dumps([self._step_data(step) for step in self.steps], sort_keys=True).encode())
+        return digest.hexdigest()
+
+    @staticmethod
+    def _step_data(step: PlannedStep) -> dict[str, Any]:
+        return {key: value for key, value in asdict(step).items() if key != "place"}
+
+    def step_at(self, time_ns: int) -> PlannedStep:
+        """The step under way at a time."""
+        starts = [step.start_ns for step in self.steps]
+        return self.steps[max(int(np.searchsorted(starts, time_ns, side="right")) - 1, 0)]
+
+    def save(self, path: Path) -> None:
+        """Write the knots and, as metadata, the step table as plan.parquet."""
+        knots = self.trajectory
+        starts = np.array([step.start_ns for step in self.steps], dtype=np.int64)
+        columns = {"host_time_ns": knots.time_ns, "step": np.searchsorted(starts, knots.time_ns, side="right") - 1}
+        for i, joint in enumerate(self.robot.joint_names):
+            columns[f"q_{joint}_rad"] = knots.q[:, i]
+            columns[f"v_{joint}_rad_s"] = knots.v[:, i]
+            columns[f"a_{joint}_rad_s2"] = knots.a[:, i]
+        notes = {
+            "content": "knots of the planned joint motion, joined by quintic polynomials that meet q, v and a",
+            "plan_hash": self.hash,
+            "steps": json.dumps([self._step_data(step) for step in self.steps]),
+        }
+        write_parquet(path, columns, notes)
+

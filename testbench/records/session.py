@@ -1,0 +1,163 @@
+"""Session: a recording on disk, and the door to read it; docs/session_format.md describes every file."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from testbench.exceptions import NotFoundError, SessionError
+from testbench.records.plan import PlannedStep
+from testbench.records.protocol import Analysis
+from testbench.records.robot import Robot, robot_from_text
+from testbench.records.samples import ArmSamples, ImuSamples, Truth
+from testbench.records.storage import read_json, read_parquet
+
+SCHEMA_VERSION = 1
+MANIFEST, EVENTS, ARM, PLAN = "manifest.json", "events.jsonl", "arm", "plan.parquet"
+
+
+class RunStatus(StrEnum):
+    """How the bench fared; says nothing of the sensor."""
+
+    RUNNING = "running"
+    COMPLETED = "completed"
+    ABORTED = "aborted"
+    ERROR = "error"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened: host time [ns], kind, and its details."""
+
+    host_time_ns: int
+    event: str
+    details: dict[str, Any]
+
+    def to_json(self) -> str:
+        """One line of events.jsonl."""
+        return json.dumps({"host_time_ns": self.host_time_ns, "event": self.event, **self.details})
+
+
+class Session:
+    """A recorded session.
+
+    Args:
+        path: Its folder.
+
+    Raises:
+        SessionError: The folder is not a session, or one of a newer schema.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        if not (self.path / MANIFEST).is_file():
+            what = "is not a session: it has no manifest.json" if self.path.is_dir() else "does not exist"
+            raise SessionError(f"{self.path} {what}")
+        self.manifest: dict[str, Any] = read_json(self.path / MANIFEST)
+        version = self.manifest.get("schema_version")
+        if not isinstance(version, int) or version > SCHEMA_VERSION:
+            raise SessionError(f"{self.path} has session schema {version}; this version reads up to {SCHEMA_VERSION}")
+
+    @property
+    def name(self) -> str:
+        return self.path.name
+
+    @property
+    def status(self) -> RunStatus:
+        return RunStatus(self.manifest["status"])
+
+    @cached_property
+    def analysis(self) -> Analysis:
+        """Sensors, joints, filters and limits, as of the recording.
+
+        Raises:
+            SessionError: The manifest does not hold them.
+        """
+        try:
+            return Analysis.model_validate(self.manifest["analysis"])
+        except (KeyError, ValidationError) as error:
+            raise SessionError(f"{self.path / MANIFEST}: the analysis is damaged: {error}") from None
+
+    @property
+    def sensor_names(self) -> list[str]:
+        return list(self.manifest["sensors"])
+
+    @cached_property
+    def robot(self) -> Robot | None:
+        """The arm, or None for an imported recording without one."""
+        file, copy = self.path / "robot.yaml", self.path / "robot.urdf"
+        if not file.is_file():
+            return None
+        original = Path(self.manifest["robot"]["urdf"])  # its meshes lie beside it
+        same = original.is_file() and copy.is_file() and original.read_bytes() == copy.read_bytes()
+        return robot_from_text(file, original if same else copy)
+
+    def imu(self, sensor: str) -> ImuSamples:
+        """Raw samples of a sensor.
+
+        Raises:
+            NotFoundError: No such sensor.
+        """
+        self._check(sensor)
+        return ImuSamples.from_columns(read_parquet(self.path / f"imu_{sensor}.parquet"))
+
+    def truth(self, sensor: str) -> Truth | None:
+        """What the sensor went through, or None where nobody knows."""
+        self._check(sensor)
+        file = self.path / f"truth_{sensor}.parquet"
+        return Truth.from_columns(read_parquet(file)) if file.is_file() else None
+
+    def arm(self) -> ArmSamples | None:
+        """What the arm reported, or None when there was none."""
+        file = self.path / f"{ARM}.parquet"
+        if not file.is_file() or self.robot is None:
+            return None
+        return ArmSamples.from_columns(read_parquet(file), self.robot.joint_names)
+
+    @cached_property
+    def events(self) -> list[Event]:
+        """Everything that happened, in order; a last line cut off by a crash is left out."""
+        file = self.path / EVENTS
+        events = []
+        for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else []:
+            try:
+                data = json.loads(line)
+            except ValueError:
+                continue
+            events.append(Event(data.pop("host_time_ns"), data.pop("event"), data))
+        return events
+
+    @cached_property
+    def steps(self) -> list[PlannedStep]:
+        """The steps that were finished, with the times at which they happened."""
+        started: dict[int, Event] = {}
+        settled: dict[int, int] = {}
+        steps = []
+        for event in self.events:
+            index = event.details.get("index")
+            if event.event == "step_started":
+                started[index] = event
+            elif event.event == "step_settled":
+                settled[index] = event.host_time_ns
+            elif event.event == "step_ended" and index in started:
+                step = started[index]
+                times = (step.host_time_ns, settled.get(index, step.host_time_ns), event.host_time_ns)
+                data = {key: step.details[key] for key in ("index", "section", "role", "name", "kind", "variables")}
+                steps.append(PlannedStep(**data, start_ns=times[0], settled_ns=times[1], end_ns=times[2]))
+        return steps
+
+    def _check(self, sensor: str) -> None:
+        if sensor not in self.sensor_names:
+            raise NotFoundError("sensor of this session", sensor, self.sensor_names)
+
+
+def list_sessions(logs: Path) -> list[Session]:
+    """Sessions below a folder, oldest first; folders that are none are passed over."""
+    return [Session(path.parent) for path in sorted(logs.glob(f"*/{MANIFEST}"))]

@@ -1,0 +1,129 @@
+"""Write a session: journals while it runs, Parquet once it is closed, a manifest that says how it went."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+from collections.abc import Mapping
+from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from testbench.exceptions import SessionError
+from testbench.records.protocol import Analysis
+from testbench.records.session import EVENTS, MANIFEST, SCHEMA_VERSION, Event, RunStatus
+from testbench.records.storage import Columns, Journal, compact, write_json, write_parquet
+
+RECORDED_PACKAGES = ("imu-testbench", "pin", "ruckig", "numpy", "scipy", "numba", "vqf", "imufusion", "pyarrow")
+
+
+class SessionWriter:
+    """A session being written.
+
+    Args:
+        path: Folder to create. analysis: What estimate and evaluate will need. sensors: Description of each sensor.
+        started: Date and time of the start. details: Further entries of the manifest.
+
+    Raises:
+        SessionError: The folder exists or cannot be made.
+    """
+
+    def __init__(
+        self, path: Path, analysis: Analysis, sensors: Mapping[str, Any], started: datetime, details: Mapping[str, Any] | None = None
+    ):
+        self.path = path
+        try:
+            path.mkdir(parents=True)
+        except OSError as error:
+            raise SessionError(f"the session folder {path} cannot be made: {error.strerror}") from None
+        self.manifest: dict[str, Any] = {
+            "schema_version": SCHEMA_VERSION,
+            "session": path.name,
+            "status": RunStatus.RUNNING,
+            "started_utc": started.isoformat(timespec="seconds"),
+            "clocks": {
+                "host_time_ns": "nanoseconds since the start of the session, host clock",
+                "device_time_ns": "nanoseconds of the sensor's own clock",
+            },
+            "software": software_versions(),
+            "sensors": dict(sensors),
+            "analysis": analysis.model_dump(mode="json"),
+            **(details or {}),
+        }
+        self._journals: dict[str, Journal] = {}
+        self._events = (path / EVENTS).open("w", encoding="utf-8")
+        self._write_manifest()
+
+    def add_text(self, name: str, text: str) -> None:
+        """Keep a file verbatim."""
+        (self.path / name).write_text(text, encoding="utf-8")
+
+    def add_table(self, name: str, columns: Columns, notes: Mapping[str, str] | None = None) -> None:
+        """Write a whole table at once, as `<name>.parquet`."""
+        write_parquet(self.path / f"{name}.parquet", columns, notes)
+
+    def open_journal(self, name: str, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None) -> None:
+        """Begin a stream that becomes `<name>.parquet` when the session is closed."""
+        self._journals[name] = Journal(self.path / f"{name}.arrows", columns, notes)
+
+    def append(self, name: str, columns: Columns) -> None:
+        """Append samples to a stream."""
+        self._journals[name].append(columns)
+
+    def event(self, event: Event) -> None:
+        """Append an event."""
+        self._events.write(event.to_json() + "\n")
+
+    def flush(self) -> None:
+        """Hand everything written so far to the operating system."""
+        self._events.flush()
+
+    def sync(self) -> None:
+        """Force everything written so far onto the disk."""
+        self._events.flush()
+        os.fsync(self._events.fileno())
+        for journal in self._journals.values():
+            journal.sync()
+
+    def compact(self) -> None:
+        """End the streams and turn each into verified Parquet."""
+        for name, journal in self._journals.items():
+            journal.close()
+            if journal.path.exists():
+                compact(journal.path, self.path / f"{name}.parquet")
+
+    def close(self, status: RunStatus, **details: Any) -> None:
+        """Finish the session: compact, hash the files, write the final manifest."""
+        self.compact()
+        self.sync_events()
+        self.manifest |= {"status": status, **details, "files": file_hashes(self.path)}
+        self._write_manifest()
+
+    def sync_events(self) -> None:
+        """Close the list of events."""
+        if not self._events.closed:
+            self._events.flush()
+            os.fsync(self._events.fileno())
+            self._events.close()
+
+    def _write_manifest(self) -> None:
+        write_json(self.path / MANIFEST, self.manifest)
+
+
+def file_hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of every raw file of a session."""
+    files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != MANIFEST)
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def software_versions() -> dict[str, str]:
+    """Versions of what computed the session."""
+    versions = {"python": platform.python_version()}
+    for name in RECORDED_PACKAGES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return versions

@@ -1,0 +1,98 @@
+"""A joint trajectory as knots with position, velocity and acceleration, joined by quintic polynomials.
+
+Jerk-limited motion is a cubic between the switches of its jerk, and a quintic that meets value, slope and curvature at both
+ends of a cubic is that cubic: with knots at the switches nothing is lost. Between knots q, v and a are exact derivatives of one
+another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from testbench.frames import NANOSECONDS
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Knots of a joint trajectory.
+
+    Attributes:
+        time_ns: Strictly increasing, shape (k,), int64. q, v, a: Shape (k, n_joints) [rad], [rad/s], [rad/s^2].
+    """
+
+    time_ns: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.time_ns[-1] - self.time_ns[0]) / NANOSECONDS
+
+    def at(self, time_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """State at times, held at rest before the first and after the last knot.
+
+        Args:
+            time_ns: Shape (n,), int64, increasing.
+
+        Returns:
+            q, v, a, each of shape (n, n_joints).
+        """
+        return hermite(self.time_ns, self.q, self.v, self.a, np.ascontiguousarray(time_ns, dtype=np.int64))
+
+    def moving(self) -> np.ndarray:
+        """Which intervals between knots move at all, shape (k - 1,), bool."""
+        still = (self.v == 0).all(axis=1) & (self.a == 0).all(axis=1)
+        same = (self.q[1:] == self.q[:-1]).all(axis=1)
+        return ~(still[1:] & still[:-1] & same)
+
+    def sample_moving(self, interval_ns: int) -> np.ndarray:
+        """Times on a regular grid where the trajectory moves, with every knot, shape (n,), int64."""
+        times = np.arange(self.time_ns[0], self.time_ns[-1] + interval_ns, interval_ns)
+        times = np.minimum(times, self.time_ns[-1])
+        index = np.clip(np.searchsorted(self.time_ns, times, side="right") - 1, 0, len(self.time_ns) - 2)
+        return np.unique(np.concatenate([self.time_ns, times[self.moving()[index]]]))
+
+
+@njit(cache=True)
+def hermite(
+    knots: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Quintic Hermite interpolation with its first and second derivatives; see `Trajectory.at`."""
+    n, m, last = at.shape[0], q.shape[1], knots.shape[0] - 1
+    qs = np.empty((n, m))
+    vs = np.empty((n, m))
+    accelerations = np.empty((n, m))
+    k = 0
+    for i in range(n):
+        t = at[i]
+        if k > 0 and t < knots[k]:
+            k = 0
+        while k < last - 1 and t >= knots[k + 1]:
+            k += 1
+        outside = t < knots[0] or t >= knots[last]
+        if outside or last == 0:
+            edge = last if t >= knots[last] else 0
+            for j in range(m):
+                qs[i, j] = q[edge, j]
+                vs[i, j] = v[edge, j] if t == knots[edge] else 0.0
+                accelerations[i, j] = a[edge, j] if t == knots[edge] else 0.0
+            continue
+        h = (knots[k + 1] - knots[k]) * 1e-9
+        s = (t - knots[k]) * 1e-9
+        for j in range(m):
+            v0, a0 = v[k, j], a[k, j]
+            dq = q[k + 1, j] - q[k, j] - v0 * h - 0.5 * a0 * h * h
+            dv = (v[k + 1, j] - v0 - a0 * h) * h
+            da = (a[k + 1, j] - a0) * h * h
+            c3 = (10.0 * dq - 4.0 * dv + 0.5 * da) / h**3
+            c4 = (-15.0 * dq + 7.0 * dv - da) / h**4
+            c5 = (6.0 * dq - 3.0 * dv + 0.5 * da) / h**5
+            qs[i, j] = q[k, j] + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
+            vs[i, j] = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
+            accelerations[i, j] = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
+    return qs, vs, accelerations
