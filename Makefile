@@ -36,11 +36,11 @@ $(VENV)/.lock-installed: requirements.lock
 		found=$$python; break; \
 	done; \
 	if [ -z "$$found" ]; then \
-		echo "make setup: needs Python 3.11, 3.12 or 3.13 with venv; found:$${seen:- no Python at all}" \
+		echo "make setup: needs Python 3.11, 3.12 or 3.13 with venv; found:$${seen:- no Python at all;}" \
 			"name one with: make setup PYTHON=/path/to/python3.12" >&2; \
 		exit 1; \
 	fi; \
-	echo "Creating $(VENV) with $$found ($$version); the first time this downloads about 800 MB."; \
+	echo "Creating $(VENV) with $$found ($$version); this takes a minute or two and 2.5 GB."; \
 	"$$found" -m venv --clear $(VENV)
 	@$(PIP) --require-hashes -r requirements.lock
 	@touch $@

@@ -65,7 +65,8 @@ def execute(
     kinematics = Kinematics(plan.robot)
     spec = plan.protocol.spec
     imus: dict[str, Imu] = {
-        name: SimulatedImu(name, sensor, kinematics, spec.environment, arm.true_state, seed) for name, sensor in spec.sensors.items()
+        name: SimulatedImu(name, sensor, kinematics, spec.environment, arm.true_state, seed)
+        for name, sensor in spec.sensors.items()
     }
     folder = _session_folder(Path(logs), session_name or f"{clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
     recorder = Recorder(plan, imus, folder, clock, seed, {"arm": {"driver": "simulated", "speed": speed}})
@@ -167,4 +168,3 @@ def _session_folder(logs: Path, name: str) -> Path:
         count += 1
         folder = logs / f"{name}_{count}"
     return folder
-

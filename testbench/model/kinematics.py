@@ -93,7 +93,9 @@ class Kinematics:
             raise FileProblems(robot.urdf, [Problem(f"Pinocchio cannot read this URDF: {error}")]) from None
         unknown = [name for name in robot.joint_names if not full.existJointName(name)]
         if unknown:
-            raise FileProblems(robot.urdf, [Problem(f"the URDF has no movable joint {unknown[0]}; it has {list(full.names)[1:]}")])
+            raise FileProblems(
+                robot.urdf, [Problem(f"the URDF has no movable joint {unknown[0]}; it has {list(full.names)[1:]}")]
+            )
         self._locked = [i for i in range(1, full.njoints) if full.names[i] not in robot.joint_names]
         self._full = full
         self.model = pin.buildReducedModel(full, self._locked, pin.neutral(full)) if self._locked else full
@@ -165,7 +167,9 @@ class Kinematics:
         while joint > 0:
             joints.insert(0, joint)
             joint = model.parents[joint]
-        placements = [Pose(model.jointPlacements[j].rotation.copy(), model.jointPlacements[j].translation.copy()) for j in joints]
+        placements = [
+            Pose(model.jointPlacements[j].rotation.copy(), model.jointPlacements[j].translation.copy()) for j in joints
+        ]
         tip = Pose(frame.placement.rotation.copy(), frame.placement.translation.copy())
         if placements:
             placements[0] = self.world_from_base @ placements[0]

@@ -130,7 +130,9 @@ class _Expander:
     def _command(
         self, step: Step, variables: dict[str, float], shown: dict[str, float], motion: Motion, path: tuple[Any, ...]
     ) -> Command:
-        def number(expression: float | str | None, *where: Any, lowest: float | None = None, above: float | None = None) -> float:
+        def number(
+            expression: float | str | None, *where: Any, lowest: float | None = None, above: float | None = None
+        ) -> float:
             try:
                 value = evaluate_expression(expression if expression is not None else 0.0, variables)
             except ExpressionError as error:

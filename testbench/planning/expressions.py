@@ -64,7 +64,9 @@ def _value(node: ast.expr, variables: Mapping[str, float], expression: str, dept
             known = ", ".join([*variables, *CONSTANTS]) or "none"
             raise ExpressionError(f"unknown variable '{name}' in '{expression}'; known: {known}")
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-            return _BINARY[type(op)](_value(left, variables, expression, depth + 1), _value(right, variables, expression, depth + 1))
+            return _BINARY[type(op)](
+                _value(left, variables, expression, depth + 1), _value(right, variables, expression, depth + 1)
+            )
         case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
             return _UNARY[type(op)](_value(operand, variables, expression, depth + 1))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:

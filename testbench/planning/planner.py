@@ -75,7 +75,9 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
     """Links and joints that sensors, joint definitions and dipoles name must exist on the arm."""
     kinematics = Kinematics(robot)
     named = [(sensor.link, ("sensors", name, "link")) for name, sensor in protocol.spec.sensors.items()]
-    named += [(dipole.link, ("environment", "dipoles", i, "link")) for i, dipole in enumerate(protocol.spec.environment.dipoles)]
+    named += [
+        (dipole.link, ("environment", "dipoles", i, "link")) for i, dipole in enumerate(protocol.spec.environment.dipoles)
+    ]
     for link, where in named:
         try:
             kinematics.check_link(link)

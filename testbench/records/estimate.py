@@ -150,7 +150,8 @@ class Estimate:
             table = read_parquet(folder / f"orientation_{name}.parquet")
             orientation = {key: join(table, names(f"{key}_q_world_from_sensor", "", QUATERNION)) for key in data["filters"]}
             calibration = {
-                key: np.array(value, dtype=float) if isinstance(value, list) else value for key, value in data["calibration"].items()
+                key: np.array(value, dtype=float) if isinstance(value, list) else value
+                for key, value in data["calibration"].items()
             }
             sensors[name] = SensorEstimate(
                 table["host_time_ns"],
@@ -163,7 +164,9 @@ class Estimate:
             )
         for name, rows in summary["joints"].items():
             table = read_parquet(folder / f"joint_{name}.parquet")
-            angles = {(row["filter"], row["sequence"]): join(table, _angle_columns(row["filter"], row["sequence"])) for row in rows}
+            angles = {
+                (row["filter"], row["sequence"]): join(table, _angle_columns(row["filter"], row["sequence"])) for row in rows
+            }
             joints[name] = JointEstimate(table["host_time_ns"], angles)
         return Estimate(summary["session"], sensors, joints)
 

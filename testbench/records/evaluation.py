@@ -74,7 +74,7 @@ class Metric:
 
     Attributes:
         name: E.g. elbow.flexion_mean_abs_error_deg. filter, sequence, section: What it belongs to, where that applies.
-        lower, upper: Limits, or None. meaning: A sentence for people.
+        lower, upper: Limits, or None. outcome: None where no limit is stated. meaning: A sentence for people.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Metric:
     unit: str
     lower: float | None
     upper: float | None
-    outcome: Outcome
+    outcome: Outcome | None
     meaning: str
     filter: str | None = None
     sequence: str | None = None
@@ -132,13 +132,15 @@ class Evaluation:
         """
         data = read_json(session_folder / FILE)
         if data.get("schema_version") != SCHEMA_VERSION:
-            raise SessionError(f"{session_folder / FILE} has schema {data.get('schema_version')}; this version reads {SCHEMA_VERSION}")
+            raise SessionError(
+                f"{session_folder / FILE} has schema {data.get('schema_version')}; this version reads {SCHEMA_VERSION}"
+            )
         series = {path.stem: read_parquet(path) for path in sorted((session_folder / FOLDER).glob("*.parquet"))}
         return Evaluation(
             data["session"],
             [JointRow(**row) for row in data["joint_angle"]],
             [OrientationRow(**row) for row in data["orientation"]],
-            [Metric(**{**row, "outcome": Outcome(row["outcome"])}) for row in data["metrics"]],
+            [Metric(**{**row, "outcome": row["outcome"] and Outcome(row["outcome"])}) for row in data["metrics"]],
             Outcome(data["outcome"]),
             data["notes"],
             series,

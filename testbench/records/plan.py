@@ -147,4 +147,3 @@ class Plan:
             "steps": json.dumps([self._step_data(step) for step in self.steps]),
         }
         write_parquet(path, columns, notes)
-

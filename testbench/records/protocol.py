@@ -167,7 +167,8 @@ class Sensor(StrictModel):
     segment: Segment | None = None
     mounting: Placement = Field(default_factory=Placement, description="Sensor axes and position in the link, as believed.")
     mounting_error: Placement = Field(
-        default_factory=Placement, description="How the real mounting differs, seen in the sensor; the estimators do not know it."
+        default_factory=Placement,
+        description="How the real mounting differs, seen in the sensor; the estimators do not know it.",
     )
 
     def imu(self) -> ImuParameters:
@@ -215,15 +216,30 @@ class Estimation(StrictModel):
     )
     align_clock: bool = Field(default=True, description="Fit the sensor's clock to the arm's by the angular rate.")
     calibrate: Literal["none", "static_poses"] = Field(
-        default="static_poses", description="Fit accelerometer and gyroscope errors to the calibration sections, if there are any."
+        default="static_poses",
+        description="Fit accelerometer and gyroscope errors to the calibration sections, if there are any.",
     )
+
+
+JOINT_METRICS = {
+    "flexion_mean_error_deg": "signed mean of the flexion error, every pose or sweep alike",
+    "flexion_mean_abs_error_deg": "mean magnitude of the flexion error, every pose or sweep alike",
+    "flexion_rmse_deg": "root mean square of the flexion error, every pose or sweep alike",
+    "flexion_max_abs_error_deg": "largest magnitude of the flexion error in any sample",
+}
+SENSOR_METRICS = {
+    "total_rmse_deg": "root mean square of the whole orientation error",
+    "heading_rmse_deg": "root mean square of the error about the vertical",
+    "inclination_rmse_deg": "root mean square of the error against the vertical",
+}
 
 
 class AcceptanceLimit(StrictModel):
     """A limit that decides pass or fail."""
 
-    metric: str
-    filter: str | None = None
+    metric: str = Field(description="<joint>.<joint metric> or <sensor>.<sensor metric>, e.g. elbow.flexion_rmse_deg.")
+    filter: str | None = Field(default=None, description="null: every filter.")
+    sequence: EulerSequence | None = Field(default=None, description="null: the joint's own.")
     section: str | None = None
     min: float | None = None
     max: float | None = None
@@ -383,7 +399,9 @@ def _cross_check(document: YamlDocument[ProtocolSpec]) -> list[Problem]:
             sensor_name = getattr(joint, side)
             check(list(spec.sensors), sensor_name, "sensor", "joints", name, side)
             if sensor_name in spec.sensors and spec.sensors[sensor_name].segment is None:
-                message = f"sensor '{sensor_name}' needs a segment: a joint angle is between segments, whose axes must be stated"
+                message = (
+                    f"sensor '{sensor_name}' needs a segment: a joint angle is between segments, whose axes must be stated"
+                )
                 problems.append(_problem(document, message, ("joints", name, side)))
     names: list[str] = []
     for i, section in enumerate(spec.sections):
@@ -394,6 +412,15 @@ def _cross_check(document: YamlDocument[ProtocolSpec]) -> list[Problem]:
             check(list(spec.variables), variable_name, "variable", "sections", i, "for_each", k)
         _check_steps(document, section.steps or [], ("sections", i, "steps"), check)
     for i, limit in enumerate(spec.accept):
+        known = [f"{joint}.{kind}" for joint in spec.joints for kind in JOINT_METRICS]
+        check(
+            [*known, *(f"{name}.{kind}" for name in spec.sensors for kind in SENSOR_METRICS)],
+            limit.metric,
+            "metric",
+            "accept",
+            i,
+            "metric",
+        )
         if limit.section is not None:
             check(names, limit.section, "section", "accept", i, "section")
         if limit.filter is not None:

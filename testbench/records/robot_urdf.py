@@ -34,12 +34,16 @@ def robot_from_urdf(path: Path, name: str | None = None, entry: CatalogueEntry |
     if root.tag != "robot":
         raise FileProblems(path, [Problem(f"not a URDF: its root is <{root.tag}>, not <robot>")])
     movable = {
-        joint.get("name", ""): joint for joint in root.findall("joint") if joint.get("type") in {"revolute", "continuous", "prismatic"}
+        joint.get("name", ""): joint
+        for joint in root.findall("joint")
+        if joint.get("type") in {"revolute", "continuous", "prismatic"}
     }
     names = entry.joints if entry else [key for key, joint in movable.items() if joint.find("mimic") is None]
     missing = [key for key in names if key not in movable]
     if missing or not names:
-        raise FileProblems(path, [Problem(f"the URDF lacks the movable joints {missing or 'of an arm'}; it has {sorted(movable)}")])
+        raise FileProblems(
+            path, [Problem(f"the URDF lacks the movable joints {missing or 'of an arm'}; it has {sorted(movable)}")]
+        )
     for key in names:
         if movable[key].get("type") == "prismatic":
             raise FileProblems(path, [Problem(f"joint {key} is prismatic; the bench drives rotating joints only")])

@@ -63,7 +63,9 @@ class ArmSamples:
     @staticmethod
     def from_columns(table: dict[str, np.ndarray], joint_names: list[str]) -> ArmSamples:
         """From columns on disk."""
-        return ArmSamples(joint_names, table["host_time_ns"], *[join(table, group) for group in ArmSamples._groups(joint_names)])
+        return ArmSamples(
+            joint_names, table["host_time_ns"], *[join(table, group) for group in ArmSamples._groups(joint_names)]
+        )
 
 
 GYR, ACC, MAG = names("gyr", "_rad_s"), names("acc", "_m_s2"), names("mag", "_uT")

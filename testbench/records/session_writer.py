@@ -31,7 +31,12 @@ class SessionWriter:
     """
 
     def __init__(
-        self, path: Path, analysis: Analysis, sensors: Mapping[str, Any], started: datetime, details: Mapping[str, Any] | None = None
+        self,
+        path: Path,
+        analysis: Analysis,
+        sensors: Mapping[str, Any],
+        started: datetime,
+        details: Mapping[str, Any] | None = None,
     ):
         self.path = path
         try:

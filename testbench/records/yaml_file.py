@@ -158,7 +158,13 @@ def _construct(loader, node, path: Location, places, problems: list[Problem], se
             places[(*path, key)] = key_place
             mapping[key] = _construct(loader, value_node, (*path, key), places, problems, seen)
         return mapping
-    if not node.tag.startswith("tag:yaml.org,2002:") or node.tag.rsplit(":", 1)[1] not in {"str", "int", "float", "bool", "null"}:
+    if not node.tag.startswith("tag:yaml.org,2002:") or node.tag.rsplit(":", 1)[1] not in {
+        "str",
+        "int",
+        "float",
+        "bool",
+        "null",
+    }:
         return refuse(f"the tag {node.tag} is not allowed")
     try:
         return loader.construct_object(node)

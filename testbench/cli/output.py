@@ -1,0 +1,145 @@
+"""What people and programs read on the terminal."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from testbench.execution.executor import Progress
+    from testbench.records.evaluation import Evaluation
+    from testbench.records.plan import Plan
+
+from testbench.records.numbers import show_number
+
+COLOURS = {"pass": "green", "marginal": "yellow", "fail": "red", "not_measured": "magenta"}
+
+
+def say_error(message: str) -> None:
+    """One message on stderr; lines of a list each stand alone."""
+    for line in message.splitlines() or [message]:
+        print(f"error: {line}", file=sys.stderr)
+
+
+def say(message: str) -> None:
+    """A line for people, on stdout."""
+    print(message)
+
+
+def say_json(data: Any) -> None:
+    """One line of JSON on stdout."""
+    from testbench.records.storage import plain_values
+
+    print(json.dumps(plain_values(data), allow_nan=False))
+
+
+def say_table(title: str, columns: list[str], rows: list[list[Any]]) -> None:
+    """A table on stdout."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, column in enumerate(columns):
+        numeric = bool(rows) and isinstance(rows[0][i], int | float)
+        table.add_column(column, justify="right" if numeric else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*[_cell(value) for value in row])
+    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    console.print(table)
+
+
+@contextmanager
+def progress_bar(shown: bool) -> Iterator[Any]:
+    """A bar with step, part done and remaining time on stderr; yields the function that `execute` calls."""
+    if not shown:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+
+        def update(progress: Progress) -> None:
+            text = f"step {progress.index + 1}/{progress.steps}: {progress.step}"
+            bar.update(task, description=text[:60], total=progress.duration, completed=progress.time)
+
+        yield update
+
+
+def say_check(plan: Plan) -> None:
+    """What a plan will do, and how near it comes to every limit."""
+    check, spec = plan.check, plan.protocol.spec
+    say(f"{spec.name} on {plan.robot.name}: {check.steps} steps, {check.duration_s:.1f} s")
+    say_table(
+        "Joints",
+        ["joint", "from [deg]", "to [deg]", "peak speed [deg/s]", "limit [deg/s]", "peak acceleration [deg/s^2]", "limit [deg/s^2]"],
+        [
+            [j.joint, j.lowest_deg, j.highest_deg, j.peak_speed_deg_s, j.speed_limit_deg_s, j.peak_acceleration_deg_s2,
+             j.acceleration_limit_deg_s2]
+            for j in check.joints
+        ],
+    )  # fmt: skip
+    say_table(
+        "Sensors, largest on one axis",
+        ["sensor", "rate [deg/s]", "range [deg/s]", "specific force [m/s^2]", "range [m/s^2]"],
+        [[s.sensor, s.peak_rate_deg_s, s.range_deg_s, s.peak_specific_force_m_s2, s.range_m_s2] for s in check.sensors],
+    )
+    c = check.clearance
+    if c is not None:
+        say(
+            f"smallest clearance: {c.distance_mm:.1f} mm between {c.first} and {c.second} at t = {c.time_s:.2f} s (step '{c.step}')"
+        )
+    else:
+        say("clearance: this arm has no collision bodies")
+
+
+def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> None:
+    """The summary of a session."""
+    judged = [m for m in evaluation.metrics if m.outcome is not None]
+    if judged:
+        say_table(
+            "Verdict",
+            ["metric", "filter", "section", "value", "lower", "upper", "outcome"],
+            [[m.name, m.filter or "", m.section or "", m.value, m.lower, m.upper, m.outcome] for m in judged],
+        )
+    keys = sorted({(r.joint, r.section, r.filter, r.sequence) for r in evaluation.joint_angle})
+    if keys:
+        wanted = ("flexion_mean_error_deg", "flexion_mean_abs_error_deg", "flexion_rmse_deg", "flexion_max_abs_error_deg")
+        values = {(m.name, m.section, m.filter, m.sequence): m.value for m in evaluation.metrics}
+        say_table(
+            "Flexion error [deg]",
+            ["joint", "section", "filter", "sequence", "mean", "mean |e|", "RMSE", "max |e|"],
+            [[j, s, f, e, *[values.get((f"{j}.{kind}", s, f, e)) for kind in wanted]] for j, s, f, e in keys],
+        )
+    if evaluation.orientation:
+        say_table(
+            "Orientation error, RMSE [deg]",
+            ["sensor", "filter", "samples", "total", "heading", "inclination"],
+            [
+                [r.sensor, r.filter, r.n, r.total_rmse_deg, r.heading_rmse_deg, r.inclination_rmse_deg]
+                for r in evaluation.orientation
+            ],
+        )
+    for note in evaluation.notes:
+        say(f"note: {note}")
+    say(f"outcome: {evaluation.outcome}")
+    say(f"session: {session}")
+    if report:
+        say(f"report:  {report}")
+
+
+def _cell(value: Any) -> str:
+    from rich.markup import escape
+
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return show_number(value)
+    text = escape(str(value))
+    return f"[{COLOURS[value]}]{text}[/]" if value in COLOURS else text

@@ -1,0 +1,1 @@
+"""Calibration: the sensor errors that a recording shows."""

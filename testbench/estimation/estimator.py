@@ -1,0 +1,130 @@
+"""The stage `estimate`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.estimation.calibration.static_poses import fit_static_poses
+from testbench.estimation.filters import UniformSamples, get_filter
+from testbench.estimation.frame_alignment import apply_frames, fit_frames
+from testbench.estimation.segmentation import detect_static
+from testbench.estimation.time_alignment import fit_clock
+from testbench.estimation.uniform import fill_gaps
+from testbench.exceptions import SessionError
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.model.joint_angle import joint_angles, segment_orientation
+from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, JointEstimate, SensorEstimate
+from testbench.records.plan import PlannedStep
+from testbench.records.protocol import Estimation
+from testbench.records.samples import Truth
+from testbench.records.session import Session
+
+STANDARD_DOWN = np.array([0.0, 0.0, -9.80665])
+
+
+def estimate(session: Session, filters: list[str] | None = None) -> Estimate:
+    """Compute what the sensors, filters and joint angles say.
+
+    Args:
+        session: A recording. filters: Names of the filters to run; those of the protocol if None.
+
+    Raises:
+        NotFoundError: An unknown filter.
+        SessionError: The session holds no samples.
+    """
+    settings = session.analysis.estimate
+    names = list(filters or settings.filters)
+    for name in names:
+        get_filter(name)
+    sensors = {name: _estimate_sensor(session, name, names, settings) for name in session.sensor_names}
+    joints = {name: _estimate_joint(session, name, sensors) for name in session.analysis.joints}
+    return Estimate(session.name, sensors, joints)
+
+
+def _estimate_sensor(session: Session, name: str, filters: list[str], settings: Estimation) -> SensorEstimate:
+    samples, truth = session.imu(name), session.truth(name)
+    if len(samples) < 10:
+        raise SessionError(f"{session.path}: sensor '{name}' has {len(samples)} samples; nothing can be estimated")
+    clock = fit_clock(samples, truth) if settings.align_clock else ClockFit()
+    time = clock.to_host(samples.device_time_ns)
+    uniform, rows = fill_gaps(samples, clock)
+    static = detect_static(uniform.gyr, uniform.interval)[rows]
+    calibration = CalibrationFit()
+    if settings.calibrate == "static_poses" and truth is not None:
+        calibration = _calibrate(session, samples.acc, samples.gyr, time, static, truth)
+    corrected = UniformSamples(
+        uniform.interval,
+        uniform.gyr - calibration.gyr_bias,
+        (uniform.acc - calibration.acc_bias) @ calibration.acc_matrix.T,
+        uniform.mag,
+        uniform.device_q,
+    )
+    orientation: dict[str, np.ndarray] = {}
+    frames: dict[str, FrameFit] = {}
+    skipped: dict[str, str] = {}
+    for key in filters:
+        kind = get_filter(key)
+        missing = kind.missing(corrected)
+        if missing:
+            skipped[key] = f"the sensor gives no {' and no '.join(missing)}"
+            continue
+        q = rotation.normalise(kind.run(corrected)[rows])
+        frames[key] = _align(session, q, time, truth, settings.align)
+        orientation[key] = apply_frames(q, frames[key])
+    return SensorEstimate(time, static, orientation, clock, calibration, frames, skipped)
+
+
+def _calibrate(
+    session: Session, acc: np.ndarray, gyr: np.ndarray, time: np.ndarray, static: np.ndarray, truth: Truth
+) -> CalibrationFit:
+    """Static poses of the calibration sections, as the gyroscope confirms them."""
+    gravity = session.robot.gravity if session.robot else STANDARD_DOWN
+    accs, gyrs, poses = [], [], []
+    for step in session.steps:
+        if step.role != "calibration" or step.kind == "sweep":
+            continue
+        rest = static & (time >= step.settled_ns) & (time <= step.end_ns)
+        if rest.sum() >= 10:
+            middle = np.array([time[rest].mean()])
+            accs.append(acc[rest])
+            gyrs.append(gyr[rest])
+            poses.append(rotation.interpolate(truth.host_time_ns, truth.q_world_from_sensor, middle)[0])
+    return fit_static_poses(accs, gyrs, poses, gravity)
+
+
+def _align(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth | None, method: str) -> FrameFit:
+    """Over the second half of the first dwell of the reference section, or else of the first dwell at all."""
+    if method == "none" or truth is None:
+        return FrameFit()
+    step = _reference_step(session)
+    if step is None:
+        return FrameFit()
+    begin = (step.settled_ns + step.end_ns) // 2
+    mine = (time >= begin) & (time <= step.end_ns)
+    known = (truth.host_time_ns >= begin) & (truth.host_time_ns <= step.end_ns) & np.isfinite(truth.q_world_from_sensor[:, 0])
+    if not mine.any() or not known.any():
+        return FrameFit()
+    return fit_frames(q[mine], truth.q_world_from_sensor[known], method)
+
+
+def _reference_step(session: Session) -> PlannedStep | None:
+    dwells = [step for step in session.steps if step.kind != "sweep" and step.end_ns - step.settled_ns >= NANOSECONDS // 5]
+    return next((step for step in dwells if step.role == "reference"), dwells[0] if dwells else None)
+
+
+def _estimate_joint(session: Session, name: str, sensors: dict[str, SensorEstimate]) -> JointEstimate:
+    """Joint angles at the proximal sensor's instants; the distal orientation is interpolated to them."""
+    joint = session.analysis.joints[name]
+    proximal, distal = sensors[joint.proximal], sensors[joint.distal]
+    placed = session.analysis.sensors
+    angles = {}
+    for key, q_proximal in proximal.orientation.items():
+        if key not in distal.orientation:
+            continue
+        q_distal = rotation.interpolate(distal.host_time_ns, distal.orientation[key], proximal.host_time_ns)
+        world_from_proximal = segment_orientation(q_proximal, placed[joint.proximal])
+        world_from_distal = segment_orientation(q_distal, placed[joint.distal])
+        for definition in joint.definitions():
+            angles[key, definition.sequence] = joint_angles(world_from_proximal, world_from_distal, definition.sequence)
+    return JointEstimate(proximal.host_time_ns, angles)

@@ -1,0 +1,51 @@
+"""What every orientation filter takes and gives."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class UniformSamples:
+    """Samples at a regular interval, in the sensor frame.
+
+    Attributes:
+        interval: [s]. gyr: Angular rate, shape (n, 3) [rad/s]. acc: Specific force, shape (n, 3) [m/s^2]. mag: Shape (n, 3) [uT],
+        or None. device_q: The vendor's q_earth_from_sensor, shape (n, 4), or None.
+    """
+
+    interval: float
+    gyr: np.ndarray
+    acc: np.ndarray
+    mag: np.ndarray | None = None
+    device_q: np.ndarray | None = None
+
+
+class OrientationFilter(ABC):
+    """Turns samples into orientations.
+
+    Attributes:
+        name: As protocols spell it. needs: Of "gyr", "acc", "mag", "device_q". source: Publication or package.
+        parameters: Those it runs with, for the record.
+    """
+
+    name: ClassVar[str]
+    needs: ClassVar[tuple[str, ...]]
+    source: ClassVar[str]
+    parameters: ClassVar[dict[str, float]] = {}
+
+    @abstractmethod
+    def run(self, samples: UniformSamples) -> np.ndarray:
+        """Orientation at every sample.
+
+        Returns:
+            q_earth_from_sensor, w x y z, shape (n, 4). Earth has z up; its heading is ENU with a magnetometer, else arbitrary.
+        """
+
+    def missing(self, samples: UniformSamples) -> list[str]:
+        """What this filter needs and the samples lack."""
+        return [need for need in self.needs if getattr(samples, need) is None]

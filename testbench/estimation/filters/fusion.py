@@ -1,0 +1,32 @@
+"""Fusion: Madgwick's revised AHRS algorithm, from its author's package."""
+
+from __future__ import annotations
+
+import imufusion
+import numpy as np
+
+from testbench.estimation.filters.base import OrientationFilter, UniformSamples
+from testbench.frames import STANDARD_GRAVITY
+
+
+class Fusion(OrientationFilter):
+    """x-io Fusion without magnetometer: arbitrary heading, accelerometer and gyroscope only."""
+
+    name, needs = "fusion", ("gyr", "acc")
+    source = "Madgwick, PhD thesis, University of Bristol, 2014, chapter 7; package imufusion"
+    parameters = {"gain": 0.5}  # noqa: RUF012 - typed in the base class
+
+    def run(self, samples: UniformSamples) -> np.ndarray:
+        """See OrientationFilter."""
+        settings = imufusion.AhrsSettings()
+        settings.convention = imufusion.CONVENTION_ENU
+        settings.gain = self.parameters["gain"]
+        settings.sample_rate = 1.0 / samples.interval
+        ahrs = imufusion.Ahrs()
+        ahrs.set_settings(settings)
+        q = np.empty((len(samples.gyr), 4))
+        rates, forces = np.degrees(samples.gyr), samples.acc / STANDARD_GRAVITY
+        for i in range(len(q)):
+            ahrs.update_no_magnetometer(rates[i], forces[i])
+            q[i] = ahrs.get_quaternion()
+        return q

@@ -1,0 +1,41 @@
+"""A regular time grid for filters that want one: lost packets are filled by interpolation, and taken out again afterwards."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.estimation.filters.base import UniformSamples
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.records.estimate import ClockFit
+from testbench.records.samples import ImuSamples
+
+MOST_FILLING = 10
+"""Gaps that would make the grid this many times longer than the recording are not filled; the counter is then not trusted."""
+
+
+def fill_gaps(samples: ImuSamples, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
+    """Samples on a regular grid.
+
+    Args:
+        samples: With their counter. clock: Gives the true interval.
+
+    Returns:
+        The regular samples, and the row of each original sample in them, shape (n,).
+    """
+    rows = samples.counter - samples.counter[0]
+    if (np.diff(rows) <= 0).any() or rows[-1] + 1 > MOST_FILLING * len(rows):
+        rows = np.arange(len(samples))
+    count = int(rows[-1]) + 1
+    span = (samples.device_time_ns[-1] - samples.device_time_ns[0]) / NANOSECONDS
+    interval = span / max(count - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
+    if count == len(samples):
+        return UniformSamples(interval, samples.gyr, samples.acc, samples.mag, samples.device_q), rows
+    grid = np.arange(count)
+
+    def fill(array: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.interp(grid, rows, column) for column in array.T])
+
+    mag = None if samples.mag is None else fill(samples.mag)
+    device_q = None if samples.device_q is None else rotation.interpolate(rows, samples.device_q, grid)
+    return UniformSamples(interval, fill(samples.gyr), fill(samples.acc), mag, device_q), rows

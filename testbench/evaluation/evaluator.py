@@ -1,0 +1,46 @@
+"""The stage `evaluate`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.evaluation.flexion import evaluate_joint
+from testbench.evaluation.judged import judged_steps
+from testbench.evaluation.orientation import evaluate_sensor
+from testbench.evaluation.verdict import judge, summarise_metrics
+from testbench.records.estimate import Estimate
+from testbench.records.evaluation import Evaluation, JointRow, OrientationRow
+from testbench.records.session import RunStatus, Session
+
+
+def evaluate(session: Session, estimate: Estimate) -> Evaluation:
+    """Compare estimates with the truth and judge them by the protocol's limits.
+
+    Args:
+        session: The recording. estimate: What `estimate` made of it.
+    """
+    steps = judged_steps(session.steps) if session.steps else []
+    orientations: list[OrientationRow] = []
+    joints: list[JointRow] = []
+    series: dict[str, dict[str, np.ndarray]] = {}
+    notes = []
+    if session.status is not RunStatus.COMPLETED:
+        notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
+    for name, sensor in estimate.sensors.items():
+        notes += [f"{name}: {key} was left out: {why}" for key, why in sensor.skipped.items()]
+        truth = session.truth(name)
+        if truth is None:
+            notes.append(f"{name}: no truth, so its orientation is not judged")
+            continue
+        rows, series[f"orientation_{name}"] = evaluate_sensor(name, sensor, truth, steps)
+        orientations += rows
+    arm = session.arm()
+    for name in estimate.joints:
+        rows_of_joint, columns = evaluate_joint(session, name, estimate, steps, arm)
+        joints += rows_of_joint
+        if columns:
+            series[f"joint_{name}"] = columns
+        else:
+            notes.append(f"{name}: no truth, so its angle is not judged")
+    metrics, outcome = judge(session.analysis, summarise_metrics(session.analysis, joints, orientations))
+    return Evaluation(session.name, joints, orientations, metrics, outcome, notes, series)

@@ -1,0 +1,39 @@
+"""Which samples count: static poses once they have settled, sweeps while they move, or what the recording itself marks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from testbench.frames import NANOSECONDS
+from testbench.records.plan import PlannedStep
+
+SETTLING_NS = NANOSECONDS * 3 // 10
+"""After a move the arm still swings in; this long is left out of a dwell (a servo of 12 Hz is within 1e-6 after 0.3 s)."""
+
+
+def judged_steps(steps: list[PlannedStep]) -> list[PlannedStep]:
+    """Steps whose errors count: those of evaluation sections, or all but calibration where there is none."""
+    chosen = [step for step in steps if step.role == "evaluation"]
+    return chosen or [step for step in steps if step.role != "calibration"] or steps
+
+
+def window(step: PlannedStep) -> tuple[int, int]:
+    """First and last host time of a step that count [ns]."""
+    if step.kind == "sweep":
+        return step.start_ns, step.settled_ns
+    settling = min(SETTLING_NS, (step.end_ns - step.settled_ns) // 4)
+    return step.settled_ns + settling, step.end_ns
+
+
+def rows_by_step(steps: list[PlannedStep], time_ns: np.ndarray, static: np.ndarray) -> Iterator[tuple[PlannedStep, np.ndarray]]:
+    """The rows of a time column that count in each step, in order.
+
+    Args:
+        steps: As `judged_steps` gives them. time_ns: Increasing, shape (n,). static: At rest by the sensors, shape (n,).
+    """
+    for step in steps:
+        begin, end = window(step)
+        rows = np.arange(np.searchsorted(time_ns, begin), np.searchsorted(time_ns, end, side="right"))
+        yield step, rows if step.kind == "sweep" else rows[static[rows]]

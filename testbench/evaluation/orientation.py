@@ -1,0 +1,64 @@
+"""Errors of each sensor's orientation by each filter."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.evaluation.judged import rows_by_step
+from testbench.evaluation.metrics import orientation_errors, rms
+from testbench.model import rotation
+from testbench.records.estimate import SensorEstimate
+from testbench.records.evaluation import OrientationRow
+from testbench.records.plan import PlannedStep
+from testbench.records.samples import Truth
+
+WIDEST_GAP_NS = 200_000_000
+"""Truth is interpolated over gaps up to this long; beyond it nobody knows [ns]."""
+
+
+def truth_at(truth: Truth, time_ns: np.ndarray) -> np.ndarray:
+    """q_world_from_sensor at times, shape (n, 4); NaN before, after and in gaps of the truth."""
+    known = np.isfinite(truth.q_world_from_sensor).all(axis=1)
+    result = np.full((len(time_ns), 4), np.nan)
+    if known.sum() < 2:
+        return result
+    times = truth.host_time_ns[known]
+    index = np.clip(np.searchsorted(times, time_ns, side="right"), 1, len(times) - 1)
+    inside = (time_ns >= times[0]) & (time_ns <= times[-1]) & (times[index] - times[index - 1] <= WIDEST_GAP_NS)
+    result[inside] = rotation.interpolate(times, truth.q_world_from_sensor[known], time_ns[inside])
+    return result
+
+
+def judged_rows(steps: list[PlannedStep], truth: Truth, time_ns: np.ndarray, static: np.ndarray) -> np.ndarray:
+    """Which of a sensor's samples count, shape (n,), bool: by the steps, or by the truth's own marks where there are none."""
+    if steps:
+        judged = np.zeros(len(time_ns), dtype=bool)
+        for _, rows in rows_by_step(steps, time_ns, static):
+            judged[rows] = True
+        return judged
+    if truth.judged is None:
+        return np.ones(len(time_ns), dtype=bool)
+    nearest = np.clip(np.searchsorted(truth.host_time_ns, time_ns), 0, len(truth.host_time_ns) - 1)
+    return np.asarray(truth.judged[nearest])
+
+
+def evaluate_sensor(
+    name: str, estimate: SensorEstimate, truth: Truth, steps: list[PlannedStep]
+) -> tuple[list[OrientationRow], dict[str, np.ndarray]]:
+    """Rows and error signals of one sensor."""
+    time = estimate.host_time_ns
+    q_true = truth_at(truth, time)
+    judged = judged_rows(steps, truth, time, estimate.static) & np.isfinite(q_true[:, 0])
+    series = {"host_time_ns": time, "judged": judged}
+    rows = []
+    for key, q in estimate.orientation.items():
+        errors = orientation_errors(q, q_true)
+        series[f"{key}_total_rad"], series[f"{key}_heading_rad"] = errors.total, errors.heading
+        series[f"{key}_inclination_rad"] = errors.inclination
+        if not judged.any():
+            continue
+        total, heading, inclination = (np.degrees(e[judged]) for e in (errors.total, errors.heading, errors.inclination))
+        rows.append(
+            OrientationRow(name, key, int(judged.sum()), rms(total), rms(heading), rms(inclination), float(total.max()))
+        )
+    return rows, series

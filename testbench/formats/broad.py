@@ -1,0 +1,96 @@
+"""BROAD: the Berlin Robust Orientation Estimation Assessment Dataset (Laidig et al., Data 6(7):72, 2021).
+
+A trial holds one IMU, an optical reference in the same frames and on the same clock, and marks the movement phases whose errors count.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from scipy.io import loadmat
+
+from testbench.clock import Clock
+from testbench.exceptions import FileProblems, InputError, Problem
+from testbench.frames import NANOSECONDS
+from testbench.records.protocol import Analysis, Estimation
+from testbench.records.samples import ImuSamples, Truth
+from testbench.records.session import RunStatus, Session
+from testbench.records.session_writer import SessionWriter
+
+SENSOR = "imu"
+FILTERS = ["vqf_6d", "vqf_9d", "fusion", "madgwick_imu"]
+SHAPES = {"imu_gyr": 3, "imu_acc": 3, "imu_mag": 3, "opt_quat": 4}
+
+
+def import_recording(files: list[Path], out: Path, clock: Clock) -> Session:
+    """Import one trial.
+
+    Args:
+        files: One .mat or .hdf5 file. out: Folder of the session, to be made. clock: For the date of the import.
+
+    Raises:
+        InputError: Not exactly one file.
+        FileProblems: The file is not a BROAD trial; nothing is written then.
+    """
+    if len(files) != 1:
+        raise InputError(f"a BROAD trial is one file, {len(files)} were given")
+    file = files[0]
+    data = _read(file)
+    rate, count = float(data["sampling_rate"]), len(data["imu_gyr"])
+    time = np.round(np.arange(count) * (NANOSECONDS / rate)).astype(np.int64)
+    q = data["opt_quat"]
+    samples = ImuSamples(
+        time, time, data["imu_gyr"], data["imu_acc"], data["imu_mag"], None, np.arange(count), np.zeros(count, dtype=bool)
+    )
+    truth = Truth(time, q, judged=data["movement"].astype(bool))
+    analysis = Analysis(estimate=Estimation(filters=FILTERS, align="none", align_clock=False, calibrate="none"))
+    description = {
+        "driver": "imported",
+        "description": "myon aktos-t",
+        "rate_hz": rate,
+        "magnetometer": True,
+        "orientation": False,
+    }
+    protocol = {"name": file.stem, "purpose": "BROAD trial: real IMU against optical truth in the same earth frame (ENU)"}
+    source = {"kind": "import", "format": "broad", "source": file.name, "protocol": protocol, "duration_s": count / rate}
+    writer = SessionWriter(out, analysis, {SENSOR: description}, clock.utc(), source)
+    writer.add_table(f"imu_{SENSOR}", samples.to_columns(), {"content": "imported from BROAD; rad/s, m/s^2, uT"})
+    writer.add_table(
+        f"truth_{SENSOR}", truth.to_columns(), {"content": "optical q_earth_from_sensor (ENU); NaN where it was lost"}
+    )
+    writer.close(RunStatus.COMPLETED)
+    return Session(out)
+
+
+def _read(file: Path) -> dict[str, Any]:
+    def refuse(message: str) -> FileProblems:
+        return FileProblems(file, [Problem(message)])
+
+    if not file.is_file():
+        raise refuse("the file does not exist")
+    try:
+        if file.suffix.lower() in {".hdf5", ".h5"}:
+            with h5py.File(file) as content:
+                data = {key: np.asarray(content[key]) for key in content}
+                data["sampling_rate"] = content.attrs.get("sampling_rate", np.nan)
+        else:
+            data = {key: value for key, value in loadmat(file).items() if not key.startswith("__")}
+    except Exception as error:  # every reader has errors of its own for a damaged file
+        raise refuse(f"not a readable MATLAB or HDF5 file: {error}") from None
+    missing = [key for key in (*SHAPES, "movement", "sampling_rate") if key not in data]
+    if missing:
+        raise refuse(f"not a BROAD trial: it lacks {', '.join(missing)}; it has {', '.join(sorted(data)) or 'nothing'}")
+    count = len(data["imu_gyr"])
+    for key, width in SHAPES.items():
+        data[key] = np.asarray(data[key], dtype=float)
+        if data[key].shape != (count, width) or count < 10:
+            raise refuse(f"{key} has shape {data[key].shape}; a BROAD trial has ({count}, {width}) with at least 10 rows")
+    data["movement"] = np.asarray(data["movement"]).reshape(-1)
+    rate = float(np.asarray(data["sampling_rate"]).reshape(-1)[0])
+    if len(data["movement"]) != count or not 1 <= rate <= 100_000:
+        raise refuse(f"{len(data['movement'])} movement marks and a rate of {rate} Hz do not fit {count} samples")
+    data["sampling_rate"] = rate
+    return data

@@ -1,0 +1,71 @@
+"""Published results that ours are shown beside, each with the table it stands in."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+from pydantic import Field, model_validator
+
+from testbench.exceptions import NotFoundError
+from testbench.records.strict import EulerSequence, StrictModel
+from testbench.records.yaml_file import load_yaml
+
+PUBLISHED = Path(__file__).resolve().parent.parent / "studies" / "published"
+
+
+class FlexionErrors(StrictModel):
+    """One published table of mean absolute flexion errors.
+
+    Attributes:
+        table: Number of the table. sensor, method: As published. filters: Those of ours that the method is, or comes nearest to.
+        sequence: Euler sequence of the angle. mean_abs_error_deg: One value for each commanded flexion, None where none is given.
+    """
+
+    table: str
+    sensor: str
+    method: str
+    filters: list[str]
+    sequence: EulerSequence
+    mean_abs_error_deg: list[float | None]
+
+
+class PublishedResults(StrictModel):
+    """The numbers of one publication."""
+
+    id: str
+    description: str
+    authors: str
+    institution: str
+    year: int
+    setup: str
+    reference_angle: str
+    flexion_deg: list[float] = Field(min_length=1)
+    flexion_mean_abs_error: list[FlexionErrors]
+
+    @model_validator(mode="after")
+    def _equally_long(self) -> PublishedResults:
+        for row in self.flexion_mean_abs_error:
+            if len(row.mean_abs_error_deg) != len(self.flexion_deg):
+                raise ValueError(
+                    f"table {row.table} has {len(row.mean_abs_error_deg)} values for {len(self.flexion_deg)} flexions"
+                )
+        return self
+
+    @property
+    def source(self) -> str:
+        """How to cite it."""
+        return f"{self.authors}, {self.institution}, {self.year}"
+
+
+@cache
+def load_published(name: str = "reference_1") -> PublishedResults:
+    """Published results that ship with the bench.
+
+    Raises:
+        NotFoundError: No such publication; lists those that exist.
+    """
+    file = PUBLISHED / f"{name}.yaml"
+    if not file.is_file():
+        raise NotFoundError("published results", name, sorted(path.stem for path in PUBLISHED.glob("*.yaml")))
+    return load_yaml(file, PublishedResults).value

@@ -1,0 +1,222 @@
+"""Figures of the report, as plain dictionaries that plotly.js draws; the one door to plotly.
+
+A figure is {"data": [...], "layout": {...}} without colours of text, grid or background: the page adds those of its scheme.
+Validated graph objects would cost more time than everything else in the report.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from testbench.reporting.palette import REFERENCE, translucent
+
+Figure = dict[str, Any]
+
+_MARGIN = {"l": 58, "r": 14, "t": 34, "b": 46}
+
+
+def plotly_script() -> str:
+    """The source of plotly.js, to be put into the page."""
+    from plotly.offline import get_plotlyjs
+
+    return str(get_plotlyjs())
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line over the commanded flexion.
+
+    Attributes:
+        name: For the legend. x, y: Shape (n,). sd: Half height of its band, shape (n,), or None for none.
+    """
+
+    name: str
+    x: Sequence[float]
+    y: Sequence[float | None]
+    colour: str
+    sd: Sequence[float] | None = None
+    dashed: bool = False
+
+
+def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
+    """Lines with markers and bands."""
+    data: list[Figure] = []
+    for curve in curves:
+        if curve.sd is not None:
+            low = [max(y - s, 0.0) for y, s in zip(curve.y, curve.sd, strict=True) if y is not None]
+            high = [y + s for y, s in zip(curve.y, curve.sd, strict=True) if y is not None]
+            x = [value for value, y in zip(curve.x, curve.y, strict=True) if y is not None]
+            data.append(_band(x, low, high, curve))
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "name": _text(curve.name),
+                "legendgroup": _text(curve.name),
+                "x": _rounded(curve.x),
+                "y": _rounded(curve.y),
+                "line": {"color": curve.colour, "width": 2, "dash": "dot" if curve.dashed else "solid"},
+                "marker": {"size": 6, "symbol": "diamond-open" if curve.dashed else "circle"},
+                "hovertemplate": "%{y:.3f}",
+            }
+        )
+    layout = _layout(380, hovermode="x unified")
+    layout["xaxis"] = _axis(x_title)
+    layout["yaxis"] = _axis(y_title, rangemode="tozero")
+    return {"data": data, "layout": layout}
+
+
+def _band(x: list[float], low: list[float], high: list[float], curve: Curve) -> Figure:
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": _rounded([*x, *reversed(x)]),
+        "y": _rounded([*low, *reversed(high)]),
+        "fill": "toself",
+        "fillcolor": translucent(curve.colour, 0.16),
+        "line": {"width": 0},
+        "legendgroup": _text(curve.name),
+        "showlegend": False,
+        "hoverinfo": "skip",
+    }
+
+
+def heat_map(
+    title: str, x: Sequence[float], y: Sequence[float], z: np.ndarray, x_title: str, y_title: str, z_title: str, z_max: float
+) -> Figure:
+    """Values over a grid.
+
+    Args:
+        x, y: Shape (m,), (n,). z: Shape (n, m), NaN where there is none. z_max: Upper end of the colours.
+    """
+    data = {
+        "type": "heatmap",
+        "x": _rounded(x),
+        "y": _rounded(y),
+        "z": [_rounded(row) for row in z],
+        "zmin": 0,
+        "zmax": float(f"{z_max:.3g}"),
+        "colorscale": "Viridis",
+        "colorbar": {"title": {"text": _text(z_title), "side": "right"}, "thickness": 12, "outlinewidth": 0},
+        "hovertemplate": f"{_text(x_title)} %{{x}}<br>{_text(y_title)} %{{y}}<br>{_text(z_title)} %{{z:.3f}}<extra></extra>",
+        "xgap": 0.5,
+        "ygap": 0.5,
+    }
+    layout = _layout(300) | {"title": {"text": _text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left", "y": 0.97}}
+    layout["xaxis"] = _axis(x_title) | _few_ticks(x)
+    layout["yaxis"] = _axis(y_title) | _few_ticks(y)
+    return {"data": [data], "layout": layout}
+
+
+def _few_ticks(values: Sequence[float]) -> Figure:
+    """A tick at every value where they are few; an even choice otherwise."""
+    if len(values) > 8:
+        return {"nticks": 8}
+    return {"tickmode": "array", "tickvals": _rounded(values)}
+
+
+@dataclass(frozen=True)
+class Span:
+    """A part of the time axis that is named: a section of the protocol [s]."""
+
+    name: str
+    begin: float
+    end: float
+
+
+def time_panels(
+    time: np.ndarray, panels: Mapping[str, Mapping[str, np.ndarray]], colours: Mapping[str, str], spans: Sequence[Span] = ()
+) -> Figure:
+    """Signals over time, in panels one above the other that share the time axis.
+
+    Args:
+        time: Shape (n,) [s]. panels: By title of the vertical axis, the signals by name, shape (n,). colours: By name.
+        spans: Sections of the protocol, marked in every panel.
+    """
+    data: list[Figure] = []
+    height = 96 + (200 if len(panels) > 1 else 260) * len(panels)
+    layout = _layout(height, hovermode="x")
+    gap = 0.05 if len(panels) > 1 else 0.0
+    each = (1 - gap * (len(panels) - 1)) / len(panels)
+    times = _packed(time)
+    for i, (title, signals) in enumerate(panels.items()):
+        number = "" if i == 0 else str(i + 1)
+        for name, values in signals.items():
+            data.append(
+                {
+                    "type": "scatter",
+                    "mode": "lines",
+                    "name": _text(name),
+                    "legendgroup": _text(name),
+                    "showlegend": i == 0,
+                    "x": times,
+                    "y": _packed(values),
+                    "yaxis": f"y{number}",
+                    "line": {"color": colours[name], "width": 1.2},
+                    "connectgaps": False,
+                    "hovertemplate": "%{y:.3f}",
+                }
+            )
+        top = 1 - i * (each + gap)
+        layout[f"yaxis{number}"] = _axis(title) | {"domain": [max(top - each, 0.0), top]}
+    layout["xaxis"] = _axis("time since start [s]") | {
+        "anchor": "y" if len(panels) == 1 else f"y{len(panels)}",
+        "showspikes": True,
+    }
+    layout["shapes"], layout["annotations"] = _section_marks(spans)
+    return {"data": data, "layout": layout}
+
+
+def _section_marks(spans: Sequence[Span]) -> tuple[list[Figure], list[Figure]]:
+    """A line where each section begins, and the names of those wide enough to carry one."""
+    if len(spans) < 2:
+        return [], []
+    whole = spans[-1].end - spans[0].begin
+    lines = [
+        {"type": "line", "xref": "x", "yref": "paper", "x0": s.begin, "x1": s.begin, "y0": 0, "y1": 1,
+         "line": {"color": REFERENCE, "width": 1, "dash": "dot"}, "layer": "below"}
+        for s in spans
+    ]  # fmt: skip
+    names = [
+        {"text": _text(s.name), "xref": "x", "yref": "paper", "x": s.begin, "y": 1, "xanchor": "left", "yanchor": "top",
+         "showarrow": False, "font": {"size": 11, "color": REFERENCE}, "xshift": 3}
+        for s in spans if s.end - s.begin > 0.1 * whole
+    ]  # fmt: skip
+    return lines, names
+
+
+def _layout(height: int, **more: Any) -> Figure:
+    return {
+        "height": height,
+        "margin": dict(_MARGIN),
+        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "hoverlabel": {"namelength": -1},
+        **more,
+    }
+
+
+def _axis(title: str, **more: Any) -> Figure:
+    return {"title": {"text": _text(title), "standoff": 8}, "automargin": True, "zeroline": True, **more}
+
+
+def _text(text: str) -> str:
+    """plotly reads its texts as HTML: show them as they are."""
+    return escape(str(text), quote=False)
+
+
+def _rounded(values: Iterable[float | None]) -> list[float | None]:
+    """Four significant digits are more than a figure can show; JSON has no NaN."""
+    return [None if value is None or not np.isfinite(value) else float(f"{value:.4g}") for value in values]
+
+
+def _packed(values: np.ndarray) -> Figure:
+    """A typed array as plotly.js takes it: a third of the size of digits, and NaN is a gap."""
+    return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")}

@@ -1,0 +1,58 @@
+"""What a page is made of: sections of tables, figures and sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from testbench.reporting.figures import Figure
+from testbench.reporting.tables import Table
+
+
+@dataclass(frozen=True)
+class Figures:
+    """One figure, or several small ones side by side.
+
+    Attributes:
+        caption: What they show. figures: By the words a screen reader says. how: How to read them, one line. small: Several to a row.
+    """
+
+    caption: str
+    figures: dict[str, Figure]
+    how: str
+    small: bool = False
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading inside a section."""
+
+    title: str
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A plain sentence, such as why there is no figure here."""
+
+    text: str
+
+
+Block = Table | Figures | Heading | Sentence
+
+
+@dataclass
+class Section:
+    """A part of the page that the contents list; `key` is its anchor."""
+
+    key: str
+    title: str
+    blocks: list[Block] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A number worth seeing first."""
+
+    value: str
+    unit: str
+    title: str
+    detail: str = ""

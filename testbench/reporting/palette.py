@@ -1,0 +1,26 @@
+"""One colour for each filter, the same in the report and in the viewer, legible on white and on near-black."""
+
+from __future__ import annotations
+
+COLOURS = (
+    "#2f7ed8", "#dd7a1f", "#1f9e77", "#a866d6", "#d64f5c", "#9a8712", "#1a9bb0", "#cc5c9e", "#6d8f2c", "#8a7461",
+)  # fmt: skip
+"""Contrast of at least 3 to 1 against #ffffff and #14171c each; neighbours differ in hue and lightness."""
+
+REFERENCE = "#868e99"
+"""Truth and published results."""
+
+
+def filter_colours(filters: list[str]) -> dict[str, str]:
+    """Colour of each filter, in the order given; beyond ten they repeat."""
+    return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(dict.fromkeys(filters))}
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue of `#rrggbb`, 0 to 255."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def translucent(colour: str, opacity: float) -> str:
+    """The colour as CSS rgba()."""
+    return f"rgba({', '.join(str(part) for part in rgb(colour))}, {opacity:g})"

@@ -1,0 +1,93 @@
+"""A table for people: cells that know how to be shown, and the line that says how to read it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+NOTHING = "–"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell.
+
+    Attributes:
+        text: What is shown. title: More, on hovering. kind: CSS classes: "number", "badge pass", ... head: A header of its row.
+        span: Columns it covers.
+    """
+
+    text: str
+    title: str = ""
+    kind: str = ""
+    head: bool = False
+    span: int = 1
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row; its kind becomes a CSS class: "published", "group"."""
+
+    cells: list[Cell]
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table.
+
+    Attributes:
+        caption: What it shows. columns: Header. rows: Body. how: How to read it, one line. over: A header above the header.
+        folded: Shown only when asked for.
+    """
+
+    caption: str
+    columns: list[Cell]
+    rows: list[Row]
+    how: str
+    over: list[Cell] = field(default_factory=list)
+    folded: bool = False
+
+
+def header(*titles: str, numbers_from: int = 1) -> list[Cell]:
+    """Column titles; those from `numbers_from` on stand over numbers."""
+    return [Cell(title, kind="number" if i >= numbers_from else "") for i, title in enumerate(titles)]
+
+
+def label(text: Any, title: str = "") -> Cell:
+    """The name a row begins with."""
+    return Cell(str(text), title, head=True)
+
+
+def text(value: Any, title: str = "") -> Cell:
+    """Words."""
+    return Cell(NOTHING if value in (None, "") else str(value), title)
+
+
+def number(value: float | int | None, decimals: int = 2, title: str = "", kind: str = "") -> Cell:
+    """A number with fixed decimals; a dash where there is none."""
+    return Cell(digits(value, decimals), title, f"number {kind}".strip())
+
+
+def significant(value: float | None, count: int = 3, title: str = "") -> Cell:
+    """A number with a fixed count of significant digits."""
+    shown = NOTHING if value is None or not np.isfinite(value) else f"{value:.{count}g}".replace("-", "−")
+    return Cell(shown, title, "number")
+
+
+def digits(value: float | int | None, decimals: int = 2) -> str:
+    """A number with fixed decimals and a true minus sign; never a negative zero."""
+    if value is None or not np.isfinite(value):
+        return NOTHING
+    shown = f"{value:.{decimals}f}"
+    if shown.strip("-0.") == "":
+        shown = shown.lstrip("-")
+    return shown.replace("-", "−")
+
+
+def vector(values: Iterable[float], decimals: int = 2) -> str:
+    """Numbers in a row."""
+    return ", ".join(digits(value, decimals) for value in values)
