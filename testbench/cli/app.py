@@ -148,7 +148,7 @@ def run(
 
 @app.command("import")
 def import_files(
-    format: Annotated[str, typer.Argument(help="Format of the files; `testbench formats` lists them.")],
+    format_name: Annotated[str, typer.Argument(metavar="FORMAT", help="Format of the files; `testbench formats` lists them.")],
     files: Annotated[list[Path], typer.Argument(help="Files to read.")],
     out: Annotated[Path, typer.Option("--out", help="Folder of the session, to be made.")],
     json: JsonOption = False,
@@ -157,7 +157,7 @@ def import_files(
     from testbench.clock import SystemClock
     from testbench.formats import import_recording
 
-    session = import_recording(format, files, out, SystemClock())
+    session = import_recording(format_name, files, out, SystemClock())
     sensors = {name: len(session.imu(name)) for name in session.sensor_names}
     if json:
         say_json({"session": str(session.path), "samples": sensors, "duration_s": session.manifest.get("duration_s")})
@@ -264,7 +264,7 @@ def filters(json: JsonOption = False) -> None:
     """List the orientation filters."""
     from testbench.estimation.filters import FILTERS
 
-    entries = [
+    entries: list[dict[str, Any]] = [
         {"name": name, "needs": list(kind.needs), "parameters": kind.parameters, "source": kind.source}
         for name, kind in FILTERS.items()
     ]
@@ -305,6 +305,19 @@ def sessions(
         say_json({"sessions": [dict(zip(keys, row, strict=True)) for row in rows]})
     else:
         say_table(f"Sessions in {logs}", ["session", "kind", "status", "outcome", "duration [s]", "started (UTC)"], rows)
+
+
+@app.command()
+def recover(session: SessionArgument, json: JsonOption = False) -> None:
+    """Make a session readable whose run was cut off by a kill or a power cut."""
+    from testbench.execution.recovery import recover as make_readable
+
+    recovered = make_readable(_open(session))
+    message = recovered.manifest.get("message") or "nothing to recover"
+    if json:
+        say_json({"session": str(recovered.path), "status": recovered.status, "message": message})
+    else:
+        say(f"{recovered.path}: {message}")
 
 
 def _open(path: Path) -> Session:

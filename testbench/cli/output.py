@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from testbench.execution.executor import Progress
+    from testbench.execution.executor import Progress as RunProgress
     from testbench.records.evaluation import Evaluation
     from testbench.records.plan import Plan
 
@@ -40,12 +40,13 @@ def say_table(title: str, columns: list[str], rows: list[list[Any]]) -> None:
     """A table on stdout."""
     from rich import box
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(title=escape(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
     for i, column in enumerate(columns):
         numeric = bool(rows) and isinstance(rows[0][i], int | float)
-        table.add_column(column, justify="right" if numeric else "left", overflow="fold")
+        table.add_column(escape(column), justify="right" if numeric else "left", overflow="fold")
     for row in rows:
         table.add_row(*[_cell(value) for value in row])
     console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
@@ -65,7 +66,7 @@ def progress_bar(shown: bool) -> Iterator[Any]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=None)
 
-        def update(progress: Progress) -> None:
+        def update(progress: RunProgress) -> None:
             text = f"step {progress.index + 1}/{progress.steps}: {progress.step}"
             bar.update(task, description=text[:60], total=progress.duration, completed=progress.time)
 
@@ -78,23 +79,18 @@ def say_check(plan: Plan) -> None:
     say(f"{spec.name} on {plan.robot.name}: {check.steps} steps, {check.duration_s:.1f} s")
     say_table(
         "Joints",
-        ["joint", "from [deg]", "to [deg]", "peak speed [deg/s]", "limit [deg/s]", "peak acceleration [deg/s^2]", "limit [deg/s^2]"],
-        [
-            [j.joint, j.lowest_deg, j.highest_deg, j.peak_speed_deg_s, j.speed_limit_deg_s, j.peak_acceleration_deg_s2,
-             j.acceleration_limit_deg_s2]
-            for j in check.joints
-        ],
-    )  # fmt: skip
+        ["joint", "from [deg]", "to [deg]", "speed [deg/s]", "limit [deg/s]", "acceleration [deg/s^2]", "limit [deg/s^2]"],
+        [list(vars(joint).values()) for joint in check.joints],
+    )
     say_table(
         "Sensors, largest on one axis",
         ["sensor", "rate [deg/s]", "range [deg/s]", "specific force [m/s^2]", "range [m/s^2]"],
-        [[s.sensor, s.peak_rate_deg_s, s.range_deg_s, s.peak_specific_force_m_s2, s.range_m_s2] for s in check.sensors],
+        [list(vars(sensor).values()) for sensor in check.sensors],
     )
     c = check.clearance
     if c is not None:
-        say(
-            f"smallest clearance: {c.distance_mm:.1f} mm between {c.first} and {c.second} at t = {c.time_s:.2f} s (step '{c.step}')"
-        )
+        where = f"{c.first} and {c.second} at t = {c.time_s:.2f} s (step '{c.step}')"
+        say(f"smallest clearance: {c.distance_mm:.1f} mm between {where}")
     else:
         say("clearance: this arm has no collision bodies")
 

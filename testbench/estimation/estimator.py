@@ -11,7 +11,7 @@ from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
 from testbench.estimation.uniform import fill_gaps
 from testbench.exceptions import SessionError
-from testbench.frames import NANOSECONDS
+from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, JointEstimate, SensorEstimate
@@ -20,7 +20,7 @@ from testbench.records.protocol import Estimation
 from testbench.records.samples import Truth
 from testbench.records.session import Session
 
-STANDARD_DOWN = np.array([0.0, 0.0, -9.80665])
+STANDARD_DOWN = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
 
 def estimate(session: Session, filters: list[str] | None = None) -> Estimate:
@@ -53,13 +53,8 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(session, samples.acc, samples.gyr, time, static, truth)
-    corrected = UniformSamples(
-        uniform.interval,
-        uniform.gyr - calibration.gyr_bias,
-        (uniform.acc - calibration.acc_bias) @ calibration.acc_matrix.T,
-        uniform.mag,
-        uniform.device_q,
-    )
+    gyr, acc = calibration.apply(uniform.gyr, uniform.acc)
+    corrected = UniformSamples(uniform.interval, gyr, acc, uniform.mag, uniform.device_q)
     orientation: dict[str, np.ndarray] = {}
     frames: dict[str, FrameFit] = {}
     skipped: dict[str, str] = {}
@@ -118,7 +113,7 @@ def _estimate_joint(session: Session, name: str, sensors: dict[str, SensorEstima
     joint = session.analysis.joints[name]
     proximal, distal = sensors[joint.proximal], sensors[joint.distal]
     placed = session.analysis.sensors
-    angles = {}
+    angles: dict[tuple[str, str], np.ndarray] = {}
     for key, q_proximal in proximal.orientation.items():
         if key not in distal.orientation:
             continue

@@ -1,7 +1,8 @@
 """Frame alignment: the heading of a filter's earth, and what is left of the mounting, from a pose the arm knows.
 
-Two rotations stand between what a filter says and the truth: the unknown heading acts on the left (about the vertical, one angle,
-new at each power-up), the mounting acts on the right (in the sensor). One known pose gives three numbers: the heading is the
+Two rotations stand between what a filter says and the truth: the unknown heading acts on the left (about the vertical, one
+angle, new at each power-up), the mounting acts on the right (in the sensor). One known pose gives three numbers: the heading
+is the
 rotation about the vertical that explains most, the rest is put to the mounting.
 """
 
@@ -17,7 +18,7 @@ def fit_frames(q_earth_from_sensor: np.ndarray, q_world_from_sensor: np.ndarray,
     """Alignment from a reference pose.
 
     Args:
-        q_earth_from_sensor: By the filter, over the reference pose, shape (n, 4). q_world_from_sensor: The truth over it, (m, 4).
+        q_earth_from_sensor: By the filter, over the reference pose, shape (n, 4). q_world_from_sensor: The truth, (m, 4).
         method: "heading" or "reference_pose".
     """
     estimated, true = rotation.mean(q_earth_from_sensor), rotation.mean(q_world_from_sensor)

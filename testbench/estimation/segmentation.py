@@ -14,7 +14,8 @@ NOISE_FACTOR = 3.0
 def detect_static(gyr: np.ndarray, interval: float) -> np.ndarray:
     """Samples at which the sensor is at rest.
 
-    The windowed RMS of the angular rate about its quietest reading must stay below three times its quietest tenth; the borders of
+    The windowed RMS of the angular rate about its quietest reading must stay below three times its quietest tenth; the
+    borders of
     each rest are drawn in by half a window, so that no transient is let in.
 
     Args:
@@ -25,10 +26,10 @@ def detect_static(gyr: np.ndarray, interval: float) -> np.ndarray:
     """
     window = min(max(round(WINDOW_S / interval), 3), max(len(gyr), 1))
     mean = uniform_filter1d(gyr, window, axis=0)
-    spread = uniform_filter1d(np.sum((gyr - mean) ** 2, axis=1), window)
+    spread = np.maximum(uniform_filter1d(np.sum((gyr - mean) ** 2, axis=1), window), 0)
     quiet = spread <= np.quantile(spread, 0.1)
     centred = gyr - np.median(mean[quiet], axis=0)
-    rms = np.sqrt(uniform_filter1d(np.sum(centred**2, axis=1), window))
+    rms = np.sqrt(np.maximum(uniform_filter1d(np.sum(centred**2, axis=1), window), 0))  # a running sum may round below 0
     threshold = max(NOISE_FACTOR * float(np.quantile(rms, 0.1)), LEAST_RATE)
     moving = maximum_filter1d((rms > threshold).astype(np.int8), window)
     return np.asarray(moving == 0)

@@ -1,7 +1,8 @@
 """Time alignment: a sensor's clock against the host's, from the magnitude of the angular rate.
 
-The magnitude does not depend on any frame, so it needs neither heading nor mounting. A coarse offset comes from cross-correlation,
-then offset and drift (with the gyroscope's gain) from least squares by Gauss-Newton, to a fraction of a sample.
+The magnitude does not depend on any frame, so it needs neither heading nor mounting. A coarse offset comes from
+cross-correlation, then offset and drift (with the gyroscope's gain) from least squares by Gauss-Newton, to a fraction of a
+sample.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ SEARCH_S = 3.0
 LEAST_RATE = np.radians(2.0)
 """Rates of change slower than this per grid step's worth of motion say nothing of time [rad/s]."""
 ITERATIONS = 15
+CLUSTER_S = 2.0
+"""Residuals nearer than this count as one when the uncertainty is stated [s]."""
 
 
 def fit_clock(samples: ImuSamples, truth: Truth | None) -> ClockFit:
@@ -109,7 +112,7 @@ def _refine(
         if abs(step[0]) < 1e-9 and abs(step[1]) < 1e-12:
             break
     variance = float(residual @ residual) / max(len(residual) - 3, 1)
-    covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)
+    covariance = _clustered_covariance(jacobian, residual, np.floor(device_time[inside] / CLUSTER_S).astype(np.int64))
     to_start = np.array([1.0, -middle, 0.0])
     offset_sd = float(np.sqrt(to_start @ covariance @ to_start))
     middle_sd = float(np.sqrt(covariance[0, 0]))
@@ -122,3 +125,17 @@ def _refine(
         angle_error_deg=float(np.degrees(truth_rate.max()) * middle_sd),
         method="angular_rate",
     )
+
+
+def _clustered_covariance(jacobian: np.ndarray, residual: np.ndarray, cluster: np.ndarray) -> np.ndarray:
+    """Covariance of a least-squares fit whose errors hang together within clusters (Liang & Zeger 1986).
+
+    What remains after the fit is mostly the gyroscope's own errors, which last as long as a move does.
+
+    Args:
+        jacobian: Shape (n, k). residual: Shape (n,). cluster: Which cluster each row belongs to, shape (n,), increasing.
+    """
+    bread = np.linalg.pinv(jacobian.T @ jacobian)
+    starts = np.flatnonzero(np.diff(cluster, prepend=cluster[0] - 1))
+    scores = np.add.reduceat(jacobian * residual[:, None], starts, axis=0)
+    return np.asarray(bread @ (scores.T @ scores) @ bread)

@@ -72,7 +72,7 @@ def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> 
     placed = session.analysis.sensors
     world_from_proximal = segment_orientation(q_proximal[known], placed[joint.proximal])
     world_from_distal = segment_orientation(q_distal[known], placed[joint.distal])
-    angles = {}
+    angles: dict[str, np.ndarray] = {}
     for definition in joint.definitions():
         full = np.full((len(time), 3), np.nan)
         full[known] = joint_angles(world_from_proximal, world_from_distal, definition.sequence)
@@ -83,7 +83,7 @@ def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> 
 def _reference(
     joint: JointDefinition, true_angles: dict[str, np.ndarray], arm: ArmSamples | None, time: np.ndarray
 ) -> np.ndarray:
-    """True flexion [rad]: the arm's measured joint where the protocol names one, else the joint's own Euler angle of the truth."""
+    """True flexion [rad]: the arm's measured joint where the protocol names one, else the Euler angle of the truth."""
     if joint.reference_joint is not None and arm is not None and joint.reference_joint in arm.joint_names:
         column = arm.joint_names.index(joint.reference_joint)
         return np.asarray(np.interp(time, arm.host_time_ns, arm.q_measured[:, column], left=np.nan, right=np.nan))

@@ -86,7 +86,8 @@ class _Run:
         self.stop_asked = False
 
     def run(self) -> Session:
-        status, message, error = RunStatus.COMPLETED, "", None
+        status, message = RunStatus.COMPLETED, ""
+        error: BaseException | None = None
         with self._operator_may_stop():
             try:
                 self.arm.prepare(self.plan)

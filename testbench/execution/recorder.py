@@ -7,9 +7,8 @@ from typing import Any
 
 from testbench.clock import Clock
 from testbench.drivers.imus.base import Imu
-from testbench.execution.truth import kinematic_truth
+from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.model.kinematics import Kinematics
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import ARM, PLAN, Event, RunStatus, Session
@@ -22,18 +21,14 @@ IMU_NOTES = {
     "units": "the suffix of each column; times in nanoseconds",
 }
 ARM_NOTES = {"content": "joint angles sent and measured", "units": "the suffix of each column; times in nanoseconds"}
-TRUTH_NOTES = {
-    "content": "what the sensor went through by the arm's kinematics, from the measured joint angles and the mounting as believed",
-    "q_world_from_sensor": "w x y z, Hamilton",
-    "force": "specific force in the sensor frame, +9.81 upwards at rest",
-}
 
 
 class Recorder:
     """Writes one run.
 
     Args:
-        plan: What is run. imus: The sensors, by name. folder: The session's folder, to be made. clock: For the time of start and the
+        plan: What is run. imus: The sensors, by name. folder: The session's folder, to be made. clock: For the time of start
+        and the
         rhythm of syncing. seed: Of the run. details: Further entries of the manifest.
     """
 
@@ -109,10 +104,7 @@ class Recorder:
         self._writer.compact()
         table = read_parquet(self.path / f"{ARM}.parquet")
         samples = ArmSamples.from_columns(table, self.plan.robot.joint_names)
-        kinematics = Kinematics(self.plan.robot)
-        for name in self.imus:
-            truth = kinematic_truth(kinematics, samples, self.plan.protocol.spec.sensors[name])
-            self._writer.add_table(f"truth_{name}", truth.to_columns(), TRUTH_NOTES)
+        write_truth(self.path, self.plan.robot, samples, self.plan.protocol.spec.sensors)
         duration = (samples.host_time_ns[-1] if len(samples.host_time_ns) else 0) / NANOSECONDS
         self._writer.close(status, message=message, duration_s=float(duration))
         return Session(self.path)

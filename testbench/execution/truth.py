@@ -2,16 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+
 import numpy as np
 from scipy.signal import savgol_filter
 
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.protocol import Sensor
+from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples, Truth
+from testbench.records.storage import write_parquet
 
 SMOOTHING_S = 0.1
 """Width of the cubic Savitzky-Golay window that differentiates the measured joint rates [s]."""
+
+
+TRUTH_NOTES = {
+    "content": "what the sensor went through, by the arm's measured joint angles and the mounting as believed",
+    "q_world_from_sensor": "w x y z, Hamilton",
+    "rate": "angular rate in the sensor frame",
+    "force": "specific force in the sensor frame, +9.81 upwards at rest",
+}
+
+
+def write_truth(folder: Path, robot: Robot, samples: ArmSamples, sensors: Mapping[str, Sensor]) -> None:
+    """Write truth_<sensor>.parquet of every sensor into a session's folder."""
+    kinematics = Kinematics(robot)
+    for name, sensor in sensors.items():
+        write_parquet(folder / f"truth_{name}.parquet", kinematic_truth(kinematics, samples, sensor).to_columns(), TRUTH_NOTES)
 
 
 def kinematic_truth(kinematics: Kinematics, samples: ArmSamples, sensor: Sensor) -> Truth:

@@ -1,6 +1,7 @@
 """BROAD: the Berlin Robust Orientation Estimation Assessment Dataset (Laidig et al., Data 6(7):72, 2021).
 
-A trial holds one IMU, an optical reference in the same frames and on the same clock, and marks the movement phases whose errors count.
+A trial holds one IMU, an optical reference in the same frames and on the same clock, and marks the movement phases whose
+errors count.
 """
 
 from __future__ import annotations
@@ -92,5 +93,4 @@ def _read(file: Path) -> dict[str, Any]:
     rate = float(np.asarray(data["sampling_rate"]).reshape(-1)[0])
     if len(data["movement"]) != count or not 1 <= rate <= 100_000:
         raise refuse(f"{len(data['movement'])} movement marks and a rate of {rate} Hz do not fit {count} samples")
-    data["sampling_rate"] = rate
-    return data
+    return data | {"sampling_rate": rate}

@@ -11,7 +11,7 @@ from numba import njit
 
 
 @njit(cache=True)
-def chain_motion(
+def chain_motion(  # noqa: C901 - one loop over the chain, written out
     rotations: np.ndarray,
     offsets: np.ndarray,
     axes: np.ndarray,

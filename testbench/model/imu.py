@@ -1,7 +1,8 @@
 """The measurement model of an inertial sensor: from what happens to what is reported.
 
 y = quantise(clip(M f(x) + b + w(t) + noise)), where M holds scale and cross-axis errors, f the bandwidth and a cubic
-nonlinearity, b the turn-on bias, and w the in-run bias (Gauss-Markov and random walk); IEEE Std 952 and 1293 name the same terms.
+nonlinearity, b the turn-on bias, and w the in-run bias (Gauss-Markov and random walk); IEEE Std 952 and 1293 name the same
+terms.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ class TriadModel:
     """Three sensing axes that report at a fixed rate.
 
     Args:
-        triad: The data sheet. rate: Output rate [Hz]. seed: Of the run. labels: Name this triad; they select its random numbers.
+        triad: The data sheet. rate: Output rate [Hz]. seed: Of the run. labels: Name this triad; they select its random
+        numbers.
     """
 
     def __init__(self, triad: Triad, rate: float, seed: int, *labels: str):

@@ -98,7 +98,7 @@ def gimbal_margin(sequence: str, angles: np.ndarray) -> np.ndarray:
     return np.abs(np.pi / 2 - np.abs(middle))
 
 
-def from_heading(angle: np.ndarray) -> np.ndarray:
+def from_heading(angle: float | np.ndarray) -> np.ndarray:
     """Rotation about the vertical (z) by an angle [rad], shape (...) to (..., 4)."""
     half = np.asarray(angle, float) / 2
     zero = np.zeros_like(half)
@@ -112,7 +112,7 @@ def angle(q: np.ndarray) -> np.ndarray:
 
 
 def heading_angle(q_world_error: np.ndarray) -> np.ndarray:
-    """Signed angle [rad] in (-pi, pi] of the rotation about the vertical that comes nearest to a rotation, (..., 4) to (...)."""
+    """Signed angle [rad] in (-pi, pi] of the rotation about the vertical nearest to a rotation, shape (..., 4) to (...)."""
     q = np.asarray(q_world_error, float)
     sign = np.where(q[..., 0] < 0, -1.0, 1.0)
     return 2.0 * np.arctan2(sign * q[..., 3], sign * q[..., 0])

@@ -122,7 +122,8 @@ def _check_sensor(
 ) -> SensorUse:
     parameters = sensor.imu()
     accelerometer, gyroscope = parameters.accelerometer.triad(), parameters.gyroscope.triad()
-    motion = kinematics.frame_motion(sensor.link, *state, offset=Pose.from_placement(sensor.mounting))
+    q, v, a = state
+    motion = kinematics.frame_motion(sensor.link, q, v, a, Pose.from_placement(sensor.mounting))
     rate = np.abs(motion.angular_velocity_in_frame).max(axis=1)
     force = np.abs(motion.specific_force_in_frame(kinematics.robot.gravity)).max(axis=1)
     for quantity, values, limit, scale, unit in (

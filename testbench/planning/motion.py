@@ -22,6 +22,10 @@ SINE_KNOT_S = 0.004
 """Spacing of the knots of a sine; the quintic between them follows a 5 Hz sine to 1e-9 of its amplitude."""
 
 
+ATTEMPTS, JERK_STEP = 10, 1e-3
+"""Tries of a move on which ruckig fails, each with this much less jerk (relative)."""
+
+
 class MotionBuilder:
     """Builds the knots of a trajectory command by command, starting at rest at the robot's home.
 
@@ -59,16 +63,7 @@ class MotionBuilder:
         """Append a move to `target` [rad], rest to rest; `speed` [rad/s] replaces the scaled velocity limits."""
         if np.array_equal(target, self.q):
             return
-        inputs = ruckig.InputParameter(len(self.q))
-        inputs.current_position, inputs.target_position = self.q.tolist(), target.tolist()
-        limits = self.robot.velocity_limits * motion.speed
-        inputs.max_velocity = (limits if speed is None else np.minimum(limits, speed)).tolist()
-        inputs.max_acceleration = (self.robot.acceleration_limits * motion.acceleration).tolist()
-        inputs.max_jerk = (self.robot.jerk_limits * motion.jerk).tolist()
-        path = ruckig.Trajectory(len(self.q))
-        result = self._ruckig.calculate(inputs, path)
-        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-            raise PlanError(f"no motion from {_degrees(self.q)} to {_degrees(target)} deg: ruckig says {result.name}")
+        path = self._fastest(target, motion, speed)
         duration_ns = max(math.ceil(path.duration * NANOSECONDS), 1)
         switches = np.concatenate([np.cumsum(profile.t) for profile in path.profiles[0]])
         times = np.unique(np.round(switches * NANOSECONDS).astype(np.int64))
@@ -76,6 +71,31 @@ class MotionBuilder:
         states = np.array([path.at_time(t / NANOSECONDS) for t in times]).reshape(-1, 3, len(self.q))
         self._append(times, states)
         self._rest(duration_ns, target)
+
+    def _fastest(self, target: np.ndarray, motion: Motion, speed: np.ndarray | None) -> ruckig.Trajectory:
+        """Ruckig's time-optimal move.
+
+        Ruckig fails on some moves whose profile lies exactly between two of its shapes; a slightly smaller jerk takes them off
+        the border.
+        """
+        limits = self.robot.velocity_limits * motion.speed
+        inputs = ruckig.InputParameter(len(self.q))
+        inputs.current_position, inputs.target_position = self.q.tolist(), target.tolist()
+        inputs.max_velocity = (limits if speed is None else np.minimum(limits, speed)).tolist()
+        inputs.max_acceleration = (self.robot.acceleration_limits * motion.acceleration).tolist()
+        failure = ""
+        for attempt in range(ATTEMPTS):
+            inputs.max_jerk = (self.robot.jerk_limits * motion.jerk * (1 - JERK_STEP * attempt)).tolist()
+            path = ruckig.Trajectory(len(self.q))
+            try:
+                result = self._ruckig.calculate(inputs, path)
+            except ruckig.RuckigError as error:
+                failure = str(error).strip().splitlines()[0]
+                continue
+            if result in (ruckig.Result.Working, ruckig.Result.Finished):
+                return path
+            failure = result.name
+        raise PlanError(f"no motion from {_degrees(self.q)} to {_degrees(target)} deg: {failure}")
 
     def hold(self, seconds: float) -> None:
         """Append a rest."""

@@ -74,7 +74,9 @@ def _find_robot(protocol: Protocol, robot: str | Path | None) -> Robot:
 def _check_names(protocol: Protocol, robot: Robot) -> None:
     """Links and joints that sensors, joint definitions and dipoles name must exist on the arm."""
     kinematics = Kinematics(robot)
-    named = [(sensor.link, ("sensors", name, "link")) for name, sensor in protocol.spec.sensors.items()]
+    named: list[tuple[str, tuple[Any, ...]]] = [
+        (sensor.link, ("sensors", name, "link")) for name, sensor in protocol.spec.sensors.items()
+    ]
     named += [
         (dipole.link, ("environment", "dipoles", i, "link")) for i, dipole in enumerate(protocol.spec.environment.dipoles)
     ]
@@ -85,5 +87,5 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
             raise protocol.document.problem(str(error), *where) from None
     for name, joint in protocol.spec.joints.items():
         if joint.reference_joint is not None and joint.reference_joint not in robot.joint_names:
-            error = NotFoundError(f"joint of {robot.name}", joint.reference_joint, robot.joint_names)
-            raise protocol.document.problem(str(error), "joints", name, "reference_joint")
+            unknown = NotFoundError(f"joint of {robot.name}", joint.reference_joint, robot.joint_names)
+            raise protocol.document.problem(str(unknown), "joints", name, "reference_joint")

@@ -1,4 +1,4 @@
-"""Estimate: what the sensors, filters and joint angles say, on the host's clock and in the world frame; derived, may be rebuilt."""
+"""Estimate: what sensors, filters and joint angles say, on the host's clock and in the world frame; derived, may be rebuilt."""
 
 from __future__ import annotations
 
@@ -55,10 +55,11 @@ class FrameFit:
 
 @dataclass(frozen=True)
 class CalibrationFit:
-    """Corrections of a sensor: acc = acc_matrix (acc_raw - acc_bias), gyr = gyr_raw - gyr_bias.
+    """Corrections of a sensor: acc = acc_matrix (acc_raw - acc_bias), gyr = gyr_raw - gyr_bias - gyr_g_matrix acc.
 
     Attributes:
         acc_matrix: Shape (3, 3). acc_bias: [m/s^2]. acc_bias_sd: Standard uncertainty [m/s^2]. gyr_bias: [rad/s].
+        gyr_g_matrix: Response of the gyroscope to specific force, shape (3, 3) [rad/s/(m/s^2)].
         poses: Number of static poses used. residual_m_s2: RMS over the poses. method: As in the protocol.
     """
 
@@ -66,9 +67,15 @@ class CalibrationFit:
     acc_bias: np.ndarray = field(default_factory=lambda: np.zeros(3))
     acc_bias_sd: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
     gyr_bias: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    gyr_g_matrix: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
     poses: int = 0
     residual_m_s2: float = float("nan")
     method: str = "none"
+
+    def apply(self, gyr: np.ndarray, acc: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Corrected angular rate [rad/s] and specific force [m/s^2], shapes (n, 3)."""
+        corrected = (acc - self.acc_bias) @ self.acc_matrix.T
+        return gyr - self.gyr_bias - corrected @ self.gyr_g_matrix.T, corrected
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ FILE, FOLDER = "evaluation.json", "evaluation"
 class Outcome(StrEnum):
     """The verdict on the sensor; says nothing of the bench."""
 
-    PASS = "pass"  # noqa: S105
+    PASS = "pass"
     MARGINAL = "marginal"
     FAIL = "fail"
     NOT_MEASURED = "not_measured"
@@ -33,7 +33,8 @@ class JointRow:
     """Errors of a flexion angle over one group of samples: all those at one commanded pose, or of one sweep; degrees.
 
     Attributes:
-        joint, filter, sequence: What was computed. section: Of the protocol. misalignment_deg, flexion_deg: Commanded, None where
+        joint, filter, sequence: What was computed. section: Of the protocol. misalignment_deg, flexion_deg: Commanded, None
+        where
         the protocol has no such variable. variables: All loop variables. n: Samples. flexion_*: Error of the flexion angle.
         other_*: Mean absolute errors of the two other Euler angles, in their order, against the same sequence of the true
         orientations; None in gimbal lock.

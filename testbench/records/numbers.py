@@ -6,7 +6,8 @@ from __future__ import annotations
 def show_number(value: float) -> str:
     """Three decimals below 100, fewer above, and a plain 0 for what rounds to it."""
     magnitude = abs(value)
-    if magnitude >= 1e6 or 0 < magnitude < 5e-4:
+    if magnitude < 1e-9:
+        return "0.000"
+    if magnitude >= 1e6 or magnitude < 5e-4:
         return f"{value:.2g}"
-    text = f"{value:.3f}" if magnitude < 100 else f"{value:.1f}" if magnitude < 10_000 else f"{value:.0f}"
-    return "0.000" if text == "-0.000" else text
+    return f"{value:.3f}" if magnitude < 100 else f"{value:.1f}" if magnitude < 10_000 else f"{value:.0f}"

@@ -100,7 +100,7 @@ class ImuSamples:
         """Column names and types on disk."""
         result: dict[str, Any] = {"device_time_ns": np.int64, "host_time_ns": np.int64, "counter": np.int64}
         vectors = GYR + ACC + (MAG if mag else []) + (DEVICE_Q if device_q else [])
-        return result | {name: np.float64 for name in vectors} | {"saturated": np.bool_}
+        return result | dict.fromkeys(vectors, np.float64) | {"saturated": np.bool_}
 
     def to_columns(self) -> dict[str, np.ndarray]:
         """As columns for disk."""

@@ -147,7 +147,7 @@ class Clock(StrictModel):
 
 
 class DeviceOrientation(StrictModel):
-    """The vendor's on-board filter as an error model: slow inclination and heading errors on an earth frame of unknown heading."""
+    """The vendor's on-board filter as an error model: slow inclination and heading errors, and an earth of unknown heading."""
 
     heading_unknown: bool = Field(default=True, description="A new, uniform heading of the earth frame at each power-up.")
     inclination_sd_deg: float = Field(default=0.0, ge=0, description="Gauss-Markov error about each horizontal axis [deg].")

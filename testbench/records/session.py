@@ -106,6 +106,7 @@ class Session:
             NotFoundError: No such sensor.
         """
         self._check(sensor)
+        self._check_closed()
         return ImuSamples.from_columns(read_parquet(self.path / f"imu_{sensor}.parquet"))
 
     def truth(self, sensor: str) -> Truth | None:
@@ -141,7 +142,7 @@ class Session:
         settled: dict[int, int] = {}
         steps = []
         for event in self.events:
-            index = event.details.get("index")
+            index = int(event.details.get("index", -1))
             if event.event == "step_started":
                 started[index] = event
             elif event.event == "step_settled":
@@ -152,6 +153,12 @@ class Session:
                 data = {key: step.details[key] for key in ("index", "section", "role", "name", "kind", "variables")}
                 steps.append(PlannedStep(**data, start_ns=times[0], settled_ns=times[1], end_ns=times[2]))
         return steps
+
+    def _check_closed(self) -> None:
+        if any(self.path.glob("*.arrows")):
+            raise SessionError(
+                f"{self.path} was cut off while it was recorded; `testbench recover {self.path}` makes it readable"
+            )
 
     def _check(self, sensor: str) -> None:
         if sensor not in self.sensor_names:

@@ -16,8 +16,11 @@ from pydantic import BaseModel, ValidationError
 
 from testbench.exceptions import FileProblems, InputError, Problem
 
-LARGEST_FILE = 1_000_000
+LARGEST_FILE = 250_000
+"""Bytes; the longest protocol that a person writes is a tenth of it."""
 DEEPEST_NESTING = 40
+MOST_PROBLEMS = 30
+LONGEST_QUOTE = 60
 
 Record = TypeVar("Record", bound=BaseModel)
 Location = tuple[Any, ...]
@@ -38,11 +41,18 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), list(_first))
 
 
-def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
-    return int(loader.construct_scalar(node))  # decimal, as YAML 1.2 wants: 010 is ten
+def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int | float:
+    digits = loader.construct_scalar(node)
+    return int(digits) if len(digits) < 20 else float(digits)  # decimal, as YAML 1.2 wants: 010 is ten
 
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _integer)
+
+_TAGS: dict[type[yaml.Node], tuple[str, ...]] = {
+    yaml.ScalarNode: ("str", "int", "float", "bool", "null"),
+    yaml.SequenceNode: ("seq",),
+    yaml.MappingNode: ("map",),
+}
 
 
 @dataclass
@@ -74,12 +84,12 @@ def load_yaml(file: str | Path, record: type[Record]) -> YamlDocument[Record]:
     data, places = parse_yaml(text, file)
     if not isinstance(data, dict):
         what = "is empty" if data is None else f"holds a {_kind(data)}"
-        raise FileProblems(file, [Problem(f"the file {what}; it must hold a mapping with keys such as "
-                                          f"{', '.join(list(record.model_fields)[:4])}", line=1)])  # fmt: skip
+        keys = ", ".join(list(record.model_fields)[:4])
+        raise FileProblems(file, [Problem(f"the file {what}; it must hold a mapping with keys such as {keys}", line=1)])
     try:
         value = record.model_validate(data)
     except ValidationError as error:
-        raise FileProblems(file, _problems(error, places)) from None
+        raise FileProblems(file, few(validation_problems(error, places))) from None
     return YamlDocument(value, text, file, places)
 
 
@@ -87,20 +97,20 @@ def read_text(file: Path) -> str:
     """The text of a UTF-8 file of sane size.
 
     Raises:
-        FileProblems: The file is missing, a folder, larger than a megabyte, or not text.
+        FileProblems: The file is missing, a folder, too large, or not text.
     """
     try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise FileProblems(file, [Problem(f"the file is larger than {LARGEST_FILE} bytes; this is no such file")])
-        raw = file.read_bytes()
+        with file.open("rb") as stream:
+            raw = stream.read(LARGEST_FILE + 1)
     except OSError as error:
         raise FileProblems(file, [Problem(f"cannot be read: {error.strerror}")]) from None
+    if len(raw) > LARGEST_FILE:
+        raise FileProblems(file, [Problem(f"the file is larger than the {LARGEST_FILE // 1000} kB allowed")])
     try:
-        text = raw.decode("utf-8")
+        return raw.decode("utf-8")
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
         raise FileProblems(file, [Problem("the file is not UTF-8 text", line=line)]) from None
-    return text
 
 
 def parse_yaml(text: str, file: Path) -> tuple[Any, dict[Location, tuple[int, int]]]:
@@ -109,23 +119,39 @@ def parse_yaml(text: str, file: Path) -> tuple[Any, dict[Location, tuple[int, in
     Raises:
         FileProblems: The text is not YAML, repeats a key, uses an alias or a tag, or nests too deeply.
     """
-    loader = None
     try:
         loader = _Loader(text)
         node = loader.get_single_node()
     except (yaml.YAMLError, RecursionError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None)
-        message = getattr(error, "problem", None) or getattr(error, "reason", None) or "nested too deeply"
-        line, column = (mark.line + 1, mark.column + 1) if mark else (1, None)
-        raise FileProblems(file, [Problem(f"not valid YAML: {message}", "", line, column)]) from None
+        raise FileProblems(file, [_syntax_problem(error, text)]) from None
     if node is None:
         return None, {}
     places: dict[Location, tuple[int, int]] = {}
     problems: list[Problem] = []
     value = _construct(loader, node, (), places, problems, set())
     if problems:
-        raise FileProblems(file, problems)
+        raise FileProblems(file, few(problems))
     return value, places
+
+
+def _syntax_problem(error: Exception, text: str) -> Problem:
+    if isinstance(error, RecursionError):
+        return Problem("not valid YAML: nested too deeply", line=1)
+    if isinstance(error, yaml.reader.ReaderError):
+        line = text.count("\n", 0, error.position) + 1
+        return Problem(f"not valid YAML: the character U+{ord(str(error.character)):04X} is not allowed", line=line)
+    mark, said = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error)
+    context = getattr(error, "context", None) or ""
+    if "'\\t'" in said:
+        said = "a tab cannot indent; use spaces"
+    elif "found undefined alias" in said:
+        said = "aliases (*name) are not allowed; write the value out"
+    elif context.startswith("expected a single document"):
+        said = "the file holds more than one document (a line of ---)"
+    elif context:
+        said = f"{said} {context}"
+    line, column = (mark.line + 1, mark.column + 1) if mark else (1, None)
+    return Problem(f"not valid YAML: {_one_line(said)}", "", line, column)
 
 
 def _construct(loader, node, path: Location, places, problems: list[Problem], seen: set[int]) -> Any:
@@ -133,13 +159,15 @@ def _construct(loader, node, path: Location, places, problems: list[Problem], se
     places.setdefault(path, place)
 
     def refuse(message: str) -> None:
-        problems.append(Problem(message, _dotted(path), *place))
+        problems.append(Problem(_one_line(message), _dotted(path), *place))
 
     if len(path) > DEEPEST_NESTING:
         return refuse(f"nested deeper than {DEEPEST_NESTING} levels")
+    if node.tag not in {f"tag:yaml.org,2002:{name}" for name in _TAGS[type(node)]}:
+        return refuse(f"the tag {node.tag} is not allowed")
     if not isinstance(node, yaml.ScalarNode):
         if id(node) in seen:
-            return refuse("aliases (*name) are not allowed; write the value again")
+            return refuse("aliases (*name) are not allowed; write the value out")
         seen.add(id(node))
     if isinstance(node, yaml.SequenceNode):
         return [_construct(loader, child, (*path, i), places, problems, seen) for i, child in enumerate(node.value)]
@@ -153,29 +181,33 @@ def _construct(loader, node, path: Location, places, problems: list[Problem], se
             key = key_node.value
             if key in mapping:
                 first = places[(*path, key)]
-                problems.append(Problem(f"the key '{key}' stands twice (first in line {first[0]})", _dotted(path), *key_place))
+                message = _one_line(f"the key '{key}' stands twice (first in line {first[0]})")
+                problems.append(Problem(message, _dotted(path), *key_place))
                 continue
             places[(*path, key)] = key_place
             mapping[key] = _construct(loader, value_node, (*path, key), places, problems, seen)
         return mapping
-    if not node.tag.startswith("tag:yaml.org,2002:") or node.tag.rsplit(":", 1)[1] not in {
-        "str",
-        "int",
-        "float",
-        "bool",
-        "null",
-    }:
-        return refuse(f"the tag {node.tag} is not allowed")
     try:
         return loader.construct_object(node)
-    except (yaml.YAMLError, ValueError) as error:
-        return refuse(f"cannot be read: {error}")
+    except (yaml.YAMLError, ArithmeticError, LookupError, ValueError):
+        return refuse(f"'{node.value}' is not of the type that its tag says")
 
 
-def _problems(error: ValidationError, places: dict[Location, tuple[int, int]]) -> list[Problem]:
+def few(problems: list[Problem]) -> list[Problem]:
+    """The first problems, and how many more there are, so that a thoroughly wrong file does not fill the terminal."""
+    more = len(problems) - MOST_PROBLEMS
+    return problems if more <= 0 else [*problems[:MOST_PROBLEMS], Problem(f"and {more} more problems")]
+
+
+def validation_problems(error: ValidationError, places: dict[Location, tuple[int, int]], *prefix: Any) -> list[Problem]:
+    """Each fault of a record once, in the order of the file.
+
+    Args:
+        error: What pydantic found. places: Of the file. prefix: Path of the record in the file.
+    """
     problems, seen = [], set()
     for fault in error.errors(include_url=False, include_context=True):
-        found = locate(places, fault["loc"], _message(fault))
+        found = locate(places, (*prefix, *fault["loc"]), _message(fault))
         if (found.message, found.line, found.path) not in seen:
             seen.add((found.message, found.line, found.path))
             problems.append(found)
@@ -189,31 +221,58 @@ def locate(places: dict[Location, tuple[int, int]], path: Location, message: str
         if (*known, part) in places:
             known = (*known, part)
     line, column = places.get(known, (1, None))
-    return Problem(message, _dotted(known), line, column)
+    return Problem(_one_line(message), _dotted(known), line, column)
 
 
 def _message(fault: Any) -> str:
-    kind, message, given = fault["type"], fault["msg"], fault.get("input")
+    """One sentence for one fault, in the words of a person who writes YAML."""
+    kind, message, given, context = fault["type"], fault["msg"], fault.get("input"), fault.get("ctx", {})
     last = fault["loc"][-1] if fault["loc"] else ""
     if kind == "extra_forbidden":
         return f"unknown key '{last}'"
     if kind == "missing":
         return f"the key '{last}' is missing"
     if kind == "value_error":
-        return str(fault["ctx"]["error"])
+        return str(context["error"])
+    if kind == "string_pattern_mismatch":
+        return f"must be a name (a letter, then up to 63 letters, digits and _), not {_quoted(given)}"
+    if kind in {"too_short", "too_long"}:
+        bound, word = (context["min_length"], "at least") if kind == "too_short" else (context["max_length"], "at most")
+        return f"must have {word} {bound} {'entry' if bound == 1 else 'entries'}, not {context['actual_length']}"
+    if kind in {"string_too_short", "string_too_long"}:
+        bound, word = (context["min_length"], "at least") if kind == "string_too_short" else (context["max_length"], "at most")
+        return f"must have {word} {bound} character{'s' if bound > 1 else ''}, not {len(given)}"
+    if kind in {"model_type", "dict_type", "model_attributes_type"}:
+        message = "must be a mapping (key: value)"
+    elif kind == "float_type":
+        message = "must be a number"
+    elif kind == "string_type":
+        message = "must be text"
     message = message[0].lower() + message[1:]
-    message = message.replace("input should be", "must be").replace("a valid dictionary", "a mapping")
-    message = message.replace("or instance of", "or").replace("a valid ", "a ")
-    if isinstance(given, str | int | float | bool) or given is None:
-        message += f", not {given!r}" if given is not None else ", not empty"
-    return message
+    message = message.replace("input should be", "must be").replace("a valid ", "a ").replace("a boolean", "true or false")
+    return f"{message}, not {_quoted(given)}"
+
+
+def _quoted(given: Any) -> str:
+    """A value as its writer would know it, not too long."""
+    if isinstance(given, bool) or given is None:
+        return {True: "true", False: "false", None: "empty"}[given]
+    if isinstance(given, dict):
+        return f"a mapping with {', '.join(list(given)[:3])}" if given else "an empty mapping"
+    text = repr(given)
+    return text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}..."
 
 
 def _dotted(path: Location) -> str:
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else (f".{part}" if text else str(part))
-    return text
+    return _one_line(text)
+
+
+def _one_line(text: str) -> str:
+    """The text with every character that would break or colour a line escaped."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _kind(data: Any) -> str:

@@ -33,7 +33,8 @@ class Curve:
     """A line over the commanded flexion.
 
     Attributes:
-        name: For the legend. x, y: Shape (n,). sd: Half height of its band, shape (n,), or None for none.
+        name: For the legend. x, y: Shape (n,). sd: Half height of its band, shape (n,), or None for none. dashed: A reference.
+        hidden: Shown only once its name is clicked.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Curve:
     colour: str
     sd: Sequence[float] | None = None
     dashed: bool = False
+    hidden: bool = False
 
 
 def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
@@ -63,6 +65,7 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
                 "y": _rounded(curve.y),
                 "line": {"color": curve.colour, "width": 2, "dash": "dot" if curve.dashed else "solid"},
                 "marker": {"size": 6, "symbol": "diamond-open" if curve.dashed else "circle"},
+                "visible": "legendonly" if curve.hidden else True,
                 "hovertemplate": "%{y:.3f}",
             }
         )
@@ -105,8 +108,6 @@ def heat_map(
         "colorscale": "Viridis",
         "colorbar": {"title": {"text": _text(z_title), "side": "right"}, "thickness": 12, "outlinewidth": 0},
         "hovertemplate": f"{_text(x_title)} %{{x}}<br>{_text(y_title)} %{{y}}<br>{_text(z_title)} %{{z:.3f}}<extra></extra>",
-        "xgap": 0.5,
-        "ygap": 0.5,
     }
     layout = _layout(300) | {"title": {"text": _text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left", "y": 0.97}}
     layout["xaxis"] = _axis(x_title) | _few_ticks(x)
@@ -147,6 +148,7 @@ def time_panels(
     times = _packed(time)
     for i, (title, signals) in enumerate(panels.items()):
         number = "" if i == 0 else str(i + 1)
+        rank = _smoothness(signals)
         for name, values in signals.items():
             data.append(
                 {
@@ -158,6 +160,7 @@ def time_panels(
                     "x": times,
                     "y": _packed(values),
                     "yaxis": f"y{number}",
+                    "zorder": rank[name],
                     "line": {"color": colours[name], "width": 1.2},
                     "connectgaps": False,
                     "hovertemplate": "%{y:.3f}",
@@ -171,6 +174,16 @@ def time_panels(
     }
     layout["shapes"], layout["annotations"] = _section_marks(spans)
     return {"data": data, "layout": layout}
+
+
+def _smoothness(signals: Mapping[str, np.ndarray]) -> dict[str, int]:
+    """Order of drawing: the noisiest signal first, so that it does not cover the others."""
+
+    def roughness(name: str) -> float:
+        steps = np.abs(np.diff(signals[name]))
+        return float(np.nanmean(steps)) if np.isfinite(steps).any() else 0.0
+
+    return {name: i for i, name in enumerate(sorted(signals, key=roughness, reverse=True))}
 
 
 def _section_marks(spans: Sequence[Span]) -> tuple[list[Figure], list[Figure]]:
@@ -208,7 +221,7 @@ def _axis(title: str, **more: Any) -> Figure:
 
 
 def _text(text: str) -> str:
-    """plotly reads its texts as HTML: show them as they are."""
+    """Plotly reads its texts as HTML: show them as they are."""
     return escape(str(text), quote=False)
 
 

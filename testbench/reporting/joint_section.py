@@ -60,7 +60,7 @@ def _summary(joint: str, rows: list[JointRow], evaluation: Evaluation) -> Table:
             )  # fmt: skip
     columns = header(
         "filter", "sequence", "section", "poses or sweeps", "samples", "mean e [deg]", "mean |e| [deg]", "RMS e [deg]",
-        "max |e| [deg]", "1st other angle [deg]", "2nd other angle [deg]", numbers_from=3,
+        "max |e| [deg]", "other angle 1 [deg]", "other angle 2 [deg]", numbers_from=3,
     )  # fmt: skip
     return Table(
         f"Flexion error e of {joint}, all poses and sweeps",
@@ -88,7 +88,8 @@ def _pose_blocks(joint: str, section: str, errors: PoseErrors, published: Publis
                 f"Mean |flexion error| over commanded flexion: {where}",
                 figures,
                 "How to read: lower is better. The band is one standard deviation of the samples within a pose, to either side; the grey "
-                f"diamonds are the published values of the same Euler sequence ({published.source}). Click a name to hide it.",
+                f"diamonds are the published values of the same Euler sequence ({published.source}). Click a name to hide or to show "
+                "it; published filters that this session did not run wait greyed out where there is a nearer one.",
             )
         )
     if len(errors.flexions) > 1 and len(errors.misalignments) > 1:
@@ -154,10 +155,13 @@ def _curves(errors: PoseErrors, sequence: str, published: PublishedResults, colo
         curves.append(
             Curve(name, [f for f, _ in found], [e.mean_abs for _, e in found], colours[name], [e.sd for _, e in found])
         )
-    for row, values in published_beside(published, errors.flexions).get(sequence, []):
+    beside = published_beside(published, errors.flexions).get(sequence, [])
+    ran = [row.table for row, _ in beside if set(row.filters) & set(errors.filters(sequence))]
+    for row, values in beside:
         known = [(f, value) for f, value in zip(errors.flexions, values, strict=True) if value is not None]
         x, y = [f for f, _ in known], [value for _, value in known]
-        curves.append(Curve(f"published, {row.table} ({row.sensor})", x, y, REFERENCE, dashed=True))
+        name = f"published, {row.table}: {row.sensor}, {row.filters[0]}"
+        curves.append(Curve(name, x, y, REFERENCE, dashed=True, hidden=bool(ran) and row.table not in ran))
     return error_curves(curves, "commanded flexion [deg]", f"mean |flexion error| [deg], {sequence}")
 
 
@@ -226,11 +230,17 @@ def _sweep_grid(joint: str, section: str, errors: SweepErrors) -> Table:
 def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
     grids = {key: errors.grid(key) for key in errors.keys}
     top = _top(list(grids.values()))
-    names = [f"{name.rpartition('_')[0]} [{name.rpartition('_')[2]}]" for name in errors.variables]
     figures = {}
     for (name, sequence), grid in grids.items():
         figures[f"RMS error over {errors.variables[1]} and {errors.variables[0]}, {name}, {sequence}"] = heat_map(
-            f"{name}, {sequence}", errors.values(1), errors.values(0), grid, names[1], names[0], "RMS e [deg]", top
+            f"{name}, {sequence}",
+            errors.values(1),
+            errors.values(0),
+            grid,
+            errors.variables[1],
+            errors.variables[0],
+            "RMS e [deg]",
+            top,
         )
     return Figures(
         f"RMS flexion error over {errors.variables[1]} and {errors.variables[0]}: {joint}, section {section}",

@@ -67,7 +67,7 @@ def text(value: Any, title: str = "") -> Cell:
     return Cell(NOTHING if value in (None, "") else str(value), title)
 
 
-def number(value: float | int | None, decimals: int = 2, title: str = "", kind: str = "") -> Cell:
+def number(value: float | None, decimals: int = 2, title: str = "", kind: str = "") -> Cell:
     """A number with fixed decimals; a dash where there is none."""
     return Cell(digits(value, decimals), title, f"number {kind}".strip())
 
@@ -78,7 +78,7 @@ def significant(value: float | None, count: int = 3, title: str = "") -> Cell:
     return Cell(shown, title, "number")
 
 
-def digits(value: float | int | None, decimals: int = 2) -> str:
+def digits(value: float | None, decimals: int = 2) -> str:
     """A number with fixed decimals and a true minus sign; never a negative zero."""
     if value is None or not np.isfinite(value):
         return NOTHING

@@ -21,8 +21,9 @@ STOP_TIME_S = 0.5
 class SimulatedArm(Arm):
     """An arm in virtual time.
 
-    Each joint follows its reference as a second-order servo, solved exactly between control instants. Its true angle differs from
-    the servo's by a repeatability error that is redrawn with every move and blends over the move; its reading is the servo's
+    Each joint follows its reference as a second-order servo, solved exactly between control instants. Its true angle differs
+    from the servo's by a repeatability error that is redrawn with every move and blends over the move; its reading is the
+    servo's
     angle, rounded and noisy. `true_state` is what the simulated sensors feel; nothing else may ask for it.
 
     Args:

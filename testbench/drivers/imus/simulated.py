@@ -1,4 +1,4 @@
-"""A simulated inertial sensor on the simulated arm: it feels the true motion and reports it on its own clock, with its own errors."""
+"""A simulated inertial sensor: it feels the arm's true motion and reports it on its own clock, with its own errors."""
 
 from __future__ import annotations
 

@@ -1,14 +1,18 @@
 """Accelerometer and gyroscope errors from static poses that the arm knows.
 
-At rest in a pose the specific force is known in the sensor frame, so each accelerometer axis is linear in four unknowns: three
-sensitivities and a bias. Few poses do not determine them all; the data sheet's tolerance is the prior, and the posterior says what
-was learnt (Bayesian linear regression; Bishop 2006, section 3.3).
+At rest in a pose the specific force is known in the sensor frame and the angular rate is zero, so each axis is linear in four
+unknowns: a bias and the response to each component of the force; for an accelerometer that is its sensitivity, for a
+gyroscope its
+g-sensitivity. Few poses do not determine them all; the data sheets' tolerances are the prior, and the posterior says what
+was learnt
+(Bayesian linear regression; Bishop, Pattern Recognition and Machine Learning, 2006, section 3.3).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from testbench.frames import STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.records.estimate import CalibrationFit
 
@@ -16,6 +20,12 @@ PRIOR_BIAS = 0.4
 """Standard deviation of an accelerometer bias before the calibration [m/s^2]: 40 mg, of consumer MEMS data sheets."""
 PRIOR_SENSITIVITY = 0.03
 """Standard deviation of scale and cross-axis errors before the calibration [1]."""
+PRIOR_GYRO_BIAS = np.radians(1.0)
+"""Standard deviation of a gyroscope bias before the calibration [rad/s]: 1 deg/s, of consumer MEMS data sheets."""
+PRIOR_G_SENSITIVITY = np.radians(0.1) / STANDARD_GRAVITY
+"""Standard deviation of a gyroscope's response to force before the calibration: 0.1 deg/s/g, of consumer MEMS data sheets."""
+GYRO_POSE_ERROR = np.radians(10 / 3600)
+"""Standard deviation of a pose's mean rate beside its noise [rad/s]: an in-run bias of 10 deg/h."""
 POSE_ERROR = 0.006
 """Standard deviation of a pose's mean beside its noise [m/s^2]: 0.03 deg of arm and mounting error under gravity."""
 
@@ -34,23 +44,35 @@ def fit_static_poses(
     """
     if not acc:
         return CalibrationFit()
-    readings = np.array([samples.mean(axis=0) for samples in acc])
     expected = rotation.rotate(rotation.conjugate(np.array(q_world_from_sensor)), -gravity)
-    noise = np.array([samples.var(axis=0).mean() / len(samples) for samples in acc]) + POSE_ERROR**2
-    design = np.column_stack([expected, np.ones(len(expected))])
-    prior_precision = np.diag([PRIOR_SENSITIVITY**-2] * 3 + [PRIOR_BIAS**-2])
-    precision = prior_precision + design.T @ (design / noise[:, None])
-    covariance = np.linalg.inv(precision)
-    prior_mean = np.vstack([np.eye(3), np.zeros(3)])
-    solution = covariance @ (prior_precision @ prior_mean + design.T @ (readings / noise[:, None]))
-    sensitivity, bias = solution[:3].T, solution[3]
-    residual = readings - design @ solution
+    acc_fit, acc_covariance, residual = _regress(acc, expected, np.eye(3), PRIOR_SENSITIVITY, PRIOR_BIAS, POSE_ERROR)
+    gyr_fit, _, _ = _regress(gyr, expected, np.zeros((3, 3)), PRIOR_G_SENSITIVITY, PRIOR_GYRO_BIAS, GYRO_POSE_ERROR)
     return CalibrationFit(
-        acc_matrix=np.linalg.inv(sensitivity),
-        acc_bias=bias,
-        acc_bias_sd=np.full(3, np.sqrt(covariance[3, 3])),
-        gyr_bias=np.concatenate(gyr).mean(axis=0),
+        acc_matrix=np.linalg.inv(acc_fit[:3].T),
+        acc_bias=acc_fit[3],
+        acc_bias_sd=np.full(3, np.sqrt(acc_covariance[3, 3])),
+        gyr_bias=gyr_fit[3],
+        gyr_g_matrix=gyr_fit[:3].T,
         poses=len(acc),
         residual_m_s2=float(np.sqrt(np.mean(residual**2))),
         method="static_poses",
     )
+
+
+def _regress(
+    samples: list[np.ndarray], force: np.ndarray, prior: np.ndarray, response_sd: float, bias_sd: float, pose_error: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Posterior mean (4, 3) of response and bias, covariance (4, 4) of each axis, and residuals (m, 3).
+
+    Args:
+        samples: Of each of m poses, shape (n_i, 3). force: Shape (m, 3). prior: Response expected beforehand, shape (3, 3).
+        response_sd, bias_sd: Standard deviations of the prior. pose_error: Standard deviation of a pose's mean beside its
+        noise.
+    """
+    readings = np.array([pose.mean(axis=0) for pose in samples])
+    variance = np.array([pose.var(axis=0).mean() / len(pose) for pose in samples]) + pose_error**2
+    design = np.column_stack([force, np.ones(len(force))])
+    precision = np.diag([response_sd**-2] * 3 + [bias_sd**-2])
+    covariance = np.linalg.inv(precision + design.T @ (design / variance[:, None]))
+    mean = covariance @ (precision @ np.vstack([prior.T, np.zeros(3)]) + design.T @ (readings / variance[:, None]))
+    return mean, covariance, readings - design @ mean

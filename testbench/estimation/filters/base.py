@@ -14,8 +14,8 @@ class UniformSamples:
     """Samples at a regular interval, in the sensor frame.
 
     Attributes:
-        interval: [s]. gyr: Angular rate, shape (n, 3) [rad/s]. acc: Specific force, shape (n, 3) [m/s^2]. mag: Shape (n, 3) [uT],
-        or None. device_q: The vendor's q_earth_from_sensor, shape (n, 4), or None.
+        interval: [s]. gyr: Angular rate, shape (n, 3) [rad/s]. acc: Specific force, shape (n, 3) [m/s^2]. mag: Shape (n, 3)
+        [uT], or None. device_q: The vendor's q_earth_from_sensor, shape (n, 4), or None.
     """
 
     interval: float

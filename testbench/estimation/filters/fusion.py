@@ -14,7 +14,7 @@ class Fusion(OrientationFilter):
 
     name, needs = "fusion", ("gyr", "acc")
     source = "Madgwick, PhD thesis, University of Bristol, 2014, chapter 7; package imufusion"
-    parameters = {"gain": 0.5}  # noqa: RUF012 - typed in the base class
+    parameters = {"gain": 0.5}
 
     def run(self, samples: UniformSamples) -> np.ndarray:
         """See OrientationFilter."""

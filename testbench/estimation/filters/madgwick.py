@@ -13,7 +13,7 @@ class MadgwickImu(OrientationFilter):
 
     name, needs = "madgwick_imu", ("gyr", "acc")
     source = "Madgwick, Harrison & Vaidyanathan, ICORR 2011, eqs 12 to 33 with the accelerometer alone; beta from its section V"
-    parameters = {"beta": 0.033}  # noqa: RUF012 - typed in the base class
+    parameters = {"beta": 0.033}
 
     def run(self, samples: UniformSamples) -> np.ndarray:
         """See OrientationFilter."""

@@ -1,0 +1,36 @@
+"""Recover a session whose run was cut off by a kill or a power cut: keep every whole batch, and say what is missing."""
+
+from __future__ import annotations
+
+from testbench.exceptions import SessionError
+from testbench.execution.truth import write_truth
+from testbench.frames import NANOSECONDS
+from testbench.records.session import MANIFEST, RunStatus, Session
+from testbench.records.session_writer import file_hashes
+from testbench.records.storage import compact, write_json
+
+
+def recover(session: Session) -> Session:
+    """Make a cut-off session readable; one that was closed is returned as it is.
+
+    Raises:
+        SessionError: The arm's journal is lost, so that there is no truth.
+    """
+    if session.status is not RunStatus.RUNNING:
+        return session
+    path = session.path
+    for journal in sorted(path.glob("*.arrows")):
+        compact(journal, journal.with_suffix(".parquet"))
+    for partial in path.glob("*.partial"):
+        partial.unlink()
+    session = Session(path)
+    samples = session.arm()
+    if samples is None or session.robot is None:
+        raise SessionError(f"{path}: the arm's recording is lost; what the sensors recorded is in imu_*.parquet")
+    write_truth(path, session.robot, samples, session.analysis.sensors)
+    duration = float(samples.host_time_ns[-1]) / NANOSECONDS if len(samples.host_time_ns) else 0.0
+    planned = session.manifest["plan"]["check"]["duration_s"]
+    message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
+    manifest = session.manifest | {"status": RunStatus.ABORTED, "message": message, "duration_s": duration}
+    write_json(path / MANIFEST, manifest | {"files": file_hashes(path)})
+    return Session(path)

@@ -1,0 +1,151 @@
+"""The stage `report`: one HTML file that works offline, rebuilt from a session, its estimate and its evaluation."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from testbench.frames import NANOSECONDS
+from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
+from testbench.records.estimate import Estimate
+from testbench.records.evaluation import FILE as EVALUATION_FILE
+from testbench.records.evaluation import Evaluation, Outcome
+from testbench.records.published import load_published
+from testbench.records.session import Session
+from testbench.reporting.figures import Span, plotly_script
+from testbench.reporting.fit_section import fit_section
+from testbench.reporting.joint_section import joint_section
+from testbench.reporting.orientation_section import orientation_section
+from testbench.reporting.page import Figures, Heading, Section, Sentence, Tile
+from testbench.reporting.palette import filter_colours
+from testbench.reporting.session_section import facts, is_simulated, provenance_section, run_section, verdict_section
+from testbench.reporting.tables import Table, digits
+
+FILE = "report.html"
+TEMPLATES = Path(__file__).resolve().parent / "templates"
+
+
+def report(session: Session, estimate: Estimate | None = None, evaluation: Evaluation | None = None) -> Path:
+    """Write report.html into the session's folder.
+
+    Args:
+        session: The recording. estimate, evaluation: What was made of it; read from the session's folder if None, and left out of
+        the report where the folder has none.
+
+    Returns:
+        The path of the report.
+
+    Raises:
+        SessionError: A file of the session is damaged.
+    """
+    estimate = estimate or load_estimate(session)
+    evaluation = evaluation or load_evaluation(session)
+    path = session.path / FILE
+    partial = path.with_suffix(".partial")
+    partial.write_text(render(session, estimate, evaluation), encoding="utf-8")
+    partial.replace(path)
+    return path
+
+
+def load_estimate(session: Session) -> Estimate | None:
+    """The estimate in the session's folder, or None."""
+    return Estimate.load(session.path) if (session.path / ESTIMATE_FOLDER / "estimate.json").is_file() else None
+
+
+def load_evaluation(session: Session) -> Evaluation | None:
+    """The evaluation in the session's folder, or None."""
+    return Evaluation.load(session.path) if (session.path / EVALUATION_FILE).is_file() else None
+
+
+def render(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> str:
+    """The report as HTML."""
+    sections = _sections(session, estimate, evaluation)
+    protocol = session.manifest.get("protocol")
+    described = protocol if isinstance(protocol, dict) else {}
+    return _template().render(
+        title=described.get("name") or session.name,
+        purpose=described.get("purpose") or "",
+        outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
+        simulated=is_simulated(session),
+        facts=facts(session),
+        tiles=_tiles(evaluation),
+        sections=sections,
+        has_figures=any(isinstance(block, Figures) for section in sections for block in section.blocks),
+    )
+
+
+def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> list[Section]:
+    spans = section_spans(session)
+    sections = [verdict_section(evaluation), run_section(session)]
+    if evaluation is not None:
+        names = [row.filter for row in evaluation.orientation] + [row.filter for row in evaluation.joint_angle]
+        colours = filter_colours([name for name in session.analysis.estimate.filters if name in names] + names)
+        if session.analysis.joints:
+            sections.append(joint_section(evaluation, load_published(), colours, spans))
+        sections.append(orientation_section(evaluation, colours, spans))
+    if estimate is not None:
+        sections.append(fit_section(estimate))
+    else:
+        sections.append(
+            Section("fits", "Clocks, frames and calibration", [Sentence("Nothing has been estimated from this session.")])
+        )
+    return [*sections, provenance_section(session)]
+
+
+def section_spans(session: Session) -> list[Span]:
+    """When each section of the protocol began and ended [s]."""
+    spans = []
+    for name in dict.fromkeys(step.section for step in session.steps):
+        steps = [step for step in session.steps if step.section == name]
+        spans.append(Span(name, steps[0].start_ns / NANOSECONDS, steps[-1].end_ns / NANOSECONDS))
+    return spans
+
+
+def _tiles(evaluation: Evaluation | None) -> list[Tile]:
+    """The best result of each joint and of each sensor."""
+    tiles: list[Tile] = []
+    if evaluation is None:
+        return tiles
+    for joint in dict.fromkeys(row.joint for row in evaluation.joint_angle):
+        found = [m for m in evaluation.metrics if m.name == f"{joint}.flexion_mean_abs_error_deg" and m.value is not None]
+        for section in dict.fromkeys(metric.section for metric in found):
+            own = [metric for metric in found if metric.section == section]
+            best, worst = (pick(own, key=lambda metric: metric.value or 0.0) for pick in (min, max))
+            detail = f"best: {best.filter}, {best.sequence}"
+            if worst is not best:
+                detail += f"; worst: {worst.filter}, {worst.sequence}, {digits(worst.value, 2)} deg"
+            tiles.append(Tile(digits(best.value, 2), "deg", f"mean |flexion error|, {joint}, {section}", detail))
+    for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
+        rows = [row for row in evaluation.orientation if row.sensor == sensor]
+        nearest = min(rows, key=lambda row: row.total_rmse_deg)
+        upright = min(rows, key=lambda row: row.inclination_rmse_deg)
+        detail = f"best: {nearest.filter}; inclination alone {digits(upright.inclination_rmse_deg, 2)} deg by {upright.filter}"
+        tiles.append(Tile(digits(nearest.total_rmse_deg, 2), "deg", f"RMS orientation error, {sensor}", detail))
+    return tiles
+
+
+@cache
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.tests["table"] = lambda block: isinstance(block, Table)
+    environment.tests["figures"] = lambda block: isinstance(block, Figures)
+    environment.tests["heading"] = lambda block: isinstance(block, Heading)
+    environment.globals["plotly_script"] = lambda: Markup(plotly_script())
+    environment.globals["verbatim"] = _verbatim
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
+    return environment.get_template("report.html.j2")
+
+
+def _verbatim(name: str) -> Any:
+    """A style sheet or script of ours, unescaped."""
+    return Markup((TEMPLATES / name).read_text(encoding="utf-8"))

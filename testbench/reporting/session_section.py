@@ -1,0 +1,261 @@
+"""The sections of the report on what was run, the verdict, and where the numbers come from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from testbench.frames import NANOSECONDS
+from testbench.records.evaluation import Evaluation, Metric
+from testbench.records.session import Session
+from testbench.records.strict import Placement
+from testbench.reporting.page import Block, Section, Sentence
+from testbench.reporting.tables import NOTHING, Cell, Row, Table, digits, header, label, number, significant, text, vector
+
+SHOWN = {
+    "schema_version", "session", "status", "started_utc", "clocks", "software", "sensors", "analysis", "kind", "seed", "protocol",
+    "robot", "plan", "message", "duration_s", "files", "arm",
+}  # fmt: skip
+"""Entries of the manifest that have a place of their own."""
+
+
+def facts(session: Session) -> list[tuple[str, str]]:
+    """What was run, as pairs for the head of the page."""
+    manifest = session.manifest
+    protocol, robot, arm = (_mapping(manifest.get(key)) for key in ("protocol", "robot", "arm"))
+    rows: list[tuple[str, Any]] = [
+        ("Protocol", protocol.get("name")),
+        ("Robot", _robot(session, robot, arm)),
+        ("Started", _date(manifest.get("started_utc"))),
+        ("Duration", duration(manifest.get("duration_s"))),
+        ("Steps", f"{len(session.steps)} finished" if session.steps else None),
+        ("Seed", manifest.get("seed")),
+        ("Bench", session.status.value + (f": {manifest['message']}" if manifest.get("message") else "")),
+        ("Session", session.name),
+    ]
+    return [(name, str(value)) for name, value in rows if value not in (None, "")]
+
+
+def is_simulated(session: Session) -> bool:
+    """Whether any part of the recording came from a model."""
+    described = [*session.manifest["sensors"].values(), session.manifest.get("arm")]
+    return any(_mapping(entry).get("driver") == "simulated" for entry in described)
+
+
+def _robot(session: Session, robot: dict[str, Any], arm: dict[str, Any]) -> str:
+    if session.robot is None:
+        return str(robot.get("name") or "none: an imported recording")
+    described = session.robot.spec.description or session.robot.name
+    return described + (f" ({arm['driver']})" if arm.get("driver") else "")
+
+
+def _date(value: Any) -> str:
+    try:
+        return f"{datetime.fromisoformat(str(value)):%Y-%m-%d %H:%M:%S} UTC"
+    except ValueError:
+        return str(value or "")
+
+
+def duration(seconds: Any) -> str:
+    """Seconds as hours, minutes and seconds."""
+    if not isinstance(seconds, int | float) or not np.isfinite(seconds):
+        return ""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return (f"{hours} h " if hours else "") + f"{minutes} min {rest} s"
+
+
+def run_section(session: Session) -> Section:
+    """Sensors with their mounting, and the sections of the protocol."""
+    blocks: list[Block] = [_sensors(session)]
+    blocks.append(_sections(session) if session.steps else Sentence("The session lists no steps: it is judged as a whole."))
+    return Section("run", "What was run", blocks)
+
+
+def _sensors(session: Session) -> Table:
+    rows = []
+    for name in session.sensor_names:
+        described = _mapping(session.manifest["sensors"].get(name))
+        sensor = session.analysis.sensors.get(name)
+        carried = [NOTHING] * 4
+        if sensor is not None:
+            segment = sensor.segment.name if sensor.segment else NOTHING
+            carried = [sensor.link, segment, _rotation(sensor.mounting), vector(sensor.mounting.position_mm, 1)]
+            if sensor.mounting_error != Placement():
+                carried[2] += f", injected error {_rotation(sensor.mounting_error)}"
+                if any(sensor.mounting_error.position_mm):
+                    carried[3] += f", injected error {vector(sensor.mounting_error.position_mm, 1)}"
+        kind = described.get("description") or described.get("preset") or described.get("driver")
+        rate = described.get("rate_hz")
+        rows.append(Row([label(name), text(kind), significant(rate, 4), *(text(value) for value in carried)]))
+    return Table(
+        "Sensors and their mounting",
+        [Cell("sensor"), Cell("kind"), Cell("rate [Hz]", kind="number"), Cell("link"), Cell("segment"),
+         Cell("rotation in the link [deg]"), Cell("position in the link [mm]")],
+        rows,
+        "How to read: the mounting is what the estimators believe; an injected error is a known fault that they are not told of.",
+    )  # fmt: skip
+
+
+def _rotation(placement: Placement) -> str:
+    parts = [f"{sequence} ({vector(angles, 1)})" for sequence, angles in placement.rotation_deg.items()]
+    return " ".join(parts) or "none"
+
+
+def _sections(session: Session) -> Table:
+    rows = []
+    for name in dict.fromkeys(step.section for step in session.steps):
+        steps = [step for step in session.steps if step.section == name]
+        begin, end = steps[0].start_ns / NANOSECONDS, steps[-1].end_ns / NANOSECONDS
+        varied = {key: sorted({step.variables[key] for step in steps if key in step.variables}) for key in steps[0].variables}
+        ranges = [f"{key} {v[0]:g}" + (f" to {v[-1]:g} ({len(v)} values)" if len(v) > 1 else "") for key, v in varied.items()]
+        ranges = [part.replace(" -", " −") for part in ranges]
+        rows.append(Row([label(name), text(steps[0].role), number(len(steps), 0), number(begin, 1), number(end - begin, 1),
+                         text("; ".join(ranges))]))  # fmt: skip
+    return Table(
+        "Sections of the protocol, as they happened",
+        [Cell("section"), Cell("role"), *header("steps", "begin [s]", "duration [s]", numbers_from=0), Cell("variables")],
+        rows,
+        "How to read: calibration fits sensor errors, reference aligns the frames, evaluation is judged.",
+    )
+
+
+def verdict_section(evaluation: Evaluation | None) -> Section:
+    """Metrics that have limits, then the others."""
+    section = Section("verdict", "Verdict")
+    if evaluation is None:
+        section.blocks.append(Sentence("This session has not been evaluated: there is nothing to judge yet."))
+        return section
+    judged = [metric for metric in evaluation.metrics if metric.outcome is not None]
+    others = [metric for metric in evaluation.metrics if metric.outcome is None]
+    if judged:
+        section.blocks.append(
+            _metrics(
+                "Metrics with limits",
+                judged,
+                "How to read: pass keeps the limit, marginal keeps it but lies near it, fail breaks it, not measured could not be taken; "
+                "the worst of them is the verdict on the sensors. It says nothing about the bench.",
+            )
+        )
+    else:
+        section.blocks.append(Sentence("The protocol sets no limits, so nothing is passed or failed."))
+    if others:
+        section.blocks.append(
+            _metrics(
+                "Metrics without a limit", others, "How to read: for information; no limit was set for them.", limits=False
+            )
+        )
+    section.blocks += [Sentence(f"Note: {note}.") for note in evaluation.notes]
+    return section
+
+
+def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True) -> Table:
+    rows = []
+    for metric in metrics:
+        cells = [label(metric.name), *(text(value) for value in (metric.filter, metric.sequence, metric.section))]
+        cells += [number(metric.value, 3), text(metric.unit)]
+        if limits and metric.outcome is not None:
+            outcome = metric.outcome.value
+            cells += [text(_limits(metric)), Cell(outcome.replace("_", " "), kind=f"badge {outcome}")]
+        rows.append(Row([*cells, text(metric.meaning)]))
+    titles = ["metric", "filter", "sequence", "section"]
+    columns = [*(Cell(title) for title in titles), Cell("value", kind="number"), Cell("unit")]
+    columns += [Cell("limit"), Cell("outcome")] if limits else []
+    return Table(caption, [*columns, Cell("meaning")], rows, how, folded=not limits)
+
+
+def _limits(metric: Metric) -> str:
+    if metric.lower is not None and metric.upper is not None:
+        return f"{metric.lower:g} to {metric.upper:g} {metric.unit}"
+    return f"at least {metric.lower:g} {metric.unit}" if metric.lower is not None else f"at most {metric.upper:g} {metric.unit}"
+
+
+def provenance_section(session: Session) -> Section:
+    """Quality of the recording, and what would be needed to repeat it."""
+    manifest = session.manifest
+    plan = _mapping(manifest.get("plan"))
+    blocks: list[Block] = [_quality(session)]
+    check = _mapping(plan.get("check"))
+    if check.get("joints"):
+        blocks.append(_joint_use(check))
+    entries = [("status of the bench", session.status.value), ("kind", manifest.get("kind")), ("seed", manifest.get("seed"))]
+    entries += [("SHA-256 of the plan", plan.get("hash"))]
+    entries += [(f"version of {name}", version) for name, version in _mapping(manifest.get("software")).items()]
+    entries += list(_scalars({key: value for key, value in manifest.items() if key not in SHOWN}))
+    blocks.append(
+        _pairs(
+            "Provenance", entries, "How to read: the same plan, seed and versions give the same raw files, bit by bit.", False
+        )
+    )
+    files = list(_mapping(manifest.get("files")).items())
+    if files:
+        blocks.append(
+            _pairs("SHA-256 of the raw files", files, "How to read: a file whose hash differs was changed after the run.", True)
+        )
+    return Section("provenance", "Quality and provenance", blocks)
+
+
+def _quality(session: Session) -> Table:
+    rows = []
+    for name in session.sensor_names:
+        samples = session.imu(name)
+        n = len(samples)
+        steps = np.diff(samples.counter)
+        lost = int(np.sum(steps[steps > 0] - 1)) if n else 0
+        span = (samples.device_time_ns[-1] - samples.device_time_ns[0]) / NANOSECONDS if n > 1 else 0.0
+        rate = float(np.sum(steps[steps > 0])) / span if span > 0 else None
+        saturated = int(samples.saturated.sum())
+        rows.append(Row([label(name), number(n, 0), number(rate, 3), number(lost, 0), number(100 * lost / max(n + lost, 1), 2),
+                         number(saturated, 0)]))  # fmt: skip
+    return Table(
+        "Quality of the recording",
+        header("sensor", "samples", "rate by its own clock [Hz]", "samples lost", "lost [%]", "samples at full scale"),
+        rows,
+        "How to read: lost samples are gaps of the sensor's counter; a sample at full scale is wrong in at least one axis.",
+    )
+
+
+def _joint_use(check: dict[str, Any]) -> Table:
+    rows = [
+        Row([label(use["joint"]), number(use["lowest_deg"], 1), number(use["highest_deg"], 1), number(use["peak_speed_deg_s"], 1),
+             number(100 * use["peak_speed_deg_s"] / use["speed_limit_deg_s"], 0), number(use["peak_acceleration_deg_s2"], 0),
+             number(100 * use["peak_acceleration_deg_s2"] / use["acceleration_limit_deg_s2"], 0)])
+        for use in check["joints"]
+    ]  # fmt: skip
+    how = "How to read: as planned, before anything moved; 100 % is the limit in the robot file."
+    near = check.get("clearance")
+    if near:
+        how += (
+            f" The smallest clearance was {digits(near['distance_mm'], 1)} mm, between {near['first']} and {near['second']} at "
+            f"{digits(near['time_s'], 1)} s."
+        )
+    return Table(
+        "What the plan asked of the arm",
+        header("joint", "lowest [deg]", "highest [deg]", "peak speed [deg/s]", "of limit [%]", "peak acceleration [deg/s²]",
+               "of limit [%]"),
+        rows,
+        how,
+        folded=True,
+    )  # fmt: skip
+
+
+def _pairs(caption: str, entries: Iterable[tuple[str, Any]], how: str, folded: bool) -> Table:
+    rows = [Row([label(name), Cell(str(value), kind="code")]) for name, value in entries if value not in (None, "")]
+    return Table(caption, [Cell("entry"), Cell("value")], rows, how, folded=folded)
+
+
+def _scalars(data: dict[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    for key, value in data.items():
+        if isinstance(value, dict):
+            yield from _scalars(value, f"{prefix}{key}.")
+        elif not isinstance(value, list):
+            yield f"{prefix}{key}", value
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}

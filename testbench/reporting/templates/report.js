@@ -1,0 +1,76 @@
+(function () {
+  "use strict";
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const holders = Array.from(document.querySelectorAll(".figure"));
+  // The buttons are listed one by one: plotly's own choice has one that uploads the figure.
+  const config = {
+    responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: "",
+    modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]]
+  };
+
+  function colours() {
+    const style = getComputedStyle(document.documentElement);
+    const read = (name) => style.getPropertyValue(name).trim();
+    return { ink: read("--ink"), soft: read("--soft"), line: read("--line"), strong: read("--strong"), raised: read("--raised") };
+  }
+
+  // What a figure's layout needs in the colours of the page, as plotly's dotted keys.
+  function scheme(layout) {
+    const c = colours();
+    const change = {
+      "font.color": c.ink, "font.family": "system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif", "font.size": 12.5,
+      "hoverlabel.bgcolor": c.raised, "hoverlabel.bordercolor": c.strong, "hoverlabel.font.color": c.ink,
+      "modebar.color": c.soft, "modebar.activecolor": c.ink, "modebar.bgcolor": "rgba(0,0,0,0)"
+    };
+    for (const key of Object.keys(layout)) {
+      if (/^[xy]axis\d*$/.test(key)) {
+        change[key + ".gridcolor"] = c.line;
+        change[key + ".zerolinecolor"] = c.strong;
+        change[key + ".linecolor"] = c.strong;
+        change[key + ".spikecolor"] = c.strong;
+      }
+    }
+    return change;
+  }
+
+  function put(object, dotted, value) {
+    const parts = dotted.split(".");
+    const last = parts.pop();
+    for (const part of parts) object = object[part] = object[part] || {};
+    object[last] = value;
+  }
+
+  function draw(holder) {
+    const figure = JSON.parse(holder.querySelector("script").textContent);
+    const change = scheme(figure.layout);
+    for (const key of Object.keys(change)) put(figure.layout, key, change[key]);
+    const small = holder.parentElement.classList.contains("small-figures");
+    return Plotly.newPlot(holder, figure.data, figure.layout, small ? Object.assign({}, config, { displayModeBar: false }) : config);
+  }
+
+  function recolour() {
+    for (const holder of holders) if (holder.layout) Plotly.relayout(holder, scheme(holder.layout));
+  }
+
+  // One figure at a time, so that the page can be scrolled meanwhile.
+  let next = 0;
+  function drawNext() {
+    if (next < holders.length) draw(holders[next++]).then(() => setTimeout(drawNext, 0));
+    else document.documentElement.dataset.drawn = "all";
+  }
+  drawNext();
+
+  dark.addEventListener("change", recolour);
+  window.addEventListener("beforeprint", () => {
+    while (next < holders.length) draw(holders[next++]);
+    document.querySelectorAll("details").forEach((details) => { details.dataset.was = details.open; details.open = true; });
+    for (const holder of holders) {
+      const small = holder.parentElement.classList.contains("small-figures");
+      Plotly.relayout(holder, Object.assign({ width: small ? 330 : 690 }, scheme(holder.layout)));
+    }
+  });
+  window.addEventListener("afterprint", () => {
+    document.querySelectorAll("details").forEach((details) => { details.open = details.dataset.was === "true"; });
+    for (const holder of holders) Plotly.relayout(holder, Object.assign({ width: null, autosize: true }, scheme(holder.layout)));
+  });
+})();
