@@ -9,7 +9,7 @@ from testbench.evaluation.judged import judged_steps
 from testbench.evaluation.orientation import evaluate_sensor
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation, JointRow, OrientationRow
+from testbench.records.evaluation import SEVERITY, Evaluation, JointRow, OrientationRow, Outcome
 from testbench.records.session import RunStatus, Session
 
 
@@ -43,4 +43,6 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         else:
             notes.append(f"{name}: no truth, so its angle is not judged")
     metrics, outcome = judge(session.analysis, summarise_metrics(session.analysis, joints, orientations))
+    if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
+        outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
     return Evaluation(session.name, joints, orientations, metrics, outcome, notes, series)

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from testbench.clock import Clock
 from testbench.exceptions import NotFoundError
+from testbench.formats.recording import Recording, write_recording
 from testbench.records.session import Session
 
-Importer = Callable[[list[Path], Path, Clock], Session]
+Reader = Callable[[list[Path]], Recording]
 
 
 @dataclass(frozen=True)
@@ -21,9 +22,9 @@ class Format:
     module: str
     description: str
 
-    def importer(self) -> Importer:
-        """The function `import_recording(files, session folder, clock)` of the format."""
-        function: Importer = import_module(self.module).import_recording
+    def reader(self) -> Reader:
+        """The function `read(files)` of the format."""
+        function: Reader = import_module(self.module).read
         return function
 
 
@@ -44,4 +45,4 @@ def import_recording(name: str, files: list[Path], out: Path, clock: Clock) -> S
     """
     if name not in FORMATS:
         raise NotFoundError("format", name, list(FORMATS))
-    return FORMATS[name].importer()(files, out, clock)
+    return write_recording(FORMATS[name].reader()(files), files, name, out, clock)

@@ -13,60 +13,41 @@ import h5py
 import numpy as np
 from scipy.io import loadmat
 
-from testbench.clock import Clock
 from testbench.exceptions import FileProblems, InputError, Problem
+from testbench.formats.recording import ImportedSensor, Recording
 from testbench.frames import NANOSECONDS
 from testbench.records.protocol import Analysis, Estimation
 from testbench.records.samples import ImuSamples, Truth
-from testbench.records.session import RunStatus, Session
-from testbench.records.session_writer import SessionWriter
 
 SENSOR = "imu"
 FILTERS = ["vqf_6d", "vqf_9d", "fusion", "madgwick_imu"]
 SHAPES = {"imu_gyr": 3, "imu_acc": 3, "imu_mag": 3, "opt_quat": 4}
 
 
-def import_recording(files: list[Path], out: Path, clock: Clock) -> Session:
-    """Import one trial.
+def read(files: list[Path]) -> Recording:
+    """Read one trial.
 
     Args:
-        files: One .mat or .hdf5 file. out: Folder of the session, to be made. clock: For the date of the import.
+        files: One .mat or .hdf5 file.
 
     Raises:
         InputError: Not exactly one file.
-        FileProblems: The file is not a BROAD trial; nothing is written then.
+        FileProblems: The file is not a BROAD trial.
     """
     if len(files) != 1:
         raise InputError(f"a BROAD trial is one file, {len(files)} were given")
-    file = files[0]
-    data = _read(file)
-    rate, count = float(data["sampling_rate"]), len(data["imu_gyr"])
+    data = _load(files[0])
+    rate, count = data["sampling_rate"], len(data["imu_gyr"])
     time = np.round(np.arange(count) * (NANOSECONDS / rate)).astype(np.int64)
-    q = data["opt_quat"]
-    samples = ImuSamples(
-        time, time, data["imu_gyr"], data["imu_acc"], data["imu_mag"], None, np.arange(count), np.zeros(count, dtype=bool)
-    )
-    truth = Truth(time, q, judged=data["movement"].astype(bool))
+    clean = np.zeros(count, dtype=bool)
+    samples = ImuSamples(time, time, data["imu_gyr"], data["imu_acc"], data["imu_mag"], None, np.arange(count), clean)
+    truth = Truth(time, data["opt_quat"], judged=data["movement"].astype(bool))
     analysis = Analysis(estimate=Estimation(filters=FILTERS, align="none", align_clock=False, calibrate="none"))
-    description = {
-        "driver": "imported",
-        "description": "myon aktos-t",
-        "rate_hz": rate,
-        "magnetometer": True,
-        "orientation": False,
-    }
-    protocol = {"name": file.stem, "purpose": "BROAD trial: real IMU against optical truth in the same earth frame (ENU)"}
-    source = {"kind": "import", "format": "broad", "source": file.name, "protocol": protocol, "duration_s": count / rate}
-    writer = SessionWriter(out, analysis, {SENSOR: description}, clock.utc(), source)
-    writer.add_table(f"imu_{SENSOR}", samples.to_columns(), {"content": "imported from BROAD; rad/s, m/s^2, uT"})
-    writer.add_table(
-        f"truth_{SENSOR}", truth.to_columns(), {"content": "optical q_earth_from_sensor (ENU); NaN where it was lost"}
-    )
-    writer.close(RunStatus.COMPLETED)
-    return Session(out)
+    purpose = "BROAD trial: real IMU against optical truth in the same earth frame (ENU)"
+    return Recording(files[0].stem, purpose, {SENSOR: ImportedSensor([samples], rate, "myon aktos-t", truth)}, analysis)
 
 
-def _read(file: Path) -> dict[str, Any]:
+def _load(file: Path) -> dict[str, Any]:
     def refuse(message: str) -> FileProblems:
         return FileProblems(file, [Problem(message)])
 

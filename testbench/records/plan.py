@@ -11,7 +11,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from testbench.records.protocol import Protocol, Role
+from testbench.records.protocol import Protocol
+from testbench.records.protocol_steps import Role
 from testbench.records.robot import Robot
 from testbench.records.storage import write_parquet
 from testbench.records.trajectory import Trajectory

@@ -18,8 +18,8 @@ class FlexionErrors(StrictModel):
     """One published table of mean absolute flexion errors.
 
     Attributes:
-        table: Number of the table. sensor, method: As published. filters: Those of ours that the method is, or comes nearest to.
-        sequence: Euler sequence of the angle. mean_abs_error_deg: One value for each commanded flexion, None where none is given.
+        table: Number of the table. sensor, method: As published. filters: Those of ours that the method is. sequence: Of the
+        Euler angles. mean_abs_error_deg: One value for each commanded flexion, None where none is given.
     """
 
     table: str

@@ -159,13 +159,13 @@ class DeviceOrientation(StrictModel):
 class ImuParameters(StrictModel):
     """A simulated inertial measurement unit."""
 
-    description: str = ""
+    description: str = Field(default="", description="What it is, in a line.")
     source: str = Field(default="", description="Where the numbers come from.")
     rate_hz: float = Field(gt=0, le=10_000, description="Output rate [Hz].")
-    accelerometer: Accelerometer
-    gyroscope: Gyroscope
+    accelerometer: Accelerometer = Field(description="Accelerometer data sheet.")
+    gyroscope: Gyroscope = Field(description="Gyroscope data sheet.")
     magnetometer: Magnetometer | None = Field(default=None, description="null: the part has none.")
-    clock: Clock = Field(default_factory=Clock)
+    clock: Clock = Field(default_factory=Clock, description="The sensor's own clock against the host's.")
     device_orientation: DeviceOrientation | None = Field(default=None, description="null: the part reports no orientation.")
     lost_packets_percent: float = Field(default=0.0, ge=0, lt=100, description="Part of the samples that never arrive [%].")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import shutil
 from collections.abc import Mapping
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -105,6 +106,13 @@ class SessionWriter:
         self.sync_events()
         self.manifest |= {"status": status, **details, "files": file_hashes(self.path)}
         self._write_manifest()
+
+    def discard(self) -> None:
+        """Undo: remove the folder with all that was written; for imports, whose source still exists."""
+        for journal in self._journals.values():
+            journal.close()
+        self.sync_events()
+        shutil.rmtree(self.path)
 
     def sync_events(self) -> None:
         """Close the list of events."""

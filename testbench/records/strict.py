@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 EulerSequence = Literal[
     "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX",
@@ -12,7 +12,23 @@ EulerSequence = Literal[
 ]  # fmt: skip
 """Intrinsic Euler sequences, spelt in upper case as SciPy does."""
 
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,63}$")]
+"""A word that can stand in an expression, a file name and a metric."""
+
 Angles3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+EulerAngles = dict[EulerSequence, Angles3]
+"""One sequence and its three angles [deg]."""
+
+
+def check_one_sequence(rotation_deg: EulerAngles) -> EulerAngles:
+    """Refuse a rotation of several Euler sequences: their order would be anyone's guess."""
+    if len(rotation_deg) > 1:
+        raise ValueError(f"rotation_deg takes one Euler sequence, not {' and '.join(rotation_deg)}")
+    return rotation_deg
+
+
+Rotation = Annotated[EulerAngles, AfterValidator(check_one_sequence)]
 
 
 class StrictModel(BaseModel):
@@ -24,13 +40,7 @@ class StrictModel(BaseModel):
 class Placement(StrictModel):
     """A pose as a person writes it: a rotation by Euler angles of a named intrinsic sequence, and a position."""
 
-    rotation_deg: dict[EulerSequence, Angles3] = Field(
+    rotation_deg: Rotation = Field(
         default={}, description="One intrinsic Euler sequence and its three angles [deg], e.g. {ZYX: [0, 90, 0]}."
     )
     position_mm: Angles3 = Field(default=[0.0, 0.0, 0.0], description="Position [mm].")
-
-    @model_validator(mode="after")
-    def _one_sequence(self) -> Placement:
-        if len(self.rotation_deg) > 1:
-            raise ValueError("rotation_deg takes one Euler sequence, not several")
-        return self

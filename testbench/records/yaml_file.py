@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from testbench.exceptions import FileProblems, InputError, Problem
+from testbench.exceptions import FileProblems, Problem
 
 LARGEST_FILE = 250_000
 """Bytes; the longest protocol that a person writes is a tenth of it."""
@@ -154,7 +154,14 @@ def _syntax_problem(error: Exception, text: str) -> Problem:
     return Problem(f"not valid YAML: {_one_line(said)}", "", line, column)
 
 
-def _construct(loader, node, path: Location, places, problems: list[Problem], seen: set[int]) -> Any:
+def _construct(
+    loader: _Loader,
+    node: yaml.Node,
+    path: Location,
+    places: dict[Location, tuple[int, int]],
+    problems: list[Problem],
+    seen: set[int],
+) -> Any:
     place = (node.start_mark.line + 1, node.start_mark.column + 1)
     places.setdefault(path, place)
 
@@ -277,13 +284,3 @@ def _one_line(text: str) -> str:
 
 def _kind(data: Any) -> str:
     return {list: "list", str: "text", int: "number", float: "number", bool: "truth value"}.get(type(data), "value")
-
-
-def check_size(count: int, limit: int, what: str) -> None:
-    """Refuse `count` of `what` above `limit`.
-
-    Raises:
-        InputError: The count is too large.
-    """
-    if count > limit:
-        raise InputError(f"{count} {what} are more than the {limit} allowed")

@@ -14,13 +14,15 @@ class Fusion(OrientationFilter):
 
     name, needs = "fusion", ("gyr", "acc")
     source = "Madgwick, PhD thesis, University of Bristol, 2014, chapter 7; package imufusion"
-    parameters = {"gain": 0.5}
+    parameters = {"gain": 0.5, "acceleration_rejection_deg": 10.0, "rejection_timeout_s": 5.0}  # the package's own example
 
     def run(self, samples: UniformSamples) -> np.ndarray:
         """See OrientationFilter."""
         settings = imufusion.AhrsSettings()
         settings.convention = imufusion.CONVENTION_ENU
         settings.gain = self.parameters["gain"]
+        settings.acceleration_rejection = self.parameters["acceleration_rejection_deg"]
+        settings.rejection_timeout = self.parameters["rejection_timeout_s"]
         settings.sample_rate = 1.0 / samples.interval
         ahrs = imufusion.Ahrs()
         ahrs.set_settings(settings)

@@ -1,0 +1,130 @@
+"""Allan deviation of a signal at rest, and the noise parameters that data sheets state.
+
+Overlapping Allan deviation with confidence from the equivalent degrees of freedom of the noise type that the local slope shows
+(Riley, Handbook of Frequency Stability Analysis, NIST SP 1065, 2008, eq. 11 and table 5); noise coefficients by weighted least
+squares of sigma^2(tau) = Q^2 3/tau^2 + N^2/tau + B^2 2 ln 2/pi + K^2 tau/3 (IEEE Std 952-1997, annex C).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.stats import chi2
+
+FLICKER = 2 * np.log(2) / np.pi
+FEWEST_DIFFERENCES = 8
+"""Averaging times with fewer independent spans than this in the record are left out."""
+
+
+@dataclass(frozen=True)
+class AllanCurve:
+    """Overlapping Allan deviation.
+
+    Attributes:
+        tau: Averaging times, shape (k,) [s]. deviation: Shape (k,) [unit of the signal]. lower, upper: 68.3 % confidence bounds,
+        shape (k,). edf: Equivalent degrees of freedom, shape (k,).
+    """
+
+    tau: np.ndarray
+    deviation: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    edf: np.ndarray
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A noise coefficient with its standard uncertainty; `found` is False where it is lost among the others."""
+
+    value: float
+    sd: float
+
+    @property
+    def found(self) -> bool:
+        """Whether the value stands out of its uncertainty."""
+        return self.value > 2 * self.sd
+
+
+@dataclass(frozen=True)
+class NoiseCoefficients:
+    """What an Allan curve says of a signal whose unit is u.
+
+    Attributes:
+        white: N, angle or velocity random walk [u/sqrt(Hz)], equal to [u s/sqrt(s)]. bias_instability: B [u].
+        rate_random_walk: K [u/sqrt(s)].
+    """
+
+    white: Coefficient
+    bias_instability: Coefficient
+    rate_random_walk: Coefficient
+
+
+def averaging_factors(count: int, per_decade: int = 10) -> np.ndarray:
+    """Whole averaging factors, evenly spaced in their logarithm, that a record of `count` samples supports."""
+    largest = max(count // FEWEST_DIFFERENCES, 1)
+    return np.unique(np.round(np.logspace(0, np.log10(largest), max(int(per_decade * np.log10(largest)), 1) + 1)).astype(int))
+
+
+def allan_deviation(signal: np.ndarray, rate: float, factors: np.ndarray | None = None) -> AllanCurve:
+    """Overlapping Allan deviation of a rate-like signal.
+
+    Args:
+        signal: Evenly sampled, shape (n,). rate: [Hz]. factors: Averaging times in samples; ten a decade if None.
+
+    Raises:
+        ValueError: Fewer than 3 samples.
+    """
+    if len(signal) < 3:
+        raise ValueError(f"an Allan deviation needs at least 3 samples, not {len(signal)}")
+    factors = averaging_factors(len(signal)) if factors is None else factors
+    phase = np.concatenate([[0.0], np.cumsum(signal - signal.mean())]) / rate
+    deviation = np.empty(len(factors))
+    for i, m in enumerate(factors):
+        second = phase[2 * m :] - 2 * phase[m:-m] + phase[: -2 * m]
+        deviation[i] = np.sqrt(np.mean(second**2) / 2) * rate / m
+    tau = factors / rate
+    slope = np.gradient(np.log(deviation), np.log(tau)) if len(factors) > 2 else np.full(len(factors), -0.5)
+    edf = np.array([_edf(len(phase), int(m), s) for m, s in zip(factors, slope, strict=True)])
+    lower = deviation * np.sqrt(edf / chi2.ppf(0.8415, edf))
+    upper = deviation * np.sqrt(edf / chi2.ppf(0.1585, edf))
+    return AllanCurve(tau, deviation, lower, upper, edf)
+
+
+def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
+    """Noise coefficients of an Allan curve, none of them negative, each with its standard uncertainty."""
+    tau, variance = curve.tau, curve.deviation**2
+    design = np.column_stack([3 / tau**2, 1 / tau, np.full(len(tau), FLICKER), tau / 3])
+    expected = variance
+    solution = np.zeros(4)
+    covariance = np.eye(4)
+    for _ in range(3):  # weights from the fit, not from the scatter: a low estimate must not weigh more
+        weight = np.sqrt(curve.edf / 2) / expected
+        scale = np.linalg.norm(design * weight[:, None], axis=0)
+        solution = nnls(design * weight[:, None] / scale, variance * weight)[0] / scale
+        expected = np.maximum(design @ solution, 1e-300)
+        weighted = design * (np.sqrt(curve.edf / 2) / expected)[:, None]
+        # Neighbouring averaging times share most of their data: about three a decade are independent.
+        shared = max(len(tau) / max(3 * np.log10(tau[-1] / tau[0]), 1), 1) if len(tau) > 1 else 1.0
+        covariance = np.linalg.pinv(weighted.T @ weighted) * shared
+    values = np.sqrt(solution[1:])
+    sds = np.sqrt(np.diag(covariance)[1:])
+    # sd of a root: sd / (2 root), or the root of the sd where the value itself is nil
+    roots = [float(sd / (2 * value)) if value**2 > sd else float(np.sqrt(sd)) for value, sd in zip(values, sds, strict=True)]
+    white, flicker, walk = (Coefficient(float(v), sd) for v, sd in zip(values, roots, strict=True))
+    return NoiseCoefficients(white, flicker, walk)
+
+
+def _edf(phases: int, m: int, slope: float) -> float:
+    """Equivalent degrees of freedom of the overlapping estimate (NIST SP 1065, table 5), by the slope of the deviation."""
+    n = phases
+    if slope < -0.75:  # quantisation or white phase noise
+        edf = (n + 1) * (n - 2 * m) / (2 * (n - m))
+    elif slope < -0.25:  # white noise of the signal
+        edf = (3 * (n - 1) / (2 * m) - 2 * (n - 2) / n) * 4 * m**2 / (4 * m**2 + 5)
+    elif slope < 0.25:  # flicker
+        edf = 2 * (n - 2) / (2.3 * n - 4.9) if m == 1 else 5 * n**2 / (4 * m * (n + 3 * m))
+    else:  # random walk of the signal
+        edf = (n - 2) / m * ((n - 1) ** 2 - 3 * m * (n - 1) + 4 * m**2) / (n - 3) ** 2
+    return max(float(edf), 1.0)

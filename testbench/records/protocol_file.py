@@ -1,0 +1,178 @@
+"""Read a protocol file with those it includes, and check that the names in it agree with one another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from testbench.exceptions import FileProblems, NotFoundError, Problem
+from testbench.records.protocol import JOINT_METRICS, SENSOR_METRICS, AcceptanceLimit, Protocol, ProtocolSpec
+from testbench.records.protocol_steps import Step
+from testbench.records.sensor import list_presets
+from testbench.records.shipped import shipped_folder
+from testbench.records.yaml_file import YamlDocument, few, load_yaml, validation_problems
+
+DEEPEST_INCLUDE = 5
+
+
+def load_protocol(path: str | Path) -> Protocol:
+    """Read, validate and cross-check a protocol and those it includes.
+
+    Args:
+        path: A file, or the name of a protocol that ships with the bench.
+
+    Raises:
+        FileProblems: The file is malformed; every problem at once, with line and column.
+        NotFoundError: Neither a file nor the name of a shipped protocol.
+    """
+    file = Path(path)
+    if file.suffix not in {".yaml", ".yml"} and not _exists(file):
+        known = list_protocols()
+        if str(path) not in known:
+            raise NotFoundError("protocol", str(path), sorted(known))
+        file = shipped_folder("protocols") / f"{path}.yaml"
+    return _load(file, (), {})
+
+
+def list_protocols() -> dict[str, str]:
+    """Names and purposes of the protocols that ship with the bench."""
+    return {
+        path.stem: load_yaml(path, ProtocolSpec).value.purpose for path in sorted(shipped_folder("protocols").glob("*.yaml"))
+    }
+
+
+def _exists(file: Path) -> bool:
+    try:
+        return file.exists()
+    except OSError:  # such as a name that is too long
+        return False
+
+
+def _load(file: Path, including: tuple[Path, ...], loaded: dict[Path, Protocol]) -> Protocol:
+    document = load_yaml(file, ProtocolSpec)
+    protocol = Protocol(document)
+    problems = _Names(document).check()
+    own = file.resolve()
+    for i, section in enumerate(document.value.sections):
+        if section.include is None:
+            continue
+        try:
+            target = _included(file, section.include, (*including, own))
+        except ValueError as error:
+            problems.append(document.problem(str(error), "sections", i, "include").problems[0])
+            continue
+        if target not in loaded:
+            loaded[target] = _load(target, (*including, own), loaded)
+        protocol.included[section.include] = loaded[target]
+    if problems:
+        raise FileProblems(file, few(problems))
+    return protocol
+
+
+def _included(file: Path, name: str, including: tuple[Path, ...]) -> Path:
+    """The file that an include names; a ValueError says what is wrong with it."""
+    missing = f"no file '{name}' beside this protocol"
+    try:
+        target = (file.parent / name).resolve()
+        there = target.is_file()
+    except (OSError, ValueError):
+        raise ValueError(missing) from None
+    if target.parent != file.parent.resolve():
+        raise ValueError(f"'{name}' lies elsewhere; an include must lie in the folder of the protocol")
+    if target in including:
+        raise ValueError(f"'{name}' includes itself" + (" by way of others" if target != including[-1] else ""))
+    if not there:
+        raise ValueError(missing)
+    if len(including) > DEEPEST_INCLUDE:
+        raise ValueError(f"includes nest deeper than {DEEPEST_INCLUDE} files")
+    return target
+
+
+class _Names:
+    """Checks that names agree with one another inside a file.
+
+    Args:
+        document: The protocol.
+    """
+
+    def __init__(self, document: YamlDocument[ProtocolSpec]):
+        self.document, self.spec = document, document.value
+        self.problems: list[Problem] = []
+
+    def check(self) -> list[Problem]:
+        """Every name that does not fit."""
+        self._sensors()
+        self._joints()
+        self._sections()
+        for i, limit in enumerate(self.spec.accept):
+            self._limit(limit, "accept", i)
+        return sorted(self.problems, key=lambda problem: (problem.line or 0, problem.column or 0))
+
+    def _refuse(self, message: str, *where: Any) -> None:
+        self.problems.append(self.document.problem(message, *where).problems[0])
+
+    def _known(self, known: list[str], name: str, kind: str, *where: Any) -> bool:
+        if name not in known:
+            self._refuse(str(NotFoundError(kind, name, known)), *where)
+        return name in known
+
+    def _sensors(self) -> None:
+        for name, sensor in self.spec.sensors.items():
+            where = ("sensors", name)
+            if sensor.preset is not None and not self._known(list_presets(), sensor.preset, "sensor preset", *where, "preset"):
+                continue
+            try:
+                sensor.imu()
+            except ValidationError as error:
+                self.problems += validation_problems(error, self.document.places, *where, "parameters")
+
+    def _joints(self) -> None:
+        sensors = self.spec.sensors
+        for name, joint in self.spec.joints.items():
+            for side in ("proximal", "distal"):
+                sensor = getattr(joint, side)
+                if self._known(list(sensors), sensor, "sensor", "joints", name, side) and sensors[sensor].segment is None:
+                    message = f"sensor '{sensor}' needs a segment: a joint angle is between segments, whose axes must be stated"
+                    self._refuse(message, "joints", name, side)
+            for key in ("misalignment", "flexion_variable"):
+                if key in joint.model_fields_set:
+                    self._known(list(self.spec.variables), getattr(joint, key), "variable", "joints", name, key)
+
+    def _sections(self) -> None:
+        names: set[str] = set()
+        for i, section in enumerate(self.spec.sections):
+            if section.name in names:
+                self._refuse(f"two sections are called '{section.name}'", "sections", i, "name")
+            names.add(section.name)
+            self._loop(section.for_each, (), "sections", i, "for_each")
+            self._steps(section.steps or [], tuple(section.for_each), "sections", i, "steps")
+
+    def _steps(self, steps: list[Step], looped: tuple[str, ...], *where: Any) -> None:
+        for k, step in enumerate(steps):
+            loop = step.for_each or []
+            self._loop(loop, looped, *where, k, "for_each")
+            self._steps(step.steps or [], (*looped, *loop), *where, k, "steps")
+
+    def _loop(self, loop: list[str], looped: tuple[str, ...], *where: Any) -> None:
+        for m, name in enumerate(loop):
+            if self._known(list(self.spec.variables), name, "variable", *where, m) and name in (*looped, *loop[:m]):
+                self._refuse(f"the variable '{name}' is looped over twice", *where, m)
+
+    def _limit(self, limit: AcceptanceLimit, *where: Any) -> None:
+        spec = self.spec
+        joint_metrics = [f"{joint}.{kind}" for joint in spec.joints for kind in JOINT_METRICS]
+        sensor_metrics = [f"{name}.{kind}" for name in spec.sensors for kind in SENSOR_METRICS]
+        known = self._known([*joint_metrics, *sensor_metrics], limit.metric, "metric", *where, "metric")
+        if limit.section is not None:
+            self._known([section.name for section in spec.sections], limit.section, "section", *where, "section")
+        if limit.filter is not None:
+            self._known(list(spec.estimate.filters), limit.filter, "filter of this protocol", *where, "filter")
+        if limit.sequence is not None and known:
+            if limit.metric not in joint_metrics:
+                return self._refuse("sequence goes with metrics of a joint only", *where, "sequence")
+            joint = spec.joints[limit.metric.partition(".")[0]]
+            sequences = [angle.sequence for angle in joint.definitions()]
+            self._known([str(s) for s in sequences], limit.sequence, "Euler sequence of this joint", *where, "sequence")
+        return None
