@@ -9,7 +9,9 @@ from typing import Any, Literal
 
 from testbench.clock import Clock, SystemClock
 from testbench.estimation import estimate
+from testbench.estimation.filters import get_filter
 from testbench.evaluation import evaluate
+from testbench.exceptions import SessionError
 from testbench.execution import execute
 from testbench.execution.executor import Progress
 from testbench.planning import plan
@@ -60,6 +62,8 @@ def run(
     """
     clock = clock or SystemClock()
     the_plan = plan(protocol, robot)
+    for name in filters or the_plan.protocol.spec.estimate.filters:
+        get_filter(name)  # a filter that this version lacks is refused before anything moves
     if planned is not None:
         planned(the_plan)
     session = execute(the_plan, logs, seed, speed, clock, progress)
@@ -83,12 +87,22 @@ def analyse(
 
 
 def load_or_estimate(session: Session, filters: list[str] | None = None) -> Estimate:
-    """The estimate on disk, or a new one where there is none or other filters are asked for."""
-    if filters is None and (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
-        return Estimate.load(session.path)
+    """The estimate on disk if it was made from this very recording with these filters, else a new one."""
+    if (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
+        try:
+            stored = Estimate.load(session.path)
+        except SessionError:
+            stored = None
+        if stored is not None and stored.fingerprint == session.fingerprint and _same_filters(session, stored, filters):
+            return stored
     estimated = estimate(session, filters)
     estimated.save(session.path)
     return estimated
+
+
+def _same_filters(session: Session, stored: Estimate, filters: list[str] | None) -> bool:
+    wanted = set(filters or session.analysis.estimate.filters)
+    return all(set(sensor.orientation) | set(sensor.skipped) == wanted for sensor in stored.sensors.values())
 
 
 def show(session: Session, web: bool = False, save: Path | None = None, screenshot: Path | None = None) -> list[Path]:
@@ -101,7 +115,7 @@ def show(session: Session, web: bool = False, save: Path | None = None, screensh
     Returns:
         The files that were written.
     """
-    from testbench.reporting import viewer
+    import testbench.reporting.viewer as viewer
 
     estimated = load_or_estimate(session)
     evaluated = evaluate(session, estimated)

@@ -244,11 +244,18 @@ def robots(json: JsonOption = False) -> None:
 
 
 @app.command()
-def protocols(json: JsonOption = False) -> None:
+def protocols(
+    schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of protocol files instead.")] = False,
+    json: JsonOption = False,
+) -> None:
     """List the protocols that ship with the bench."""
-    from testbench.records.protocol import list_protocols
+    if schema:
+        from testbench.records.protocol_schema import schema_text
 
-    _listing("protocols", "Protocols", list_protocols(), json)
+        return say(schema_text().rstrip())
+    from testbench.records.protocol_file import list_protocols
+
+    return _listing("protocols", "Protocols", list_protocols(), json)
 
 
 @app.command()

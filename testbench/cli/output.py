@@ -63,7 +63,8 @@ def progress_bar(shown: bool) -> Iterator[Any]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("starting", total=None)
 
         def update(progress: RunProgress) -> None:
@@ -93,6 +94,8 @@ def say_check(plan: Plan) -> None:
         say(f"smallest clearance: {c.distance_mm:.1f} mm between {where}")
     else:
         say("clearance: this arm has no collision bodies")
+    for warning in check.warnings:
+        say(f"warning: {warning}")
 
 
 def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> None:

@@ -39,22 +39,24 @@ def estimate(session: Session, filters: list[str] | None = None) -> Estimate:
         get_filter(name)
     sensors = {name: _estimate_sensor(session, name, names, settings) for name in session.sensor_names}
     joints = {name: _estimate_joint(session, name, sensors) for name in session.analysis.joints}
-    return Estimate(session.name, sensors, joints)
+    return Estimate(session.name, session.fingerprint, sensors, joints)
 
 
 def _estimate_sensor(session: Session, name: str, filters: list[str], settings: Estimation) -> SensorEstimate:
     samples, truth = session.imu(name), session.truth(name)
     if len(samples) < 10:
         raise SessionError(f"{session.path}: sensor '{name}' has {len(samples)} samples; nothing can be estimated")
-    clock = fit_clock(samples, truth) if settings.align_clock else ClockFit()
+    rate_delay = float(session.manifest["sensors"][name].get("rate_delay_s", 0.0))
+    clock = fit_clock(samples, truth, rate_delay) if settings.align_clock else ClockFit()
     time = clock.to_host(samples.device_time_ns)
     uniform, rows = fill_gaps(samples, clock)
     static = detect_static(uniform.gyr, uniform.interval)[rows]
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(session, samples.acc, samples.gyr, time, static, truth)
-    gyr, acc = calibration.apply(uniform.gyr, uniform.acc)
-    corrected = UniformSamples(uniform.interval, gyr, acc, uniform.mag, uniform.device_q)
+    corrected = UniformSamples(
+        uniform.interval, *calibration.apply(uniform.gyr, uniform.acc, uniform.mag), device_q=uniform.device_q
+    )
     orientation: dict[str, np.ndarray] = {}
     frames: dict[str, FrameFit] = {}
     skipped: dict[str, str] = {}

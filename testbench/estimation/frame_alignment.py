@@ -26,7 +26,7 @@ def fit_frames(q_earth_from_sensor: np.ndarray, q_world_from_sensor: np.ndarray,
     mounting = np.zeros(3)
     if method == "reference_pose":
         levelled = rotation.multiply(rotation.from_heading(-heading), estimated)
-        mounting = rotation_vector(rotation.multiply(rotation.conjugate(levelled), true))
+        mounting = rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(levelled), true))
     x, y, z = np.degrees(mounting)
     return FrameFit(float(np.degrees(heading)), (float(x), float(y), float(z)), method)
 
@@ -38,10 +38,3 @@ def apply_frames(q_earth_from_sensor: np.ndarray, fit: FrameFit) -> np.ndarray:
     left = rotation.from_heading(-np.radians(fit.heading_deg))
     right = rotation.from_rotation_vector(np.radians(np.array(fit.mounting_deg)))
     return rotation.multiply(rotation.multiply(left, q_earth_from_sensor), right)
-
-
-def rotation_vector(q: np.ndarray) -> np.ndarray:
-    """Rotation vector [rad] of a quaternion, shape (4,) to (3,)."""
-    q = q if q[0] >= 0 else -q
-    sine = np.linalg.norm(q[1:])
-    return np.asarray(2 * np.arctan2(sine, q[0]) * q[1:] / sine if sine > 0 else np.zeros(3))

@@ -24,11 +24,13 @@ CLUSTER_S = 2.0
 """Residuals nearer than this count as one when the uncertainty is stated [s]."""
 
 
-def fit_clock(samples: ImuSamples, truth: Truth | None) -> ClockFit:
+def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0) -> ClockFit:
     """Fit the sensor's clock to the host's.
 
     Args:
         samples: Of the sensor. truth: With angular rates; None or motionless leaves only the arrival times.
+        rate_delay: How much older than its time stamp an angular rate is [s]: half an interval for a sensor that integrates on
+        board.
 
     Returns:
         The fit; its method is "angular_rate", or "arrival" where nothing moves: then it is late by the unknown latency.
@@ -38,7 +40,7 @@ def fit_clock(samples: ImuSamples, truth: Truth | None) -> ClockFit:
         return arrival
     truth_time = truth.host_time_ns / NANOSECONDS
     truth_rate = np.linalg.norm(truth.rate, axis=1)
-    device_time = samples.device_time_ns / NANOSECONDS
+    device_time = samples.device_time_ns / NANOSECONDS - rate_delay
     rate = np.linalg.norm(samples.gyr - _rest_bias(samples.gyr), axis=1)
     if np.percentile(truth_rate, 99.5) < LEAST_RATE:
         return arrival

@@ -19,11 +19,11 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     Args:
         session: The recording. estimate: What `estimate` made of it.
     """
-    steps = judged_steps(session.steps) if session.steps else []
+    steps = judged_steps(session.steps) if session.has_protocol else None
     orientations: list[OrientationRow] = []
     joints: list[JointRow] = []
     series: dict[str, dict[str, np.ndarray]] = {}
-    notes = []
+    notes = list(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
     if session.status is not RunStatus.COMPLETED:
         notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
     for name, sensor in estimate.sensors.items():
@@ -34,15 +34,18 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
             continue
         rows, series[f"orientation_{name}"] = evaluate_sensor(name, sensor, truth, steps)
         orientations += rows
+    if steps is not None and not steps:
+        notes.append("no step of the protocol was finished, so there is nothing to judge")
     arm = session.arm()
     for name in estimate.joints:
-        rows_of_joint, columns = evaluate_joint(session, name, estimate, steps, arm)
+        rows_of_joint, columns = evaluate_joint(session, name, estimate, steps or [], arm)
         joints += rows_of_joint
         if columns:
             series[f"joint_{name}"] = columns
         else:
             notes.append(f"{name}: no truth, so its angle is not judged")
     metrics, outcome = judge(session.analysis, summarise_metrics(session.analysis, joints, orientations))
+    notes += [f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED]
     if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
     return Evaluation(session.name, joints, orientations, metrics, outcome, notes, series)

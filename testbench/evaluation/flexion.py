@@ -108,6 +108,8 @@ def _row(
         filter=key,
         sequence=sequence,
         section=step.section,
+        step=step.index,
+        kind=step.kind,
         misalignment_deg=step.variables.get(joint.misalignment),
         flexion_deg=step.variables.get(joint.flexion_variable),
         variables=step.variables,

@@ -29,9 +29,9 @@ def truth_at(truth: Truth, time_ns: np.ndarray) -> np.ndarray:
     return result
 
 
-def judged_rows(steps: list[PlannedStep], truth: Truth, time_ns: np.ndarray, static: np.ndarray) -> np.ndarray:
-    """Which of a sensor's samples count, shape (n,), bool: by the steps, or by the truth's own marks where there are none."""
-    if steps:
+def judged_rows(steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarray, static: np.ndarray) -> np.ndarray:
+    """Which of a sensor's samples count, shape (n,), bool: by the steps, or by the truth's own marks without a protocol."""
+    if steps is not None:
         judged = np.zeros(len(time_ns), dtype=bool)
         for _, rows in rows_by_step(steps, time_ns, static):
             judged[rows] = True
@@ -43,7 +43,7 @@ def judged_rows(steps: list[PlannedStep], truth: Truth, time_ns: np.ndarray, sta
 
 
 def evaluate_sensor(
-    name: str, estimate: SensorEstimate, truth: Truth, steps: list[PlannedStep]
+    name: str, estimate: SensorEstimate, truth: Truth, steps: list[PlannedStep] | None
 ) -> tuple[list[OrientationRow], dict[str, np.ndarray]]:
     """Rows and error signals of one sensor."""
     time = estimate.host_time_ns

@@ -5,7 +5,7 @@ from __future__ import annotations
 from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.records.session import MANIFEST, RunStatus, Session
+from testbench.records.session import EVENTS, MANIFEST, Event, RunStatus, Session
 from testbench.records.session_writer import file_hashes
 from testbench.records.storage import compact, write_json
 
@@ -31,6 +31,8 @@ def recover(session: Session) -> Session:
     duration = float(samples.host_time_ns[-1]) / NANOSECONDS if len(samples.host_time_ns) else 0.0
     planned = session.manifest["plan"]["check"]["duration_s"]
     message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
+    with (path / EVENTS).open("a", encoding="utf-8") as events:
+        events.write("\n" + Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}).to_json() + "\n")
     manifest = session.manifest | {"status": RunStatus.ABORTED, "message": message, "duration_s": duration}
     write_json(path / MANIFEST, manifest | {"files": file_hashes(path)})
     return Session(path)

@@ -65,13 +65,16 @@ def _load(file: Path) -> dict[str, Any]:
     missing = [key for key in (*SHAPES, "movement", "sampling_rate") if key not in data]
     if missing:
         raise refuse(f"not a BROAD trial: it lacks {', '.join(missing)}; it has {', '.join(sorted(data)) or 'nothing'}")
+    try:
+        data |= {key: np.atleast_1d(np.asarray(data[key], dtype=float)) for key in (*SHAPES, "movement", "sampling_rate")}
+        rate = float(data["sampling_rate"].item())
+    except (TypeError, ValueError) as error:
+        raise refuse(f"not a BROAD trial: what should be numbers is none: {error}") from None
     count = len(data["imu_gyr"])
     for key, width in SHAPES.items():
-        data[key] = np.asarray(data[key], dtype=float)
         if data[key].shape != (count, width) or count < 10:
             raise refuse(f"{key} has shape {data[key].shape}; a BROAD trial has ({count}, {width}) with at least 10 rows")
-    data["movement"] = np.asarray(data["movement"]).reshape(-1)
-    rate = float(np.asarray(data["sampling_rate"]).reshape(-1)[0])
+    data["movement"] = data["movement"].reshape(-1)
     if len(data["movement"]) != count or not 1 <= rate <= 100_000:
         raise refuse(f"{len(data['movement'])} movement marks and a rate of {rate} Hz do not fit {count} samples")
     return data | {"sampling_rate": rate}

@@ -63,7 +63,8 @@ def write_recording(recording: Recording, files: list[Path], format_name: str, o
     """Write a session from a recording.
 
     Args:
-        recording: What was read. files: Where it came from. format_name: Of these files. out: Folder to make. clock: For the date.
+        recording: What was read. files: Where it came from. format_name: Of these files. out: Folder to make.
+        clock: For the date.
 
     Raises:
         FileProblems: A file turns out to be malformed after its beginning; the folder is then removed again.

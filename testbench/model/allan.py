@@ -23,8 +23,8 @@ class AllanCurve:
     """Overlapping Allan deviation.
 
     Attributes:
-        tau: Averaging times, shape (k,) [s]. deviation: Shape (k,) [unit of the signal]. lower, upper: 68.3 % confidence bounds,
-        shape (k,). edf: Equivalent degrees of freedom, shape (k,).
+        tau: Averaging times, shape (k,) [s]. deviation: Shape (k,) [unit of the signal].
+        lower, upper: 68.3 % confidence bounds, shape (k,). edf: Equivalent degrees of freedom, shape (k,).
     """
 
     tau: np.ndarray

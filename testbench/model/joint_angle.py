@@ -9,11 +9,15 @@ from testbench.model.kinematics import Pose
 from testbench.records.protocol import Sensor
 
 
+def segment_pose(sensor: Sensor) -> Pose:
+    """The segment's frame in the sensor's link."""
+    assert sensor.segment is not None  # a protocol whose joints name sensors without a segment is refused
+    return Pose.from_placement(sensor.segment.placement())
+
+
 def segment_from_sensor(sensor: Sensor) -> np.ndarray:
     """q_segment_from_sensor by the mounting and segment axes that the protocol states, shape (4,)."""
-    assert sensor.segment is not None  # a protocol whose joints name sensors without a segment is refused
-    link_from_segment = Pose.from_placement(sensor.segment.placement())
-    link_from_sensor = Pose.from_placement(sensor.mounting)
+    link_from_segment, link_from_sensor = segment_pose(sensor), Pose.from_placement(sensor.mounting)
     return rotation.from_matrix(link_from_segment.R.T @ link_from_sensor.R)
 
 

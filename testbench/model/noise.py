@@ -31,7 +31,7 @@ class GaussMarkov:
 
     def draw(self, n: int) -> np.ndarray:
         """The next n values, shape (n, columns)."""
-        if not self.active:
+        if not self.active or n == 0:  # lfilter forgets its state over an empty input
             return np.zeros((n, self.columns))
         noise = self.step * self.rng.standard_normal((n, self.columns))
         values, self.state = lfilter([1.0], [1.0, -self.decay], noise, axis=0, zi=self.state)
@@ -51,7 +51,7 @@ class RandomWalk:
 
     def draw(self, n: int) -> np.ndarray:
         """The next n values, shape (n, columns)."""
-        if self.step == 0:
+        if self.step == 0 or n == 0:
             return np.zeros((n, self.columns))
         noise = self.step * self.rng.standard_normal((n, self.columns))
         values, self.state = lfilter([1.0], [1.0, -1.0], noise, axis=0, zi=self.state)

@@ -70,6 +70,12 @@ def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
     return q.reshape(*vector.shape[:-1], 4)
 
 
+def to_rotation_vector(q: np.ndarray) -> np.ndarray:
+    """Rotation vectors [rad] of length up to pi, shape (..., 4) to (..., 3)."""
+    q = np.asarray(q, float)
+    return np.asarray(Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_rotvec().reshape(*q.shape[:-1], 3))
+
+
 def from_euler(sequence: str, angles: np.ndarray) -> np.ndarray:
     """Quaternions of intrinsic Euler angles [rad], shape (..., 3) to (..., 4)."""
     angles = np.asarray(angles, float)
@@ -112,10 +118,9 @@ def angle(q: np.ndarray) -> np.ndarray:
 
 
 def heading_angle(q_world_error: np.ndarray) -> np.ndarray:
-    """Signed angle [rad] in (-pi, pi] of the rotation about the vertical nearest to a rotation, shape (..., 4) to (...)."""
+    """Signed angle [rad] in [-pi, pi) of the rotation about the vertical nearest to a rotation, shape (..., 4) to (...)."""
     q = np.asarray(q_world_error, float)
-    sign = np.where(q[..., 0] < 0, -1.0, 1.0)
-    return 2.0 * np.arctan2(sign * q[..., 3], sign * q[..., 0])
+    return np.asarray(wrap(2.0 * np.arctan2(q[..., 3], q[..., 0])))
 
 
 def inclination_angle(q_world_error: np.ndarray) -> np.ndarray:

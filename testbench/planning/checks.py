@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from testbench.frames import NANOSECONDS
 from testbench.model.collision import CollisionModel
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.plan import Clearance, JointUse, PlanCheck, PlannedStep, SensorUse
-from testbench.records.protocol import Protocol
+from testbench.records.protocol import Protocol, Sensor
 from testbench.records.robot import Robot
 from testbench.records.trajectory import Trajectory
 
@@ -20,6 +19,8 @@ SWEPT_STEP_RAD = math.radians(1.0)
 """Joint motion, summed over the joints, between two configurations at which clearance is computed."""
 TOLERANCE = 1e-6
 """Relative excess over a limit that is put down to rounding."""
+CHUNK = 50_000
+"""Configurations looked at together; bounds the memory."""
 
 
 def check_plan(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: list[PlannedStep]) -> PlanCheck:
@@ -31,19 +32,23 @@ def check_plan(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: 
         SensorRangeError: A sensor would saturate.
     """
     times = trajectory.sample_moving(round(NANOSECONDS / robot.spec.rates.control_hz))
-    q, v, a = trajectory.at(times)
     locate = _Locator(steps)
-    joints = _check_limits(robot, times, q, v, a, locate)
     kinematics = Kinematics(robot)
-    clearance = _check_clearance(kinematics, times, q, locate)
-    sensors = [
-        _check_sensor(name, sensor, kinematics, times, (q, v, a), locate) for name, sensor in protocol.spec.sensors.items()
-    ]
-    return PlanCheck(trajectory.duration, len(steps), joints, sensors, clearance, len(times))
+    limits, clearance = _Limits(robot, locate), _Clearance(kinematics, locate)
+    sensors = [_SensorRange(name, sensor, kinematics, locate) for name, sensor in protocol.spec.sensors.items()]
+    for begin in range(0, len(times), CHUNK):
+        chunk = times[begin : begin + CHUNK]
+        q, v, a = trajectory.at(chunk)
+        limits.look(chunk, q, v, a)
+        clearance.look(chunk, q)
+        for sensor in sensors:
+            sensor.look(chunk, q, v, a)
+    uses = [sensor.use() for sensor in sensors]
+    return PlanCheck(trajectory.duration, len(steps), limits.uses(), uses, clearance.smallest, len(times))
 
 
 class _Locator:
-    """Finds the step of a moment, and raises errors that name it."""
+    """Finds the step of a moment, and puts its place into errors."""
 
     def __init__(self, steps: list[PlannedStep]):
         self.steps = steps
@@ -57,83 +62,109 @@ class _Locator:
         return error
 
 
-def _check_limits(
-    robot: Robot, times: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray, locate: _Locator
-) -> list[JointUse]:
-    lowest, highest = robot.position_limits.T
-    quantities = (
-        ("position", q, lowest, highest, "deg"),
-        ("velocity", v, -robot.velocity_limits, robot.velocity_limits, "deg/s"),
-        ("acceleration", a, -robot.acceleration_limits, robot.acceleration_limits, "deg/s^2"),
-    )
-    for quantity, values, low, high, unit in quantities:
+class _Limits:
+    """Position, velocity and acceleration of every joint."""
+
+    def __init__(self, robot: Robot, locate: _Locator):
+        self.robot, self.locate = robot, locate
+        n = len(robot.joint_names)
+        self.lowest, self.highest = np.full(n, np.inf), np.full(n, -np.inf)
+        self.speed, self.acceleration = np.zeros(n), np.zeros(n)
+
+    def look(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
+        low, high = self.robot.position_limits.T
+        self._compare("position", "deg", times, q, low, high)
+        self._compare("velocity", "deg/s", times, v, -self.robot.velocity_limits, self.robot.velocity_limits)
+        self._compare("acceleration", "deg/s^2", times, a, -self.robot.acceleration_limits, self.robot.acceleration_limits)
+        self.lowest, self.highest = np.minimum(self.lowest, q.min(axis=0)), np.maximum(self.highest, q.max(axis=0))
+        self.speed = np.maximum(self.speed, np.abs(v).max(axis=0))
+        self.acceleration = np.maximum(self.acceleration, np.abs(a).max(axis=0))
+
+    def _compare(
+        self, quantity: str, unit: str, times: np.ndarray, values: np.ndarray, low: np.ndarray, high: np.ndarray
+    ) -> None:
         broken = (values > high + TOLERANCE * np.abs(high)) | (values < low - TOLERANCE * np.abs(low))
-        if broken.any():
-            row = int(np.argmax(broken.any(axis=1)))
-            column = int(np.argmax(broken[row]))
-            value = values[row, column]
-            limit = high[column] if value > 0 else low[column]
-            time = int(times[row])
-            raise locate.placed(
-                LimitError(
-                    robot.joint_names[column], quantity, math.degrees(value), math.degrees(limit), unit,
-                    time / NANOSECONDS, locate.step(time).name,
-                ),
-                time,
-            )  # fmt: skip
-    peak_v, peak_a = np.degrees(np.abs(v).max(axis=0)), np.degrees(np.abs(a).max(axis=0))
-    low_q, high_q = np.degrees(q.min(axis=0)), np.degrees(q.max(axis=0))
-    return [
-        JointUse(
-            name, float(low_q[i]), float(high_q[i]), float(peak_v[i]), robot.spec.joints[i].velocity_deg_s,
-            float(peak_a[i]), robot.spec.joints[i].acceleration_deg_s2,
-        )
-        for i, name in enumerate(robot.joint_names)
-    ]  # fmt: skip
+        if not broken.any():
+            return
+        row = int(np.argmax(broken.any(axis=1)))
+        column = int(np.argmax(broken[row]))
+        value, time = values[row, column], int(times[row])
+        limit = high[column] if value > high[column] else low[column]
+        joint, step = self.robot.joint_names[column], self.locate.step(time).name
+        error = LimitError(joint, quantity, math.degrees(value), math.degrees(limit), unit, time / NANOSECONDS, step)
+        raise self.locate.placed(error, time)
+
+    def uses(self) -> list[JointUse]:
+        low, high, speed, acceleration = np.degrees([self.lowest, self.highest, self.speed, self.acceleration]).tolist()
+        return [
+            JointUse(j.name, low[i], high[i], speed[i], j.velocity_deg_s, acceleration[i], j.acceleration_deg_s2)
+            for i, j in enumerate(self.robot.spec.joints)
+        ]
 
 
-def _check_clearance(kinematics: Kinematics, times: np.ndarray, q: np.ndarray, locate: _Locator) -> Clearance | None:
+class _Clearance:
     """Clearance along the swept path, at every degree of joint motion."""
-    model = CollisionModel(kinematics)
-    margin = kinematics.robot.spec.collision.margin_mm / 1000
-    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)).sum(axis=1))])
-    marks = np.floor(travelled / SWEPT_STEP_RAD)
-    rows = np.unique(np.concatenate([[0], np.flatnonzero(np.diff(marks) > 0) + 1, [len(q) - 1]]))
-    smallest: Clearance | None = None
-    known: dict[bytes, Any] = {}
-    for row in rows:
-        key = np.round(q[row], 4).tobytes()
-        if key in known:
-            continue
-        nearest = known[key] = model.nearest(q[row])
+
+    def __init__(self, kinematics: Kinematics, locate: _Locator):
+        self.model, self.locate = CollisionModel(kinematics), locate
+        self.margin = kinematics.robot.spec.collision.margin_mm / 1000
+        self.smallest: Clearance | None = None
+        self._travelled = 0.0
+        self._last: np.ndarray | None = None
+        self._known: set[bytes] = set()
+
+    def look(self, times: np.ndarray, q: np.ndarray) -> None:
+        before = q[:1] if self._last is None else self._last
+        travelled = self._travelled + np.cumsum(np.abs(np.diff(q, axis=0, prepend=before)).sum(axis=1))
+        marks = np.floor(travelled / SWEPT_STEP_RAD)
+        due = np.diff(marks, prepend=np.floor(self._travelled / SWEPT_STEP_RAD)) > 0
+        due[0] = due[-1] = True
+        self._travelled, self._last = float(travelled[-1]), q[-1:]
+        for row in np.flatnonzero(due):
+            self._look_at(int(times[row]), q[row])
+
+    def _look_at(self, time: int, q: np.ndarray) -> None:
+        key = np.round(q, 4).tobytes()
+        if key in self._known:
+            return
+        self._known.add(key)
+        nearest = self.model.nearest(q)
         if nearest is None:
-            return None
-        time, step = int(times[row]), locate.step(int(times[row])).name
-        if nearest.distance <= margin:
-            error = CollisionError(nearest.first, nearest.second, nearest.distance, margin, time / NANOSECONDS, step)
-            raise locate.placed(error, time)
-        if smallest is None or nearest.distance * 1000 < smallest.distance_mm:
-            smallest = Clearance(nearest.first, nearest.second, nearest.distance * 1000, time / NANOSECONDS, step)
-    return smallest
+            return
+        seconds, step = time / NANOSECONDS, self.locate.step(time).name
+        if nearest.distance <= self.margin:
+            error = CollisionError(nearest.first, nearest.second, nearest.distance, self.margin, seconds, step)
+            raise self.locate.placed(error, time)
+        if self.smallest is None or nearest.distance * 1000 < self.smallest.distance_mm:
+            self.smallest = Clearance(nearest.first, nearest.second, nearest.distance * 1000, seconds, step)
 
 
-def _check_sensor(
-    name: str, sensor: Any, kinematics: Kinematics, times: np.ndarray, state: tuple[np.ndarray, ...], locate: _Locator
-) -> SensorUse:
-    parameters = sensor.imu()
-    accelerometer, gyroscope = parameters.accelerometer.triad(), parameters.gyroscope.triad()
-    q, v, a = state
-    motion = kinematics.frame_motion(sensor.link, q, v, a, Pose.from_placement(sensor.mounting))
-    rate = np.abs(motion.angular_velocity_in_frame).max(axis=1)
-    force = np.abs(motion.specific_force_in_frame(kinematics.robot.gravity)).max(axis=1)
-    for quantity, values, limit, scale, unit in (
-        ("angular rate", rate, gyroscope.range, math.degrees(1), "deg/s"),
-        ("specific force", force, accelerometer.range, 1.0, "m/s^2"),
-    ):
-        if values.max() > limit:
-            time = int(times[int(np.argmax(values > limit))])
-            error = SensorRangeError(
-                name, quantity, float(values.max()) * scale, limit * scale, unit, time / NANOSECONDS, locate.step(time).name
-            )
-            raise locate.placed(error, time)
-    return SensorUse(name, math.degrees(rate.max()), math.degrees(gyroscope.range), float(force.max()), accelerometer.range)
+class _SensorRange:
+    """Largest angular rate and specific force on any axis of a sensor."""
+
+    def __init__(self, name: str, sensor: Sensor, kinematics: Kinematics, locate: _Locator):
+        self.name, self.sensor, self.kinematics, self.locate = name, sensor, kinematics, locate
+        self.offset = Pose.from_placement(sensor.mounting)
+        parameters = sensor.imu()
+        self.rate_range, self.force_range = parameters.gyroscope.triad().range, parameters.accelerometer.triad().range
+        self.rate = self.force = 0.0
+
+    def look(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
+        motion = self.kinematics.frame_motion(self.sensor.link, q, v, a, self.offset)
+        rate = np.abs(motion.angular_velocity_in_frame).max(axis=1)
+        force = np.abs(motion.specific_force_in_frame(self.kinematics.robot.gravity)).max(axis=1)
+        self._compare("angular rate", "deg/s", math.degrees(1), times, rate, self.rate_range)
+        self._compare("specific force", "m/s^2", 1.0, times, force, self.force_range)
+        self.rate, self.force = max(self.rate, float(rate.max())), max(self.force, float(force.max()))
+
+    def _compare(self, quantity: str, unit: str, scale: float, times: np.ndarray, values: np.ndarray, limit: float) -> None:
+        beyond = np.flatnonzero(values > limit)
+        if not len(beyond):
+            return
+        time = int(times[beyond[0]])
+        peak, step = float(values.max()) * scale, self.locate.step(time).name
+        error = SensorRangeError(self.name, quantity, peak, limit * scale, unit, time / NANOSECONDS, step)
+        raise self.locate.placed(error, time)
+
+    def use(self) -> SensorUse:
+        return SensorUse(self.name, math.degrees(self.rate), math.degrees(self.rate_range), self.force, self.force_range)

@@ -14,7 +14,7 @@ import ruckig
 from testbench.exceptions import PlanError
 from testbench.frames import NANOSECONDS
 from testbench.planning.expansion import Command, SineCommand, TrapezoidCommand
-from testbench.records.protocol import Motion
+from testbench.records.protocol_steps import Motion
 from testbench.records.robot import Robot
 from testbench.records.trajectory import Trajectory
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from testbench.exceptions import NotFoundError, PlanError
+from testbench.exceptions import FileProblems, InputError, NotFoundError, PlanError
 from testbench.model.kinematics import Kinematics
 from testbench.planning.checks import check_plan
 from testbench.planning.expansion import LONGEST_DURATION_S, Command, expand
 from testbench.planning.motion import MotionBuilder
+from testbench.planning.segment_frames import segment_frame_warnings
 from testbench.records.plan import Plan, PlannedStep
-from testbench.records.protocol import Protocol, load_protocol
+from testbench.records.protocol import Protocol
+from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import Robot, load_robot
 
 
@@ -49,6 +52,7 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
         raise protocol.document.problem("nothing moves and nothing dwells: the protocol lasts no time", "sections")
     trajectory = builder.trajectory()
     check = check_plan(robot, protocol, trajectory, steps)
+    check = replace(check, warnings=segment_frame_warnings(robot, protocol, trajectory, steps))
     return Plan(protocol, robot, trajectory, steps, check)
 
 
@@ -63,11 +67,12 @@ def _find_robot(protocol: Protocol, robot: str | Path | None) -> Robot:
     if robot is not None:
         return load_robot(robot)
     name = protocol.spec.robot
-    if name.endswith((".yaml", ".yml", ".urdf")) and not Path(name).is_absolute():
-        return load_robot(protocol.document.file.parent / name)
+    beside = protocol.document.file.parent / name
     try:
-        return load_robot(name)
-    except NotFoundError as error:
+        return load_robot(beside if beside.exists() or name.endswith((".yaml", ".yml", ".urdf")) else name)
+    except FileProblems:
+        raise  # it names the robot file and its line
+    except InputError as error:
         raise protocol.document.problem(str(error), "robot") from None
 
 

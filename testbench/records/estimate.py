@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from testbench.exceptions import SessionError
 from testbench.records.samples import QUATERNION, join, names, split
 from testbench.records.storage import read_json, read_parquet, write_json, write_parquet
 
@@ -55,10 +56,13 @@ class FrameFit:
 
 @dataclass(frozen=True)
 class CalibrationFit:
-    """Corrections of a sensor: acc = acc_matrix (acc_raw - acc_bias), gyr = gyr_raw - gyr_bias - gyr_g_matrix acc.
+    """Corrections of a sensor, in the axes of the mounting as believed.
+
+    acc = acc_matrix (acc_raw - acc_bias); gyr = rotation (gyr_raw - gyr_bias - gyr_g_matrix acc_raw); mag = rotation mag_raw;
+    rotation is the one nearest to acc_matrix: what turns one triad of a part turns them all.
 
     Attributes:
-        acc_matrix: Shape (3, 3). acc_bias: [m/s^2]. acc_bias_sd: Standard uncertainty [m/s^2]. gyr_bias: [rad/s].
+        acc_matrix: Shape (3, 3). acc_bias: [m/s^2]. acc_bias_sd: Standard uncertainty [m/s^2]. gyr_bias, gyr_bias_sd: [rad/s].
         gyr_g_matrix: Response of the gyroscope to specific force, shape (3, 3) [rad/s/(m/s^2)].
         poses: Number of static poses used. residual_m_s2: RMS over the poses. method: As in the protocol.
     """
@@ -67,15 +71,26 @@ class CalibrationFit:
     acc_bias: np.ndarray = field(default_factory=lambda: np.zeros(3))
     acc_bias_sd: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
     gyr_bias: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    gyr_bias_sd: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
     gyr_g_matrix: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
     poses: int = 0
     residual_m_s2: float = float("nan")
     method: str = "none"
 
-    def apply(self, gyr: np.ndarray, acc: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Corrected angular rate [rad/s] and specific force [m/s^2], shapes (n, 3)."""
+    @property
+    def rotation(self) -> np.ndarray:
+        """The rotation nearest to acc_matrix, shape (3, 3) (Higham 1986, polar decomposition)."""
+        u, _, vt = np.linalg.svd(self.acc_matrix)
+        return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+
+    def apply(
+        self, gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Corrected angular rate [rad/s], specific force [m/s^2] and field [uT], shapes (n, 3)."""
+        R = self.rotation
         corrected = (acc - self.acc_bias) @ self.acc_matrix.T
-        return gyr - self.gyr_bias - corrected @ self.gyr_g_matrix.T, corrected
+        rate = (gyr - self.gyr_bias - acc @ self.gyr_g_matrix.T) @ R.T
+        return rate, corrected, None if mag is None else mag @ R.T
 
 
 @dataclass(frozen=True)
@@ -112,9 +127,14 @@ class JointEstimate:
 
 @dataclass(frozen=True)
 class Estimate:
-    """All estimates of a session."""
+    """All estimates of a session.
+
+    Attributes:
+        session: Its name. fingerprint: Of the recording they were made from. sensors, joints: By name.
+    """
 
     session: str
+    fingerprint: str
     sensors: dict[str, SensorEstimate]
     joints: dict[str, JointEstimate]
 
@@ -122,7 +142,8 @@ class Estimate:
         """Write the folder `estimate` of a session."""
         folder = session_folder / FOLDER
         folder.mkdir(exist_ok=True)
-        summary: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "session": self.session, "sensors": {}, "joints": {}}
+        summary: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "session": self.session}
+        summary |= {"fingerprint": self.fingerprint, "sensors": {}, "joints": {}}
         for name, sensor in self.sensors.items():
             columns = {"host_time_ns": sensor.host_time_ns, "static": sensor.static}
             for key, q in sensor.orientation.items():
@@ -152,6 +173,8 @@ class Estimate:
         """
         folder = session_folder / FOLDER
         summary = read_json(folder / "estimate.json")
+        if summary.get("schema_version") != SCHEMA_VERSION:
+            raise SessionError(f"{folder} has schema {summary.get('schema_version')}; this version reads {SCHEMA_VERSION}")
         sensors, joints = {}, {}
         for name, data in summary["sensors"].items():
             table = read_parquet(folder / f"orientation_{name}.parquet")
@@ -166,7 +189,7 @@ class Estimate:
                 orientation,
                 ClockFit(**_numbers(data["clock"])),
                 CalibrationFit(**_numbers(calibration)),
-                {key: FrameFit(**fit) for key, fit in data["frames"].items()},
+                {key: FrameFit(**fit | {"mounting_deg": tuple(fit["mounting_deg"])}) for key, fit in data["frames"].items()},
                 data["skipped"],
             )
         for name, rows in summary["joints"].items():
@@ -175,7 +198,7 @@ class Estimate:
                 (row["filter"], row["sequence"]): join(table, _angle_columns(row["filter"], row["sequence"])) for row in rows
             }
             joints[name] = JointEstimate(table["host_time_ns"], angles)
-        return Estimate(summary["session"], sensors, joints)
+        return Estimate(summary["session"], summary["fingerprint"], sensors, joints)
 
 
 def _angle_columns(key: str, sequence: str) -> list[str]:

@@ -33,17 +33,18 @@ class JointRow:
     """Errors of a flexion angle over one group of samples: all those at one commanded pose, or of one sweep; degrees.
 
     Attributes:
-        joint, filter, sequence: What was computed. section: Of the protocol. misalignment_deg, flexion_deg: Commanded, None
-        where
-        the protocol has no such variable. variables: All loop variables. n: Samples. flexion_*: Error of the flexion angle.
-        other_*: Mean absolute errors of the two other Euler angles, in their order, against the same sequence of the true
-        orientations; None in gimbal lock.
+        joint, filter, sequence: What was computed. section, step, kind: Of the protocol's step.
+        misalignment_deg, flexion_deg: Commanded, None where the protocol has no such variable. variables: All loop variables.
+        n: Samples. flexion_*: Error of the flexion angle. other_*: Mean absolute errors of the two other Euler angles, in their
+        order, against the same sequence of the true orientations; None in gimbal lock.
     """
 
     joint: str
     filter: str
     sequence: str
     section: str
+    step: int
+    kind: str
     misalignment_deg: float | None
     flexion_deg: float | None
     variables: dict[str, float]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from keyword import iskeyword
 from typing import Any, Literal
 
 from pydantic import Field, model_validator
@@ -94,6 +93,10 @@ class JointDefinition(FlexionAngle):
     def _two_sensors(self) -> JointDefinition:
         if self.proximal == self.distal:
             raise ValueError("proximal and distal are the same sensor")
+        sequences = [angle.sequence for angle in self.definitions()]
+        twice = sorted({str(sequence) for sequence in sequences if sequences.count(sequence) > 1})
+        if twice:
+            raise ValueError(f"the Euler sequence {', '.join(twice)} stands more than once")
         return self
 
     def definitions(self) -> list[FlexionAngle]:
@@ -205,13 +208,6 @@ class ProtocolSpec(StrictModel):
     sections: list[Section] = Field(min_length=1, description="What to do, in order.")
     estimate: Estimation = Field(default_factory=Estimation, description="What to compute from the recordings.")
     accept: list[AcceptanceLimit] = Field(default=[], description="Limits that decide pass or fail.")
-
-    @model_validator(mode="after")
-    def _free_names(self) -> ProtocolSpec:
-        taken = [name for name in self.variables if name in RESERVED_NAMES or iskeyword(name)]
-        if taken:
-            raise ValueError(f"variables: the name '{taken[0]}' is a word of the expression language; choose another")
-        return self
 
     def analysis(self) -> Analysis:
         """The part that concerns estimation and evaluation."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from testbench.exceptions import FileProblems, NotFoundError, Problem
-from testbench.records.protocol import JOINT_METRICS, SENSOR_METRICS, AcceptanceLimit, Protocol, ProtocolSpec
+from testbench.records.protocol import JOINT_METRICS, RESERVED_NAMES, SENSOR_METRICS, AcceptanceLimit, Protocol, ProtocolSpec
 from testbench.records.protocol_steps import Step
 from testbench.records.sensor import list_presets
 from testbench.records.shipped import shipped_folder
@@ -103,6 +104,9 @@ class _Names:
 
     def check(self) -> list[Problem]:
         """Every name that does not fit."""
+        for name in self.spec.variables:
+            if name in RESERVED_NAMES or iskeyword(name):
+                self._refuse(f"'{name}' is a word of the expression language; choose another name", "variables", name)
         self._sensors()
         self._joints()
         self._sections()

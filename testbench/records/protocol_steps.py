@@ -89,7 +89,9 @@ class Sine(StrictModel):
 class Trapezoid(StrictModel):
     """There and back at a constant rate, `cycles` times."""
 
-    amplitude_deg: Expression = Field(description="How far to go from the angle the sweep starts at, either way [deg].")
+    amplitude_deg: Expression = Field(
+        description="How far to go from the angle the sweep starts at, and back; may be negative [deg]."
+    )
     rate_deg_s: Expression = Field(description="Constant rate between speeding up and slowing down, above 0 [deg/s].")
     cycles: Expression = Field(default=1.0, description="How often to go there and back, a whole number.")
     hold_s: NonNegative = Field(default=0.0, description="Rest at either end [s].")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -162,6 +163,10 @@ class ImuParameters(StrictModel):
     description: str = Field(default="", description="What it is, in a line.")
     source: str = Field(default="", description="Where the numbers come from.")
     rate_hz: float = Field(gt=0, le=10_000, description="Output rate [Hz].")
+    sampling: Literal["instantaneous", "integrated"] = Field(
+        default="instantaneous",
+        description="integrated: rate and force are means over the interval before each sample (strapdown integration).",
+    )
     accelerometer: Accelerometer = Field(description="Accelerometer data sheet.")
     gyroscope: Gyroscope = Field(description="Gyroscope data sheet.")
     magnetometer: Magnetometer | None = Field(default=None, description="null: the part has none.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
 from enum import StrEnum
@@ -85,6 +86,16 @@ class Session:
         except (KeyError, ValidationError) as error:
             raise SessionError(f"{self.path / MANIFEST}: the analysis is damaged: {error}") from None
 
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of the manifest, which holds the hashes of every raw file and what to compute from them."""
+        return hashlib.sha256((self.path / MANIFEST).read_bytes()).hexdigest()
+
+    @property
+    def has_protocol(self) -> bool:
+        """Whether the bench ran it, step by step; an imported recording has no steps."""
+        return bool(self.manifest.get("kind") == "run")
+
     @property
     def sensor_names(self) -> list[str]:
         return list(self.manifest["sensors"])
@@ -130,7 +141,7 @@ class Session:
         for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else []:
             try:
                 data = json.loads(line)
-            except ValueError:
+            except ValueError:  # cut off, or empty
                 continue
             events.append(Event(data.pop("host_time_ns"), data.pop("event"), data))
         return events

@@ -83,7 +83,7 @@ def load_yaml(file: str | Path, record: type[Record]) -> YamlDocument[Record]:
     text = read_text(file)
     data, places = parse_yaml(text, file)
     if not isinstance(data, dict):
-        what = "is empty" if data is None else f"holds a {_kind(data)}"
+        what = "is empty" if data is None else f"holds {_kind(data)}"
         keys = ", ".join(list(record.model_fields)[:4])
         raise FileProblems(file, [Problem(f"the file {what}; it must hold a mapping with keys such as {keys}", line=1)])
     try:
@@ -139,7 +139,7 @@ def _syntax_problem(error: Exception, text: str) -> Problem:
         return Problem("not valid YAML: nested too deeply", line=1)
     if isinstance(error, yaml.reader.ReaderError):
         line = text.count("\n", 0, error.position) + 1
-        return Problem(f"not valid YAML: the character U+{ord(str(error.character)):04X} is not allowed", line=line)
+        return Problem(f"not valid YAML: the character U+{error.character:04X} is not allowed", line=line)
     mark, said = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error)
     context = getattr(error, "context", None) or ""
     if "'\\t'" in said:
@@ -170,8 +170,10 @@ def _construct(
 
     if len(path) > DEEPEST_NESTING:
         return refuse(f"nested deeper than {DEEPEST_NESTING} levels")
+    if isinstance(node.value, str) and not _is_unicode(node.value):
+        return refuse("holds half of a surrogate pair, which is no character")
     if node.tag not in {f"tag:yaml.org,2002:{name}" for name in _TAGS[type(node)]}:
-        return refuse(f"the tag {node.tag} is not allowed")
+        return refuse(f"the tag {node.tag.replace('tag:yaml.org,2002:', '!!')} is not allowed")
     if not isinstance(node, yaml.ScalarNode):
         if id(node) in seen:
             return refuse("aliases (*name) are not allowed; write the value out")
@@ -186,6 +188,9 @@ def _construct(
                 problems.append(Problem("keys must be plain words", _dotted(path), *key_place))
                 continue
             key = key_node.value
+            if not _is_unicode(key):
+                problems.append(Problem("keys must be plain words", _dotted(path), *key_place))
+                continue
             if key in mapping:
                 first = places[(*path, key)]
                 message = _one_line(f"the key '{key}' stands twice (first in line {first[0]})")
@@ -198,6 +203,10 @@ def _construct(
         return loader.construct_object(node)
     except (yaml.YAMLError, ArithmeticError, LookupError, ValueError):
         return refuse(f"'{node.value}' is not of the type that its tag says")
+
+
+def _is_unicode(text: str) -> bool:
+    return not any("\ud800" <= c <= "\udfff" for c in text)
 
 
 def few(problems: list[Problem]) -> list[Problem]:
@@ -256,7 +265,12 @@ def _message(fault: Any) -> str:
     elif kind == "string_type":
         message = "must be text"
     message = message[0].lower() + message[1:]
-    message = message.replace("input should be", "must be").replace("a valid ", "a ").replace("a boolean", "true or false")
+    message = (
+        message.replace("input should be", "must be")
+        .replace("a valid ", "a ")
+        .replace("a integer", "a whole number")
+        .replace("a boolean", "true or false")
+    )
     return f"{message}, not {_quoted(given)}"
 
 
@@ -283,4 +297,5 @@ def _one_line(text: str) -> str:
 
 
 def _kind(data: Any) -> str:
-    return {list: "list", str: "text", int: "number", float: "number", bool: "truth value"}.get(type(data), "value")
+    kinds = {list: "a list", str: "text", int: "a number", float: "a number", bool: "a truth value"}
+    return kinds.get(type(data), "something else")

@@ -91,17 +91,25 @@ def _band(x: list[float], low: list[float], high: list[float], curve: Curve) -> 
 
 
 def heat_map(
-    title: str, x: Sequence[float], y: Sequence[float], z: np.ndarray, x_title: str, y_title: str, z_title: str, z_max: float
+    title: str,
+    x: Sequence[float] | Sequence[str],
+    y: Sequence[float] | Sequence[str],
+    z: np.ndarray,
+    x_title: str,
+    y_title: str,
+    z_title: str,
+    z_max: float,
 ) -> Figure:
     """Values over a grid.
 
     Args:
-        x, y: Shape (m,), (n,). z: Shape (n, m), NaN where there is none. z_max: Upper end of the colours.
+        x, y: Shape (m,), (n,); words make cells of equal size. z: Shape (n, m), NaN where there is none. z_max: Upper end of
+        the colours.
     """
     data = {
         "type": "heatmap",
-        "x": _rounded(x),
-        "y": _rounded(y),
+        "x": _places(x),
+        "y": _places(y),
         "z": [_rounded(row) for row in z],
         "zmin": 0,
         "zmax": float(f"{z_max:.3g}"),
@@ -115,11 +123,16 @@ def heat_map(
     return {"data": [data], "layout": layout}
 
 
-def _few_ticks(values: Sequence[float]) -> Figure:
+def _places(values: Sequence[float] | Sequence[str]) -> list[Any]:
+    return [_text(value) if isinstance(value, str) else value for value in values]
+
+
+def _few_ticks(values: Sequence[float] | Sequence[str]) -> Figure:
     """A tick at every value where they are few; an even choice otherwise."""
     if len(values) > 8:
         return {"nticks": 8}
-    return {"tickmode": "array", "tickvals": _rounded(values)}
+    kind = {"type": "category"} if isinstance(values[0], str) else {}
+    return {"tickmode": "array", "tickvals": _places(values), **kind}
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,10 @@ def fit_section(estimate: Estimate) -> Section:
     section.blocks.append(
         _clocks(estimate) if _fitted_clock(estimate) else Sentence("No clock was fitted: device times are host times.")
     )
-    frames = any(sensor.frames for sensor in estimate.sensors.values())
-    section.blocks.append(_frames(estimate) if frames else Sentence("No frame was aligned."))
+    frames = any(fit.method != "none" for sensor in estimate.sensors.values() for fit in sensor.frames.values())
+    section.blocks.append(
+        _frames(estimate) if frames else Sentence("No frame was aligned: the earth frame of each filter counts as the world.")
+    )
     calibrated = any(sensor.calibration.method != "none" for sensor in estimate.sensors.values())
     section.blocks.append(
         _calibration(estimate) if calibrated else Sentence("No calibration was fitted: the raw samples went into the filters.")
@@ -51,8 +53,9 @@ def _clocks(estimate: Estimate) -> Table:
         header("sensor", "method", "offset [ms]", "sd [ms]", "drift [ppm]", "sd [ppm]", "residual [deg/s]",
                "angle at peak rate [deg]", numbers_from=2),
         rows,
-        "How to read: device time = host time · (1 + drift) + offset, sd is the standard uncertainty. The residual is the RMS difference "
-        "of the angular-rate magnitudes after the fit; the last column is what the uncertainty of the time means at the fastest motion.",
+        "How to read: device time = host time · (1 + drift) + offset, sd is the standard uncertainty. The residual is the "
+        "RMS difference of the angular-rate magnitudes after the fit; the last column is what the uncertainty of the time "
+        "means at the fastest motion.",
     )  # fmt: skip
 
 
@@ -77,8 +80,9 @@ def _frames(estimate: Estimate) -> Table:
             numbers_from=3,
         ),
         rows,
-        "How to read: heading of the filter's earth frame seen from the world, and the rotation vector that was left between the "
-        "believed and the found mounting, in the sensor frame. All sensors of a bench should agree in the heading of a 9-axis filter.",
+        "How to read: heading of the filter's earth frame seen from the world, and the rotation vector that was left "
+        "between the believed and the found mounting, in the sensor frame. All sensors of a bench should agree in the "
+        "heading of a 9-axis filter.",
     )
 
 
@@ -101,14 +105,16 @@ def _calibration(estimate: Estimate) -> Table:
             ]
             lead = first if i == 0 else [label(""), Cell(""), Cell(""), Cell("")]
             rows.append(
-                Row([*lead, text(axis), Cell(bias[i], kind="number"), *(number(value, 5) for value in matrix[i]), number(gyr[i], 4)],
-                    "" if i == 0 else "continued")
-            )  # fmt: skip
+                Row(
+                    [*lead, text(axis), Cell(bias[i], kind="number"), *(number(v, 5) for v in matrix[i]), number(gyr[i], 4)],
+                    "" if i == 0 else "continued",
+                )
+            )
     return Table(
         "Calibration of each sensor",
-        header("sensor", "method", "poses", "residual [mm/s²]", "axis", "accelerometer bias [mg]", "matrix, x", "matrix, y", "matrix, z",
-               "gyroscope bias [deg/s]", numbers_from=2),
+        header("sensor", "method", "poses", "residual [mm/s²]", "axis", "accelerometer bias [mg]", "matrix, x", "matrix, y",
+               "matrix, z", "gyroscope bias [deg/s]", numbers_from=2),
         rows,
-        "How to read: acceleration = matrix · (raw − bias) and rate = raw − gyroscope bias; ± is the standard uncertainty. A perfect "
-        "sensor has the unit matrix and no bias; the residual is the RMS over the static poses.",
+        "How to read: acceleration = matrix · (raw − bias) and rate = raw − gyroscope bias; ± is the standard uncertainty. "
+        "A perfect sensor has the unit matrix and no bias; the residual is the RMS over the static poses.",
     )  # fmt: skip

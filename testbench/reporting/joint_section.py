@@ -66,8 +66,8 @@ def _summary(joint: str, rows: list[JointRow], evaluation: Evaluation) -> Table:
         f"Flexion error e of {joint}, all poses and sweeps",
         columns,
         body,
-        "How to read: e is estimated minus true flexion; every pose or sweep counts alike, however long it took. The last two columns "
-        "are the mean absolute errors of the other two Euler angles; a dash means gimbal lock.",
+        "How to read: e is estimated minus true flexion; every pose or sweep counts alike, however long it took. The last "
+        "two columns are the mean absolute errors of the other two Euler angles; a dash means gimbal lock.",
     )
 
 
@@ -87,16 +87,17 @@ def _pose_blocks(joint: str, section: str, errors: PoseErrors, published: Publis
             Figures(
                 f"Mean |flexion error| over commanded flexion: {where}",
                 figures,
-                "How to read: lower is better. The band is one standard deviation of the samples within a pose, to either side; the grey "
-                f"diamonds are the published values of the same Euler sequence ({published.source}). Click a name to hide or to show "
-                "it; published filters that this session did not run wait greyed out where there is a nearer one.",
+                "How to read: lower is better. The band is one standard deviation of the samples within a pose, to either "
+                f"side; the grey diamonds are the published values of the same Euler sequence ({published.source}). Click a "
+                "name to hide or to show it; published filters that this session did not run wait greyed out where there is "
+                "a nearer one.",
             )
         )
     if len(errors.flexions) > 1 and len(errors.misalignments) > 1:
-        blocks.append(_maps(joint, section, errors))
+        blocks += [_maps(joint, section, sequence, errors) for sequence in errors.sequences]
     else:
-        blocks.append(Sentence(f"Section {section} varies {'no misalignment' if len(errors.misalignments) < 2 else 'no flexion'}: "
-                               "there is no map of the error over both."))  # fmt: skip
+        what = "misalignment" if len(errors.misalignments) < 2 else "flexion"
+        blocks.append(Sentence(f"Section {section} varies no {what}: there is no map of the error over both."))
     return blocks
 
 
@@ -112,11 +113,11 @@ def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults) 
         for name in filters:
             found = [errors.at((name, sequence), flexion) for flexion in errors.flexions]
             cells = [
-                number(e and e.mean_abs, 2, f"{digits(e.mean_abs, 4)} deg, sd {digits(e.sd, 4)} deg, {e.n} samples" if e else "",
-                       "best" if e and e.mean_abs == low else "")
+                number(e.mean_abs, 2, f"{digits(e.mean_abs, 4)} deg, sd {digits(e.sd, 4)} deg, {e.n} samples",
+                       "best" if e.mean_abs == low else "") if e else number(None)
                 for e, low in zip(found, best, strict=True)
             ]  # fmt: skip
-            body.append(Row([label(name), *cells, number(_mean([e and e.mean_abs for e in found]))]))
+            body.append(Row([label(name), *cells, number(_mean([e.mean_abs if e else None for e in found]))]))
             for row, values in [item for item in waiting if name in item[0].filters]:
                 body.append(_published_row(f"Table {row.table}", f"{row.sensor}, {row.method}", values))
                 waiting.remove((row, values))
@@ -128,11 +129,11 @@ def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults) 
         Cell("mean", kind="number"),
     ]
     over = [Cell(""), Cell("commanded flexion [deg]", span=len(errors.flexions)), Cell("")]
-    how = "How to read: mean absolute flexion error [deg] of all samples in a pose; bold is the lowest of ours in its column and sequence."
+    how = "How to read: mean absolute error of all samples in a pose; bold is the lowest of ours in its column and sequence."
     if beside:
         how += (
-            f" Rows in italics are published ({published.source}): {published.setup} Each stands under our row of the same filter and "
-            "Euler sequence, or at the end of its sequence where this session did not run that filter."
+            f" Rows in italics are published ({published.source}): {published.setup} Each stands under our row of the same "
+            "filter and Euler sequence, or at the end of its sequence where this session did not run that filter."
         )
     return Table(f"Mean |flexion error| [deg]: {where}", columns, body, how, over=over)
 
@@ -162,24 +163,23 @@ def _curves(errors: PoseErrors, sequence: str, published: PublishedResults, colo
         x, y = [f for f, _ in known], [value for _, value in known]
         name = f"published, {row.table}: {row.sensor}, {row.filters[0]}"
         curves.append(Curve(name, x, y, REFERENCE, dashed=True, hidden=bool(ran) and row.table not in ran))
-    return error_curves(curves, "commanded flexion [deg]", f"mean |flexion error| [deg], {sequence}")
+    return error_curves(curves, "commanded flexion [deg]", f"mean |e| [deg], {sequence}")
 
 
-def _maps(joint: str, section: str, errors: PoseErrors) -> Figures:
+def _maps(joint: str, section: str, sequence: str, errors: PoseErrors) -> Figures:
+    grids: dict[Key, np.ndarray] = {(name, sequence): errors.grid((name, sequence)) for name in errors.filters(sequence)}
+    top = _top(list(grids.values()))
     figures = {}
-    for sequence in errors.sequences:
-        grids: dict[Key, np.ndarray] = {(name, sequence): errors.grid((name, sequence)) for name in errors.filters(sequence)}
-        top = _top(list(grids.values()))
-        for (name, _), grid in grids.items():
-            figures[f"error over misalignment and flexion, {name}, {sequence}"] = heat_map(
-                f"{name}, {sequence}", errors.misalignments, errors.flexions, grid, "misalignment [deg]", "flexion [deg]",
-                "mean |e| [deg]", top,
-            )  # fmt: skip
+    for (name, _), grid in grids.items():
+        figures[f"error over misalignment and flexion, {name}, {sequence}"] = heat_map(
+            f"{name}, {sequence}", errors.misalignments, errors.flexions, grid, "misalignment [deg]", "flexion [deg]",
+            "mean |e| [deg]", top,
+        )  # fmt: skip
     return Figures(
-        f"Mean |flexion error| over misalignment and flexion: {joint}, section {section}",
+        f"Mean |flexion error| over misalignment and flexion, {sequence}: {joint}, section {section}",
         figures,
-        "How to read: each cell is one pose; maps of the same Euler sequence share their colours, which end at the value that 98 % of "
-        "their cells stay below. Stripes along one axis mean that the error depends on that angle alone.",
+        "How to read: each cell is one pose; all maps of this Euler sequence share their colours, which end at the value "
+        "that 98 % of their cells stay below. Stripes along one axis mean that the error depends on that angle alone.",
         small=True,
     )
 
@@ -191,8 +191,8 @@ def _top(grids: list[np.ndarray]) -> float:
 
 
 def _sweep_blocks(joint: str, section: str, errors: SweepErrors) -> list[Block]:
-    columns = header(*errors.variables, "filter", "sequence", "samples", "mean e [deg]", "mean |e| [deg]", "sd [deg]", "RMS e [deg]",
-                     "max |e| [deg]")  # fmt: skip
+    columns = header(*errors.variables, "filter", "sequence", "samples", "mean e [deg]", "mean |e| [deg]", "sd [deg]",
+                     "RMS e [deg]", "max |e| [deg]")  # fmt: skip
     body = [
         Row([*(number(v, 2) for v in values), label(key[0]), text(key[1]), number(e.n, 0)]
             + [number(v, 3) for v in (e.mean, e.mean_abs, e.sd, e.rmse, e.max_abs)])
@@ -202,8 +202,8 @@ def _sweep_blocks(joint: str, section: str, errors: SweepErrors) -> list[Block]:
         f"Sweeps: {joint}, section {section}",
         columns,
         body,
-        "How to read: e is estimated minus true flexion while the arm moves, all samples of a sweep and of the dwells that share its "
-        "variables.",
+        "How to read: e is estimated minus true flexion while the arm moves, all samples of a sweep and of the dwells that "
+        "share its variables.",
         folded=errors.is_grid,
     )
     if not errors.is_grid:
@@ -233,19 +233,14 @@ def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
     figures = {}
     for (name, sequence), grid in grids.items():
         figures[f"RMS error over {errors.variables[1]} and {errors.variables[0]}, {name}, {sequence}"] = heat_map(
-            f"{name}, {sequence}",
-            errors.values(1),
-            errors.values(0),
-            grid,
-            errors.variables[1],
-            errors.variables[0],
-            "RMS e [deg]",
-            top,
-        )
+            f"{name}, {sequence}", [f"{v:g}" for v in errors.values(1)], [f"{v:g}" for v in errors.values(0)], grid,
+            errors.variables[1], errors.variables[0], "RMS e [deg]", top,
+        )  # fmt: skip
     return Figures(
         f"RMS flexion error over {errors.variables[1]} and {errors.variables[0]}: {joint}, section {section}",
         figures,
-        "How to read: each cell is one sweep; all maps share their colours, which end at the value that 98 % of the cells stay below.",
+        "How to read: each cell is one sweep; all maps share their colours, which end at the value that 98 % of the cells "
+        "stay below.",
         small=True,
     )
 
@@ -265,7 +260,8 @@ def _time_blocks(joint: str, rows: list[JointRow], evaluation: Evaluation, colou
         Figures(
             f"Signed flexion error over time: {joint}",
             {f"signed flexion error of {joint} over time": figure},
-            "How to read: estimated minus true flexion, only where it is judged; gaps are moves and calibration. Long recordings show "
-            "the lowest and highest error of each short span, so no peak is lost. Dotted lines begin a section.",
+            "How to read: estimated minus true flexion, only where it is judged; gaps are moves and calibration. Long "
+            "recordings show the lowest and highest error of each short span, so no peak is lost. Dotted lines begin a "
+            "section.",
         )
     ]

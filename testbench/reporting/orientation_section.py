@@ -40,9 +40,9 @@ def orientation_section(evaluation: Evaluation, colours: dict[str, str], spans: 
             Figures(
                 f"Orientation error over time: {sensor}",
                 {f"orientation error of {sensor} over time": time_panels(envelope.time, panels, colours, spans)},
-                "How to read: total is the angle between estimated and true orientation; heading is its part about the vertical, "
-                "inclination the rest. A heading that runs away is a filter without magnetometer. Only judged samples are drawn; "
-                "long recordings show the lowest and highest error of each short span.",
+                "How to read: total is the angle between estimated and true orientation; heading is its part about the "
+                "vertical, inclination the rest. A heading that runs away is a filter without magnetometer. Only judged "
+                "samples are drawn; long recordings show the lowest and highest error of each short span.",
             )
         )
     return section
@@ -59,11 +59,11 @@ def _table(evaluation: Evaluation) -> Table:
             rows.append(Row([label(row.filter), text(sensor), *cells, number(row.n, 0)]))
     return Table(
         "Orientation error of each sensor by each filter",
-        header("filter", "sensor", "total RMS [deg]", "heading RMS [deg]", "inclination RMS [deg]", "largest total [deg]", "samples",
-               numbers_from=2),
+        header("filter", "sensor", "total RMS [deg]", "heading RMS [deg]", "inclination RMS [deg]", "largest total [deg]",
+               "samples", numbers_from=2),
         rows,
-        "How to read: over all judged samples; bold is the lowest of a sensor. Inclination is what gravity can correct, heading what only "
-        "a magnetometer or a known start can.",
+        "How to read: over all judged samples; bold is the lowest of a sensor. Inclination is what gravity can correct, "
+        "heading what only a magnetometer or a known start can.",
     )  # fmt: skip
 
 

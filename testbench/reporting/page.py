@@ -13,7 +13,8 @@ class Figures:
     """One figure, or several small ones side by side.
 
     Attributes:
-        caption: What they show. figures: By the words a screen reader says. how: How to read them, one line. small: Several to a row.
+        caption: What they show. figures: By the words a screen reader says. how: How to read them, one line. small: Several to
+        a row.
     """
 
     caption: str

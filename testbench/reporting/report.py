@@ -33,8 +33,8 @@ def report(session: Session, estimate: Estimate | None = None, evaluation: Evalu
     """Write report.html into the session's folder.
 
     Args:
-        session: The recording. estimate, evaluation: What was made of it; read from the session's folder if None, and left out of
-        the report where the folder has none.
+        session: The recording. estimate, evaluation: What was made of it; read from the session's folder if None, and left out
+        of the report where the folder has none.
 
     Returns:
         The path of the report.

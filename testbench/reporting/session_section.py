@@ -16,8 +16,8 @@ from testbench.reporting.page import Block, Section, Sentence
 from testbench.reporting.tables import NOTHING, Cell, Row, Table, digits, header, label, number, significant, text, vector
 
 SHOWN = {
-    "schema_version", "session", "status", "started_utc", "clocks", "software", "sensors", "analysis", "kind", "seed", "protocol",
-    "robot", "plan", "message", "duration_s", "files", "arm",
+    "schema_version", "session", "status", "started_utc", "clocks", "software", "sensors", "analysis", "kind", "seed",
+    "protocol", "robot", "plan", "message", "duration_s", "files", "arm",
 }  # fmt: skip
 """Entries of the manifest that have a place of their own."""
 
@@ -92,13 +92,14 @@ def _sensors(session: Session) -> Table:
                     carried[3] += f", injected error {vector(sensor.mounting_error.position_mm, 1)}"
         kind = described.get("description") or described.get("preset") or described.get("driver")
         rate = described.get("rate_hz")
-        rows.append(Row([label(name), text(kind), significant(rate, 4), *(text(value) for value in carried)]))
+        rows.append(Row([label(name), text(kind, kind="wide"), significant(rate, 4), *(text(value) for value in carried)]))
     return Table(
         "Sensors and their mounting",
         [Cell("sensor"), Cell("kind"), Cell("rate [Hz]", kind="number"), Cell("link"), Cell("segment"),
          Cell("rotation in the link [deg]"), Cell("position in the link [mm]")],
         rows,
-        "How to read: the mounting is what the estimators believe; an injected error is a known fault that they are not told of.",
+        "How to read: the mounting is what the estimators believe; an injected error is a known fault that they are not "
+        "told of.",
     )  # fmt: skip
 
 
@@ -116,7 +117,7 @@ def _sections(session: Session) -> Table:
         ranges = [f"{key} {v[0]:g}" + (f" to {v[-1]:g} ({len(v)} values)" if len(v) > 1 else "") for key, v in varied.items()]
         ranges = [part.replace(" -", " −") for part in ranges]
         rows.append(Row([label(name), text(steps[0].role), number(len(steps), 0), number(begin, 1), number(end - begin, 1),
-                         text("; ".join(ranges))]))  # fmt: skip
+                         text("; ".join(ranges), kind="wide" if ranges else "")]))  # fmt: skip
     return Table(
         "Sections of the protocol, as they happened",
         [Cell("section"), Cell("role"), *header("steps", "begin [s]", "duration [s]", numbers_from=0), Cell("variables")],
@@ -138,8 +139,8 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
             _metrics(
                 "Metrics with limits",
                 judged,
-                "How to read: pass keeps the limit, marginal keeps it but lies near it, fail breaks it, not measured could not be taken; "
-                "the worst of them is the verdict on the sensors. It says nothing about the bench.",
+                "How to read: pass keeps the limit, marginal keeps it but lies near it, fail breaks it, not measured could "
+                "not be taken; the worst of them is the verdict on the sensors. It says nothing about the bench.",
             )
         )
     else:
@@ -162,7 +163,7 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
         if limits and metric.outcome is not None:
             outcome = metric.outcome.value
             cells += [text(_limits(metric)), Cell(outcome.replace("_", " "), kind=f"badge {outcome}")]
-        rows.append(Row([*cells, text(metric.meaning)]))
+        rows.append(Row([*cells, text(metric.meaning, kind="wide")]))
     titles = ["metric", "filter", "sequence", "section"]
     columns = [*(Cell(title) for title in titles), Cell("value", kind="number"), Cell("unit")]
     columns += [Cell("limit"), Cell("outcome")] if limits else []
@@ -222,11 +223,19 @@ def _quality(session: Session) -> Table:
 
 def _joint_use(check: dict[str, Any]) -> Table:
     rows = [
-        Row([label(use["joint"]), number(use["lowest_deg"], 1), number(use["highest_deg"], 1), number(use["peak_speed_deg_s"], 1),
-             number(100 * use["peak_speed_deg_s"] / use["speed_limit_deg_s"], 0), number(use["peak_acceleration_deg_s2"], 0),
-             number(100 * use["peak_acceleration_deg_s2"] / use["acceleration_limit_deg_s2"], 0)])
+        Row(
+            [
+                label(use["joint"]),
+                number(use["lowest_deg"], 1),
+                number(use["highest_deg"], 1),
+                number(use["peak_speed_deg_s"], 1),
+                number(100 * use["peak_speed_deg_s"] / use["speed_limit_deg_s"], 0),
+                number(use["peak_acceleration_deg_s2"], 0),
+                number(100 * use["peak_acceleration_deg_s2"] / use["acceleration_limit_deg_s2"], 0),
+            ]
+        )
         for use in check["joints"]
-    ]  # fmt: skip
+    ]
     how = "How to read: as planned, before anything moved; 100 % is the limit in the robot file."
     near = check.get("clearance")
     if near:

@@ -16,8 +16,8 @@ class Cell:
     """One cell.
 
     Attributes:
-        text: What is shown. title: More, on hovering. kind: CSS classes: "number", "badge pass", ... head: A header of its row.
-        span: Columns it covers.
+        text: What is shown. title: More, on hovering. kind: CSS classes: "number", "wide", "badge pass"... head: A header of
+        its row. span: Columns it covers.
     """
 
     text: str
@@ -62,9 +62,9 @@ def label(text: Any, title: str = "") -> Cell:
     return Cell(str(text), title, head=True)
 
 
-def text(value: Any, title: str = "") -> Cell:
+def text(value: Any, title: str = "", kind: str = "") -> Cell:
     """Words."""
-    return Cell(NOTHING if value in (None, "") else str(value), title)
+    return Cell(NOTHING if value in (None, "") else str(value), title, kind)
 
 
 def number(value: float | None, decimals: int = 2, title: str = "", kind: str = "") -> Cell:

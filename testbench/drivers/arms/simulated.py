@@ -16,6 +16,8 @@ from testbench.records.samples import ArmSamples
 from testbench.records.trajectory import Trajectory
 
 STOP_TIME_S = 0.5
+KEPT_INSTANTS = 256
+"""Control instants that stay known after the next reading: a sensor's jitter may ask for a moment before its beginning."""
 
 
 class SimulatedArm(Arm):
@@ -70,8 +72,8 @@ class SimulatedArm(Arm):
         acceleration = omega**2 * (sent - servo[:, 0]) - 2 * damping * omega * servo[:, 1]
         error = np.stack(self._error.at(times), axis=1)
         true = np.concatenate([servo, acceleration[:, None]], axis=1) + error
-        self._times = np.concatenate([self._times[-2:], times[1:]])
-        self._true = np.concatenate([self._true[-2:], true[1:]])
+        self._times = np.concatenate([self._times[-KEPT_INSTANTS:], times[1:]])
+        self._true = np.concatenate([self._true[-KEPT_INSTANTS:], true[1:]])
         self._servo, self._next = servo[-1], last + 1
         keep = ticks[1:] % self._every == 0
         return self._samples(times[1:][keep], sent[1:][keep], servo[1:][keep])

@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.drivers.imus.base import Imu
 from testbench.frames import NANOSECONDS
+from testbench.model import rotation
 from testbench.model.imu import DeviceOrientationModel, TriadModel, dipole_field, earth_field
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.noise import random_stream
@@ -50,6 +51,7 @@ class SimulatedImu(Imu):
         )
         self._draw_clock()
         self._count = 0
+        self._last_sample: tuple[int, np.ndarray, np.ndarray] | None = None
         self._stopped = False
 
     def kickoff(self) -> None:
@@ -61,9 +63,11 @@ class SimulatedImu(Imu):
         times, device_times, counter = self._sampling(until_ns)
         q, v, a = self._true_state(times)
         motion = self.kinematics.frame_motion(self.sensor.link, q, v, a, self._link_from_sensor)
-        force = motion.specific_force_in_frame(self.kinematics.robot.gravity)
+        rate, force = motion.angular_velocity_in_frame, motion.specific_force_in_frame(self.kinematics.robot.gravity)
+        if self.parameters.sampling == "integrated":
+            rate, force = self._integrated(times, motion.q_world_from_frame, rate, force)
         acc, acc_saturated = self._accelerometer.measure(force)
-        gyr, gyr_saturated = self._gyroscope.measure(motion.angular_velocity_in_frame, force)
+        gyr, gyr_saturated = self._gyroscope.measure(rate, force)
         saturated = acc_saturated | gyr_saturated
         mag = None
         if self._magnetometer is not None:
@@ -89,6 +93,7 @@ class SimulatedImu(Imu):
             "rate_hz": self.rate,
             "magnetometer": self.has_magnetometer,
             "orientation": self.has_orientation,
+            "rate_delay_s": 0.5 / self.rate if self.parameters.sampling == "integrated" else 0.0,
         }
 
     def _draw_clock(self) -> None:
@@ -118,6 +123,22 @@ class SimulatedImu(Imu):
         jitter = 1000 * self.parameters.clock.jitter_us * np.clip(self._jitter.standard_normal(len(counter)), -8, 8)
         times = np.maximum(own / (1 + self._drift) + jitter, 0)
         return np.round(times).astype(np.int64), np.round(own + self._offset_ns).astype(np.int64), counter
+
+    def _integrated(
+        self, times: np.ndarray, q: np.ndarray, rate: np.ndarray, force: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Means over the interval before each sample, seen in the sensor's axes at its end, shapes (n, 3).
+
+        The mean rate is the rotation between the samples over the time between them; the mean force is the trapezoid's.
+        """
+        if len(times) == 0:
+            return rate, force
+        before = self._last_sample or (int(times[0]) - round(NANOSECONDS / self.rate), q[0], force[0])
+        self._last_sample = (int(times[-1]), q[-1], force[-1])
+        interval = np.diff(times, prepend=before[0])[:, None] / NANOSECONDS
+        q_now_from_before = rotation.multiply(rotation.conjugate(q), np.vstack([before[1], q[:-1]]))
+        carried = rotation.rotate(q_now_from_before, np.vstack([before[2], force[:-1]]))
+        return -rotation.to_rotation_vector(q_now_from_before) / interval, (force + carried) / 2
 
     def _arrival(self, times: np.ndarray) -> np.ndarray:
         clock = self.parameters.clock

@@ -46,12 +46,14 @@ def fit_static_poses(
         return CalibrationFit()
     expected = rotation.rotate(rotation.conjugate(np.array(q_world_from_sensor)), -gravity)
     acc_fit, acc_covariance, residual = _regress(acc, expected, np.eye(3), PRIOR_SENSITIVITY, PRIOR_BIAS, POSE_ERROR)
-    gyr_fit, _, _ = _regress(gyr, expected, np.zeros((3, 3)), PRIOR_G_SENSITIVITY, PRIOR_GYRO_BIAS, GYRO_POSE_ERROR)
+    felt = np.array([pose.mean(axis=0) for pose in acc])
+    gyr_fit, gyr_covariance, _ = _regress(gyr, felt, np.zeros((3, 3)), PRIOR_G_SENSITIVITY, PRIOR_GYRO_BIAS, GYRO_POSE_ERROR)
     return CalibrationFit(
         acc_matrix=np.linalg.inv(acc_fit[:3].T),
         acc_bias=acc_fit[3],
         acc_bias_sd=np.full(3, np.sqrt(acc_covariance[3, 3])),
         gyr_bias=gyr_fit[3],
+        gyr_bias_sd=np.full(3, np.sqrt(gyr_covariance[3, 3])),
         gyr_g_matrix=gyr_fit[:3].T,
         poses=len(acc),
         residual_m_s2=float(np.sqrt(np.mean(residual**2))),

@@ -6,6 +6,7 @@ import imufusion
 import numpy as np
 
 from testbench.estimation.filters.base import OrientationFilter, UniformSamples
+from testbench.estimation.filters.madgwick import tilt
 from testbench.frames import STANDARD_GRAVITY
 
 
@@ -26,6 +27,7 @@ class Fusion(OrientationFilter):
         settings.sample_rate = 1.0 / samples.interval
         ahrs = imufusion.Ahrs()
         ahrs.set_settings(settings)
+        ahrs.set_quaternion(tilt(samples.acc[0]))  # from its own start, the identity, it never leaves an exact headstand
         q = np.empty((len(samples.gyr), 4))
         rates, forces = np.degrees(samples.gyr), samples.acc / STANDARD_GRAVITY
         for i in range(len(q)):

@@ -1,6 +1,7 @@
 (function () {
   "use strict";
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const narrow = window.matchMedia("(max-width: 40rem)");
   const holders = Array.from(document.querySelectorAll(".figure"));
   // The buttons are listed one by one: plotly's own choice has one that uploads the figure.
   const config = {
@@ -45,7 +46,7 @@
     const change = scheme(figure.layout);
     for (const key of Object.keys(change)) put(figure.layout, key, change[key]);
     const small = holder.parentElement.classList.contains("small-figures");
-    return Plotly.newPlot(holder, figure.data, figure.layout, small ? Object.assign({}, config, { displayModeBar: false }) : config);
+    return Plotly.newPlot(holder, figure.data, figure.layout, small || narrow.matches ? Object.assign({}, config, { displayModeBar: false }) : config);
   }
 
   function recolour() {
@@ -63,14 +64,12 @@
   dark.addEventListener("change", recolour);
   window.addEventListener("beforeprint", () => {
     while (next < holders.length) draw(holders[next++]);
-    document.querySelectorAll("details").forEach((details) => { details.dataset.was = details.open; details.open = true; });
     for (const holder of holders) {
       const small = holder.parentElement.classList.contains("small-figures");
       Plotly.relayout(holder, Object.assign({ width: small ? 330 : 690 }, scheme(holder.layout)));
     }
   });
   window.addEventListener("afterprint", () => {
-    document.querySelectorAll("details").forEach((details) => { details.open = details.dataset.was === "true"; });
     for (const holder of holders) Plotly.relayout(holder, Object.assign({ width: null, autosize: true }, scheme(holder.layout)));
   });
 })();

@@ -1,0 +1,117 @@
+"""How the viewer opens: space on the left, time on the right, the steps beneath."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from testbench.records.evaluation import Evaluation
+from testbench.records.session import Session
+from testbench.reporting.viewer.scene import COLUMN, ROW, WORLD
+from testbench.reporting.viewer.signals import PARTS
+from testbench.reporting.viewer.timeline import TIMELINE
+
+SIGNALS = {
+    "rate_deg_s": "angular rate [deg/s]",
+    "specific_force_m_s2": "specific force [m/s²]",
+    "magnetic_field_uT": "field [µT]",
+}
+
+
+def layout(
+    session: Session, evaluation: Evaluation | None, columns: int, reach: float | None, magnetometers: set[str]
+) -> rrb.Blueprint:
+    """The blueprint of a session.
+
+    Args:
+        columns: Axes that stand side by side for one sensor. reach: Size of what the arm does [m], None without an arm.
+        magnetometers: Sensors that have one.
+    """
+    spaces = [_side_by_side(len(session.sensor_names), columns, alone=reach is None)]
+    if reach is not None:
+        spaces.insert(0, _bench(reach))
+    left = rrb.Vertical(*spaces, row_shares=[3, 2][: len(spaces)])
+    tabs = [*_joint_tabs(evaluation), *_orientation_tabs(evaluation)]
+    tabs += [_imu_tab(name, name in magnetometers) for name in session.sensor_names]
+    right: list[rrb.Container | rrb.View] = [rrb.Tabs(*tabs, active_tab=0)]
+    shares = [7.0]
+    if session.steps:
+        right.append(rrb.StateTimelineView(origin="/state", name="protocol"))
+        shares.append(1.6)
+    shown = rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["loglevel", "body"])
+    if session.events:
+        right.append(rrb.TextLogView(origin="/events", name="steps and events", columns=shown))
+        shares.append(2.2)
+    return rrb.Blueprint(
+        rrb.Horizontal(left, rrb.Vertical(*right, row_shares=shares), column_shares=[2, 3]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _bench(reach: float) -> rrb.Spatial3DView:
+    eye = rrb.EyeControls3D(
+        position=(1.15 * reach, -1.5 * reach, 1.05 * reach), look_target=(0, -0.1 * reach, 0.42 * reach), eye_up=(0, 0, 1)
+    )
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=["+ /arm/**", "+ /sensors/**"],
+        name="bench: true axes red, green, blue; estimated axes in the filter's colour",
+        spatial_information=rrb.SpatialInformation(WORLD),
+        eye_controls=eye,
+    )
+
+
+def _side_by_side(sensors: int, columns: int, alone: bool) -> rrb.Spatial3DView:
+    """All axes in view, be it wide and low under the bench or narrow and high where there is none."""
+    middle = (0.0, COLUMN * (columns - 1) / 2, -ROW * (sensors - 1) / 2 - 0.05)
+    distance = max((1.6 if alone else 0.62) * COLUMN * columns, 1.25 * ROW * sensors, 1.0)
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=["+ /orientations/**"],
+        name="orientations, true and estimated",
+        spatial_information=rrb.SpatialInformation(WORLD),
+        eye_controls=rrb.EyeControls3D(
+            position=(distance, middle[1], middle[2] + 0.25 * distance), look_target=middle, eye_up=(0, 0, 1)
+        ),
+        line_grid=False,
+    )
+
+
+def _joint_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
+    tabs: list[rrb.Container] = []
+    for joint in dict.fromkeys(row.joint for row in evaluation.joint_angle) if evaluation else []:
+        rows = [row for row in evaluation.joint_angle if row.joint == joint] if evaluation else []
+        for sequence in dict.fromkeys(row.sequence for row in rows):
+            path = f"/joints/{joint}/{sequence}"
+            flexion = _plot("flexion [deg], true and estimated", [f"+ {path}/flexion"])
+            error = _plot("flexion error [deg]", [f"+ {path}/error"])
+            tabs.append(rrb.Vertical(flexion, error, name=f"{joint} {sequence}"))
+    return tabs
+
+
+def _orientation_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
+    sensors = list(dict.fromkeys(row.sensor for row in evaluation.orientation)) if evaluation else []
+    return [
+        rrb.Vertical(*(_plot(f"{part} error [deg]", [f"+ /errors/{name}/{part}"]) for part in PARTS), name=f"{name} error")
+        for name in sensors
+    ]
+
+
+def _imu_tab(name: str, magnetometer: bool) -> rrb.Container:
+    signals = {key: title for key, title in SIGNALS.items() if magnetometer or key != "magnetic_field_uT"}
+    return rrb.Vertical(*(_plot(title, [f"+ /imu/{name}/{key}"]) for key, title in signals.items()), name=f"{name} signals")
+
+
+def _plot(name: str, contents: list[str]) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin="/", contents=contents, name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop)
+    )
+
+
+def reach_of(positions: list[np.ndarray]) -> float:
+    """The farthest that any sensor comes from the world's origin [m], at least 0.3."""
+    return max([0.3, *(float(np.linalg.norm(position, axis=1).max()) for position in positions if len(position))])

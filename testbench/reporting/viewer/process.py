@@ -1,0 +1,215 @@
+"""Start the viewer on a recording: a window, a browser, or nothing but a picture; nothing is left running."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.parse import quote
+
+from testbench.exceptions import BenchError
+from testbench.frames import NANOSECONDS
+from testbench.records.estimate import Estimate
+from testbench.records.evaluation import Evaluation
+from testbench.records.session import Session
+from testbench.reporting.viewer.recording import FILE, save_recording
+from testbench.reporting.viewer.timeline import TIMELINE
+
+LOOPBACK = "127.0.0.1"
+START_TIMEOUT, PICTURE_TIMEOUT = 30.0, 20.0
+"""How long the viewer may take to answer, and to draw [s]."""
+
+
+class ViewerError(BenchError):
+    """The viewer could not be started, or could not draw."""
+
+
+def view(
+    session: Session,
+    web: bool = False,
+    estimate: Estimate | None = None,
+    evaluation: Evaluation | None = None,
+    web_port: int = 9090,
+    announce: Callable[[str], None] | None = None,
+) -> None:
+    """Show a session until the viewer is closed, or until Ctrl-C.
+
+    Args:
+        session: The recording; session.rrd is written into its folder. web: Serve to a browser on this machine instead of
+        opening a window. estimate, evaluation: As for `save_recording`. web_port: Of the web page. announce: Told where to
+        look.
+
+    Raises:
+        ViewerError: The viewer is not installed, or ended with an error.
+    """
+    path = save_recording(session, session.path / FILE, estimate, evaluation)
+    port = free_port()
+    options = ["--port", str(port)]
+    place = str(path)
+    if web:
+        options += ["--web-viewer", "--web-viewer-port", str(web_port)]
+        source = quote(f"rerun+http://{LOOPBACK}:{port}/proxy", safe="")
+        place = f"http://{LOOPBACK}:{web_port}/?url={source}"
+    with _viewer([*options, str(path)], quiet=False) as process, _ended_by_signal():
+        if announce is not None:
+            announce(place)
+        try:
+            code = process.wait()
+        except KeyboardInterrupt:
+            return
+    if code != 0:
+        raise ViewerError(f"the viewer ended with code {code}; without a screen use --web, --save or --screenshot")
+
+
+def screenshot(
+    session: Session,
+    path: str | Path,
+    estimate: Estimate | None = None,
+    evaluation: Evaluation | None = None,
+    time_s: float | None = None,
+    size: tuple[int, int] = (1920, 1200),
+) -> Path:
+    """Draw what the viewer shows into a PNG, without a screen.
+
+    Args:
+        session: The recording. path: The .png file to write. estimate, evaluation: As for `save_recording`. time_s: Of the
+        picture, from the start of the session [s]; two thirds into its longest section if None. size: Width and height
+        [pixels].
+
+    Returns:
+        The path.
+
+    Raises:
+        ViewerError: There is no Vulkan driver to draw with, or the viewer failed otherwise.
+    """
+    path = Path(path).resolve()
+    path.unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory(prefix="testbench_view_") as folder:
+        recording = save_recording(session, Path(folder) / FILE, estimate, evaluation)
+        port = free_port()
+        options = ["--headless", "--port", str(port), "--window-size", f"{size[0]}x{size[1]}", str(recording)]
+        with _viewer(options, quiet=True) as process:
+            _draw(process, port, path, _telling_time(session) if time_s is None else time_s)
+    return path
+
+
+def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float) -> None:
+    """Ask a running viewer for a picture once it has loaded and drawn everything."""
+    from rerun.experimental import ViewerClient
+
+    client = None
+    pause = threading.Event()  # nothing sets it: a wait that a clock in a test could replace
+    waited = 0.0
+    while client is None or not client.get_state().recordings:
+        if process.poll() is not None:
+            raise ViewerError(
+                f"the viewer ended with code {process.returncode} before it drew anything; drawing without a screen needs "
+                "Vulkan (Debian: libvulkan1 and mesa-vulkan-drivers)"
+            )
+        if waited > START_TIMEOUT:
+            raise ViewerError(f"the viewer did not answer within {START_TIMEOUT:.0f} s")
+        try:
+            client = client or ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+        except (ConnectionError, RuntimeError, OSError):
+            client = None
+        pause.wait(0.2)
+        waited += 0.2
+    try:
+        client.set_time(TIMELINE, duration=time_s, play_state="paused")
+        pause.wait(2.0)
+        client.save_screenshot(str(path))
+    except RuntimeError as error:
+        raise ViewerError(f"the viewer could not draw: {error}") from None
+    if not path.is_file():
+        raise ViewerError(f"the viewer wrote no picture to {path}")
+
+
+def _telling_time(session: Session) -> float:
+    """Two thirds into the longest section, where there is most to see [s]."""
+    steps = session.steps
+    if not steps:
+        return float(session.manifest.get("duration_s") or 0.0) * 0.6
+    spans: dict[str, tuple[int, int]] = {}
+    for step in steps:
+        begin, _ = spans.get(step.section, (step.start_ns, 0))
+        spans[step.section] = (begin, step.end_ns)
+    begin, end = max(spans.values(), key=lambda span: span[1] - span[0])
+    return (begin + 2 * (end - begin) / 3) / NANOSECONDS
+
+
+@contextmanager
+def _ended_by_signal() -> Iterator[None]:
+    """Let a polite request to end (SIGTERM) stop the wait like Ctrl-C, so that the viewer ends too; in the main thread only."""
+
+    def stop(signum: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+@contextmanager
+def _viewer(options: list[str], quiet: bool) -> Iterator[subprocess.Popen[bytes]]:
+    """The viewer as a child process that ends with the block."""
+    with tempfile.TemporaryDirectory(prefix="testbench_viewer_") as folder:
+        output = subprocess.DEVNULL if quiet else None
+        command = [str(viewer_program()), "--bind", LOOPBACK, *options]
+        process = subprocess.Popen(command, env=_environment(Path(folder)), stdout=output, stderr=output)
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.terminate()
+                try:
+                    process.wait(5.0)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+
+
+def viewer_program() -> Path:
+    """The viewer's own binary: killing the `rerun` command, which wraps it, would leave it running.
+
+    Raises:
+        ViewerError: The package holds none for this machine.
+    """
+    package = find_spec("rerun_cli")
+    if package is None or package.origin is None:
+        raise ViewerError("rerun-sdk is not installed")
+    folder = Path(package.origin).parent
+    for name in ("rerun", "rerun.exe"):
+        if (folder / name).is_file():
+            return folder / name
+    raise ViewerError(f"rerun-sdk holds no viewer for this machine (looked in {folder})")
+
+
+def _environment(folder: Path) -> dict[str, str]:
+    """The environment with a configuration of the viewer's own, in which its usage statistics are off."""
+    file = folder / "rerun" / "analytics.json"
+    file.parent.mkdir()
+    # All five entries are needed: with one missing the viewer takes the file for damaged and turns its statistics on.
+    settings = {"analytics_enabled": False, "analytics_id": "none", "metadata": {}}
+    paths = {"config_file_path": str(file), "data_dir_path": str(folder / "statistics")}
+    file.write_text(json.dumps({**settings, **paths}), encoding="utf-8")
+    return {**os.environ, "XDG_CONFIG_HOME": str(folder)}
+
+
+def free_port() -> int:
+    """A port of this machine that nothing listens on."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,174 @@
+"""What moves in space: the arm, the true axes of its sensors, and the axes that the filters estimate."""
+
+from __future__ import annotations
+
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.urdf
+
+from testbench.model import rotation
+from testbench.model.kinematics import Kinematics, Pose
+from testbench.records.estimate import Estimate
+from testbench.records.protocol import Sensor
+from testbench.records.robot import Robot
+from testbench.records.samples import ArmSamples, Truth
+from testbench.records.session import Session
+from testbench.reporting.palette import rgb
+from testbench.reporting.viewer.timeline import changing, every, send
+
+WORLD = "bench"
+ARM_RATE, AXES_RATE = 50.0, 20.0
+"""Rates of what moves [Hz]."""
+SIDE_BY_SIDE_LENGTH = 0.15
+STILL = 2e-5
+"""A joint that moves less than this between two instants stands still [rad]."""
+TRUE_AXES = ((230, 60, 60), (60, 170, 60), (70, 110, 240))
+TRUE_LENGTH, ESTIMATED_LENGTH = 0.12, 0.085
+ROW, COLUMN = 0.4, 0.4
+"""Distances between the axes that stand side by side [m]."""
+
+
+def log_arm(recording: rr.RecordingStream, robot: Robot, samples: ArmSamples) -> None:
+    """The arm as its joints were measured."""
+    with tempfile.TemporaryDirectory() as folder:
+        urdf = Path(folder) / "robot.urdf"
+        urdf.write_text(viewable_urdf(robot), encoding="utf-8")
+        tree = rr.urdf.UrdfTree.from_file_path(
+            urdf, entity_path_prefix="arm", frame_prefix="arm/", static_transform_entity_path="arm/transforms"
+        )
+        tree.log_urdf_to_recording(recording)
+        recording.flush()
+    base = Pose.from_placement(robot.spec.base)
+    recording.log("arm/base", _transform(base, WORLD, f"arm/{tree.root_link().name}"), static=True)
+    chosen = np.arange(len(samples.host_time_ns))[every(samples.host_time_ns, ARM_RATE)]
+    q = samples.q_measured[chosen]
+    for column, name in enumerate(samples.joint_names):
+        joint = tree.get_joint_by_name(name)
+        if joint is None or not len(q):
+            continue
+        rows = changing(q[:, [column]], STILL)
+        transforms = joint.compute_transform_columns(q[rows, column].tolist(), clamp=False)
+        send(recording, f"arm/joints/{name}", samples.host_time_ns[chosen][rows], transforms)
+
+
+def viewable_urdf(robot: Robot) -> str:
+    """The URDF with absolute mesh addresses and without what the viewer must not draw or cannot find."""
+    root = ElementTree.fromstring(robot.urdf.read_text(encoding="utf-8"))
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if (
+                not isinstance(child.tag, str)
+                or child.tag in {"collision", "gazebo", "transmission"}
+                or child.tag.startswith("{")
+            ):
+                parent.remove(child)
+            elif child.tag == "visual" and (mesh := child.find("geometry/mesh")) is not None:
+                file = _mesh_file(robot, mesh.get("filename", ""))
+                if file is None:
+                    parent.remove(child)
+                else:
+                    mesh.set("filename", file.as_posix())
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _mesh_file(robot: Robot, address: str) -> Path | None:
+    """Where a mesh lies, or None."""
+    for prefix in ("package://", "model://", "file://"):
+        address = address.removeprefix(prefix)
+    for folder in [*robot.mesh_folders(), Path("/")]:
+        file = (folder / address).resolve()
+        if file.is_file():
+            return file
+    return None
+
+
+def log_mounted_sensor(recording: rr.RecordingStream, name: str, sensor: Sensor) -> None:
+    """A sensor on its link: the housing and the true axes, which the arm carries along."""
+    pose = Pose.from_placement(sensor.mounting)
+    path = f"sensors/{name}/true"
+    frame = f"sensor/{name}"
+    recording.log(path, _transform(pose, f"arm/{sensor.link}", frame), static=True)
+    recording.log(path, rr.CoordinateFrame(frame), _axes(TRUE_LENGTH, TRUE_AXES, 0.0035), static=True)
+    housing = rr.Boxes3D(
+        half_sizes=[[0.018, 0.015, 0.0055]], colors=[(250, 170, 40)], labels=[name], show_labels=True, fill_mode="solid"
+    )
+    recording.log(f"sensors/{name}/housing", rr.CoordinateFrame(frame), housing, static=True)
+
+
+def log_estimated_sensor(
+    recording: rr.RecordingStream, session: Session, name: str, estimate: Estimate, arm: ArmSamples, colours: dict[str, str]
+) -> None:
+    """The axes that each filter estimates, in the filter's colour, where the arm carries the sensor."""
+    robot, sensor, own = session.robot, session.analysis.sensors.get(name), estimate.sensors.get(name)
+    if robot is None or sensor is None or own is None or not own.orientation:
+        return
+    time = own.host_time_ns[every(own.host_time_ns, AXES_RATE)]
+    q = np.column_stack([np.interp(time, arm.host_time_ns, arm.q_measured[:, i]) for i in range(arm.q_measured.shape[1])])
+    position = Kinematics(robot).frame_motion(sensor.link, q, offset=Pose.from_placement(sensor.mounting)).position
+    for key, orientation in own.orientation.items():
+        shown = orientation[every(own.host_time_ns, AXES_RATE)]
+        path = f"sensors/{name}/estimated/{key}"
+        _log_moving_axes(recording, path, time, shown, position, ESTIMATED_LENGTH, [rgb(colours[key])] * 3)
+
+
+def log_side_by_side(
+    recording: rr.RecordingStream, truths: dict[str, Truth | None], estimate: Estimate | None, colours: dict[str, str]
+) -> None:
+    """True and estimated axes of every sensor in a row, each with its name beneath."""
+    labels: list[tuple[str, tuple[float, float, float]]] = []
+    for row, (name, truth) in enumerate(truths.items()):
+        cells = [] if truth is None else [("true", truth.host_time_ns, truth.q_world_from_sensor)]
+        own = None if estimate is None else estimate.sensors.get(name)
+        cells += [] if own is None else [(key, own.host_time_ns, q) for key, q in own.orientation.items()]
+        for column, (key, time, q) in enumerate(cells):
+            place = np.array([0.0, COLUMN * column, -ROW * row])
+            labels.append((f"{name}, true" if key == "true" else key, (0.0, place[1], place[2] - 0.45 * ROW)))
+            shades = list(TRUE_AXES) if key == "true" else [_tinted(axis, rgb(colours[key])) for axis in TRUE_AXES]
+            chosen = every(time, AXES_RATE)
+            known = np.isfinite(q[chosen]).all(axis=1)
+            steady = np.tile(place, (int(known.sum()), 1))
+            path = f"orientations/{name}/{key}"
+            _log_moving_axes(recording, path, time[chosen][known], q[chosen][known], steady, SIDE_BY_SIDE_LENGTH, shades)
+    if labels:
+        texts, places = zip(*labels, strict=True)
+        points = rr.Points3D(places, labels=texts, radii=0.001, colors=(150, 150, 150), show_labels=True)
+        recording.log("orientations/names", rr.CoordinateFrame(WORLD), points, static=True)
+
+
+def _log_moving_axes(
+    recording: rr.RecordingStream,
+    path: str,
+    time_ns: np.ndarray,
+    q_world_from_sensor: np.ndarray,
+    position: np.ndarray,
+    length: float,
+    colours: list[tuple[int, int, int]],
+) -> None:
+    if not len(time_ns):
+        return
+    rows = changing(np.column_stack([q_world_from_sensor, position]), STILL)
+    q = np.roll(q_world_from_sensor[rows], -1, axis=1)  # rerun wants x, y, z, w
+    columns = rr.Transform3D.columns(
+        translation=position[rows], quaternion=q, parent_frame=[WORLD] * len(rows), child_frame=[path] * len(rows)
+    )
+    send(recording, f"{path}/pose", time_ns[rows], columns)
+    recording.log(path, rr.CoordinateFrame(path), _axes(length, tuple(colours), 0.026 * length), static=True)
+
+
+def _axes(length: float, colours: tuple[tuple[int, int, int], ...], radius: float) -> rr.Arrows3D:
+    return rr.Arrows3D(vectors=length * np.eye(3), origins=np.zeros((3, 3)), colors=colours, radii=radius)
+
+
+def _tinted(axis: tuple[int, int, int], colour: tuple[int, int, int]) -> tuple[int, int, int]:
+    """The colour of an axis with a third of a filter's in it."""
+    red, green, blue = (round(0.7 * a + 0.3 * c) for a, c in zip(axis, colour, strict=True))
+    return red, green, blue
+
+
+def _transform(pose: Pose, parent: str, child: str) -> rr.Transform3D:
+    q = np.roll(rotation.from_matrix(pose.R), -1)
+    return rr.Transform3D(translation=pose.position, quaternion=q, parent_frame=parent, child_frame=child)

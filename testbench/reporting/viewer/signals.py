@@ -1,0 +1,128 @@
+"""What changes over time: signals of the sensors, errors, steps of the protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import rerun as rr
+
+from testbench.records.estimate import Estimate
+from testbench.records.evaluation import Evaluation
+from testbench.records.samples import ImuSamples
+from testbench.records.session import Session
+from testbench.reporting.palette import COLOURS, REFERENCE, rgb
+from testbench.reporting.viewer.timeline import every, send
+
+ERROR_RATE = 20.0
+"""Rate of the error signals [Hz]."""
+AXIS_COLOURS = ((230, 70, 70), (60, 160, 60), (70, 110, 240))
+PHASES = {"move": "#5b6f8a", "dwell": "#2b333d", "sweep": "#a8641c"}
+PARTS = ("total", "inclination", "heading")
+
+
+def log_imu(recording: rr.RecordingStream, name: str, samples: ImuSamples, estimate: Estimate | None) -> None:
+    """Raw signals of a sensor, on the host's clock where the clock was fitted."""
+    own = None if estimate is None else estimate.sensors.get(name)
+    time = own.host_time_ns if own is not None and len(own.host_time_ns) == len(samples) else samples.host_time_ns
+    _log_vector(recording, f"imu/{name}/rate_deg_s", time, np.degrees(samples.gyr))
+    _log_vector(recording, f"imu/{name}/specific_force_m_s2", time, samples.acc)
+    if samples.mag is not None:
+        _log_vector(recording, f"imu/{name}/magnetic_field_uT", time, samples.mag)
+
+
+def log_errors(recording: rr.RecordingStream, evaluation: Evaluation, colours: dict[str, str]) -> None:
+    """Errors of every orientation and flexion from the first that is judged, so that no filter's start drowns them [deg]."""
+    for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
+        series = evaluation.series.get(f"orientation_{sensor}", {})
+        filters = list(dict.fromkeys(row.filter for row in evaluation.orientation if row.sensor == sensor))
+        for part in PARTS:
+            lines = {key: series[f"{key}_{part}_rad"] for key in filters if f"{key}_{part}_rad" in series}
+            _log_lines(recording, f"errors/{sensor}/{part}", series.get("host_time_ns"), lines, colours, _first(series))
+    for joint in dict.fromkeys(row.joint for row in evaluation.joint_angle):
+        series = evaluation.series.get(f"joint_{joint}", {})
+        keys = list(dict.fromkeys((row.filter, row.sequence) for row in evaluation.joint_angle if row.joint == joint))
+        for sequence in dict.fromkeys(own for _, own in keys):
+            for kind in ("flexion", "error"):
+                lines = {"true": series["reference_rad"]} if kind == "flexion" and "reference_rad" in series else {}
+                columns = {key: f"{key}_{sequence}_{kind}_rad" for key, own in keys if own == sequence}
+                lines |= {key: series[column] for key, column in columns.items() if column in series}
+                path = f"joints/{joint}/{sequence}/{kind}"
+                begin = _first(series) if kind == "error" else 0
+                _log_lines(recording, path, series.get("host_time_ns"), lines, {"true": REFERENCE, **colours}, begin)
+
+
+def _first(series: Mapping[str, np.ndarray]) -> int:
+    """The first row that is judged."""
+    judged = series.get("judged")
+    return int(np.argmax(judged)) if judged is not None and judged.any() else 0
+
+
+def log_steps(recording: rr.RecordingStream, session: Session) -> None:
+    """A line of text for each event, and the section and phase of the protocol as states."""
+    times, texts, levels = [], [], []
+    for event in session.events:
+        text = _sentence(event.event, event.details)
+        if text:
+            times.append(event.host_time_ns)
+            texts.append(text)
+            levels.append({"run_error": "ERROR", "run_aborted": "ERROR", "run_interrupted": "WARN"}.get(event.event, "INFO"))
+    if times:
+        send(recording, "events", np.array(times), rr.TextLog.columns(text=texts, level=levels))
+    steps = session.steps
+    if not steps:
+        return
+    starts = [step for i, step in enumerate(steps) if i == 0 or step.section != steps[i - 1].section]
+    changes = rr.StateChange.columns(state=[step.section for step in starts])
+    sections = list(dict.fromkeys(step.section for step in starts))
+    _name_states(recording, "state/section", {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(sections)})
+    send(recording, "state/section", np.array([step.start_ns for step in starts]), changes)
+    phases: list[tuple[int, str]] = []
+    for step in steps:
+        if step.settled_ns > step.start_ns:
+            phases.append((step.start_ns, "sweep" if step.kind == "sweep" else "move"))
+        if step.end_ns > step.settled_ns:
+            phases.append((step.settled_ns, "dwell"))
+    _name_states(recording, "state/phase", PHASES)
+    send(recording, "state/phase", np.array([t for t, _ in phases]), rr.StateChange.columns(state=[name for _, name in phases]))
+
+
+def _name_states(recording: rr.RecordingStream, path: str, colours: dict[str, str]) -> None:
+    names = list(colours)
+    style = rr.StateConfiguration(values=names, labels=names, colors=[(*rgb(colour), 255) for colour in colours.values()])
+    recording.log(path, style, static=True)
+
+
+def _sentence(event: str, details: dict[str, object]) -> str:
+    if event == "step_started":
+        return f"step {details.get('index')}: {details.get('name')}"
+    if event in {"step_settled", "step_ended"}:
+        return ""
+    rest = ", ".join(f"{key} {value}" for key, value in details.items() if value not in (None, ""))
+    return event.replace("_", " ") + (f": {rest}" if rest else "")
+
+
+def _log_vector(recording: rr.RecordingStream, path: str, time_ns: np.ndarray, values: np.ndarray) -> None:
+    recording.log(path, rr.SeriesLines(names=["x", "y", "z"], colors=AXIS_COLOURS, widths=[1.2] * 3), static=True)
+    columns = rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), 3))
+    send(recording, path, time_ns, columns)
+
+
+def _log_lines(
+    recording: rr.RecordingStream,
+    path: str,
+    time_ns: np.ndarray | None,
+    lines: dict[str, np.ndarray],
+    colours: dict[str, str],
+    begin: int,
+) -> None:
+    """Angles [rad] as lines of one plot [deg]; one entity, for each costs its own times and row identifiers."""
+    if time_ns is None or not lines:
+        return
+    chosen = slice(begin, None, every(time_ns, ERROR_RATE).step)
+    values = np.degrees(np.column_stack([line[chosen] for line in lines.values()]))
+    style = rr.SeriesLines(names=list(lines), colors=[rgb(colours[name]) for name in lines], widths=[1.4] * len(lines))
+    recording.log(path, style, static=True)
+    send(
+        recording, path, time_ns[chosen], rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), len(lines)))
+    )

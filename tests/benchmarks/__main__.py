@@ -1,0 +1,28 @@
+"""Print how fast the bench is on this machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+
+from tests.benchmarks.filters import bench_filters
+from tests.benchmarks.physics import bench_physics
+from tests.benchmarks.pipeline import bench_pipeline
+from tests.benchmarks.startup import bench_startup
+
+
+def main() -> None:
+    """Run every benchmark."""
+    begin = time.perf_counter()
+    print(f"Python {platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count()} cores")
+    print("Times are the shortest of a few repeats after one that does not count, unless a title says otherwise.")
+    bench_pipeline()
+    bench_filters()
+    bench_physics()
+    bench_startup()
+    print(f"\n{time.perf_counter() - begin:.0f} s in all")
+
+
+if __name__ == "__main__":
+    main()

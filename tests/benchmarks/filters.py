@@ -1,0 +1,93 @@
+"""Samples a second of every orientation filter, beside another implementation of the same method where there is one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import ahrs
+import numpy as np
+from vqf import VQF, offlineVQF
+
+from testbench.estimation.filters import FILTERS, UniformSamples
+from testbench.model import rotation
+from tests.benchmarks.timing import Text, once, rate, ratio, seconds, show
+
+SAMPLES = 100_000
+PEER_SAMPLES = 5_000
+"""The ahrs package takes 50 to 90 us a sample: it gets fewer, and its rate is what is compared."""
+INTERVAL = 0.01
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Another implementation: what it is, how many samples it is given, and the call."""
+
+    name: str
+    samples: int
+    call: Callable[[UniformSamples], object]
+
+
+def bench_filters() -> None:
+    """Time every filter of the bench on the same samples."""
+    samples = moving_sensor(SAMPLES)
+    rows: list[list[str | Text]] = []
+    for name, kind in FILTERS.items():
+        if kind.needs == ("device_q",):
+            continue  # hands on what the device computed
+        ours = seconds(lambda kind=kind: kind().run(samples)) / SAMPLES
+        peer = PEERS.get(name)
+        if peer is None:
+            rows.append([Text(name), rate(1 / ours), Text("-"), "-", "-"])
+            continue
+        given = cut(samples, peer.samples)
+        # A loop in Python is as fast the first time as the third; compiled calls are short enough to repeat.
+        slow = peer.samples < SAMPLES
+        theirs = (once(lambda: peer.call(given))[0] if slow else seconds(lambda: peer.call(given))) / peer.samples  # noqa: B023
+        rows.append([Text(name), rate(1 / ours), Text(peer.name), rate(1 / theirs), ratio(ours, theirs)])
+    show(
+        f"Filters: {SAMPLES:,} samples (the ahrs package: {PEER_SAMPLES:,})",
+        ["filter", "samples", "peer", "samples", "ours : peer"],
+        rows,
+        "vqf called directly is the same compiled code: a ratio of 1 means that the bench adds nothing to it",
+    )
+
+
+def moving_sensor(n: int) -> UniformSamples:
+    """A sensor that turns smoothly about all axes in a uniform field, with white noise."""
+    t = INTERVAL * np.arange(n + 1)
+    angles = np.column_stack([1.2 * np.sin(0.7 * t), 0.8 * np.sin(1.1 * t + 1), 1.5 * np.sin(0.4 * t + 2)])
+    q = rotation.from_euler("ZYX", angles)
+    step = rotation.multiply(rotation.conjugate(q[:-1]), q[1:])
+    q, rng = q[1:], np.random.default_rng(0)
+
+    def seen(vector: list[float], noise: float) -> np.ndarray:
+        return rotation.rotate(rotation.conjugate(q), np.array(vector)) + noise * rng.standard_normal((n, 3))
+
+    gyr = 2 * step[:, 1:] * np.sign(step[:, :1]) / INTERVAL + 0.002 * rng.standard_normal((n, 3))
+    return UniformSamples(INTERVAL, gyr, seen([0, 0, 9.81], 0.02), seen([0, 24, -39], 0.1), q)
+
+
+def cut(samples: UniformSamples, n: int) -> UniformSamples:
+    """The first n samples."""
+    assert samples.mag is not None
+    return UniformSamples(samples.interval, samples.gyr[:n], samples.acc[:n], samples.mag[:n])
+
+
+def _ahrs(kind: type, magnetometer: bool) -> Peer:
+    def call(s: UniformSamples) -> object:
+        return kind(gyr=s.gyr, acc=s.acc, mag=s.mag if magnetometer else None, frequency=1 / s.interval)
+
+    return Peer(f"ahrs {kind.__name__}", PEER_SAMPLES, call)
+
+
+PEERS = {
+    "vqf_6d": Peer("vqf directly", SAMPLES, lambda s: VQF(s.interval).updateBatch(s.gyr, s.acc)),
+    "vqf_9d": Peer("vqf directly", SAMPLES, lambda s: VQF(s.interval).updateBatch(s.gyr, s.acc, s.mag)),
+    "vqf_offline": Peer("vqf directly", SAMPLES, lambda s: offlineVQF(s.gyr, s.acc, s.mag, s.interval)),
+    "madgwick_imu": _ahrs(ahrs.filters.Madgwick, False),
+    "madgwick_marg": _ahrs(ahrs.filters.Madgwick, True),
+    "mahony_imu": _ahrs(ahrs.filters.Mahony, False),
+    "mahony_marg": _ahrs(ahrs.filters.Mahony, True),
+    "ekf": _ahrs(ahrs.filters.EKF, True),
+}

@@ -1,0 +1,87 @@
+"""Frame alignment: the heading of the filter's earth and the sensor's mounting, from one known pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from testbench.estimation.frame_alignment import apply_frames, fit_frames
+from testbench.model import rotation
+from testbench.records.estimate import FrameFit
+
+
+def poses(n: int = 30, seed: int = 0) -> np.ndarray:
+    return rotation.normalise(np.random.default_rng(seed).normal(size=(n, 4)))
+
+
+def seen_by_filter(true: np.ndarray, heading_deg: float, mounting: np.ndarray) -> np.ndarray:
+    """q_earth_from_sensor of a filter whose earth has a heading, on a sensor turned by `mounting` against its believed axes."""
+    earth_from_world = rotation.from_heading(np.radians(heading_deg))
+    return rotation.multiply(rotation.multiply(earth_from_world, true), rotation.conjugate(mounting))
+
+
+def largest_error_deg(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.degrees(rotation.angle(rotation.multiply(a, rotation.conjugate(b))).max()))
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 37.0, -120.0, 179.9])
+@pytest.mark.parametrize("method", ["heading", "reference_pose"])
+def test_a_heading_is_found_in_any_pose_and_taken_out_of_every_other(heading_deg, method):
+    true = poses()
+    estimated = seen_by_filter(true, heading_deg, rotation.IDENTITY)
+    for reference in range(5):
+        fit = fit_frames(estimated[[reference]], true[[reference]], method)
+        assert fit.heading_deg == pytest.approx(heading_deg, abs=1e-9)
+        assert np.abs(fit.mounting_deg).max() < 1e-6
+        assert largest_error_deg(apply_frames(estimated, fit), true) < 1e-6
+
+
+@pytest.mark.parametrize("tilt_deg", [(3.0, 0.0), (0.0, -5.0), (2.0, 4.0)])
+def test_a_mounting_tilted_against_the_vertical_is_found_beside_the_heading(tilt_deg):
+    true = poses()
+    level = np.radians([tilt_deg[0], tilt_deg[1], 0.0])  # about a horizontal axis of the world, in the reference pose
+    in_sensor = rotation.rotate(rotation.conjugate(true[0]), level)
+    mounting = rotation.from_rotation_vector(in_sensor)
+    estimated = seen_by_filter(true, 71.0, mounting)
+    fit = fit_frames(estimated[:1], true[:1], "reference_pose")
+    assert fit.heading_deg == pytest.approx(71, abs=1e-6)
+    np.testing.assert_allclose(fit.mounting_deg, np.degrees(in_sensor), atol=1e-6)
+    assert largest_error_deg(apply_frames(estimated, fit), true) < 1e-6
+
+
+def test_the_reference_pose_itself_is_always_met_whatever_the_mounting():
+    true = poses()
+    estimated = seen_by_filter(true, -50.0, rotation.from_rotation_vector(np.array([0.2, -0.3, 0.4])))
+    fit = fit_frames(estimated[:1], true[:1], "reference_pose")
+    assert largest_error_deg(apply_frames(estimated[:1], fit), true[:1]) < 1e-6
+
+
+def test_one_pose_cannot_tell_a_mounting_about_the_vertical_from_a_heading():
+    true = poses()
+    vertical = rotation.rotate(rotation.conjugate(true[0]), np.array([0.0, 0.0, np.radians(6.0)]))
+    estimated = seen_by_filter(true, 10.0, rotation.from_rotation_vector(vertical))
+    fit = fit_frames(estimated[:1], true[:1], "reference_pose")
+    assert fit.heading_deg == pytest.approx(10.0 - 6.0, abs=1e-6)  # all of it is put to the heading
+    assert np.abs(fit.mounting_deg).max() < 1e-6
+
+
+def test_the_method_heading_leaves_the_mounting_alone():
+    true = poses()
+    mounting = rotation.from_rotation_vector(rotation.rotate(rotation.conjugate(true[0]), np.array([0.05, 0.0, 0.0])))
+    fit = fit_frames(seen_by_filter(true, 30.0, mounting)[:1], true[:1], "heading")
+    assert fit.mounting_deg == (0.0, 0.0, 0.0)
+    assert fit.heading_deg == pytest.approx(30, abs=1e-6)
+
+
+def test_no_alignment_changes_nothing():
+    q = poses()
+    np.testing.assert_array_equal(apply_frames(q, FrameFit()), q)
+
+
+def test_the_fit_averages_over_the_reference_pose():
+    rng = np.random.default_rng(2)
+    true = np.tile(poses(1), (4000, 1))
+    noise = rotation.from_rotation_vector(np.radians(1.0) * rng.standard_normal((4000, 3)))
+    estimated = rotation.multiply(noise, seen_by_filter(true, 20.0, rotation.IDENTITY))
+    fit = fit_frames(estimated * rng.choice([-1.0, 1.0], (4000, 1)), true[:7], "reference_pose")
+    assert fit.heading_deg == pytest.approx(20, abs=4 / np.sqrt(4000))

@@ -1,0 +1,203 @@
+"""The stage `evaluate` on a recording whose estimates have known errors."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from testbench.evaluation import evaluate
+from testbench.evaluation.judged import SETTLING_NS, judged_steps, window
+from testbench.exceptions import SessionError
+from testbench.model import rotation
+from testbench.records.estimate import Estimate, JointEstimate
+from testbench.records.evaluation import Evaluation, Outcome
+from testbench.records.plan import PlannedStep
+
+JOINT_KEYS = {
+    "joint", "filter", "sequence", "misalignment_deg", "flexion_deg", "n", "flexion_mean_error_deg",
+    "flexion_mean_abs_error_deg", "flexion_sd_deg", "flexion_rmse_deg", "flexion_max_abs_error_deg",
+}  # fmt: skip
+ORIENTATION_KEYS = {"sensor", "filter", "total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg"}
+METRIC_KEYS = {"name", "value", "unit", "lower", "upper", "outcome", "meaning"}
+
+
+def true_flexion(result) -> np.ndarray:
+    """What the arm measured of its last joint, at the instants of the joint estimate [rad]."""
+    arm, joint = result.session.arm(), result.estimate.joints["elbow"]
+    return np.interp(joint.host_time_ns, arm.host_time_ns, arm.q_measured[:, 5])
+
+
+def with_flexion(result, flexion: np.ndarray) -> Estimate:
+    """The estimate of a run in which one filter says this flexion (and nothing else is said)."""
+    joint = result.estimate.joints["elbow"]
+    angles = joint.angles["device", "ZXZ"].copy()
+    angles[:, 1] = flexion
+    return dataclasses.replace(
+        result.estimate, joints={"elbow": JointEstimate(joint.host_time_ns, {("device", "ZXZ"): angles})}
+    )
+
+
+@pytest.mark.parametrize("offset_deg", [2.0, -0.7, 0.0])
+@pytest.mark.parametrize("turns", [0, 1, -2])
+def test_a_constant_error_of_the_flexion_is_reported_as_it_is_in_every_row(quick, offset_deg, turns):
+    estimate = with_flexion(quick, true_flexion(quick) + np.radians(offset_deg + 360 * turns))
+    rows = evaluate(quick.session, estimate).joint_angle
+    assert len(rows) == 8  # two by three poses, one more before the sweep, and the sweep
+    for row in rows:
+        assert row.n > 10
+        assert row.flexion_mean_error_deg == pytest.approx(offset_deg, abs=1e-9)
+        assert row.flexion_mean_abs_error_deg == pytest.approx(abs(offset_deg), abs=1e-9)
+        assert row.flexion_rmse_deg == pytest.approx(abs(offset_deg), abs=1e-9)
+        assert row.flexion_max_abs_error_deg == pytest.approx(abs(offset_deg), abs=1e-9)
+        assert row.flexion_sd_deg == pytest.approx(0, abs=1e-9)
+
+
+def test_an_alternating_error_cancels_in_the_mean_and_not_in_the_magnitude(quick):
+    flexion = true_flexion(quick)
+    sign = np.where(np.arange(len(flexion)) % 2, 1.0, -1.0)
+    for row in evaluate(quick.session, with_flexion(quick, flexion + np.radians(3.0) * sign)).joint_angle:
+        assert abs(row.flexion_mean_error_deg) < 3.0 * 1.01 / row.n
+        assert row.flexion_mean_abs_error_deg == pytest.approx(3, abs=1e-9)
+        assert row.flexion_sd_deg == pytest.approx(3, rel=0.05)
+
+
+def test_an_error_outside_the_judged_windows_is_not_seen(quick):
+    joint, flexion = quick.estimate.joints["elbow"], true_flexion(quick)
+    moving = np.ones(len(flexion), dtype=bool)
+    for step in judged_steps(quick.session.steps):
+        begin, end = window(step)
+        moving &= (joint.host_time_ns < begin) | (joint.host_time_ns > end)
+    assert 0.2 < moving.mean() < 0.9
+    rows = evaluate(quick.session, with_flexion(quick, flexion + np.where(moving, 1.0, 0.0))).joint_angle
+    assert max(row.flexion_max_abs_error_deg for row in rows) < 1e-9
+
+
+def test_the_rows_name_the_commanded_pose_section_and_sequence(quick):
+    rows = [row for row in quick.evaluation.joint_angle if row.filter == "device" and row.sequence == "ZXZ"]
+    static = [(row.misalignment_deg, row.flexion_deg) for row in rows if row.section == "static"]
+    assert static == [(d, f) for d in (0, 20) for f in (0, 30, 60)]
+    sweep = [row for row in rows if row.section == "sweep"]
+    assert [row.flexion_deg for row in sweep] == [None, None]
+    assert {row.sequence for row in quick.evaluation.joint_angle} == {"ZXZ", "YXZ"}
+
+
+def test_in_gimbal_lock_the_two_other_angles_are_not_judged(quick):
+    for row in quick.evaluation.joint_angle:
+        if row.section == "static" and row.sequence == "ZXZ":
+            if row.flexion_deg == 0:  # the outer axes of ZXZ coincide at no flexion
+                assert row.other_mean_abs_error_deg == [None, None]
+            else:
+                assert all(0 <= value < 10 for value in row.other_mean_abs_error_deg)
+
+
+@pytest.mark.parametrize(("error_deg", "total", "heading", "inclination"), [((0, 0, 3.0), 3, 3, 0), ((1.2, 0, 0), 1.2, 0, 1.2)])
+def test_a_constant_error_of_the_orientation_is_reported_as_it_is(quick, error_deg, total, heading, inclination):
+    sensors = {}
+    turn = rotation.from_rotation_vector(np.radians(error_deg))
+    for name, sensor in quick.estimate.sensors.items():
+        truth = quick.session.truth(name)
+        q = rotation.interpolate(truth.host_time_ns, truth.q_world_from_sensor, sensor.host_time_ns)
+        sensors[name] = dataclasses.replace(sensor, orientation={"vqf_6d": rotation.multiply(turn, q)})
+    rows = evaluate(quick.session, dataclasses.replace(quick.estimate, sensors=sensors, joints={})).orientation
+    assert [row.sensor for row in rows] == ["arm", "forearm"]
+    for row in rows:
+        assert row.total_rmse_deg == pytest.approx(total, abs=1e-6)
+        assert row.heading_rmse_deg == pytest.approx(heading, abs=1e-6)
+        assert row.inclination_rmse_deg == pytest.approx(inclination, abs=1e-6)
+
+
+def step(kind="move", role="evaluation", start=0, settled=10**9, end=3 * 10**9) -> PlannedStep:
+    return PlannedStep(0, "s", role, "n", kind, {}, start, settled, end)
+
+
+def test_a_dwell_counts_once_the_arm_has_swung_in_and_a_sweep_while_it_moves():
+    assert window(step()) == (10**9 + SETTLING_NS, 3 * 10**9)
+    assert window(step(end=10**9 + 400_000_000)) == (10**9 + 100_000_000, 10**9 + 400_000_000)  # a quarter of a short one
+    assert window(step("sweep")) == (0, 10**9)
+
+
+def test_evaluation_sections_are_judged_and_calibration_only_where_there_is_nothing_else():
+    evaluation, reference, calibration = (step(role=role) for role in ("evaluation", "reference", "calibration"))
+    assert judged_steps([calibration, reference, evaluation]) == [evaluation]
+    assert judged_steps([calibration, reference]) == [reference]
+    assert judged_steps([calibration]) == [calibration]
+
+
+def test_evaluation_json_has_the_keys_that_others_build_on(quick):
+    data = json.loads((quick.session.path / "evaluation.json").read_text())
+    assert {"schema_version", "session", "joint_angle", "orientation", "metrics", "outcome"} <= set(data)
+    assert data["schema_version"] == 1
+    assert data["session"] == quick.session.name
+    assert data["outcome"] in {"pass", "marginal", "fail", "not_measured"}
+    for rows, keys in (("joint_angle", JOINT_KEYS), ("orientation", ORIENTATION_KEYS), ("metrics", METRIC_KEYS)):
+        assert data[rows], rows
+        for row in data[rows]:
+            assert keys <= set(row), rows
+    for row in data["metrics"]:
+        assert row["unit"] == "deg" and row["meaning"]
+        assert row["outcome"] in {None, "pass", "marginal", "fail", "not_measured"}
+
+
+def test_every_filter_sensor_and_joint_is_evaluated(quick):
+    filters = {"device", "vqf_6d", "vqf_9d", "fusion"}
+    assert {row.filter for row in quick.evaluation.joint_angle} == filters
+    assert {(row.sensor, row.filter) for row in quick.evaluation.orientation} == {
+        (sensor, name) for sensor in ("arm", "forearm") for name in filters
+    }
+
+
+def test_the_error_signals_are_kept_on_the_time_of_the_estimate(quick):
+    series = quick.evaluation.series
+    assert set(series) == {"orientation_arm", "orientation_forearm", "joint_elbow"}
+    elbow = series["joint_elbow"]
+    error = rotation.wrap(elbow["device_ZXZ_flexion_rad"] - elbow["reference_rad"])
+    known = np.isfinite(error)
+    np.testing.assert_allclose(elbow["device_ZXZ_error_rad"][known], error[known], atol=1e-12)
+    judged = elbow["judged"]
+    rows = [row for row in quick.evaluation.joint_angle if row.filter == "device" and row.sequence == "ZXZ"]
+    assert judged.sum() == sum(row.n for row in rows)
+
+
+def test_an_evaluation_is_read_back_as_it_was_written(quick, tmp_path):
+    quick.evaluation.save(tmp_path)
+    back = Evaluation.load(tmp_path)
+    assert back.to_dict() == quick.evaluation.to_dict()
+    assert isinstance(back.outcome, Outcome)
+    assert set(back.series) == set(quick.evaluation.series)
+    for name, columns in quick.evaluation.series.items():
+        for column, values in columns.items():
+            np.testing.assert_array_equal(back.series[name][column], values)
+
+
+def test_an_estimate_is_read_back_as_it_was_written(quick, tmp_path):
+    quick.estimate.save(tmp_path)
+    back = Estimate.load(tmp_path)
+    assert back.session == quick.estimate.session
+    for name, sensor in quick.estimate.sensors.items():
+        found = back.sensors[name]
+        np.testing.assert_array_equal(found.host_time_ns, sensor.host_time_ns)
+        np.testing.assert_array_equal(found.static, sensor.static)
+        assert found.clock == sensor.clock
+        assert found.frames == sensor.frames
+        assert found.skipped == sensor.skipped
+        np.testing.assert_array_equal(found.calibration.acc_matrix, sensor.calibration.acc_matrix)
+        assert list(found.orientation) == list(sensor.orientation)
+        for key, q in sensor.orientation.items():
+            np.testing.assert_array_equal(found.orientation[key], q)
+    assert back.joints["elbow"].angles.keys() == quick.estimate.joints["elbow"].angles.keys()
+    for key, angles in quick.estimate.joints["elbow"].angles.items():
+        np.testing.assert_array_equal(back.joints["elbow"].angles[key], angles)
+
+
+def test_evaluating_what_was_read_back_gives_the_same_numbers(quick):
+    again = evaluate(quick.session, Estimate.load(quick.session.path))
+    assert again.to_dict() == quick.evaluation.to_dict()
+
+
+def test_an_evaluation_of_another_schema_is_refused(tmp_path):
+    (tmp_path / "evaluation.json").write_text('{"schema_version": 99}')
+    with pytest.raises(SessionError, match="schema 99"):
+        Evaluation.load(tmp_path)

@@ -1,0 +1,239 @@
+"""The report is one file that needs nothing else, says what it knows, and escapes what it is told."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from testbench.records.evaluation import Outcome
+from testbench.records.published import load_published
+from testbench.records.session import Session
+from testbench.reporting.palette import COLOURS, REFERENCE, rgb
+from testbench.reporting.report import report
+from tests.reporting.conftest import Judged, copy_of
+
+CHROMIUM = shutil.which("chromium")
+
+
+class Page(HTMLParser):
+    """The tags, scripts and words of a page."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.scripts: list[str] = []
+        self.words = ""
+        self._inside = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        self._inside = tag
+        if tag == "script":
+            self.scripts.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside = ""
+
+    def handle_data(self, data: str) -> None:
+        if self._inside == "script":
+            self.scripts[-1] += data
+        elif self._inside != "style":
+            self.words += data
+
+    @property
+    def figures(self) -> list[dict]:
+        return [json.loads(script) for script in self.scripts if script.startswith('{"data"')]
+
+
+@pytest.fixture(scope="module")
+def quick_page(quick: Judged) -> Page:
+    return Page(report(quick.session, quick.estimate, quick.evaluation).read_text(encoding="utf-8"))
+
+
+def test_the_report_refers_to_nothing_outside(quick_page: Page) -> None:
+    for tag, attributes in quick_page.tags:
+        for name in ("src", "href", "action", "data", "poster", "srcset"):
+            value = attributes.get(name)
+            assert value is None or value.startswith(("#", "data:")), (tag, name, value)
+    policy = next(a["content"] for tag, a in quick_page.tags if tag == "meta" and "http-equiv" in a)
+    assert policy is not None
+    assert policy.startswith("default-src 'none'")
+    assert "http" not in policy
+
+
+def test_the_button_that_uploads_figures_is_off(quick_page: Page) -> None:
+    own = quick_page.scripts[-1]
+    assert "showSendToCloud: false" in own
+    assert "sendChartToCloud" not in own
+
+
+def test_the_report_names_what_was_run_and_the_verdict(quick_page: Page, quick: Judged) -> None:
+    badges = [a["class"] for tag, a in quick_page.tags if tag == "span" and "large" in (a.get("class") or "")]
+    assert badges == [f"badge {quick.evaluation.outcome.value} large"]
+    for words in (
+        "A look at the whole bench",
+        "ur3e",
+        "wrist_3_link",
+        "Xsens DOT",
+        quick.session.manifest["plan"]["hash"],
+        "seed",
+    ):
+        assert words.lower() in quick_page.words.lower()
+
+
+def test_every_table_and_figure_says_how_to_read_it(quick_page: Page) -> None:
+    classes = [a.get("class") or "" for _, a in quick_page.tags]
+    blocks = classes.count("scroll") + classes.count("figures") + classes.count("small-figures")
+    assert blocks > 10
+    assert quick_page.words.count("How to read: ") == blocks == classes.count("how")
+
+
+def test_published_numbers_stand_beside_ours(quick_page: Page) -> None:
+    for row in load_published().flexion_mean_abs_error:
+        assert f"Table {row.table}" in quick_page.words
+    # Table 5.6 at 0, 30 and 60 degrees, and 5.7, which belongs to the sequence YXZ.
+    text = re.sub(r"\s+", " ", quick_page.words)
+    assert re.search(r"Table 5\.6 [^0-9]*0\.00 ?0\.21 ?0\.36", text)
+    assert re.search(r"Euler sequence YXZ.*Table 5\.7 [^0-9]*3\.68 ?1\.16 ?4\.47", text)
+    assert re.search(r"Euler sequence ZYZ, published only.*Table 5\.9", text)
+
+
+def test_the_published_row_of_a_filter_stands_right_under_it(quick: Judged) -> None:
+    text = report(quick.session, quick.estimate, quick.evaluation).read_text(encoding="utf-8")
+    table = text[text.index("Euler sequence ZXZ") : text.index("Euler sequence YXZ")]
+    names = re.findall(r'<th scope="row"[^>]*>([^<]+?)\s*<', table)
+    assert names[:2] == ["device", "Table 5.6"]
+    assert names[-2:] == ["Table 5.8", "Table 5.10"]
+
+
+def test_our_numbers_are_those_of_the_evaluation(quick_page: Page, quick: Judged) -> None:
+    row = next(
+        r for r in quick.evaluation.joint_angle if r.flexion_deg == 60 and r.misalignment_deg == 0 and r.filter == "fusion"
+    )
+    titles = [a.get("title") or "" for tag, a in quick_page.tags if tag == "td"]
+    assert any(title.startswith(f"{row.flexion_mean_abs_error_deg:.4f} deg") for title in titles)
+
+
+def test_every_axis_of_every_figure_has_a_unit(quick_page: Page) -> None:
+    assert len(quick_page.figures) > 8
+    for figure in quick_page.figures:
+        axes = {key: value for key, value in figure["layout"].items() if re.fullmatch(r"[xy]axis\d*", key)}
+        assert len(axes) >= 2
+        for axis in axes.values():
+            assert re.search(r"\[.+\]", axis["title"]["text"])
+
+
+def test_no_figure_is_empty(quick_page: Page) -> None:
+    for figure in quick_page.figures:
+        assert figure["data"]
+        for trace in figure["data"]:
+            assert len(trace["y"]["bdata"] if isinstance(trace["y"], dict) else trace["y"]) > 0
+
+
+def test_hostile_text_is_shown_and_not_run(quick: Judged, tmp_path: Path) -> None:
+    folder = copy_of(quick.session, tmp_path)
+    hostile = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    manifest["protocol"] |= {"purpose": hostile, "name": hostile}
+    manifest["message"] = manifest["sensors"]["arm"]["description"] = hostile
+    manifest["software"][hostile] = hostile
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    metrics = [replace(metric, meaning=hostile) for metric in quick.evaluation.metrics]
+    rows = [replace(row, section=hostile) for row in quick.evaluation.joint_angle]
+    evaluation = replace(quick.evaluation, metrics=metrics, joint_angle=rows, notes=[hostile])
+    text = report(Session(folder), quick.estimate, evaluation).read_text(encoding="utf-8")
+    assert hostile not in text
+    assert html.escape(hostile, quote=False) in text
+    assert not [a for tag, a in Page(text).tags if tag == "img" or "onerror" in a]
+    assert [script for script in Page(text).scripts if "alert(1)" in script and not script.startswith('{"data"')] == []
+
+
+def test_a_session_that_was_not_evaluated_says_so(quick: Judged, tmp_path: Path) -> None:
+    page = Page(report(Session(copy_of(quick.session, tmp_path))).read_text(encoding="utf-8"))
+    assert "This session has not been evaluated" in page.words
+    assert "Nothing has been estimated" in page.words
+    assert page.figures == []
+    assert all("plotly.js" not in script[:400] for script in page.scripts)
+    assert [a["class"] for _, a in page.tags if "large" in (a.get("class") or "")] == [
+        f"badge {Outcome.NOT_MEASURED.value} large"
+    ]
+
+
+def test_estimate_and_evaluation_are_read_from_the_folder(quick: Judged, tmp_path: Path) -> None:
+    folder = copy_of(quick.session, tmp_path)
+    quick.estimate.save(folder)
+    quick.evaluation.save(folder)
+    given = report(Session(folder), quick.estimate, quick.evaluation).read_text(encoding="utf-8")
+    assert report(Session(folder)).read_text(encoding="utf-8") == given
+
+
+def test_an_imported_recording_has_orientation_but_no_joints(imported: Judged) -> None:
+    page = Page(report(imported.session, imported.estimate, imported.evaluation).read_text(encoding="utf-8"))
+    sections = [a["id"] for tag, a in page.tags if tag == "section"]
+    assert "orientation" in sections
+    assert "joints" not in sections
+    assert len(page.figures) == 1
+    assert "an imported recording" in page.words
+    assert "it is judged as a whole" in page.words
+    assert "CC0" in page.words
+    assert "Simulated" not in page.words
+
+
+def test_sweeps_without_a_flexion_get_a_table_of_their_own(quick: Judged) -> None:
+    swept = [row for row in quick.evaluation.joint_angle if row.section == "sweep" and row.filter == "device"][:1]
+    rows = [
+        replace(swept[0], variables={"amplitude_deg": a, "frequency_hz": f}, flexion_rmse_deg=a * f)
+        for a in (5.0, 10.0)
+        for f in (0.1, 0.5)
+    ]
+    evaluation = replace(quick.evaluation, joint_angle=rows)
+    page = Page(report(quick.session, quick.estimate, evaluation).read_text(encoding="utf-8"))
+    assert "RMS flexion error [deg] of the sweeps" in page.words
+    assert re.search(r"frequency_hz\s*amplitude_deg\s*0\.1\s*0\.5", page.words)
+    assert re.search(r"5\s*0\.50\s*2\.50\s*10\s*1\.00\s*5\.00", page.words)
+
+
+def contrast(first: str, second: str) -> float:
+    def luminance(colour: str) -> float:
+        parts = [part / 255 for part in rgb(colour)]
+        linear = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    light, dark = sorted((luminance(first), luminance(second)), reverse=True)
+    return (light + 0.05) / (dark + 0.05)
+
+
+@pytest.mark.parametrize("colour", [*COLOURS, REFERENCE])
+def test_every_colour_is_legible_on_light_and_on_dark(colour: str) -> None:
+    assert contrast(colour, "#ffffff") >= 3
+    assert contrast(colour, "#14171c") >= 3
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_browser_draws_the_figures_without_complaint(quick: Judged, tmp_path: Path, scheme: str) -> None:
+    page = report(quick.session, quick.estimate, quick.evaluation)
+    picture = tmp_path / "page.png"
+    command = [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    command += ["--disable-component-update", "--disable-sync", "--no-first-run", f"--user-data-dir={tmp_path / 'profile'}"]
+    command += [f"--blink-settings=preferredColorScheme={0 if scheme == 'dark' else 1}", "--hide-scrollbars"]
+    command += ["--window-size=1000,6000", "--virtual-time-budget=15000", "--enable-logging=stderr", f"--screenshot={picture}"]
+    result = subprocess.run([*command, page.as_uri()], capture_output=True, text=True, check=False, timeout=60)
+    assert "CONSOLE" not in result.stderr, result.stderr
+    pixels = np.asarray(Image.open(picture).convert("RGB")).reshape(-1, 3)
+    paper = (255, 255, 255) if scheme == "light" else (20, 23, 28)
+    assert (pixels == paper).all(axis=1).mean() > 0.5
+    for colour in COLOURS[:4]:
+        assert (pixels == rgb(colour)).all(axis=1).sum() > 100, colour

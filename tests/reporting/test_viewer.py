@@ -1,0 +1,155 @@
+"""What the viewer is given can be read back; what it draws is not blank; nothing of it stays."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from PIL import Image
+
+from testbench.model.kinematics import Kinematics, Pose
+from testbench.records.robot import load_robot
+from testbench.reporting.viewer import process, save_recording, screenshot, view
+from testbench.reporting.viewer.process import ViewerError
+from testbench.reporting.viewer.scene import viewable_urdf
+from testbench.reporting.viewer.timeline import TIMELINE, changing, every
+from tests.reporting.conftest import Judged
+
+VULKAN = list(Path("/usr/share/vulkan/icd.d").glob("*.json"))
+
+
+def chunks_of(path: Path) -> list:
+    from rerun.chunk import RrdReader
+
+    reader = RrdReader(path)
+    return [chunk for entry in reader.recordings() for chunk in reader.stream(store=entry).to_chunks()]
+
+
+@pytest.fixture(scope="module")
+def chunks(quick: Judged, tmp_path_factory: pytest.TempPathFactory) -> list:
+    path = tmp_path_factory.mktemp("recording") / "session.rrd"
+    return chunks_of(save_recording(quick.session, path, quick.estimate, quick.evaluation))
+
+
+def rows_of(chunks: list, path: str) -> int:
+    return sum(chunk.num_rows for chunk in chunks if chunk.entity_path == path and not chunk.is_static)
+
+
+def column(chunks: list, path: str, name: str) -> list:
+    values: list = []
+    for chunk in chunks:
+        batch = chunk.to_record_batch()
+        if chunk.entity_path == path and not chunk.is_static and name in batch.schema.names:
+            values += batch.column(name).to_pylist()
+    return values
+
+
+def test_the_recording_holds_arm_sensors_signals_errors_and_steps(chunks: list, quick: Judged) -> None:
+    paths = {chunk.entity_path for chunk in chunks}
+    assert {f"/arm/joints/{joint}" for joint in load_robot("ur3e").joint_names} <= paths
+    for sensor in ("arm", "forearm"):
+        assert {
+            f"/sensors/{sensor}/true",
+            f"/errors/{sensor}/total",
+            f"/imu/{sensor}/rate_deg_s",
+            f"/orientations/{sensor}/true",
+        } <= paths
+        for name in quick.estimate.sensors[sensor].orientation:
+            assert {f"/sensors/{sensor}/estimated/{name}", f"/orientations/{sensor}/{name}"} <= paths
+    assert {"/joints/elbow/ZXZ/flexion", "/joints/elbow/YXZ/error", "/events", "/state/section"} <= paths
+
+
+def test_everything_that_changes_is_on_the_host_timeline(chunks: list) -> None:
+    assert {tuple(chunk.timeline_names) for chunk in chunks if not chunk.is_static} == {(TIMELINE,)}
+
+
+def test_every_raw_sample_is_there(chunks: list, quick: Judged) -> None:
+    samples = quick.session.imu("arm")
+    shown = column(chunks, "/imu/arm/rate_deg_s", "Scalars:scalars")
+    assert np.allclose(shown, np.degrees(samples.gyr))
+    assert rows_of(chunks, "/imu/arm/specific_force_m_s2") == len(samples)
+
+
+def test_every_started_step_is_a_line_of_text(chunks: list, quick: Judged) -> None:
+    lines = [text for (text,) in column(chunks, "/events", "TextLog:text")]
+    assert sum(line.startswith("step ") for line in lines) == len(quick.session.steps)
+    assert "step 4: static, misalignment_deg 20, flexion_deg 0" in lines
+
+
+def test_estimated_axes_stand_where_the_arm_carries_the_sensor(chunks: list, quick: Judged) -> None:
+    path = "/sensors/forearm/estimated/device/pose"
+    times = np.array([t.value if hasattr(t, "value") else t for t in column(chunks, path, TIMELINE)]).astype("timedelta64[ns]")
+    places = np.array(column(chunks, path, "Transform3D:translation"))[:, 0]
+    arm, sensor = quick.session.arm(), quick.session.analysis.sensors["forearm"]
+    assert arm is not None
+    assert quick.session.robot is not None
+    q = np.column_stack([np.interp(times.astype(np.int64), arm.host_time_ns, arm.q_measured[:, i]) for i in range(6)])
+    motion = Kinematics(quick.session.robot).frame_motion(sensor.link, q, offset=Pose.from_placement(sensor.mounting))
+    assert np.abs(places - motion.position).max() < 1e-6
+
+
+def test_a_recording_without_an_arm_shows_its_sensors(imported: Judged, tmp_path: Path) -> None:
+    chunks = chunks_of(save_recording(imported.session, tmp_path / "a.rrd", imported.estimate, imported.evaluation))
+    paths = {chunk.entity_path for chunk in chunks}
+    assert {"/orientations/imu/true", "/orientations/imu/vqf_6d", "/errors/imu/total"} <= paths
+    assert not [path for path in paths if path.startswith(("/arm", "/sensors", "/joints"))]
+
+
+@pytest.mark.parametrize("robot", ["ur3e", "panda", "so101"])
+def test_meshes_are_found_and_collision_bodies_left_out(robot: str) -> None:
+    text = viewable_urdf(load_robot(robot))
+    assert "package://" not in text
+    assert "<collision" not in text
+    files = [Path(part.split('"')[0]) for part in text.split('filename="')[1:]]
+    assert len(files) >= 6
+    assert all(file.is_absolute() and file.is_file() for file in files)
+
+
+def test_only_what_changes_is_kept() -> None:
+    values = np.array([[0.0], [0.0], [0.0], [1.0], [1.0], [1.0]])
+    assert changing(values, 1e-6).tolist() == [0, 2, 3, 5]
+    assert every(np.arange(100) * 8_000_000, 25.0) == slice(None, None, 5)
+    assert every(np.arange(100) * 80_000_000, 25.0) == slice(None, None, 1)
+
+
+@pytest.mark.viewer
+@pytest.mark.skipif(not VULKAN, reason="no Vulkan driver (Debian: libvulkan1 and mesa-vulkan-drivers)")
+def test_a_picture_is_drawn_without_a_screen_and_nothing_stays(quick: Judged, tmp_path: Path) -> None:
+    path = screenshot(quick.session, tmp_path / "view.png", quick.estimate, quick.evaluation, time_s=12.0, size=(1200, 800))
+    pixels = np.asarray(Image.open(path).convert("RGB"))
+    assert pixels.shape == (800, 1200, 3)
+    left = pixels[80:450, 20:460].reshape(-1, 3)
+    assert (left.min(axis=1) > 150).mean() > 0.02, "the arm, which is nearly white, is missing"
+    assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 200
+    assert psutil.Process().children() == []
+
+
+def test_a_viewer_that_dies_is_reported(quick: Judged, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "viewer_program", lambda: Path(str(shutil.which("false"))))
+    with pytest.raises(ViewerError, match="mesa-vulkan-drivers"):
+        screenshot(quick.session, tmp_path / "view.png", quick.estimate, quick.evaluation)
+    with pytest.raises(ViewerError, match="ended with code 1"):
+        view(quick.session, estimate=quick.estimate, evaluation=quick.evaluation)
+    assert not (tmp_path / "view.png").exists()
+
+
+def test_the_viewer_listens_on_this_machine_only_and_reports_no_usage(
+    quick: Judged, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    note = tmp_path / "note"
+    program = tmp_path / "viewer"
+    program.write_text(
+        f'#!/bin/sh\necho "$@" > {note}\ncat "$XDG_CONFIG_HOME/rerun/analytics.json" >> {note}\n', encoding="utf-8"
+    )
+    program.chmod(0o755)
+    monkeypatch.setattr(process, "viewer_program", lambda: program)
+    told: list[str] = []
+    view(quick.session, web=True, estimate=quick.estimate, evaluation=quick.evaluation, web_port=9999, announce=told.append)
+    arguments, settings = note.read_text(encoding="utf-8").split("\n", 1)
+    assert arguments.startswith("--bind 127.0.0.1 ")
+    assert "--web-viewer-port 9999" in arguments
+    assert '"analytics_enabled": false' in settings
+    assert told[0].startswith("http://127.0.0.1:9999/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1")

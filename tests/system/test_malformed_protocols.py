@@ -1,0 +1,485 @@
+"""Malformed protocols through the command line: one readable message with file and line, exit code 2, nothing left behind."""
+
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from testbench.cli import main
+from testbench.exceptions import BenchError
+from testbench.planning.expansion import expand
+from testbench.records.protocol_file import load_protocol
+from testbench.records.robot import load_robot
+
+VALID = """\
+name: wave
+purpose: A valid protocol that the tests break
+robot: ur3e
+sensors:
+  arm:
+    preset: ideal
+    link: wrist_1_link
+    segment: {name: upper_arm}
+  forearm:
+    preset: ideal
+    link: wrist_3_link
+    segment: {name: forearm, rotation_deg: {XYZ: [90, 0, 0]}}
+    mounting: {position_mm: [0, 0, 10]}
+joints:
+  elbow: {proximal: arm, distal: forearm, sequence: ZXZ}
+variables:
+  flexion_deg: {start: 0, stop: 30, step: 15}
+  rest_s: 0.5
+sections:
+  - name: static
+    for_each: [flexion_deg]
+    steps:
+      - move_to_deg: [180, -90, -90, 0, 90, flexion_deg]
+        dwell_s: rest_s
+  - name: sweep
+    steps:
+      - move_to_deg: {wrist_3_joint: 30}
+      - sweep: {wrist_3_joint: {sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}}
+        dwell_s: 0.5
+estimate: {filters: [device, vqf_6d]}
+accept:
+  - {metric: elbow.flexion_rmse_deg, max: 1.0}
+"""
+POSE = "[180, -90, -90, 0, 90, flexion_deg]"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A change of the valid protocol, `old` to `new`: the message must hold `says` and name the line that `at` stands in."""
+
+    old: str
+    new: str
+    says: str
+    at: str | None = None
+
+    def text(self) -> str:
+        assert self.old in VALID
+        return VALID.replace(self.old, self.new, 1)
+
+    def line(self) -> int:
+        needle = self.at or self.new
+        return self.text()[: self.text().index(needle)].count("\n") + 1
+
+
+FAULTS = {
+    # Of the wrong type or form
+    "a number where text belongs": Fault("name: wave", "name: 5", "name: must be text, not 5"),
+    "text where a number belongs": Fault("stop: 30", "stop: far", "must be a number, not 'far'"),
+    "a list where a mapping belongs": Fault(
+        "{start: 0, stop: 30, step: 15}\n", "{start: [0], stop: 30, step: 15}\n", "not [0]"
+    ),
+    "a sensor that is a word": Fault(
+        "    preset: ideal\n    link: wrist_1_link\n    segment: {name: upper_arm}\n",
+        "    broken\n",
+        "must be a mapping (key: value), not 'broken'",
+        "arm:",
+    ),
+    "an angle that is a list": Fault(
+        "[180, -90,", "[180, [90],", 'must be a number or an expression such as "90 - flexion_deg", not [90]'
+    ),
+    "an angle that is a truth value": Fault("[180, -90,", "[180, true,", "must be a number or an expression"),
+    "an empty angle": Fault("[180, -90,", "[180, ~,", "not empty"),
+    "a variable of text": Fault("rest_s: 0.5", "rest_s: long", "must be a number, a list of numbers, or a range"),
+    "a name with a space": Fault("name: static", "name: static part", "must be a name (a letter, then"),
+    "a choice that does not exist": Fault(
+        "sequence: ZXZ", "sequence: ZXZ, flexion: fourth", "must be 'first', 'second' or 'third'"
+    ),
+    "a speed above the limit": Fault("variables:", "motion: {speed: 2}\nvariables:", "less than or equal to 1, not 2", "speed"),
+    "a speed of nothing": Fault(
+        "variables:", "motion: {speed: 0}\nvariables:", "greater than or equal to 0.001, not 0", "speed"
+    ),
+    "a position of two numbers": Fault("[0, 0, 10]", "[0, 10]", "must have at least 3 entries, not 2"),
+    "infinity": Fault("rest_s: 0.5", "rest_s: .inf", "must be a finite number"),
+    "not a number": Fault("rest_s: 0.5", "rest_s: .nan", "must be a finite number"),
+    "a number beyond all bounds": Fault("rest_s: 0.5", "rest_s: 1e999", "must be a finite number"),
+    "a number of hundreds of digits": Fault("rest_s: 0.5", "rest_s: " + "9" * 500, "must be a finite number"),
+    # Keys
+    "an unknown key": Fault("dwell_s: rest_s", "dwel_s: rest_s", "unknown key 'dwel_s'"),
+    "a key written twice": Fault(
+        "robot: ur3e", "robot: ur3e\nname: again", "the key 'name' stands twice (first in line 1)", "name: again"
+    ),
+    "a missing link": Fault("    link: wrist_3_link\n", "", "the key 'link' is missing", "forearm:"),
+    "a missing robot": Fault("robot: ur3e\n", "", "the key 'robot' is missing", "name: wave"),
+    "a key that is a list": Fault("robot: ur3e", "robot: ur3e\n[a]: 1", "keys must be plain words", "[a]"),
+    "a key with a line end": Fault("robot: ur3e", 'robot: ur3e\n"a\\nb": 1', r"unknown key 'a\nb'", '"a'),
+    # Expressions
+    "an expression that breaks off": Fault(
+        "90, flexion_deg]", "90, flexion_deg +]", "'flexion_deg +' is not arithmetic; allowed:"
+    ),
+    "code in an expression": Fault("90, flexion_deg]", "90, \"__import__('os').system('true')\"]", "is not arithmetic"),
+    "an attribute in an expression": Fault("90, flexion_deg]", "90, flexion_deg.real]", "uses more than arithmetic"),
+    "a power in an expression": Fault("90, flexion_deg]", "90, 9**9**9**9]", "uses more than arithmetic"),
+    "an unknown variable": Fault("90, flexion_deg]", "90, flex_deg]", "unknown variable 'flex_deg' in 'flex_deg'; known: "),
+    "a variable without its loop": Fault(
+        "    for_each: [flexion_deg]\n", "", "has 3 values; name it in a for_each", "flexion_deg]"
+    ),
+    "a loop over an unknown variable": Fault(
+        "for_each: [flexion_deg]", "for_each: [flex_deg]", "unknown variable 'flex_deg'; known:"
+    ),
+    "a loop over the same variable twice": Fault("[flexion_deg]\n", "[flexion_deg, flexion_deg]\n", "is looped over twice"),
+    "a division by zero": Fault("dwell_s: rest_s", "dwell_s: 1 / (rest_s - 0.5)", "has no value"),
+    "a function with too few values": Fault("dwell_s: rest_s", "dwell_s: min(1)", "min takes two or more values"),
+    "a variable called like a function": Fault(
+        "rest_s: 0.5", "rest_s: 0.5\n  max: 3", "word of the expression language", "max: 3"
+    ),
+    # Loops, ranges, sizes
+    "a range that does not reach its end": Fault("step: 15", "step: 7", "is not a whole number of steps of 7"),
+    "a range that runs away": Fault("step: 15", "step: -15", "the step points the other way"),
+    "a step of zero": Fault("step: 15", "step: 0", "step must not be zero"),
+    "a huge range": Fault("step: 15", "step: 1e-9", "3e+10 steps is more than the 100000 allowed"),
+    "a range beyond all bounds": Fault("stop: 30, step: 15", "stop: 1e308, step: 5e-324", "more than the 100000 allowed"),
+    "an empty list of values": Fault("rest_s: 0.5", "rest_s: []", "must have at least 1 entry, not 0"),
+    "a dwell below zero": Fault("dwell_s: rest_s", "dwell_s: -1", "greater than or equal to 0, not -1"),
+    "a dwell below zero by an expression": Fault("dwell_s: rest_s", "dwell_s: rest_s - 2", "is -1.5; it must be at least 0"),
+    "a dwell of a month": Fault("dwell_s: rest_s", "dwell_s: 3000000", "must be at most 86400"),
+    "a sweep of a month": Fault("frequency_hz: 0.5", "frequency_hz: 1e-6", "the sweep would last 4e+06 s", "frequency_hz"),
+    "a sweep of half a cycle": Fault("cycles: 2", "cycles: 0.5", "must be at least 1"),
+    "a sweep of one and a half cycles": Fault("cycles: 2", "cycles: 1.5", "must be a whole number"),
+    "a frequency of zero": Fault("frequency_hz: 0.5", "frequency_hz: 0", "must be greater than 0"),
+    "a frequency no arm can follow": Fault("frequency_hz: 0.5", "frequency_hz: 1e300", "must be at most 20"),
+    # Steps and sections
+    "two actions in a step": Fault("dwell_s: rest_s", "move_to: home", "this one has move_to_deg and move_to", "- move_to_deg"),
+    "a step without an action": Fault("- move_to_deg: {wrist_3_joint: 30}", "- name: idle", "a step needs one of: move_to_deg"),
+    "no steps": Fault(
+        "    steps:\n      - move_to_deg: {wrist_3_joint: 30}\n      - sweep: {wrist_3_joint: {sine: {amplitude_deg:"
+        " 20, frequency_hz: 0.5, cycles: 2}}}\n        dwell_s: 0.5\n",
+        "    steps: []\n",
+        "steps must not be empty",
+        "- name: sweep",
+    ),
+    "a sweep of two shapes": Fault(
+        "{sine: {", "{trapezoid: {amplitude_deg: 1, rate_deg_s: 1}, sine: {", "one of: sine, trapezoid"
+    ),
+    "two sections of one name": Fault("- name: sweep", "- name:  static", "two sections are called 'static'"),
+    "too few joint angles": Fault(POSE, "[180, -90]", "2 joint angles given; ur3e has 6: shoulder_pan_joint"),
+    "an unknown joint": Fault("{wrist_3_joint: 30}", "{wrist_4_joint: 30}", "unknown joint of ur3e 'wrist_4_joint'; known: sh"),
+    "an unknown home": Fault("move_to_deg: {wrist_3_joint: 30}", "move_to: start", "must be 'home', not 'start'"),
+    # Names of things
+    "an unknown robot": Fault("robot: ur3e", "robot: ur4e", "unknown robot 'ur4e'; known:"),
+    "an unknown link": Fault("link: wrist_3_link", "link: hand", "'hand'; known:"),
+    "an unknown preset": Fault(
+        "    preset: ideal\n    link: wrist_3",
+        "    preset: idal\n    link: wrist_3",
+        "unknown sensor preset 'idal'; known: ideal, matrix, xsens_dot",
+        "idal",
+    ),
+    "an unknown parameter": Fault(
+        "mounting: {position_mm: [0, 0, 10]}", "parameters: {gyroscope: {range: 100}}", "unknown key 'range'"
+    ),
+    "a sensor of nothing": Fault(
+        "    preset: ideal\n    link: wrist_3", "    link: wrist_3", "needs a preset or parameters", "forearm:"
+    ),
+    "an unknown filter": Fault("vqf_6d]", "vqf_7d]", "must be 'device', 'vqf_6d'"),
+    "a filter twice": Fault("vqf_6d]", "device]", "device stands more than once"),
+    "an unknown metric": Fault(
+        "elbow.flexion_rmse_deg", "elbow.flexion_rmse", "unknown metric 'elbow.flexion_rmse'; known: elb"
+    ),
+    "a limit on an unknown section": Fault(
+        "max: 1.0", "max: 1.0, section: statics", "unknown section 'statics'; known: static, sweep"
+    ),
+    "a limit without a limit": Fault(", max: 1.0", "", "needs min or max", "- {metric"),
+    "limits the wrong way round": Fault("max: 1.0", "max: 1.0, min: 2", "min 2 is greater than max 1"),
+    "an unknown sensor of a joint": Fault("distal: forearm", "distal: hand", "unknown sensor 'hand'; known: arm, forearm"),
+    "a joint between sensors without segment": Fault(
+        "    segment: {name: upper_arm}\n", "", "needs a segment", "proximal: arm"
+    ),
+    "a joint of one sensor": Fault("distal: forearm", "distal: arm", "proximal and distal are the same sensor"),
+    "a sequence compared with itself": Fault(
+        "sequence: ZXZ}", "sequence: ZXZ, compare: [{sequence: ZXZ}]}", "the Euler sequence ZXZ stands more than once"
+    ),
+    "an unknown Euler sequence": Fault("{XYZ: [90, 0, 0]}", "{ZZZ: [90, 0, 0]}", "must be 'XYZ'"),
+    "two Euler sequences": Fault(
+        "{XYZ: [90, 0, 0]}", "{XYZ: [90, 0, 0], ZYX: [0, 0, 0]}", "takes one Euler sequence, not XYZ and ZYX"
+    ),
+    # Motion that cannot be
+    "a pose out of the limits": Fault("[180, -90,", "[180, -400,", "joint shoulder_lift_joint: position -"),
+    "a pose beyond all bounds": Fault(POSE, "[180, -90, -90, 0, 90, 1e300]", "1e+300 must be at most 36000"),
+    "a sweep that is too fast": Fault("frequency_hz: 0.5", "frequency_hz: 6", "joint wrist_3_joint: velocity ", "- sweep"),
+    "a fold of the forearm into the shoulder": Fault(POSE, "[0, -90, 175, 0, 0, 0]", "come within "),
+    "an arm in the floor": Fault(POSE, "[0, 30, 0, 0, 0, 0]", "and the floor "),
+    "a sensor beyond its range": Fault(
+        "mounting: {position_mm: [0, 0, 10]}",
+        "parameters: {gyroscope: {range_deg_s: 5}}",
+        "exceeds its range of 5.00 deg/s",
+        "- move_to_deg: [180",
+    ),
+    # YAML
+    "a tab": Fault("    preset: ideal", "\tpreset: ideal", "a tab cannot indent; use spaces"),
+    "a bracket that stays open": Fault("[0, 0, 10]}", "[0, 0, 10}", "not valid YAML"),
+    "an alias": Fault(POSE, "&pose [1, 2, 3]\n      - move_to_deg: *pose", "aliases (*name) are not", "&pose"),
+    "a tag that would make an object": Fault("robot: ur3e", "robot: !!python/object/apply:os.system [true]", "is not allowed"),
+    "a tag on a word": Fault("robot: ur3e", "robot: !!python/name:os.system x", "is not allowed"),
+    "a tag of the user's": Fault("robot: ur3e", "robot: !arm ur3e", "the tag !arm is not allowed"),
+    "a tag that does not fit": Fault("robot: ur3e", "robot: !!bool ur3e", "is not of the type that its tag says"),
+    "a second document": Fault("robot: ur3e", "robot: ur3e\n---\nrobot: ur3e", "more than one document", "---"),
+    "deep nesting": Fault("rest_s: 0.5", "rest_s: " + "[" * 60 + "]" * 60, "nested deeper than 40 levels"),
+    "a control character": Fault("robot: ur3e", "robot: ur\x013e", "the character U+0001 is not allowed"),
+    # Includes
+    "an include that is missing": Fault(
+        "- name: sweep", "- {name: more, include: none.yaml}\n  - name: sweep", "no file 'none.yaml' beside this protocol"
+    ),
+    "an include that leaves the folder": Fault(
+        "- name: sweep",
+        "- {name: more, include: ../wave.yaml}\n  - name: sweep",
+        "an include must lie in the folder of the protocol",
+    ),
+    "an include of an absolute path": Fault(
+        "- name: sweep",
+        "- {name: more, include: /etc/passwd}\n  - name: sweep",
+        "an include must lie in the folder of the protocol",
+    ),
+    "an include with a zero byte": Fault("- name: sweep", '- {name: more, include: "a\\0b"}\n  - name: sweep', "no file"),
+    "an include of itself": Fault(
+        "- name: sweep", "- {name: more, include: wave.yaml}\n  - name: sweep", "'wave.yaml' includes itself"
+    ),
+    "an include with steps": Fault(
+        "name: sweep", "name: sweep\n    include: other.yaml", "either steps or include", "- name: sweep"
+    ),
+}
+
+WHOLE_FILES = {
+    "an empty file": (b"", "the file is empty; it must hold a mapping"),
+    "a file of comments": (b"# nothing\n", "the file is empty"),
+    "a list at the top": (b"- a\n- b\n", "the file holds a list"),
+    "a word at the top": (b"hello\n", "the file holds text"),
+    "no YAML": (b"{]%$", "not valid YAML"),
+    "binary": (bytes(range(256)), "not UTF-8 text"),
+    "Latin letters in another encoding": (VALID.replace("valid", "gültig").encode("latin-1"), "not UTF-8 text"),
+    "zero bytes": (b"name: \x00\x00\n", "the character U+0000 is not allowed"),
+    "UTF-16": (VALID.encode("utf-16"), "not UTF-8 text"),
+    "a file that is too large": (b"# " + b"x" * 300_000, "larger than the 250 kB allowed"),
+    "brackets without end": (b"[" * 100_000, "nested too deeply"),
+    "mappings without end": (b"{a: " * 50_000, "nested too deeply"),
+    "an alias bomb": (
+        b"a: &a [x, x, x]\n" + b"".join(b"%c: &%c [*%c, *%c, *%c]\n" % (c, c, c - 1, c - 1, c - 1) for c in range(98, 118)),
+        "aliases (*name) are not allowed",
+    ),
+    "a list that holds itself": (b"a: &a [*a]\n", "aliases (*name) are not allowed"),
+}
+
+
+def run_cli(monkeypatch, capsys, *arguments):
+    """Exit code, standard output and standard error of the command line, run in this process."""
+    monkeypatch.setattr(sys, "argv", ["testbench", *map(str, arguments)])
+    code = 0
+    try:
+        main()
+    except SystemExit as ended:
+        code = ended.code or 0
+    out, err = capsys.readouterr()
+    return code, out, err.lstrip("\n")  # a progress bar that is not on a terminal leaves an empty line
+
+
+def assert_refused(result, logs, *parts):
+    code, out, err = result
+    assert code == 2, out + err
+    assert out == ""
+    assert err
+    assert all(line.startswith("error: ") for line in err.splitlines()), err
+    for part in parts:
+        assert part in err
+    assert not logs.exists()
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch, capsys):
+    """Runs a protocol of the given content and returns the result, the folder of sessions, and the file."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(content, command="run"):
+        file = tmp_path / "wave.yaml"
+        file.write_bytes(content if isinstance(content, bytes) else content.encode())
+        logs = tmp_path / "logs"
+        options = ("--logs", logs) if command == "run" else ()
+        return run_cli(monkeypatch, capsys, command, file, *options), logs, file
+
+    return run
+
+
+def test_the_protocol_that_the_faults_are_put_into_is_valid(bench):
+    (code, _, err), _, _ = bench(VALID, "check")
+    assert (code, err) == (0, "")
+
+
+@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS.keys())
+def test_a_fault_is_refused_once_with_its_file_and_line(bench, fault):
+    result, logs, file = bench(fault.text())
+    assert_refused(result, logs, fault.says)
+    assert len(result[2].splitlines()) == 1, result[2]
+    assert result[2].startswith(f"error: {file}:{fault.line()}"), result[2]
+
+
+@pytest.mark.parametrize(("content", "says"), WHOLE_FILES.values(), ids=WHOLE_FILES.keys())
+def test_a_file_that_is_no_protocol_is_refused(bench, content, says):
+    start = time.perf_counter()
+    result, logs, file = bench(content)
+    assert_refused(result, logs, says, f"error: {file}")
+    assert len(result[2].splitlines()) <= 31
+    assert time.perf_counter() - start < 10
+
+
+def test_several_faults_are_all_reported_in_the_order_of_the_file(bench):
+    text = VALID.replace("name: wave", "name: 5").replace("sequence: ZXZ", "sequenz: ZXZ").replace("cycles: 2", "cycles: []")
+    result, logs, _ = bench(text)
+    assert_refused(result, logs)
+    assert [int(line.split(":")[2]) for line in result[2].splitlines()] == [1, 15, 15, 28]
+
+
+def test_a_thoroughly_wrong_file_does_not_fill_the_terminal(bench):
+    result, logs, _ = bench(VALID + "".join(f"unknown_{i}: 1\n" for i in range(500)))
+    assert_refused(result, logs, "and 470 more problems")
+    assert len(result[2].splitlines()) == 31
+
+
+@pytest.mark.parametrize("name", ["missing.yaml", "no_such_protocol", "x" * 5000, "x" * 300 + ".yaml", "."])
+def test_a_protocol_that_is_no_file_is_refused(tmp_path, monkeypatch, capsys, name):
+    monkeypatch.chdir(tmp_path)
+    result = run_cli(monkeypatch, capsys, "run", name, "--logs", tmp_path / "logs")
+    assert_refused(result, tmp_path / "logs", name)
+
+
+def test_an_unknown_name_lists_the_protocols_that_ship(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    result = run_cli(monkeypatch, capsys, "check", "elbow")
+    assert_refused(result, tmp_path / "logs", "unknown protocol 'elbow'; known: calibration_2d, calibration_3d, elbow_dynamic")
+
+
+def test_includes_that_run_in_a_circle_are_refused(bench, tmp_path):
+    include = "- {name: more, include: %s}\n  - name: sweep"
+    (tmp_path / "other.yaml").write_text(VALID.replace("- name: sweep", include % "wave.yaml", 1))
+    result, logs, _ = bench(VALID.replace("- name: sweep", include % "other.yaml", 1))
+    assert_refused(result, logs, "other.yaml:25", "'wave.yaml' includes itself by way of others")
+
+
+def test_includes_that_multiply_are_refused_quickly(bench, tmp_path):
+    def including(name):
+        sections = "".join(f"  - {{name: part_{i}, include: {name}}}\n" for i in range(20))
+        return VALID.replace("sections:\n", "sections:\n" + sections, 1)
+
+    for i in range(1, 8):
+        (tmp_path / f"level_{i}.yaml").write_text(including(f"level_{i + 1}.yaml") if i < 7 else VALID)
+    start = time.perf_counter()
+    result, logs, _ = bench(including("level_1.yaml"))
+    assert_refused(result, logs, "includes nest deeper than 5 files")
+    assert time.perf_counter() - start < 10
+
+
+def test_a_fault_in_an_included_file_is_reported_there(bench, tmp_path):
+    (tmp_path / "other.yaml").write_text(VALID.replace("dwell_s: rest_s", "dwell_s: rest_s - 1", 1))
+    result, logs, _ = bench(VALID.replace("- name: sweep", "- {name: more, include: other.yaml}\n  - name: sweep", 1))
+    assert_refused(result, logs, f"error: {tmp_path / 'other.yaml'}:24:", "must be at least 0")
+
+
+def test_a_loop_without_end_in_sight_is_refused_quickly(bench):
+    values = "".join(f"  v{i}: {{start: 1, stop: 90000, step: 1}}\n" for i in range(10))
+    text = VALID.replace("variables:\n", "variables:\n" + values).replace(
+        "for_each: [flexion_deg]", f"for_each: [flexion_deg, {', '.join(f'v{i}' for i in range(9))}]"
+    )
+    start = time.perf_counter()
+    result, logs, _ = bench(text)
+    assert_refused(result, logs, "repeats its steps more than 100000 times")
+    assert time.perf_counter() - start < 10
+
+
+def test_a_fault_is_refused_in_a_process_of_its_own_too(tmp_path):
+    file = tmp_path / "wave.yaml"
+    file.write_text(VALID.replace("dwell_s: rest_s", "dwell_s: [1]", 1))
+    command = [sys.executable, "-m", "testbench", "run", str(file), "--logs", str(tmp_path / "logs")]
+    result = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False, env=os.environ | {"PYTHONPATH": ""}
+    )
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert result.stderr.lstrip("\n") == (
+        f"error: {file}:24:9: sections[0].steps[0].dwell_s: "
+        'must be a number or an expression such as "90 - flexion_deg", not [1]\n'
+    )
+    assert not (tmp_path / "logs").exists()
+
+
+WORDS = st.sampled_from(
+    [
+        "",
+        " ",
+        "\n",
+        "\t",
+        ":",
+        "- ",
+        "[",
+        "]",
+        "{",
+        "}",
+        "'",
+        '"',
+        "&a ",
+        "*a",
+        "!!int ",
+        "!!float ",
+        "!!bool ",
+        "---\n",
+        "#",
+        "|",
+        ">",
+    ]
+    + [
+        "-1",
+        "0",
+        "1e999",
+        ".nan",
+        "1e-300",
+        "null",
+        "true",
+        "~",
+        "9" * 400,
+        "\x00",
+        "\ufeff",
+        "é",
+        "\U0001f600",
+        r'"\ud800"',
+        "%",
+    ]
+    + [
+        "name",
+        "steps",
+        "sweep",
+        "sine",
+        "for_each: [flexion_deg]",
+        "flexion_deg",
+        "include: wave.yaml",
+        "? ",
+        "<<: ",
+        "pi",
+        "sqrt(",
+    ]
+)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    cuts=st.lists(
+        st.tuples(st.integers(0, len(VALID)), st.integers(0, 12), WORDS | st.text(max_size=8)), min_size=1, max_size=4
+    )
+)
+def test_whatever_is_done_to_a_protocol_it_is_read_or_refused(tmp_path_factory, cuts):
+    text = VALID
+    for start, length, word in cuts:
+        text = text[:start] + word + text[start + length :]
+    file = tmp_path_factory.mktemp("mutant") / "wave.yaml"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    try:
+        expand(load_protocol(file), ROBOT)
+    except BenchError as error:
+        assert str(error)  # noqa: PT017 - which of its kinds it is depends on the text
+
+
+ROBOT = load_robot("ur3e")

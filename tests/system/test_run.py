@@ -1,0 +1,132 @@
+"""Whole runs from the command line: what is printed, what is kept, and how Ctrl-C ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from testbench import execute, plan
+from testbench.estimation import estimate
+from testbench.evaluation import evaluate
+from testbench.records.session import RunStatus, Session
+from testbench.records.storage import journal_batches
+
+BENCH = [sys.executable, "-m", "testbench"]
+
+
+def bench(*arguments: object, timeout: float = 120) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*BENCH, *map(str, arguments)], capture_output=True, text=True, timeout=timeout)
+
+
+@pytest.fixture(scope="module")
+def run(tiny, tmp_path_factory):
+    """The tiny protocol, run once from the command line: what it printed."""
+    return bench("run", tiny, "--logs", tmp_path_factory.mktemp("logs"), "--no-report", "--seed", 4, "--json")
+
+
+def test_a_run_ends_with_one_json_object_that_names_session_outcome_and_report(run):
+    assert run.returncode == 0, run.stderr
+    result = json.loads(run.stdout.splitlines()[-1])
+    assert set(result) >= {"session", "outcome", "report"}
+    assert result["report"] is None
+    assert Session(result["session"]).status is RunStatus.COMPLETED
+
+
+def test_evaluate_prints_the_evaluation_as_json(run):
+    session = json.loads(run.stdout.splitlines()[-1])["session"]
+    done = bench("evaluate", session, "--json")
+    assert done.returncode == 0, done.stderr
+    printed = json.loads(done.stdout.splitlines()[-1])
+    assert printed == json.loads((Path(session) / "evaluation.json").read_text())
+
+
+def test_the_command_line_writes_the_bytes_that_the_library_writes(run, tiny, tmp_path):
+    session = Session(json.loads(run.stdout.splitlines()[-1])["session"])
+    same = execute(plan(tiny), tmp_path, seed=4)
+    for name in ("arm.parquet", "imu_hand.parquet", "truth_hand.parquet", "plan.parquet", "events.jsonl"):
+        assert (session.path / name).read_bytes() == (same.path / name).read_bytes(), name
+
+
+def wait_for(folder: Path, process: subprocess.Popen[str], seconds: float) -> Path:
+    """The session that a process in real time is writing, once it holds this many seconds of the arm."""
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        assert process.poll() is None, process.communicate()
+        for journal in folder.glob("*/arm.arrows"):
+            try:
+                _, batches = journal_batches(journal)
+            except Exception:  # not even the schema is there yet
+                continue
+            if batches and batches[-1]["host_time_ns"][-1].as_py() > seconds * 1e9:
+                return journal.parent
+        time.sleep(0.05)
+    raise AssertionError("the run did not get under way")
+
+
+@pytest.fixture(scope="module")
+def interrupted(tiny, tmp_path_factory):
+    """The tiny protocol in real time, ended by Ctrl-C during its first move: exit code, what was printed, session."""
+    logs = tmp_path_factory.mktemp("logs")
+    process = subprocess.Popen(
+        [*BENCH, "run", str(tiny), "--speed", "realtime", "--logs", str(logs), "--no-report"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "NO_COLOR": "1"},
+    )  # fmt: skip
+    try:
+        folder = wait_for(logs, process, 1.3)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    return process.returncode, out + err, Session(folder)
+
+
+def test_ctrl_c_ends_with_130_a_sentence_and_no_traceback(interrupted):
+    code, printed, session = interrupted
+    assert code == 130
+    assert "interrupted by the operator" in printed.replace("\n", " ")
+    assert "Traceback" not in printed
+    assert session.status is RunStatus.INTERRUPTED
+
+
+def test_ctrl_c_closes_the_session_with_its_arm_at_rest(interrupted):
+    session = interrupted[2]
+    assert not list(session.path.glob("*.arrows")) and not list(session.path.glob("*.partial"))
+    assert session.events[-1].event == "run_interrupted"
+    arm = session.arm()
+    assert arm.host_time_ns[-1] > 2.2e9  # a second more, in which it comes to rest
+    assert abs(arm.v_measured[-5:]).max() < 0.005
+    assert [step.name for step in session.steps] == ["start"]  # only what was finished
+
+
+def test_an_interrupted_session_is_estimated_and_evaluated_like_any_other(interrupted):
+    session = interrupted[2]
+    evaluation = evaluate(session, estimate(session))
+    assert {row.filter for row in evaluation.orientation} == {"device", "vqf_6d"}
+    assert any("interrupted" in note for note in evaluation.notes)
+    done = bench("evaluate", session.path, "--json")
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_session_killed_in_the_middle_is_recovered_from_the_command_line(tiny, tmp_path):
+    process = subprocess.Popen(
+        [*BENCH, "run", str(tiny), "--speed", "realtime", "--logs", str(tmp_path), "--no-report"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True,
+    )  # fmt: skip
+    try:
+        folder = wait_for(tmp_path, process, 1.5)
+    finally:
+        process.kill()
+        process.wait()
+    refused = bench("evaluate", folder)
+    assert refused.returncode == 2 and "recover" in refused.stderr and "Traceback" not in refused.stderr
+    recovered = bench("recover", folder)
+    assert recovered.returncode == 0, recovered.stderr
+    assert bench("evaluate", folder, "--json").returncode == 0
+    assert Session(folder).status is RunStatus.ABORTED
