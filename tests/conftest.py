@@ -11,10 +11,15 @@ from typing import Any
 
 import pytest
 import yaml
+from hypothesis import settings
 
 from testbench import execute, plan
 from testbench.pipeline import Result, analyse
 from testbench.records.shipped import shipped_folder
+
+# The same examples every time, however busy the machine is.
+settings.register_profile("repeatable", deadline=None, derandomize=True, database=None)
+settings.load_profile("repeatable")
 
 MUST_RUN_IN_CI = ("data", "viewer", "browser")
 """Tests with these markers may skip on a person's machine, never in CI."""

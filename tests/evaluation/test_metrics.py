@@ -57,7 +57,7 @@ def test_the_rows_of_a_sensor_hold_root_mean_squares_in_degrees():
     size = np.radians(np.where(np.arange(N) % 2, 4.0, 2.0))
     vectors = np.column_stack([0 * size, 0 * size, size])
     q = rotation.multiply(rotation.from_rotation_vector(vectors), true_orientations())
-    (row,), series = evaluate_sensor("hand", estimate(q), truth(), [])
+    (row,), series = evaluate_sensor("hand", estimate(q), truth(), None)
     assert (row.sensor, row.filter, row.n) == ("hand", "vqf_6d", N)
     assert row.total_rmse_deg == pytest.approx(np.sqrt(10), abs=1e-9)
     assert row.heading_rmse_deg == pytest.approx(np.sqrt(10), abs=1e-9)
@@ -70,10 +70,10 @@ def test_only_what_the_recording_marks_is_judged():
     marks = np.arange(N) < 100
     q = rotation.multiply(rotation.from_heading(np.where(marks, 0.01, 1.0)), true_orientations())
     marked = Truth(truth().host_time_ns, truth().q_world_from_sensor, judged=marks)
-    (row,), _ = evaluate_sensor("hand", estimate(q), marked, [])
+    (row,), _ = evaluate_sensor("hand", estimate(q), marked, None)
     assert row.n == 100
     assert row.total_rmse_deg == pytest.approx(np.degrees(0.01), rel=1e-9)
-    np.testing.assert_array_equal(judged_rows([], marked, marked.host_time_ns, np.ones(N, bool)), marks)
+    np.testing.assert_array_equal(judged_rows(None, marked, marked.host_time_ns, np.ones(N, bool)), marks)
 
 
 def test_where_nobody_knows_the_truth_nothing_is_judged():
@@ -82,7 +82,7 @@ def test_where_nobody_knows_the_truth_nothing_is_judged():
     times = truth().host_time_ns
     q = rotation.multiply(rotation.from_heading(0.02), true_orientations())
     q[200:300] = rotation.from_rotation_vector(np.array([2.0, 0, 0]))  # nonsense where it cannot be seen
-    (row,), series = evaluate_sensor("hand", estimate(q), Truth(times, lost), [])
+    (row,), series = evaluate_sensor("hand", estimate(q), Truth(times, lost), None)
     assert 395 <= row.n <= 400
     assert row.total_max_deg == pytest.approx(np.degrees(0.02), rel=1e-6)
     assert np.isnan(series["vqf_6d_total_rad"][210:290]).all()
@@ -97,7 +97,7 @@ def test_the_truth_is_interpolated_over_a_breath_and_never_beyond_its_ends():
 
 def test_without_any_truth_there_is_no_row():
     nothing = Truth(truth().host_time_ns, np.full((N, 4), np.nan))
-    rows, _ = evaluate_sensor("hand", estimate(true_orientations()), nothing, [])
+    rows, _ = evaluate_sensor("hand", estimate(true_orientations()), nothing, None)
     assert rows == []
 
 

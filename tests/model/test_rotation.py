@@ -134,6 +134,8 @@ def test_the_inclination_is_the_angle_by_which_the_vertical_is_tilted(q):
 @given(st.floats(-3.1, 3.1), quaternions)
 def test_the_sign_of_a_quaternion_changes_none_of_its_angles(heading, q):
     turned = rotation.multiply(rotation.from_heading(heading), q)
+    if np.hypot(turned[0], turned[3]) < 1e-3:
+        return  # half a turn about a level axis has no heading
     for of in (rotation.heading_angle, rotation.inclination_angle, rotation.angle):
         assert of(-turned) == pytest.approx(of(turned), abs=1e-9) or abs(of(turned)) == pytest.approx(np.pi, abs=1e-6)
 

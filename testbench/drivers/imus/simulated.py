@@ -51,7 +51,7 @@ class SimulatedImu(Imu):
         )
         self._draw_clock()
         self._count = 0
-        self._last_sample: tuple[int, np.ndarray, np.ndarray] | None = None
+        self._last_sample: tuple[np.ndarray, np.ndarray] | None = None
         self._stopped = False
 
     def kickoff(self) -> None:
@@ -65,7 +65,7 @@ class SimulatedImu(Imu):
         motion = self.kinematics.frame_motion(self.sensor.link, q, v, a, self._link_from_sensor)
         rate, force = motion.angular_velocity_in_frame, motion.specific_force_in_frame(self.kinematics.robot.gravity)
         if self.parameters.sampling == "integrated":
-            rate, force = self._integrated(times, motion.q_world_from_frame, rate, force)
+            rate, force = self._integrated(motion.q_world_from_frame, rate, force)
         acc, acc_saturated = self._accelerometer.measure(force)
         gyr, gyr_saturated = self._gyroscope.measure(rate, force)
         saturated = acc_saturated | gyr_saturated
@@ -124,20 +124,18 @@ class SimulatedImu(Imu):
         times = np.maximum(own / (1 + self._drift) + jitter, 0)
         return np.round(times).astype(np.int64), np.round(own + self._offset_ns).astype(np.int64), counter
 
-    def _integrated(
-        self, times: np.ndarray, q: np.ndarray, rate: np.ndarray, force: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _integrated(self, q: np.ndarray, rate: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Means over the interval before each sample, seen in the sensor's axes at its end, shapes (n, 3).
 
         The mean rate is the rotation between the samples over the time between them; the mean force is the trapezoid's.
         """
-        if len(times) == 0:
+        if len(q) == 0:
             return rate, force
-        before = self._last_sample or (int(times[0]) - round(NANOSECONDS / self.rate), q[0], force[0])
-        self._last_sample = (int(times[-1]), q[-1], force[-1])
-        interval = np.diff(times, prepend=before[0])[:, None] / NANOSECONDS
-        q_now_from_before = rotation.multiply(rotation.conjugate(q), np.vstack([before[1], q[:-1]]))
-        carried = rotation.rotate(q_now_from_before, np.vstack([before[2], force[:-1]]))
+        before = self._last_sample or (q[0], force[0])
+        self._last_sample = (q[-1], force[-1])
+        interval = 1.0 / self.rate  # what the part divides by: it does not see its own jitter
+        q_now_from_before = rotation.multiply(rotation.conjugate(q), np.vstack([before[0], q[:-1]]))
+        carried = rotation.rotate(q_now_from_before, np.vstack([before[1], force[:-1]]))
         return -rotation.to_rotation_vector(q_now_from_before) / interval, (force + carried) / 2
 
     def _arrival(self, times: np.ndarray) -> np.ndarray:
