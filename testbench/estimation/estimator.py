@@ -6,14 +6,17 @@ import numpy as np
 
 from testbench.estimation.calibration.static_poses import fit_static_poses
 from testbench.estimation.filters import UniformSamples, get_filter
-from testbench.estimation.frame_alignment import apply_frames, fit_frames
+from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion
+from testbench.estimation.quality import assess
 from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
+from testbench.estimation.timing import audit_timing
 from testbench.estimation.uniform import fill_gaps
 from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
+from testbench.model.truth import truth_at
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, JointEstimate, SensorEstimate
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import Estimation
@@ -46,20 +49,23 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
     samples, truth = session.imu(name), session.truth(name)
     if len(samples) < 10:
         raise SessionError(f"{session.path}: sensor '{name}' has {len(samples)} samples; nothing can be estimated")
-    rate_delay = float(session.manifest["sensors"][name].get("rate_delay_s", 0.0))
+    description = session.manifest["sensors"][name]
+    rate_delay = float(description.get("rate_delay_s") or 0.0)
     clock = fit_clock(samples, truth, rate_delay) if settings.align_clock else ClockFit()
     time = clock.to_host(samples.device_time_ns)
     uniform, rows = fill_gaps(samples, clock)
-    static = detect_static(uniform.gyr, uniform.interval)[rows]
+    static = detect_static(uniform.turning(), uniform.interval)[rows]
+    quality = assess(samples, time, static)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
-        calibration = _calibrate(session, samples.acc, samples.gyr, time, static, truth)
+        calibration = _calibrate(session, samples.acc, samples.gyr, time, static & ~quality.flagged, truth)
     corrected = UniformSamples(
         uniform.interval, *calibration.apply(uniform.gyr, uniform.acc, uniform.mag), device_q=uniform.device_q
     )
     orientation: dict[str, np.ndarray] = {}
     frames: dict[str, FrameFit] = {}
     skipped: dict[str, str] = {}
+    remarks = list(quality.remarks)
     for key in filters:
         kind = get_filter(key)
         missing = kind.missing(corrected)
@@ -67,9 +73,14 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
             skipped[key] = f"the sensor gives no {' and no '.join(missing)}"
             continue
         q = rotation.normalise(kind.run(corrected)[rows])
-        frames[key] = _align(session, q, time, truth, settings.align)
+        frames[key], warning = _align(session, q, time, truth, settings.align)
         orientation[key] = apply_frames(q, frames[key])
-    return SensorEstimate(time, static, orientation, clock, calibration, frames, skipped)
+        if warning is not None:
+            remarks.append(f"{key}: {warning}")
+    return SensorEstimate(
+        time, static, orientation, clock, calibration, frames, skipped, quality.flagged, quality.counts(), remarks,
+        audit_timing(samples, description.get("rate_hz")),
+    )  # fmt: skip
 
 
 def _calibrate(
@@ -90,19 +101,32 @@ def _calibrate(
     return fit_static_poses(accs, gyrs, poses, gravity)
 
 
-def _align(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth | None, method: str) -> FrameFit:
-    """Over the second half of the first dwell of the reference section, or else of the first dwell at all."""
+def _align(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth | None, method: str) -> tuple[FrameFit, str | None]:
+    """The alignment of one filter, and what is doubtful about it."""
     if method == "none" or truth is None:
-        return FrameFit()
+        return FrameFit(), None
+    if method == "motion":
+        return _align_by_motion(session, q, time, truth)
     step = _reference_step(session)
     if step is None:
-        return FrameFit()
-    begin = (step.settled_ns + step.end_ns) // 2
+        return FrameFit(), "there is no dwell to align it in"
+    begin = (step.settled_ns + step.end_ns) // 2  # the second half: filters have settled
     mine = (time >= begin) & (time <= step.end_ns)
     known = (truth.host_time_ns >= begin) & (truth.host_time_ns <= step.end_ns) & np.isfinite(truth.q_world_from_sensor[:, 0])
     if not mine.any() or not known.any():
-        return FrameFit()
-    return fit_frames(q[mine], truth.q_world_from_sensor[known], method)
+        return FrameFit(), "neither it nor the truth is known in the reference pose"
+    return fit_frames(q[mine], truth.q_world_from_sensor[known], method), None
+
+
+def _align_by_motion(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth) -> tuple[FrameFit, str | None]:
+    """Over everything before the first judged step, or over the whole of a recording that has no such part."""
+    q_true = truth_at(truth, time)
+    judged = [step.start_ns for step in session.steps if step.role == "evaluation"]
+    before = time < min(judged) if judged and min(judged) > time[0] else np.ones(len(time), dtype=bool)
+    usable = before & np.isfinite(q_true[:, 0]) & np.isfinite(q[:, 0])
+    if usable.sum() < 10:
+        return FrameFit(), "the truth is known too seldom to align it by motion"
+    return fit_frames_by_motion(q[usable], q_true[usable], float(usable.sum()) * float(np.median(np.diff(time))) / NANOSECONDS)
 
 
 def _reference_step(session: Session) -> PlannedStep | None:

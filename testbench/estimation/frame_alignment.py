@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from testbench.estimation.hand_eye import solve_hand_eye
 from testbench.model import rotation
 from testbench.records.estimate import FrameFit
 
@@ -27,14 +28,49 @@ def fit_frames(q_earth_from_sensor: np.ndarray, q_world_from_sensor: np.ndarray,
     if method == "reference_pose":
         levelled = rotation.multiply(rotation.from_heading(-heading), estimated)
         mounting = rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(levelled), true))
-    x, y, z = np.degrees(mounting)
-    return FrameFit(float(np.degrees(heading)), (float(x), float(y), float(z)), method)
+    return FrameFit(float(np.degrees(heading)), _degrees(mounting), method)
+
+
+def fit_frames_by_motion(
+    q_earth_from_sensor: np.ndarray, q_world_from_sensor: np.ndarray, seconds: float
+) -> tuple[FrameFit, str | None]:
+    """Alignment from the whole of a motion: world and mounting together.
+
+    Args:
+        q_earth_from_sensor: By the filter, shape (n, 4). q_world_from_sensor: The truth at the same instants, (n, 4).
+        seconds: How long the motion lasts; a pair a second counts as independent.
+
+    Returns:
+        The alignment, and what motion is missing where it is doubtful. Where it cannot be solved, only the heading is.
+    """
+    solution = solve_hand_eye(q_world_from_sensor, q_earth_from_sensor, max(seconds, 1.0))
+    if not solution.trusted:
+        error = rotation.multiply(q_earth_from_sensor, rotation.conjugate(q_world_from_sensor))
+        heading = float(rotation.heading_angle(rotation.mean(error)))
+        return FrameFit(float(np.degrees(heading)), method="heading", observability=solution.observability), solution.warning()
+    heading = -float(rotation.heading_angle(solution.q_world_from_earth))
+    tilt = rotation.multiply(solution.q_world_from_earth, rotation.from_heading(heading))
+    fit = FrameFit(
+        float(np.degrees(heading)),
+        _degrees(rotation.to_rotation_vector(rotation.conjugate(solution.q_body_from_sensor))),
+        "motion",
+        _degrees(rotation.to_rotation_vector(tilt)),
+        _degrees(solution.mounting_sd),
+        solution.observability,
+    )
+    return fit, solution.warning()
 
 
 def apply_frames(q_earth_from_sensor: np.ndarray, fit: FrameFit) -> np.ndarray:
     """q_world_from_sensor, shape (n, 4)."""
     if fit.method == "none":
         return q_earth_from_sensor
-    left = rotation.from_heading(-np.radians(fit.heading_deg))
+    tilt = rotation.from_rotation_vector(np.radians(np.array(fit.tilt_deg)))
+    left = rotation.multiply(tilt, rotation.from_heading(-np.radians(fit.heading_deg)))
     right = rotation.from_rotation_vector(np.radians(np.array(fit.mounting_deg)))
     return rotation.multiply(rotation.multiply(left, q_earth_from_sensor), right)
+
+
+def _degrees(vector: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = np.degrees(vector)
+    return float(x), float(y), float(z)

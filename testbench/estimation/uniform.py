@@ -29,13 +29,23 @@ def fill_gaps(samples: ImuSamples, clock: ClockFit) -> tuple[UniformSamples, np.
     count = int(rows[-1]) + 1
     span = (samples.device_time_ns[-1] - samples.device_time_ns[0]) / NANOSECONDS
     interval = span / max(count - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
-    if count == len(samples):
+    whole = _whole(samples)
+    if count == len(samples) and whole.all():
         return UniformSamples(interval, samples.gyr, samples.acc, samples.mag, samples.device_q), rows
-    grid = np.arange(count)
+    grid, sources = np.arange(count), rows[whole]
 
     def fill(array: np.ndarray) -> np.ndarray:
-        return np.column_stack([np.interp(grid, rows, column) for column in array.T])
+        return np.column_stack([np.interp(grid, sources, column) for column in array[whole].T])
 
     mag = None if samples.mag is None else fill(samples.mag)
-    device_q = None if samples.device_q is None else rotation.interpolate(rows, samples.device_q, grid)
+    device_q = None if samples.device_q is None else rotation.interpolate(sources, samples.device_q[whole], grid)
     return UniformSamples(interval, fill(samples.gyr), fill(samples.acc), mag, device_q), rows
+
+
+def _whole(samples: ImuSamples) -> np.ndarray:
+    """Samples of which no recorded quantity is NaN, shape (n,), bool."""
+    whole = np.ones(len(samples), dtype=bool)
+    for array in (samples.gyr, samples.acc, samples.mag, samples.device_q):
+        if array is not None and np.isfinite(array).any():
+            whole &= np.isfinite(array).all(axis=1)
+    return whole if whole.any() else np.ones(len(samples), dtype=bool)

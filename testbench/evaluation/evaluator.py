@@ -8,6 +8,7 @@ from testbench.evaluation.flexion import evaluate_joint
 from testbench.evaluation.judged import judged_steps
 from testbench.evaluation.orientation import evaluate_sensor
 from testbench.evaluation.verdict import judge, summarise_metrics
+from testbench.model.truth import without_jumps
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import SEVERITY, Evaluation, JointRow, OrientationRow, Outcome
 from testbench.records.session import RunStatus, Session
@@ -28,10 +29,15 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
     for name, sensor in estimate.sensors.items():
         notes += [f"{name}: {key} was left out: {why}" for key, why in sensor.skipped.items()]
+        notes += [f"{name}: {count} samples left out: {reason}" for reason, count in sensor.quality.items() if count]
+        notes += [f"{name}: {remark}" for remark in sensor.remarks]
         truth = session.truth(name)
         if truth is None:
             notes.append(f"{name}: no truth, so its orientation is not judged")
             continue
+        if truth.rate is None:
+            truth, jumps = without_jumps(truth, _fastest(session, name))
+            notes += [f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else []
         rows, series[f"orientation_{name}"] = evaluate_sensor(name, sensor, truth, steps)
         orientations += rows
     if steps is not None and not steps:
@@ -49,3 +55,9 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
     return Evaluation(session.name, joints, orientations, metrics, outcome, notes, series)
+
+
+def _fastest(session: Session, name: str) -> float:
+    """Largest angular rate that a sensor reported [rad/s]; 0 where it reports none."""
+    rates = np.linalg.norm(session.imu(name).gyr, axis=1)
+    return float(np.max(rates[np.isfinite(rates)], initial=0.0))

@@ -6,9 +6,9 @@ import numpy as np
 
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.metrics import summarise
-from testbench.evaluation.orientation import truth_at
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
+from testbench.model.truth import truth_at
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import JointRow
 from testbench.records.plan import PlannedStep
@@ -27,7 +27,7 @@ def evaluate_joint(
     """Rows and error signals of one joint."""
     joint, joint_estimate = session.analysis.joints[name], estimate.joints[name]
     time = joint_estimate.host_time_ns
-    static = _both_static(estimate, joint, time)
+    static, sound = _both_sensors(estimate, joint, time)
     true_angles = _true_angles(session, joint, time)
     definitions = joint.definitions()
     if true_angles is None:
@@ -42,7 +42,7 @@ def evaluate_joint(
         series[f"{key}_{sequence}_flexion_rad"] = flexion
         series[f"{key}_{sequence}_error_rad"] = errors[key, sequence]
     rows = []
-    finite = np.isfinite(reference)
+    finite = np.isfinite(reference) & sound
     for step, candidates in rows_by_step(steps, time, static):
         counted = candidates[finite[candidates]]
         series["judged"][counted] = True
@@ -55,11 +55,11 @@ def evaluate_joint(
     return rows, series
 
 
-def _both_static(estimate: Estimate, joint: JointDefinition, time: np.ndarray) -> np.ndarray:
-    """Where both sensors are at rest, at the proximal sensor's instants."""
+def _both_sensors(estimate: Estimate, joint: JointDefinition, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where both sensors are at rest, and where neither is flagged, at the proximal sensor's instants."""
     proximal, distal = estimate.sensors[joint.proximal], estimate.sensors[joint.distal]
     nearest = np.clip(np.searchsorted(distal.host_time_ns, time), 0, len(distal.host_time_ns) - 1)
-    return np.asarray(proximal.static & distal.static[nearest])
+    return proximal.static & distal.static[nearest], ~(proximal.flagged | distal.flagged[nearest])
 
 
 def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> dict[str, np.ndarray] | None:

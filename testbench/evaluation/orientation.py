@@ -6,27 +6,11 @@ import numpy as np
 
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.metrics import orientation_errors, rms
-from testbench.model import rotation
+from testbench.model.truth import truth_at
 from testbench.records.estimate import SensorEstimate
 from testbench.records.evaluation import OrientationRow
 from testbench.records.plan import PlannedStep
 from testbench.records.samples import Truth
-
-WIDEST_GAP_NS = 200_000_000
-"""Truth is interpolated over gaps up to this long; beyond it nobody knows [ns]."""
-
-
-def truth_at(truth: Truth, time_ns: np.ndarray) -> np.ndarray:
-    """q_world_from_sensor at times, shape (n, 4); NaN before, after and in gaps of the truth."""
-    known = np.isfinite(truth.q_world_from_sensor).all(axis=1)
-    result = np.full((len(time_ns), 4), np.nan)
-    if known.sum() < 2:
-        return result
-    times = truth.host_time_ns[known]
-    index = np.clip(np.searchsorted(times, time_ns, side="right"), 1, len(times) - 1)
-    inside = (time_ns >= times[0]) & (time_ns <= times[-1]) & (times[index] - times[index - 1] <= WIDEST_GAP_NS)
-    result[inside] = rotation.interpolate(times, truth.q_world_from_sensor[known], time_ns[inside])
-    return result
 
 
 def judged_rows(steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarray, static: np.ndarray) -> np.ndarray:
@@ -48,7 +32,7 @@ def evaluate_sensor(
     """Rows and error signals of one sensor."""
     time = estimate.host_time_ns
     q_true = truth_at(truth, time)
-    judged = judged_rows(steps, truth, time, estimate.static) & np.isfinite(q_true[:, 0])
+    judged = judged_rows(steps, truth, time, estimate.static) & np.isfinite(q_true[:, 0]) & ~estimate.flagged
     series = {"host_time_ns": time, "judged": judged}
     rows = []
     for key, q in estimate.orientation.items():

@@ -43,7 +43,8 @@ def segment_frame_warnings(robot: Robot, protocol: Protocol, trajectory: Traject
         off = math.degrees(float(np.median(np.abs(rotation.wrap(joint.sign * angles - reference)))))
         if off > MOST_SEQUENCE_ERROR_DEG:
             warnings.append(
-                f"joint '{name}': the {joint.sequence} flexion of the segments differs from {joint.reference_joint} by {off:.1f} deg "
-                f"in the middle of the poses; its segment frames (rotation_deg) do not fit the link frames of {robot.name}"
+                f"joint '{name}': in the middle of the poses the {joint.sequence} flexion of the segments differs from "
+                f"{joint.reference_joint} by {off:.1f} deg; its segment frames (rotation_deg) do not fit the link frames of "
+                f"{robot.name}"
             )
     return warnings

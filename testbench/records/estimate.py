@@ -45,13 +45,19 @@ class FrameFit:
     """How a filter's earth frame and the sensor's mounting were brought to the world and to the segment.
 
     Attributes:
-        heading_deg: Heading of the filter's earth frame seen from the world. mounting_deg: Remaining rotation of the sensor
-        against its believed mounting, as a rotation vector in the sensor frame, shape (3,). method: As in the protocol.
+        heading_deg: Heading of the filter's earth frame seen from the world.
+        tilt_deg: Remaining rotation of the levelled earth against the world, as a rotation vector; only "motion" solves for it.
+        mounting_deg: Remaining rotation of the sensor against its believed mounting, as a rotation vector in the sensor frame.
+        mounting_sd_deg: Standard uncertainty about each axis. observability: RMS sine of the motion about the least moved axis.
+        method: As in the protocol.
     """
 
     heading_deg: float = 0.0
     mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     method: str = "none"
+    tilt_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mounting_sd_deg: tuple[float, float, float] | None = None
+    observability: float | None = None
 
 
 @dataclass(frozen=True)
@@ -94,13 +100,42 @@ class CalibrationFit:
 
 
 @dataclass(frozen=True)
+class TimingAudit:
+    """What the time stamps of a recording say; rates in Hz, times in ms, by the sensor's own clock.
+
+    Attributes:
+        effective_rate_hz: Samples that arrived over the time they took. sampling_rate_hz: Of the intervals that are no gaps.
+        jitter_ms: Standard deviation of those. gaps: Intervals over 1.5 median ones. lost_packets: By the counter.
+        arrival_jitter_ms: Standard deviation of the arrival at the host about a straight line.
+        acc_after_gyr_ms: How much later the accelerometer sees a turn than the gyroscope; NaN where the motion does not tell.
+    """
+
+    samples: int = 0
+    nominal_rate_hz: float | None = None
+    effective_rate_hz: float = float("nan")
+    sampling_rate_hz: float = float("nan")
+    interval_median_ms: float = float("nan")
+    jitter_ms: float = float("nan")
+    repeated_stamps: int = 0
+    backward_stamps: int = 0
+    gaps: int = 0
+    longest_gap_ms: float = 0.0
+    lost_packets: int = 0
+    lost_percent: float = 0.0
+    arrival_jitter_ms: float = float("nan")
+    acc_after_gyr_ms: float = float("nan")
+
+
+@dataclass(frozen=True)
 class SensorEstimate:
     """One sensor's orientation by every filter.
 
     Attributes:
         host_time_ns: Sampling instants on the host's clock, shape (n,), int64. static: At rest by its own signals, shape (n,).
         orientation: q_world_from_sensor by filter, shape (n, 4), aligned. clock, calibration: What was fitted.
-        frames: The alignment of each filter. skipped: Filters that could not run, and why.
+        frames: The alignment of each filter. skipped: Filters that could not run, and why. flagged: Samples that the quality
+        gates refuse, shape (n,); they are not judged. quality: Number of samples by reason. remarks: What else is odd.
+        timing: Audit of the time stamps.
     """
 
     host_time_ns: np.ndarray
@@ -110,6 +145,10 @@ class SensorEstimate:
     calibration: CalibrationFit
     frames: dict[str, FrameFit]
     skipped: dict[str, str]
+    flagged: np.ndarray
+    quality: dict[str, int] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    timing: TimingAudit = field(default_factory=TimingAudit)
 
 
 @dataclass(frozen=True)
@@ -145,7 +184,7 @@ class Estimate:
         summary: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "session": self.session}
         summary |= {"fingerprint": self.fingerprint, "sensors": {}, "joints": {}}
         for name, sensor in self.sensors.items():
-            columns = {"host_time_ns": sensor.host_time_ns, "static": sensor.static}
+            columns = {"host_time_ns": sensor.host_time_ns, "static": sensor.static, "flagged": sensor.flagged}
             for key, q in sensor.orientation.items():
                 columns |= split(names(f"{key}_q_world_from_sensor", "", QUATERNION), q)
             write_parquet(folder / f"orientation_{name}.parquet", columns, {"content": "estimated orientation, w x y z"})
@@ -155,6 +194,9 @@ class Estimate:
                 "calibration": asdict(sensor.calibration),
                 "frames": {key: asdict(fit) for key, fit in sensor.frames.items()},
                 "skipped": sensor.skipped,
+                "quality": sensor.quality,
+                "remarks": sensor.remarks,
+                "timing": asdict(sensor.timing),
             }
         for name, joint in self.joints.items():
             columns = {"host_time_ns": joint.host_time_ns}
@@ -189,8 +231,12 @@ class Estimate:
                 orientation,
                 ClockFit(**_numbers(data["clock"])),
                 CalibrationFit(**_numbers(calibration)),
-                {key: FrameFit(**fit | {"mounting_deg": tuple(fit["mounting_deg"])}) for key, fit in data["frames"].items()},
+                {key: _frame_fit(fit) for key, fit in data["frames"].items()},
                 data["skipped"],
+                table["flagged"],
+                data["quality"],
+                data["remarks"],
+                TimingAudit(**_numbers(data["timing"], keep=("nominal_rate_hz",))),
             )
         for name, rows in summary["joints"].items():
             table = read_parquet(folder / f"joint_{name}.parquet")
@@ -205,6 +251,12 @@ def _angle_columns(key: str, sequence: str) -> list[str]:
     return [f"{key}_{sequence}_{which}_rad" for which in ("first", "second", "third")]
 
 
-def _numbers(data: dict[str, Any]) -> dict[str, Any]:
-    """JSON has no NaN; null stands for it."""
-    return {key: float("nan") if value is None else value for key, value in data.items()}
+def _numbers(data: dict[str, Any], keep: tuple[str, ...] = ()) -> dict[str, Any]:
+    """JSON has no NaN; null stands for it, but for the keys to keep."""
+    return {key: float("nan") if value is None and key not in keep else value for key, value in data.items()}
+
+
+def _frame_fit(data: dict[str, Any]) -> FrameFit:
+    """JSON has no tuples."""
+    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
+    return FrameFit(**values)

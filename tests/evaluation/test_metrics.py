@@ -24,7 +24,9 @@ def truth(n: int = N) -> Truth:
 
 def estimate(q: np.ndarray) -> SensorEstimate:
     time = np.arange(len(q)) * 8_000_000
-    return SensorEstimate(time, np.ones(len(q), bool), {"vqf_6d": q}, ClockFit(), CalibrationFit(), {}, {})
+    return SensorEstimate(
+        time, np.ones(len(q), bool), {"vqf_6d": q}, ClockFit(), CalibrationFit(), {}, {}, np.zeros(len(q), bool)
+    )
 
 
 @pytest.mark.parametrize(

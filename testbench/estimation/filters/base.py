@@ -8,6 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from testbench.model import rotation
+
 
 @dataclass(frozen=True)
 class UniformSamples:
@@ -23,6 +25,18 @@ class UniformSamples:
     acc: np.ndarray
     mag: np.ndarray | None = None
     device_q: np.ndarray | None = None
+
+    def has(self, quantity: str) -> bool:
+        """Whether a quantity was recorded; one that the file lacks is None, or NaN throughout."""
+        array = getattr(self, quantity)
+        return array is not None and bool(np.isfinite(array).any())
+
+    def turning(self) -> np.ndarray:
+        """Angular rate of the gyroscope, or of the device's orientation without one, shape (n, 3) [rad/s]."""
+        if self.has("gyr") or self.device_q is None:
+            return self.gyr
+        step = rotation.multiply(rotation.conjugate(self.device_q[:-1]), self.device_q[1:])
+        return np.vstack([np.zeros((1, 3)), rotation.to_rotation_vector(step) / self.interval])
 
 
 class OrientationFilter(ABC):
@@ -48,4 +62,4 @@ class OrientationFilter(ABC):
 
     def missing(self, samples: UniformSamples) -> list[str]:
         """What this filter needs and the samples lack."""
-        return [need for need in self.needs if getattr(samples, need) is None]
+        return [need for need in self.needs if not samples.has(need)]

@@ -1,0 +1,53 @@
+"""The truth at other instants than its own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.records.samples import Truth
+
+JUMP_FACTOR, LEAST_JUMP = 3.0, np.radians(5.0)
+"""A truth that turns this many times faster than the sensor ever does, and by at least this angle, has jumped [rad]."""
+WIDEST_GAP_NS = 200_000_000
+"""Truth is interpolated over gaps up to this long; beyond it nobody knows [ns]."""
+
+
+def truth_at(truth: Truth, time_ns: np.ndarray) -> np.ndarray:
+    """q_world_from_sensor at times, shape (n, 4); NaN before, after and in gaps of the truth."""
+    known = np.isfinite(truth.q_world_from_sensor).all(axis=1)
+    result = np.full((len(time_ns), 4), np.nan)
+    if known.sum() < 2:
+        return result
+    times = truth.host_time_ns[known]
+    index = np.clip(np.searchsorted(times, time_ns, side="right"), 1, len(times) - 1)
+    inside = (time_ns >= times[0]) & (time_ns <= times[-1]) & (times[index] - times[index - 1] <= WIDEST_GAP_NS)
+    result[inside] = rotation.interpolate(times, truth.q_world_from_sensor[known], time_ns[inside])
+    return result
+
+
+def without_jumps(truth: Truth, fastest: float) -> tuple[Truth, int]:
+    """The truth with its jumps blanked out: single orientations that leave and come back faster than the sensor ever turned.
+
+    Args:
+        truth: As recorded. fastest: The sensor's largest angular rate [rad/s].
+
+    Returns:
+        The truth, NaN on either side of a jump, and the number of orientations blanked.
+    """
+    q, time = truth.q_world_from_sensor, truth.host_time_ns / NANOSECONDS
+    known = np.flatnonzero(np.isfinite(q).all(axis=1))
+    if len(known) < 3 or not fastest > 0:
+        return truth, 0
+    angle = rotation.angle(rotation.multiply(rotation.conjugate(q[known[:-1]]), q[known[1:]]))
+    interval = np.maximum(np.diff(time[known]), 1e-9)
+    jump = (angle > LEAST_JUMP) & (angle / interval > JUMP_FACTOR * fastest)
+    if not jump.any():
+        return truth, 0
+    bad = np.zeros(len(known), dtype=bool)
+    bad[:-1] |= jump
+    bad[1:] |= jump
+    cleaned = q.copy()
+    cleaned[known[bad]] = np.nan
+    return Truth(truth.host_time_ns, cleaned, truth.rate, truth.force, truth.judged), int(bad.sum())
