@@ -28,6 +28,13 @@ class Speed(StrEnum):
     realtime = "realtime"
 
 
+class ExportFrame(StrEnum):
+    """Frame of the orientations in a file for OpenSim."""
+
+    opensim = "opensim"
+    world = "world"
+
+
 class ArmDriver(StrEnum):
     """Arms that can be driven."""
 
@@ -44,6 +51,12 @@ def _complete_robot(incomplete: str) -> list[str]:
     from testbench.records.robot import list_robots
 
     return [name for name in list_robots() if name.startswith(incomplete)]
+
+
+def _complete_export(incomplete: str) -> list[str]:
+    from testbench.formats.exporters import EXPORTS
+
+    return [name for name in EXPORTS if name.startswith(incomplete)]
 
 
 ProtocolArgument = Annotated[
@@ -165,6 +178,42 @@ def import_files(
         for name, count in sensors.items():
             say(f"{name}: {count} samples, {session.manifest['duration_s']:.1f} s")
         say(f"session: {session.path}")
+
+
+@app.command()
+def export(
+    session: SessionArgument,
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to", metavar="FORMAT", help="csv, parquet, mcap, sto, mot, mat or rrd.", autocompletion=_complete_export
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File (csv, parquet: folder) to write, in place of SESSION/export/...")
+    ] = None,
+    filter_name: Annotated[
+        str | None, typer.Option("--filter", help="Whose orientation; 'truth' for the true one. Default: the protocol's first.")
+    ] = None,
+    frame: Annotated[
+        ExportFrame, typer.Option("--frame", help="Of .sto: OpenSim's ground (y up), or the world (z up).")
+    ] = ExportFrame.opensim,
+    force: Annotated[bool, typer.Option("--force", help="Replace an earlier export.")] = False,
+    json: JsonOption = False,
+) -> None:
+    """Write a session in a format that other programs read."""
+    from testbench.pipeline import export as write_export
+
+    result = write_export(_open(session), to, out, filter_name, frame.value, force)
+    if json:
+        say_json(
+            {"session": str(session), "format": to, "file": str(result.path), "filters": result.filters, "notes": result.notes}
+        )
+    else:
+        say(f"written: {result.path}")
+        say(f"orientation by: {', '.join(result.filters)}")
+        for note in result.notes:
+            say(f"note: {note}")
 
 
 @app.command()

@@ -125,6 +125,16 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
                 for r in evaluation.orientation
             ],
         )
+    if evaluation.noise:
+        say_table(
+            "At rest",
+            ["sensor", "axis", "time [s]", "mean", "sd", "unit", "noise density", "unit", "bias instability", "unit"],
+            [
+                [n.sensor, f"{n.quantity} {n.axis}", n.span_s, n.mean, n.sd, n.unit, n.noise_density, n.noise_density_unit, n.bias_instability,
+                 n.bias_instability_unit]
+                for n in evaluation.noise
+            ],
+        )  # fmt: skip
     for note in evaluation.notes:
         say(f"note: {note}")
     say(f"outcome: {evaluation.outcome}")

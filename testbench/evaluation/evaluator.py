@@ -6,12 +6,16 @@ import numpy as np
 
 from testbench.evaluation.flexion import evaluate_joint
 from testbench.evaluation.judged import judged_steps
+from testbench.evaluation.noise import noise_rows, norm_error_percent
 from testbench.evaluation.orientation import evaluate_sensor
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.truth import without_jumps
 from testbench.records.estimate import Estimate
-from testbench.records.evaluation import SEVERITY, Evaluation, JointRow, OrientationRow, Outcome
+from testbench.records.evaluation import SEVERITY, Evaluation, JointRow, Metric, NoiseRow, OrientationRow, Outcome
+from testbench.records.samples import ImuSamples
 from testbench.records.session import RunStatus, Session
+
+NORM_MEANING = "error of the mean specific force at rest against standard gravity"
 
 
 def evaluate(session: Session, estimate: Estimate) -> Evaluation:
@@ -24,6 +28,8 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     orientations: list[OrientationRow] = []
     joints: list[JointRow] = []
     series: dict[str, dict[str, np.ndarray]] = {}
+    noise: list[NoiseRow] = []
+    metrics: list[Metric] = []
     notes = list(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
     if session.status is not RunStatus.COMPLETED:
         notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
@@ -31,12 +37,18 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         notes += [f"{name}: {key} was left out: {why}" for key, why in sensor.skipped.items()]
         notes += [f"{name}: {count} samples left out: {reason}" for reason, count in sensor.quality.items() if count]
         notes += [f"{name}: {remark}" for remark in sensor.remarks]
+        samples = session.imu(name)
+        still = sensor.static & ~sensor.flagged
+        noise += noise_rows(name, samples, sensor.host_time_ns, still)
+        norm_error = norm_error_percent(samples, sensor.host_time_ns, still)
+        if norm_error is not None:
+            metrics.append(Metric(f"{name}.gravity_norm_error_percent", norm_error, "%", None, None, None, NORM_MEANING))
         truth = session.truth(name)
         if truth is None:
             notes.append(f"{name}: no truth, so its orientation is not judged")
             continue
         if truth.rate is None:
-            truth, jumps = without_jumps(truth, _fastest(session, name))
+            truth, jumps = without_jumps(truth, _fastest(samples))
             notes += [f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else []
         rows, series[f"orientation_{name}"] = evaluate_sensor(name, sensor, truth, steps)
         orientations += rows
@@ -50,14 +62,15 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
             series[f"joint_{name}"] = columns
         else:
             notes.append(f"{name}: no truth, so its angle is not judged")
-    metrics, outcome = judge(session.analysis, summarise_metrics(session.analysis, joints, orientations))
+    metrics = summarise_metrics(session.analysis, joints, orientations) + metrics
+    metrics, outcome = judge(session.analysis, metrics)
     notes += [f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED]
     if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
-    return Evaluation(session.name, joints, orientations, metrics, outcome, notes, series)
+    return Evaluation(session.name, joints, orientations, metrics, outcome, notes, noise, series)
 
 
-def _fastest(session: Session, name: str) -> float:
+def _fastest(samples: ImuSamples) -> float:
     """Largest angular rate that a sensor reported [rad/s]; 0 where it reports none."""
-    rates = np.linalg.norm(session.imu(name).gyr, axis=1)
+    rates = np.linalg.norm(samples.gyr, axis=1)
     return float(np.max(rates[np.isfinite(rates)], initial=0.0))

@@ -52,7 +52,8 @@ class NoiseCoefficients:
     """What an Allan curve says of a signal whose unit is u.
 
     Attributes:
-        white: N, angle or velocity random walk [u/sqrt(Hz)], equal to [u s/sqrt(s)]. bias_instability: B [u].
+        white: N, angle or velocity random walk [u s/sqrt(s)]; the noise density of a data sheet, whose spectrum is
+        one-sided, is sqrt(2) N [u/sqrt(Hz)]. bias_instability: B [u].
         rate_random_walk: K [u/sqrt(s)].
     """
 
@@ -85,7 +86,7 @@ def allan_deviation(signal: np.ndarray, rate: float, factors: np.ndarray | None 
         second = phase[2 * m :] - 2 * phase[m:-m] + phase[: -2 * m]
         deviation[i] = np.sqrt(np.mean(second**2) / 2) * rate / m
     tau = factors / rate
-    slope = np.gradient(np.log(deviation), np.log(tau)) if len(factors) > 2 else np.full(len(factors), -0.5)
+    slope = _smooth_slope(np.log(tau), np.log(np.maximum(deviation, 1e-300)))
     edf = np.array([_edf(len(phase), int(m), s) for m, s in zip(factors, slope, strict=True)])
     lower = deviation * np.sqrt(edf / chi2.ppf(0.8415, edf))
     upper = deviation * np.sqrt(edf / chi2.ppf(0.1585, edf))
@@ -103,11 +104,12 @@ def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
         weight = np.sqrt(curve.edf / 2) / expected
         scale = np.linalg.norm(design * weight[:, None], axis=0)
         solution = nnls(design * weight[:, None] / scale, variance * weight)[0] / scale
-        expected = np.maximum(design @ solution, 1e-300)
+        expected = np.clip(design @ solution, variance / 2, variance * 2)
         weighted = design * (np.sqrt(curve.edf / 2) / expected)[:, None]
-        # Neighbouring averaging times share most of their data: about three a decade are independent.
-        shared = max(len(tau) / max(3 * np.log10(tau[-1] / tau[0]), 1), 1) if len(tau) > 1 else 1.0
-        covariance = np.linalg.pinv(weighted.T @ weighted) * shared
+        # Averaging times share their data: the scatter of fits is that of three points in two decades.
+        shared = max(len(tau) / max(1.5 * np.log10(tau[-1] / tau[0]), 1), 1) if len(tau) > 1 else 1.0
+        size = np.linalg.norm(weighted, axis=0)
+        covariance = np.linalg.pinv((weighted / size).T @ (weighted / size)) / np.outer(size, size) * shared
     values = np.sqrt(solution[1:])
     sds = np.sqrt(np.diag(covariance)[1:])
     # sd of a root: sd / (2 root), or the root of the sd where the value itself is nil
@@ -116,10 +118,20 @@ def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
     return NoiseCoefficients(white, flicker, walk)
 
 
+def _smooth_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Slope of y over x about each point, over a decade: single points scatter too much to tell a noise type."""
+    if len(x) < 3:
+        return np.full(len(x), -0.5)
+    near = np.abs(x[:, None] - x[None, :]) <= max(np.log(10) / 2, 1.5 * float(np.max(np.diff(x))))
+    weight = near / near.sum(axis=1, keepdims=True)
+    centred = x[None, :] - (weight @ x)[:, None]
+    return np.asarray(np.sum(weight * centred * y, axis=1) / np.sum(weight * centred**2, axis=1))
+
+
 def _edf(phases: int, m: int, slope: float) -> float:
     """Equivalent degrees of freedom of the overlapping estimate (NIST SP 1065, table 5), by the slope of the deviation."""
     n = phases
-    if slope < -0.75:  # quantisation or white phase noise
+    if slope < -0.75 and m < 10:  # quantisation or white phase noise, which only short averages show
         edf = (n + 1) * (n - 2 * m) / (2 * (n - m))
     elif slope < -0.25:  # white noise of the signal
         edf = (3 * (n - 1) / (2 * m) - 2 * (n - 2) / n) * 4 * m**2 / (4 * m**2 + 5)

@@ -71,6 +71,38 @@ class OrientationRow:
 
 
 @dataclass(frozen=True)
+class NoiseRow:
+    """One axis over the longest rest; every number in the unit that stands behind it.
+
+    Attributes:
+        quantity: "acc", "gyr" or "mag". samples, span_s: Of the rest. mean, sd: Of the readings.
+        noise_density: One-sided, as data sheets state it. random_walk: The same noise as angle or velocity random walk.
+        bias_instability, rate_random_walk: Of the Allan deviation; like the density with a standard uncertainty, and None where
+        lost among the others.
+    """
+
+    sensor: str
+    quantity: str
+    axis: str
+    samples: int
+    span_s: float
+    mean: float
+    sd: float
+    unit: str
+    noise_density: float | None
+    noise_density_sd: float | None
+    noise_density_unit: str
+    random_walk: float | None
+    random_walk_unit: str
+    bias_instability: float | None
+    bias_instability_sd: float | None
+    bias_instability_unit: str
+    rate_random_walk: float | None
+    rate_random_walk_sd: float | None
+    rate_random_walk_unit: str
+
+
+@dataclass(frozen=True)
 class Metric:
     """One number with its limits and verdict.
 
@@ -109,6 +141,7 @@ class Evaluation:
     metrics: list[Metric]
     outcome: Outcome
     notes: list[str] = field(default_factory=list)
+    noise: list[NoiseRow] = field(default_factory=list)
     series: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
@@ -145,5 +178,6 @@ class Evaluation:
             [Metric(**{**row, "outcome": row["outcome"] and Outcome(row["outcome"])}) for row in data["metrics"]],
             Outcome(data["outcome"]),
             data["notes"],
+            [NoiseRow(**row) for row in data["noise"]],
             series,
         )

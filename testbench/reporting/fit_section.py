@@ -115,6 +115,7 @@ def _calibration(estimate: Estimate) -> Table:
         header("sensor", "method", "poses", "residual [mm/s²]", "axis", "accelerometer bias [mg]", "matrix, x", "matrix, y",
                "matrix, z", "gyroscope bias [deg/s]", numbers_from=2),
         rows,
-        "How to read: acceleration = matrix · (raw − bias) and rate = raw − gyroscope bias; ± is the standard uncertainty. "
+        "How to read: acceleration = matrix · (raw − bias); rate = raw − gyroscope bias − response to gravity, turned by the "
+        "rotation nearest to the matrix; ± is the standard uncertainty. "
         "A perfect sensor has the unit matrix and no bias; the residual is the RMS over the static poses.",
     )  # fmt: skip

@@ -22,6 +22,7 @@ from testbench.reporting.joint_section import joint_section
 from testbench.reporting.orientation_section import orientation_section
 from testbench.reporting.page import Figures, Heading, Section, Sentence, Tile
 from testbench.reporting.palette import filter_colours
+from testbench.reporting.recording_section import recording_section
 from testbench.reporting.session_section import facts, is_simulated, provenance_section, run_section, verdict_section
 from testbench.reporting.tables import Table, digits
 
@@ -88,7 +89,7 @@ def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluatio
             sections.append(joint_section(evaluation, load_published(), colours, spans))
         sections.append(orientation_section(evaluation, colours, spans))
     if estimate is not None:
-        sections.append(fit_section(estimate))
+        sections += [fit_section(estimate), recording_section(estimate, evaluation)]
     else:
         sections.append(
             Section("fits", "Clocks, frames and calibration", [Sentence("Nothing has been estimated from this session.")])

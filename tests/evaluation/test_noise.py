@@ -1,0 +1,61 @@
+"""Noise at rest, in data-sheet units."""
+
+import numpy as np
+import pytest
+
+from testbench.evaluation.noise import longest_rest, noise_rows, norm_error_percent
+from testbench.frames import STANDARD_GRAVITY
+from testbench.model.imu import TriadModel
+from testbench.records.samples import ImuSamples
+from testbench.records.sensor import load_preset
+
+RATE = 60.0
+
+
+def at_rest(seconds=120.0, seed=0):
+    """What the Xsens DOT preset reads at rest with z up."""
+    n = int(seconds * RATE)
+    preset = load_preset("xsens_dot")
+    time = (np.arange(n) * 1e9 / RATE).astype(np.int64)
+    up = np.tile([0.0, 0.0, STANDARD_GRAVITY], (n, 1))
+    acc, _ = TriadModel(preset.accelerometer.triad(), RATE, seed, "acc").measure(up)
+    gyr, _ = TriadModel(preset.gyroscope.triad(), RATE, seed, "gyr").measure(np.zeros((n, 3)))
+    return ImuSamples(time, time, gyr, acc, None, None, np.arange(n), np.zeros(n, dtype=bool))
+
+
+def test_the_data_sheet_that_was_simulated_is_measured_again():
+    samples = at_rest()
+    rows = {
+        (row.quantity, row.axis): row for row in noise_rows("dot", samples, samples.device_time_ns, np.ones(len(samples), bool))
+    }
+    for axis, density in (("x", 120.0), ("y", 120.0), ("z", 200.0)):
+        row = rows["acc", axis]
+        assert row.noise_density_unit == "ug/sqrt(Hz)"
+        assert row.noise_density == pytest.approx(density, abs=4 * row.noise_density_sd + 0.03 * density)
+    gyr = rows["gyr", "x"]
+    # 16.4 counts per deg/s round to 0.061 deg/s, whose own noise adds to the 0.007 deg/s/sqrt(Hz) of the sheet
+    quantised = np.hypot(0.007, (1 / 16.4) / np.sqrt(12) / np.sqrt(RATE / 2))
+    assert gyr.noise_density == pytest.approx(quantised, rel=0.1)
+    assert gyr.random_walk == pytest.approx(gyr.noise_density / np.sqrt(2) * 60, rel=1e-9)
+
+
+def test_the_mean_norm_is_compared_with_gravity():
+    samples = at_rest()
+    scaled = ImuSamples(*{**vars(samples), "acc": samples.acc * 0.98}.values())
+    still = np.ones(len(samples), bool)
+    plain = norm_error_percent(samples, samples.device_time_ns, still)
+    assert norm_error_percent(scaled, samples.device_time_ns, still) == pytest.approx(0.98 * (100 + plain) - 100, abs=1e-9)
+
+
+def test_the_longest_rest_ends_at_motion_and_at_gaps():
+    time = (np.arange(3000) * 1e9 / RATE).astype(np.int64)
+    still = np.ones(3000, bool)
+    still[1000] = False
+    assert longest_rest(time, still) == slice(1001, 3000)
+    time[2000:] += 500_000_000
+    assert longest_rest(time, still) == slice(0, 1000)
+
+
+def test_a_short_rest_gives_no_row():
+    samples = at_rest(seconds=5.0)
+    assert noise_rows("dot", samples, samples.device_time_ns, np.ones(len(samples), bool)) == []

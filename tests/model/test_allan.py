@@ -1,0 +1,66 @@
+"""Allan deviation: the known slopes, the known coefficients, and figures of another program."""
+
+import numpy as np
+import pytest
+
+from testbench.model.allan import allan_deviation, fit_noise
+
+RATE = 100.0
+
+
+def white(density: float, n: int, seed: int) -> np.ndarray:
+    """White noise whose Allan deviation is density / sqrt(tau)."""
+    return density * np.sqrt(RATE) * np.random.default_rng(seed).standard_normal(n)
+
+
+def test_the_nist_test_suite_of_ten_points_gives_the_published_deviation():
+    # NIST SP 1065, section 12.4: nine frequency values, overlapping Allan deviation at 1 and 2 intervals
+    data = np.array([892.0, 809, 823, 798, 671, 644, 883, 903, 677])
+    curve = allan_deviation(data, 1.0, np.array([1, 2]))
+    assert curve.deviation == pytest.approx([91.22945, 85.95287], abs=1e-5)
+
+
+def test_white_noise_falls_with_the_root_of_the_averaging_time():
+    curve = allan_deviation(white(0.01, 200_000, 0), RATE)
+    slope = np.polyfit(np.log(curve.tau[:25]), np.log(curve.deviation[:25]), 1)[0]
+    assert slope == pytest.approx(-0.5, abs=0.02)
+    assert np.interp(1.0, curve.tau, curve.deviation) == pytest.approx(0.01, rel=0.02)
+
+
+def test_a_ramp_of_slope_r_has_the_deviation_r_tau_over_root_two():
+    ramp = 0.3 * np.arange(5000) / RATE
+    curve = allan_deviation(ramp, RATE, np.array([10, 100]))
+    assert curve.deviation == pytest.approx(0.3 * curve.tau / np.sqrt(2), rel=1e-9)
+
+
+def test_the_confidence_bounds_hold_the_true_white_noise_two_times_in_three():
+    inside = 0
+    for seed in range(60):
+        curve = allan_deviation(white(1.0, 5000, seed), RATE, np.array([100]))
+        inside += curve.lower[0] <= 1.0 <= curve.upper[0]
+    assert 0.5 < inside / 60 < 0.85
+
+
+def test_injected_white_noise_is_recovered_within_its_uncertainty():
+    z = []
+    for seed in range(20):
+        fit = fit_noise(allan_deviation(white(0.01, 60_000, seed), RATE)).white
+        z.append((fit.value - 0.01) / fit.sd)
+    assert np.sqrt(np.mean(np.square(z))) < 1.6
+
+
+def test_injected_random_walk_is_recovered():
+    rng = np.random.default_rng(3)
+    walk = np.cumsum(0.002 / np.sqrt(RATE) * rng.standard_normal(400_000))
+    fit = fit_noise(allan_deviation(walk + white(0.002, 400_000, 4), RATE))
+    assert fit.rate_random_walk.value == pytest.approx(0.002, rel=0.25)
+    assert fit.white.value == pytest.approx(0.002, rel=0.05)
+
+
+def test_what_is_not_there_is_not_found():
+    assert not fit_noise(allan_deviation(white(0.01, 60_000, 1), RATE)).rate_random_walk.found
+
+
+def test_two_samples_are_refused():
+    with pytest.raises(ValueError, match="at least 3"):
+        allan_deviation(np.zeros(2), RATE)
