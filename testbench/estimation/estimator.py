@@ -59,13 +59,16 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(session, samples.acc, samples.gyr, time, static & ~quality.flagged, truth)
-    corrected = UniformSamples(
-        uniform.interval, *calibration.apply(uniform.gyr, uniform.acc, uniform.mag), device_q=uniform.device_q
-    )
+    corrected = _corrected(uniform, calibration, description.get("sampling"))
     orientation: dict[str, np.ndarray] = {}
     frames: dict[str, FrameFit] = {}
     skipped: dict[str, str] = {}
     remarks = list(quality.remarks)
+    if settings.align_clock and truth is not None and clock.method == "arrival":
+        remarks.append("its clock could not be fitted to the motion; it is late by the unknown latency of its samples")
+    planned = sum(step.role == "calibration" and step.kind != "sweep" for step in session.steps)
+    if calibration.method == "static_poses" and calibration.poses < planned:
+        remarks.append(f"{planned - calibration.poses} of {planned} calibration poses were not at rest and were left out")
     for key in filters:
         kind = get_filter(key)
         missing = kind.missing(corrected)
@@ -81,6 +84,21 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
         time, static, orientation, clock, calibration, frames, skipped, quality.flagged, quality.counts(), remarks,
         audit_timing(samples, description.get("rate_hz")),
     )  # fmt: skip
+
+
+def _corrected(uniform: UniformSamples, calibration: CalibrationFit, sampling: str | None) -> UniformSamples:
+    """What the filters get: calibrated, and with rates that are means over the interval before each sample.
+
+    Filters take a rate for the whole interval before its sample. A sensor known to sample instants would lead them by half an
+    interval; the mean of both ends of the interval does not (trapezoidal rule).
+    """
+    gyr, acc, mag = calibration.apply(uniform.gyr, uniform.acc, uniform.mag)
+    if sampling == "instantaneous":
+        gyr = np.vstack([gyr[:1], (gyr[1:] + gyr[:-1]) / 2])
+    device_q = uniform.device_q
+    if device_q is not None:
+        device_q = rotation.multiply(device_q, rotation.from_matrix(calibration.R_believed_from_sensor.T))
+    return UniformSamples(uniform.interval, gyr, acc, mag, device_q)
 
 
 def _calibrate(

@@ -23,11 +23,11 @@ def fit_frames(q_earth_from_sensor: np.ndarray, q_world_from_sensor: np.ndarray,
         method: "heading" or "reference_pose".
     """
     estimated, true = rotation.mean(q_earth_from_sensor), rotation.mean(q_world_from_sensor)
-    heading = float(rotation.heading_angle(rotation.multiply(estimated, rotation.conjugate(true))))
+    heading = float(rotation.heading_angle(rotation.multiply(true, rotation.conjugate(estimated))))
     mounting = np.zeros(3)
     if method == "reference_pose":
-        levelled = rotation.multiply(rotation.from_heading(-heading), estimated)
-        mounting = rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(levelled), true))
+        levelled = rotation.multiply(rotation.from_heading(heading), estimated)
+        mounting = rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(true), levelled))
     return FrameFit(float(np.degrees(heading)), _degrees(mounting), method)
 
 
@@ -45,14 +45,14 @@ def fit_frames_by_motion(
     """
     solution = solve_hand_eye(q_world_from_sensor, q_earth_from_sensor, max(seconds, 1.0))
     if not solution.trusted:
-        error = rotation.multiply(q_earth_from_sensor, rotation.conjugate(q_world_from_sensor))
+        error = rotation.multiply(q_world_from_sensor, rotation.conjugate(q_earth_from_sensor))
         heading = float(rotation.heading_angle(rotation.mean(error)))
         return FrameFit(float(np.degrees(heading)), method="heading", observability=solution.observability), solution.warning()
-    heading = -float(rotation.heading_angle(solution.q_world_from_earth))
-    tilt = rotation.multiply(solution.q_world_from_earth, rotation.from_heading(heading))
+    heading = float(rotation.heading_angle(solution.q_world_from_earth))
+    tilt = rotation.multiply(solution.q_world_from_earth, rotation.from_heading(-heading))
     fit = FrameFit(
         float(np.degrees(heading)),
-        _degrees(rotation.to_rotation_vector(rotation.conjugate(solution.q_body_from_sensor))),
+        _degrees(rotation.to_rotation_vector(solution.q_body_from_sensor)),
         "motion",
         _degrees(rotation.to_rotation_vector(tilt)),
         _degrees(solution.mounting_sd),
@@ -66,8 +66,8 @@ def apply_frames(q_earth_from_sensor: np.ndarray, fit: FrameFit) -> np.ndarray:
     if fit.method == "none":
         return q_earth_from_sensor
     tilt = rotation.from_rotation_vector(np.radians(np.array(fit.tilt_deg)))
-    left = rotation.multiply(tilt, rotation.from_heading(-np.radians(fit.heading_deg)))
-    right = rotation.from_rotation_vector(np.radians(np.array(fit.mounting_deg)))
+    left = rotation.multiply(tilt, rotation.from_heading(np.radians(fit.heading_deg)))
+    right = rotation.conjugate(rotation.from_rotation_vector(np.radians(np.array(fit.mounting_deg))))
     return rotation.multiply(rotation.multiply(left, q_earth_from_sensor), right)
 
 

@@ -14,6 +14,8 @@ STUCK_SAMPLES = 5
 LONG_GAP_S = 0.25
 """After a gap this long a filter has lost its way for `RECOVERY_S`."""
 RECOVERY_S = 1.0
+LOST_GAP_S = 1.0
+"""After a gap this long nobody knows how the sensor turned meanwhile, and a heading without a magnetometer is lost for good."""
 NORM_TOLERANCE = 0.01
 """Quaternions further from unit length than this are refused [1]."""
 REST_TOLERANCE = 0.05
@@ -67,17 +69,15 @@ def assess(samples: ImuSamples, time_ns: np.ndarray, static: np.ndarray) -> Qual
 
 
 def _stuck(samples: ImuSamples) -> np.ndarray:
-    """Runs of identical samples; none for a sensor without noise, which is identical whenever it rests."""
-    n = len(samples)
-    same = np.zeros(n, dtype=bool)
+    """Runs of samples identical in every axis; none for a sensor without noise, which is so whenever it rests."""
+    repeated = np.ones(len(samples), dtype=bool)
+    noisy = False
     for array in (samples.gyr, samples.acc):
-        if not np.isfinite(array).any():
-            continue
-        repeated = np.concatenate([[False], (array[1:] == array[:-1]).all(axis=1)])
-        if repeated.mean() > 0.5:
-            continue
-        same |= _runs(repeated, STUCK_SAMPLES - 1)
-    return same
+        if np.isfinite(array).any():
+            same = np.concatenate([[False], (array[1:] == array[:-1]).all(axis=1)])
+            noisy |= bool(same.mean() < 0.5)
+            repeated &= same
+    return _runs(repeated, STUCK_SAMPLES - 1) if noisy else np.zeros(len(samples), dtype=bool)
 
 
 def _runs(mask: np.ndarray, length: int) -> np.ndarray:
@@ -92,8 +92,10 @@ def _runs(mask: np.ndarray, length: int) -> np.ndarray:
 
 def _after_gap(time_ns: np.ndarray) -> np.ndarray:
     flags = np.zeros(len(time_ns), dtype=bool)
-    for i in np.flatnonzero(np.diff(time_ns) > LONG_GAP_S * NANOSECONDS):
-        flags |= (time_ns > time_ns[i]) & (time_ns <= time_ns[i + 1] + RECOVERY_S * NANOSECONDS)
+    gaps = np.diff(time_ns)
+    for i in np.flatnonzero(gaps > LONG_GAP_S * NANOSECONDS):
+        recovered = time_ns[i + 1] + RECOVERY_S * NANOSECONDS if gaps[i] <= LOST_GAP_S * NANOSECONDS else np.inf
+        flags |= (time_ns > time_ns[i]) & (time_ns <= recovered)
     return flags
 
 

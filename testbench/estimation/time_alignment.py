@@ -7,6 +7,8 @@ Gauss-Newton, to a fraction of a sample; a truth of low rate is met by averaging
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import correlate, correlation_lags
@@ -24,6 +26,10 @@ LEAST_RATE = np.radians(2.0)
 ITERATIONS = 15
 CLUSTER_S = 2.0
 """Residuals nearer than this count as one when the uncertainty is stated [s]."""
+PART_ERROR_S = 50e-6
+"""What the part's own cross-axis and g-sensitivity errors may do to the offset in every move alike [s]; from simulation."""
+MOST_DRIFT = 0.01
+"""No clock drifts by more: the fit has lost its way [1]."""
 
 
 def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0) -> ClockFit:
@@ -41,12 +47,17 @@ def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0)
     if truth is None or len(samples) < 10:
         return arrival
     true, measured = truth_rate(truth), sensor_rate(samples)
-    if len(true.time) < 10 or len(measured.time) < 10 or np.percentile(true.rate, 99.5) < LEAST_RATE:
+    if len(true.time) < 10 or len(measured.time) < 10 or true.rate.max() < LEAST_RATE:
         return arrival
     delay = rate_delay if measured.width == 0 else 0.0  # the rate between two orientations is not late
-    measured = _averaged(RateMagnitude(measured.time - delay, measured.rate, measured.width, measured.gap), true.width)
-    lag = _coarse_lag((measured.time - arrival.offset_s) / (1 + 1e-6 * arrival.drift_ppm), measured.rate, true)
-    return _refine(measured, true, arrival.offset_s + lag, arrival.drift_ppm * 1e-6)
+    # A device's clock may count from anywhere; about its own beginning offset and drift are far from singular.
+    zero = float(measured.time[0]) - float(true.time[0])
+    measured = _averaged(RateMagnitude(measured.time - zero - delay, measured.rate, measured.width, measured.gap), true.width)
+    drift = 1e-6 * arrival.drift_ppm
+    offset = arrival.offset_s - zero
+    lag = _coarse_lag((measured.time - offset) / (1 + drift), measured.rate, true)
+    fit = _refine(measured, true, offset + lag, drift)
+    return arrival if fit is None else replace(fit, offset_s=fit.offset_s + zero)
 
 
 def _fit_arrival(samples: ImuSamples) -> ClockFit:
@@ -83,8 +94,11 @@ def _coarse_lag(time: np.ndarray, rate: np.ndarray, true: RateMagnitude) -> floa
     return float(lags[near][np.argmax(correlation[near])])
 
 
-def _refine(measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float) -> ClockFit:
-    """Gauss-Newton on offset, drift and gain: minimise sum (rate(t) - gain * truth((t - offset) / (1 + drift)))^2."""
+def _refine(measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float) -> ClockFit | None:
+    """Gauss-Newton on offset, drift and gain: minimise sum (rate(t) - gain * truth((t - offset) / (1 + drift)))^2.
+
+    None where the two records drift apart, so that nothing can be compared.
+    """
     slope = np.gradient(true.rate, true.time)
     middle = float(measured.time.mean())
     gain = 1.0
@@ -93,51 +107,57 @@ def _refine(measured: RateMagnitude, true: RateMagnitude, offset: float, drift: 
         host = (measured.time - offset) / (1 + drift)
         inside = true.known_at(host)
         if inside.sum() < 10:
-            return ClockFit(offset_s=offset, drift_ppm=drift * 1e6, method="arrival")
+            return None
         expected = np.interp(host[inside], true.time, true.rate)
         gradient = gain * np.interp(host[inside], true.time, slope) / (1 + drift)
         # About the middle of the recording, offset and drift are nearly uncorrelated.
-        centred = measured.time[inside] - middle
+        centred = (measured.time[inside] - middle) / (1 + drift)
         jacobian = np.column_stack([gradient, gradient * centred, -expected])
         residual = measured.rate[inside] - gain * expected
         step, *_ = np.linalg.lstsq(jacobian, -residual, rcond=None)
         drift += step[1]
-        offset += step[0] - step[1] * middle
+        offset += step[0] - step[1] * (middle - offset) / (1 + drift)
         gain += step[2]
         if abs(step[0]) < 1e-9 and abs(step[1]) < 1e-12:
             break
+    if abs(drift) > MOST_DRIFT:
+        return None
     variance = float(residual @ residual) / max(len(residual) - 3, 1)
     cluster = np.floor(measured.time[inside] / CLUSTER_S).astype(np.int64)
-    candidates = (variance * np.linalg.pinv(jacobian.T @ jacobian), _clustered_covariance(jacobian, residual, cluster))
+    candidates = (variance * np.linalg.pinv(jacobian.T @ jacobian), _jackknife_covariance(jacobian, residual, cluster))
 
-    def sd(direction: list[float]) -> float:
-        """The larger of the two: clusters that are few tell little of their scatter."""
+    def sd(direction: list[float], floor: float = 0.0) -> float:
+        """The larger of the two, and never less than the floor."""
         weights = np.array(direction)
-        return float(np.sqrt(max(weights @ covariance @ weights for covariance in candidates)))
+        return float(np.sqrt(max(weights @ covariance @ weights for covariance in candidates) + floor**2))
 
     return ClockFit(
         offset_s=float(offset),
         drift_ppm=float(drift * 1e6),
-        offset_sd_s=sd([1.0, -middle, 0.0]),
+        offset_sd_s=sd([1.0, -(middle - offset) / (1 + drift), 0.0], PART_ERROR_S),
         drift_sd_ppm=sd([0.0, 1.0, 0.0]) * 1e6,
         residual_deg_s=float(np.degrees(np.sqrt(variance))),
-        angle_error_deg=float(np.degrees(true.rate.max())) * sd([1.0, 0.0, 0.0]),
+        angle_error_deg=float(np.degrees(true.rate.max())) * sd([1.0, 0.0, 0.0], PART_ERROR_S),
         method="angular_rate",
     )
 
 
-def _clustered_covariance(jacobian: np.ndarray, residual: np.ndarray, cluster: np.ndarray) -> np.ndarray:
-    """Covariance of a least-squares fit whose errors hang together within clusters (Liang & Zeger 1986).
+def _jackknife_covariance(jacobian: np.ndarray, residual: np.ndarray, cluster: np.ndarray) -> np.ndarray:
+    """Covariance of a least-squares fit by leaving out one cluster at a time (Efron & Tibshirani 1993, chapter 11).
 
-    What remains after the fit is mostly the gyroscope's own errors, which last as long as a move does.
+    What remains after the fit is mostly the gyroscope's own errors, which last as long as a move does; and moves may be few.
 
     Args:
         jacobian: Shape (n, k). residual: Shape (n,). cluster: Which cluster each row belongs to, shape (n,), increasing.
     """
-    bread = np.linalg.pinv(jacobian.T @ jacobian)
     starts = np.flatnonzero(np.diff(cluster, prepend=cluster[0] - 1))
     scores = np.add.reduceat(jacobian * residual[:, None], starts, axis=0)
-    telling = np.linalg.norm(scores, axis=1) > 1e-3 * np.linalg.norm(scores, axis=1).max()  # clusters at rest say nothing
-    count = int(telling.sum())
-    small_sample = count / max(count - jacobian.shape[1], 1)
-    return np.asarray(small_sample * bread @ (scores.T @ scores) @ bread)
+    informations = np.add.reduceat(jacobian[:, :, None] * jacobian[:, None, :], starts, axis=0)
+    sizes = np.trace(informations, axis1=1, axis2=2)
+    telling = sizes > 1e-6 * sizes.max()  # clusters at rest say nothing
+    scores, informations = scores[telling], informations[telling]
+    without = jacobian.T @ jacobian - informations
+    steps = np.array([np.linalg.lstsq(left, score, rcond=1e-10)[0] for left, score in zip(without, scores, strict=True)])
+    count = len(steps)
+    centred = steps - steps.mean(axis=0)
+    return np.asarray((count - 1) / max(count, 1) * centred.T @ centred)

@@ -8,7 +8,7 @@ from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.metrics import summarise
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
-from testbench.model.truth import truth_at
+from testbench.model.truth import WIDEST_GAP_NS, truth_at
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import JointRow
 from testbench.records.plan import PlannedStep
@@ -58,8 +58,11 @@ def evaluate_joint(
 def _both_sensors(estimate: Estimate, joint: JointDefinition, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where both sensors are at rest, and where neither is flagged, at the proximal sensor's instants."""
     proximal, distal = estimate.sensors[joint.proximal], estimate.sensors[joint.distal]
-    nearest = np.clip(np.searchsorted(distal.host_time_ns, time), 0, len(distal.host_time_ns) - 1)
-    return proximal.static & distal.static[nearest], ~(proximal.flagged | distal.flagged[nearest])
+    following = np.clip(np.searchsorted(distal.host_time_ns, time), 1, len(distal.host_time_ns) - 1)
+    before = following - 1
+    bridged = distal.host_time_ns[following] - distal.host_time_ns[before] > WIDEST_GAP_NS
+    static = proximal.static & distal.static[following] & distal.static[before]
+    return static, ~(proximal.flagged | distal.flagged[following] | distal.flagged[before] | bridged)
 
 
 def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> dict[str, np.ndarray] | None:

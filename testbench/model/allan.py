@@ -136,7 +136,7 @@ def _edf(phases: int, m: int, slope: float) -> float:
     elif slope < -0.25:  # white noise of the signal
         edf = (3 * (n - 1) / (2 * m) - 2 * (n - 2) / n) * 4 * m**2 / (4 * m**2 + 5)
     elif slope < 0.25:  # flicker
-        edf = 2 * (n - 2) / (2.3 * n - 4.9) if m == 1 else 5 * n**2 / (4 * m * (n + 3 * m))
+        edf = 2 * (n - 2) ** 2 / (2.3 * n - 4.9) if m == 1 else 5 * n**2 / (4 * m * (n + 3 * m))
     else:  # random walk of the signal
         edf = (n - 2) / m * ((n - 1) ** 2 - 3 * m * (n - 1) + 4 * m**2) / (n - 3) ** 2
     return max(float(edf), 1.0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lfilter_zi
 
 from testbench.model import rotation
 from testbench.model.noise import GaussMarkov, RandomWalk, random_stream
@@ -62,7 +62,7 @@ class TriadModel:
         self._walk = RandomWalk(triad.bias_random_walk, interval, 3, random_stream(seed, *labels, "bias walk"))
         self._noise = random_stream(seed, *labels, "noise")
         self._noise_sd = triad.noise_density * np.sqrt(rate / 2)
-        self._pole = 0.0 if triad.bandwidth is None else float(np.exp(-2 * np.pi * triad.bandwidth / rate))
+        self._low_pass_coefficients = None if triad.bandwidth is None else low_pass_coefficients(triad.bandwidth, rate)
         self._filter_state: np.ndarray | None = None
 
     def measure(self, x: np.ndarray, specific_force: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -89,12 +89,29 @@ class TriadModel:
         return (np.round(y / triad.resolution) * triad.resolution if triad.resolution else y), saturated
 
     def _low_pass(self, x: np.ndarray) -> np.ndarray:
-        if self._pole < 1e-12:
+        if self._low_pass_coefficients is None:
             return x
+        b, a = self._low_pass_coefficients
         if self._filter_state is None:
-            self._filter_state = self._pole * x[:1]
-        y, self._filter_state = lfilter([1 - self._pole], [1.0, -self._pole], x, axis=0, zi=self._filter_state)
+            self._filter_state = lfilter_zi(b, a)[:, None] * x[:1]  # it has seen this value for ever
+        y, self._filter_state = lfilter(b, a, x, axis=0, zi=self._filter_state)
         return np.asarray(y)
+
+
+def low_pass_coefficients(bandwidth: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """First-order low pass for an input that is linear between samples: exact delay 1 / (2 pi bandwidth), also above the rate.
+
+    Ramp-invariant discretisation (Franklin, Powell & Workman, Digital Control of Dynamic Systems, 1998, section 6.3).
+
+    Args:
+        bandwidth: -3 dB frequency [Hz]. rate: Of the samples [Hz].
+
+    Returns:
+        Numerator and denominator, each of shape (2,).
+    """
+    omega = 2 * np.pi * bandwidth / rate
+    pole = np.exp(-omega)
+    return np.array([1 - (1 - pole) / omega, (1 - pole) / omega - pole]), np.array([1.0, -pole])
 
 
 class DeviceOrientationModel:

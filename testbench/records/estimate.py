@@ -45,9 +45,9 @@ class FrameFit:
     """How a filter's earth frame and the sensor's mounting were brought to the world and to the segment.
 
     Attributes:
-        heading_deg: Heading of the filter's earth frame seen from the world.
+        heading_deg: Heading of the filter's earth frame seen from the world: q_world_from_earth turns by it about the vertical.
         tilt_deg: Remaining rotation of the levelled earth against the world, as a rotation vector; only "motion" solves for it.
-        mounting_deg: Remaining rotation of the sensor against its believed mounting, as a rotation vector in the sensor frame.
+        mounting_deg: How the sensor sits against its mounting as believed, as the rotation vector of q_believed_from_sensor.
         mounting_sd_deg: Standard uncertainty about each axis. observability: RMS sine of the motion about the least moved axis.
         method: As in the protocol.
     """
@@ -64,12 +64,13 @@ class FrameFit:
 class CalibrationFit:
     """Corrections of a sensor, in the axes of the mounting as believed.
 
-    acc = acc_matrix (acc_raw - acc_bias); gyr = rotation (gyr_raw - gyr_bias - gyr_g_matrix acc_raw); mag = rotation mag_raw;
-    rotation is the one nearest to acc_matrix: what turns one triad of a part turns them all.
+    acc = acc_matrix (acc_raw - acc_bias); gyr = R (gyr_raw - gyr_bias - gyr_g_matrix acc_raw); mag = R mag_raw, with R =
+    R_believed_from_sensor: what turns one triad of a part turns them all.
 
     Attributes:
         acc_matrix: Shape (3, 3). acc_bias: [m/s^2]. acc_bias_sd: Standard uncertainty [m/s^2]. gyr_bias, gyr_bias_sd: [rad/s].
         gyr_g_matrix: Response of the gyroscope to specific force, shape (3, 3) [rad/s/(m/s^2)].
+        R_believed_from_sensor: How the sensor really sits against the mounting as believed, shape (3, 3).
         poses: Number of static poses used. residual_m_s2: RMS over the poses. method: As in the protocol.
     """
 
@@ -79,21 +80,16 @@ class CalibrationFit:
     gyr_bias: np.ndarray = field(default_factory=lambda: np.zeros(3))
     gyr_bias_sd: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
     gyr_g_matrix: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    R_believed_from_sensor: np.ndarray = field(default_factory=lambda: np.eye(3))
     poses: int = 0
     residual_m_s2: float = float("nan")
     method: str = "none"
-
-    @property
-    def rotation(self) -> np.ndarray:
-        """The rotation nearest to acc_matrix, shape (3, 3) (Higham 1986, polar decomposition)."""
-        u, _, vt = np.linalg.svd(self.acc_matrix)
-        return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
     def apply(
         self, gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Corrected angular rate [rad/s], specific force [m/s^2] and field [uT], shapes (n, 3)."""
-        R = self.rotation
+        R = self.R_believed_from_sensor
         corrected = (acc - self.acc_bias) @ self.acc_matrix.T
         rate = (gyr - self.gyr_bias - acc @ self.gyr_g_matrix.T) @ R.T
         return rate, corrected, None if mag is None else mag @ R.T

@@ -15,9 +15,9 @@ def poses(n: int = 30, seed: int = 0) -> np.ndarray:
 
 
 def seen_by_filter(true: np.ndarray, heading_deg: float, mounting: np.ndarray) -> np.ndarray:
-    """q_earth_from_sensor of a filter whose earth has a heading, on a sensor turned by `mounting` against its believed axes."""
-    earth_from_world = rotation.from_heading(np.radians(heading_deg))
-    return rotation.multiply(rotation.multiply(earth_from_world, true), rotation.conjugate(mounting))
+    """q_earth_from_sensor of a filter whose earth has a heading in the world, on a sensor with q_believed_from_sensor `mounting`."""
+    earth_from_world = rotation.conjugate(rotation.from_heading(np.radians(heading_deg)))
+    return rotation.multiply(rotation.multiply(earth_from_world, true), mounting)
 
 
 def largest_error_deg(a: np.ndarray, b: np.ndarray) -> float:

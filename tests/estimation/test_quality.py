@@ -37,7 +37,7 @@ def test_a_sound_recording_passes_every_gate():
     [
         ("saturated", lambda s: s.saturated.__setitem__(slice(50, 60), True)),
         ("not finite", lambda s: s.acc.__setitem__((slice(50, 60), 1), np.nan)),
-        ("stuck", lambda s: s.gyr.__setitem__(slice(49, 60), s.gyr[49])),
+        ("stuck", lambda s: [column.__setitem__(slice(49, 60), column[49]) for column in (s.gyr, s.acc)]),
         ("quaternion not of unit length", lambda s: s.device_q.__setitem__((slice(50, 60), 0), 0.9)),
     ],
 )
@@ -56,11 +56,18 @@ def test_a_sensor_without_noise_is_not_called_stuck_for_being_at_rest():
 
 def test_the_second_after_a_long_gap_is_flagged():
     samples = recording()
-    keep = np.r_[0:500, 600:N]
+    keep = np.r_[0:500, 550:N]
     cut = ImuSamples(*[None if column is None else column[keep] for column in vars(samples).values()])
     flagged = np.flatnonzero(gates(cut).flags["after a gap"])
     assert flagged[0] == 500
     assert len(flagged) == 101
+
+
+def test_after_a_gap_of_seconds_nothing_counts_any_more():
+    samples = recording()
+    keep = np.r_[0:500, 700:N]
+    cut = ImuSamples(*[None if column is None else column[keep] for column in vars(samples).values()])
+    assert np.flatnonzero(gates(cut).flags["after a gap"]).tolist() == list(range(500, len(keep)))
 
 
 def test_a_column_the_file_lacks_is_no_fault():

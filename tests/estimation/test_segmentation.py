@@ -49,7 +49,7 @@ def test_a_recording_is_static_within_the_dwells_of_its_steps_and_nowhere_else(q
         truth = quick.session.truth("forearm")
         dwell = (time > step.settled_ns) & (time < step.end_ns)
         allowed |= dwell
-        well_inside = (time > step.settled_ns + 350_000_000) & (time < step.end_ns - 150_000_000)
+        well_inside = (time > step.settled_ns + 350_000_000) & (time < step.end_ns - 220_000_000)
         if step.kind == "move" and well_inside.any():
             assert static[well_inside].mean() > 0.95, step.name
     still = np.linalg.norm(truth.rate, axis=1) < np.radians(2.0)  # moves of the other joint leave this sensor nearly at rest

@@ -110,3 +110,16 @@ def test_a_protocol_with_the_calibration_poses_finds_the_errors_its_simulated_se
     assert np.abs(real.bias).max() > 0.03
     np.testing.assert_allclose(fit.acc_bias, real.bias, atol=0.02)
     np.testing.assert_allclose(fit.acc_matrix @ real.matrix, np.eye(3), atol=3e-3)
+
+
+PLANAR = [rotation.from_euler("XYZ", np.radians(angles)) for angles in ((0.0, 0, 0), (0.0, 90, 0), (0.0, -90, 0))]
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("poses", [SIX, PLANAR], ids=["six", "planar"])
+def test_a_crooked_mounting_is_found_even_from_poses_in_one_plane(axis, poses):
+    turned = rotation.from_rotation_vector(np.radians(5.0) * np.eye(3)[axis])  # q_believed_from_sensor
+    felt = rotation.rotate(rotation.conjugate(turned), force(np.array(poses)))
+    fit = fit_static_poses([np.tile(f, (50, 1)) for f in felt], [np.zeros((50, 3))] * len(poses), list(poses), GRAVITY)
+    error = rotation.multiply(rotation.from_matrix(fit.R_believed_from_sensor), rotation.conjugate(turned))
+    assert np.degrees(rotation.angle(error)) < 0.25

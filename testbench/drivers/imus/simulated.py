@@ -93,6 +93,7 @@ class SimulatedImu(Imu):
             "rate_hz": self.rate,
             "magnetometer": self.has_magnetometer,
             "orientation": self.has_orientation,
+            "sampling": self.parameters.sampling,
             "rate_delay_s": 0.5 / self.rate if self.parameters.sampling == "integrated" else 0.0,
         }
 

@@ -27,7 +27,18 @@ PRIOR_G_SENSITIVITY = np.radians(0.1) / STANDARD_GRAVITY
 GYRO_POSE_ERROR = np.radians(10 / 3600)
 """Standard deviation of a pose's mean rate beside its noise [rad/s]: an in-run bias of 10 deg/h."""
 POSE_ERROR = 0.006
-"""Standard deviation of a pose's mean beside its noise [m/s^2]: 0.03 deg of arm and mounting error under gravity."""
+"""Standard deviation of a pose's mean beside its noise [m/s^2]: the arm's settling and repeatability, 0.03 deg of gravity."""
+GYRO_IN_RUN = np.radians(10 / 3600)
+"""In-run bias that all poses share [rad/s]: 10 deg/h, of consumer MEMS data sheets."""
+PRIOR_MOUNTING = np.radians(5.0)
+"""Standard deviation of the mounting before the calibration, about each axis [rad]."""
+DIRECTION_ERROR = 0.05
+"""Standard deviation of a felt force against a rotated expected one: scale and cross-axis errors of 0.5 % [m/s^2]."""
+LEAST_TURN = np.radians(0.3)
+"""A smaller rotation may as well be the accelerometer's own cross-axis error, and turns no other triad [rad]."""
+FEWEST_POSES = 3
+"""With fewer poses a bias cannot be told from a crooked mounting, and is the likelier of the two."""
+ROUNDS = 5
 
 
 def fit_static_poses(
@@ -45,20 +56,42 @@ def fit_static_poses(
     if not acc:
         return CalibrationFit()
     expected = rotation.rotate(rotation.conjugate(np.array(q_world_from_sensor)), -gravity)
-    acc_fit, acc_covariance, residual = _regress(acc, expected, np.eye(3), PRIOR_SENSITIVITY, PRIOR_BIAS, POSE_ERROR)
     felt = np.array([pose.mean(axis=0) for pose in acc])
+    bias = np.zeros(3)
+    for _ in range(ROUNDS):  # the rotation needs the bias, and the bias the rotation
+        R_sensor_from_believed = _mounting(felt - bias, expected) if len(acc) >= FEWEST_POSES else np.eye(3)
+        acc_fit, acc_covariance, residual = _regress(
+            acc, expected, R_sensor_from_believed, PRIOR_SENSITIVITY, PRIOR_BIAS, POSE_ERROR
+        )
+        bias = acc_fit[3]
     gyr_fit, gyr_covariance, _ = _regress(gyr, felt, np.zeros((3, 3)), PRIOR_G_SENSITIVITY, PRIOR_GYRO_BIAS, GYRO_POSE_ERROR)
+    turned = float(rotation.angle(rotation.from_matrix(R_sensor_from_believed)))
     return CalibrationFit(
         acc_matrix=np.linalg.inv(acc_fit[:3].T),
         acc_bias=acc_fit[3],
         acc_bias_sd=np.full(3, np.sqrt(acc_covariance[3, 3])),
         gyr_bias=gyr_fit[3],
-        gyr_bias_sd=np.full(3, np.sqrt(gyr_covariance[3, 3])),
+        gyr_bias_sd=np.full(3, np.sqrt(gyr_covariance[3, 3] + GYRO_IN_RUN**2)),
         gyr_g_matrix=gyr_fit[:3].T,
+        R_believed_from_sensor=R_sensor_from_believed.T if turned > LEAST_TURN else np.eye(3),
         poses=len(acc),
         residual_m_s2=float(np.sqrt(np.mean(residual**2))),
         method="static_poses",
     )
+
+
+def _mounting(force: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """R_sensor_from_believed that turns the expected forces into those felt (Wahba's problem by SVD; Markley 1988).
+
+    The mounting as believed weighs in as three unit vectors with `PRIOR_MOUNTING` of error, so that what the poses do not show
+    stays as it was.
+
+    Args:
+        force, expected: Shape (m, 3) [m/s^2].
+    """
+    attitude = force.T @ expected / DIRECTION_ERROR**2 + np.eye(3) / PRIOR_MOUNTING**2
+    u, _, vt = np.linalg.svd(attitude)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
 def _regress(
