@@ -4,7 +4,10 @@ from testbench import estimate, evaluate, execute, plan
 
 the_plan = plan("quick")  # checked and timed; nothing has moved
 session = execute(the_plan, logs="logs", seed=1)
-evaluation = evaluate(session, estimate(session))
+estimated = estimate(session)
+evaluation = evaluate(session, estimated)
+estimated.save(session.path)  # stages keep nothing by themselves
+evaluation.save(session.path)
 
 print(f"{the_plan.duration:.1f} s on {the_plan.robot.name}, recorded in {session.path}")
 for metric in evaluation.metrics:

@@ -11,9 +11,10 @@ from testbench.clock import Clock, SystemClock
 from testbench.estimation import estimate
 from testbench.estimation.filters import get_filter
 from testbench.evaluation import evaluate
-from testbench.exceptions import SessionError
+from testbench.exceptions import InputError, SessionError
 from testbench.execution import execute
 from testbench.execution.executor import Progress
+from testbench.formats.exporters import TRUTH, Exported, ExportSource, Frame, check_options, prepare_export, write_export
 from testbench.planning import plan
 from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
@@ -61,9 +62,7 @@ def run(
         with_report: Whether to write report.html. clock: The machine's if None. planned: Called with the plan before it is run.
     """
     clock = clock or SystemClock()
-    the_plan = plan(protocol, robot)
-    for name in filters or the_plan.protocol.spec.estimate.filters:
-        get_filter(name)  # a filter that this version lacks is refused before anything moves
+    the_plan = make_plan(protocol, robot, filters)
     if planned is not None:
         planned(the_plan)
     session = execute(the_plan, logs, seed, speed, clock, progress)
@@ -87,22 +86,47 @@ def analyse(
 
 
 def load_or_estimate(session: Session, filters: list[str] | None = None) -> Estimate:
-    """The estimate on disk if it was made from this very recording with these filters, else a new one."""
+    """The estimate on disk if it was made from this very recording, with these filters where some are named; else a new one."""
     if (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
         try:
             stored = Estimate.load(session.path)
         except SessionError:
             stored = None
-        if stored is not None and stored.fingerprint == session.fingerprint and _same_filters(session, stored, filters):
+        if stored is not None and stored.fingerprint == session.fingerprint and _has_filters(stored, filters):
             return stored
     estimated = estimate(session, filters)
     estimated.save(session.path)
     return estimated
 
 
-def _same_filters(session: Session, stored: Estimate, filters: list[str] | None) -> bool:
-    wanted = set(filters or session.analysis.estimate.filters)
-    return all(set(sensor.orientation) | set(sensor.skipped) == wanted for sensor in stored.sensors.values())
+def _has_filters(stored: Estimate, filters: list[str] | None) -> bool:
+    if filters is None:
+        return True
+    return all(set(sensor.orientation) | set(sensor.skipped) == set(filters) for sensor in stored.sensors.values())
+
+
+def judge_again(session: Session, filters: list[str] | None = None) -> Evaluation:
+    """Evaluate what is estimated; a report that exists already is written anew, so that it never contradicts the session."""
+    estimated = load_or_estimate(session, filters)
+    evaluated = evaluate(session, estimated)
+    evaluated.save(session.path)
+    if (session.path / "report.html").is_file():
+        from testbench.reporting.report import report
+
+        report(session, estimated, evaluated)
+    return evaluated
+
+
+def make_plan(protocol: Protocol | str | Path, robot: str | Path | None = None, filters: list[str] | None = None) -> Plan:
+    """Plan a protocol, and refuse filters that this version lacks.
+
+    Raises:
+        NotFoundError: A filter is reserved but not there yet; lists those that are.
+    """
+    the_plan = plan(protocol, robot)
+    for name in filters or the_plan.protocol.spec.estimate.filters:
+        get_filter(name)
+    return the_plan
 
 
 def show(session: Session, web: bool = False, save: Path | None = None, screenshot: Path | None = None) -> list[Path]:
@@ -117,6 +141,9 @@ def show(session: Session, web: bool = False, save: Path | None = None, screensh
     """
     import testbench.reporting.viewer as viewer
 
+    for target in (save, screenshot):
+        if target is not None and not target.parent.is_dir():
+            raise InputError(f"{target} cannot be written: there is no folder {target.parent}")
     estimated = load_or_estimate(session)
     evaluated = evaluate(session, estimated)
     if save is not None:
@@ -127,3 +154,40 @@ def show(session: Session, web: bool = False, save: Path | None = None, screensh
     if not written:
         viewer.view(session, web=web, estimate=estimated, evaluation=evaluated)
     return written
+
+
+def export(
+    session: Session,
+    name: str,
+    out: str | Path | None = None,
+    filter_name: str | None = None,
+    frame: Frame = "opensim",
+    force: bool = False,
+) -> Exported:
+    """Write a session in a format that other programs read.
+
+    Args:
+        session: The recording. name: Of the format; `testbench.formats.exporters.EXPORTS` has them all. out: File or folder to
+            write; one in the session's folder `export` if None. filter_name: Whose orientation; "truth" for the true one.
+        frame: Of orientations for OpenSim. force: Replace an earlier export.
+
+    Raises:
+        InputError: The place is taken, or the session lacks what the format needs; nothing is written then.
+    """
+    check_options(name, filter_name, frame)
+    path = prepare_export(name, session, Path(out) if out is not None else None, force)
+    if filter_name is not None and filter_name != TRUTH:
+        get_filter(filter_name)
+    estimated = load_or_estimate(session)
+    ran = {key for sensor in estimated.sensors.values() for key in (*sensor.orientation, *sensor.skipped)}
+    if filter_name is not None and filter_name not in {TRUTH, *ran}:
+        estimated = estimate(session, [filter_name])  # beside what the session keeps, which stays as it is
+    source = ExportSource(session, estimated, filter_name, frame)
+    return write_export(name, source, path, _write_recording if name == "rrd" else None)
+
+
+def _write_recording(source: ExportSource, path: Path) -> list[str]:
+    import testbench.reporting.viewer as viewer
+
+    viewer.save_recording(source.session, path, source.estimate, evaluate(source.session, source.estimate))
+    return []

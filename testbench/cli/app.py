@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table
+from testbench.cli.exporting import export
+from testbench.cli.importing import formats, import_files
+from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
+from testbench.cli.recording import record
 
 if TYPE_CHECKING:
     from testbench.records.session import Session
@@ -28,13 +31,6 @@ class Speed(StrEnum):
     realtime = "realtime"
 
 
-class ExportFrame(StrEnum):
-    """Frame of the orientations in a file for OpenSim."""
-
-    opensim = "opensim"
-    world = "world"
-
-
 class ArmDriver(StrEnum):
     """Arms that can be driven."""
 
@@ -51,12 +47,6 @@ def _complete_robot(incomplete: str) -> list[str]:
     from testbench.records.robot import list_robots
 
     return [name for name in list_robots() if name.startswith(incomplete)]
-
-
-def _complete_export(incomplete: str) -> list[str]:
-    from testbench.formats.exporters import EXPORTS
-
-    return [name for name in EXPORTS if name.startswith(incomplete)]
 
 
 ProtocolArgument = Annotated[
@@ -89,7 +79,7 @@ def _options(
 @app.command()
 def check(protocol: ProtocolArgument, robot: RobotOption = None, json: JsonOption = False) -> None:
     """Plan a protocol and show how near it comes to every limit; nothing moves."""
-    from testbench.planning import plan as make_plan
+    from testbench.pipeline import make_plan
 
     plan = make_plan(protocol, robot)
     if json:
@@ -108,7 +98,7 @@ def plan(
     """Plan a protocol: its steps with their times, and the plan's hash."""
     from testbench.exceptions import InputError
     from testbench.frames import NANOSECONDS
-    from testbench.planning import plan as make_plan
+    from testbench.pipeline import make_plan
 
     the_plan = make_plan(protocol, robot)
     if out is not None:
@@ -150,7 +140,9 @@ def run(
 
     names = _filter_names(filters)
     with progress_bar(not json) as progress:
-        result = run_protocol(protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress)
+        result = run_protocol(
+            protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress, planned=say_warnings
+        )
     if json:
         say_json(result.to_dict())
     else:
@@ -159,61 +151,11 @@ def run(
     raise typer.Exit(_exit_code(result.evaluation))
 
 
-@app.command("import")
-def import_files(
-    format_name: Annotated[str, typer.Argument(metavar="FORMAT", help="Format of the files; `testbench formats` lists them.")],
-    files: Annotated[list[Path], typer.Argument(help="Files to read.")],
-    out: Annotated[Path, typer.Option("--out", help="Folder of the session, to be made.")],
-    json: JsonOption = False,
-) -> None:
-    """Turn a foreign recording into a session."""
-    from testbench.clock import SystemClock
-    from testbench.formats import import_recording
-
-    session = import_recording(format_name, files, out, SystemClock())
-    sensors = {name: len(session.imu(name)) for name in session.sensor_names}
-    if json:
-        say_json({"session": str(session.path), "samples": sensors, "duration_s": session.manifest.get("duration_s")})
-    else:
-        for name, count in sensors.items():
-            say(f"{name}: {count} samples, {session.manifest['duration_s']:.1f} s")
-        say(f"session: {session.path}")
+app.command()(record)
 
 
-@app.command()
-def export(
-    session: SessionArgument,
-    to: Annotated[
-        str,
-        typer.Option(
-            "--to", metavar="FORMAT", help="csv, parquet, mcap, sto, mot, mat or rrd.", autocompletion=_complete_export
-        ),
-    ],
-    out: Annotated[
-        Path | None, typer.Option("--out", help="File (csv, parquet: folder) to write, in place of SESSION/export/...")
-    ] = None,
-    filter_name: Annotated[
-        str | None, typer.Option("--filter", help="Whose orientation; 'truth' for the true one. Default: the protocol's first.")
-    ] = None,
-    frame: Annotated[
-        ExportFrame, typer.Option("--frame", help="Of .sto: OpenSim's ground (y up), or the world (z up).")
-    ] = ExportFrame.opensim,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier export.")] = False,
-    json: JsonOption = False,
-) -> None:
-    """Write a session in a format that other programs read."""
-    from testbench.pipeline import export as write_export
-
-    result = write_export(_open(session), to, out, filter_name, frame.value, force)
-    if json:
-        say_json(
-            {"session": str(session), "format": to, "file": str(result.path), "filters": result.filters, "notes": result.notes}
-        )
-    else:
-        say(f"written: {result.path}")
-        say(f"orientation by: {', '.join(result.filters)}")
-        for note in result.notes:
-            say(f"note: {note}")
+app.command("import")(import_files)
+app.command()(export)
 
 
 @app.command()
@@ -239,12 +181,10 @@ def estimate(session: SessionArgument, filters: FiltersOption = None, json: Json
 @app.command()
 def evaluate(session: SessionArgument, filters: FiltersOption = None, json: JsonOption = False) -> None:
     """Compare the estimates with the truth and judge them."""
-    from testbench.evaluation import evaluate as make_evaluation
-    from testbench.pipeline import load_or_estimate
+    from testbench.pipeline import judge_again
 
     opened = _open(session)
-    result = make_evaluation(opened, load_or_estimate(opened, _filter_names(filters)))
-    result.save(opened.path)
+    result = judge_again(opened, _filter_names(filters))
     if json:
         say_json(result.to_dict())
     else:
@@ -307,12 +247,7 @@ def protocols(
     return _listing("protocols", "Protocols", list_protocols(), json)
 
 
-@app.command()
-def formats(json: JsonOption = False) -> None:
-    """List the file formats that can be imported."""
-    from testbench.formats import FORMATS
-
-    _listing("formats", "Formats", {name: entry.description for name, entry in FORMATS.items()}, json)
+app.command()(formats)
 
 
 @app.command()
@@ -350,7 +285,7 @@ def sessions(
             [
                 session.name,
                 session.manifest.get("kind"),
-                str(session.status),
+                "cut off" if session.status == "running" and not session.is_being_recorded else str(session.status),
                 outcome,
                 duration,
                 session.manifest["started_utc"],

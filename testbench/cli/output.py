@@ -98,6 +98,12 @@ def say_check(plan: Plan) -> None:
         say(f"warning: {warning}")
 
 
+def say_warnings(plan: Plan) -> None:
+    """What is doubtful about a plan, on stderr, before it is run."""
+    for warning in plan.check.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+
+
 def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> None:
     """The summary of a session."""
     judged = [m for m in evaluation.metrics if m.outcome is not None]
@@ -130,8 +136,8 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
             "At rest",
             ["sensor", "axis", "time [s]", "mean", "sd", "unit", "noise density", "unit", "bias instability", "unit"],
             [
-                [n.sensor, f"{n.quantity} {n.axis}", n.span_s, n.mean, n.sd, n.unit, n.noise_density, n.noise_density_unit, n.bias_instability,
-                 n.bias_instability_unit]
+                [n.sensor, f"{n.quantity} {n.axis}", n.span_s, n.mean, n.sd, n.unit, n.noise_density, n.noise_density_unit,
+                 n.bias_instability, n.bias_instability_unit]
                 for n in evaluation.noise
             ],
         )  # fmt: skip

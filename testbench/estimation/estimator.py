@@ -133,7 +133,10 @@ def _align(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth | Non
     known = (truth.host_time_ns >= begin) & (truth.host_time_ns <= step.end_ns) & np.isfinite(truth.q_world_from_sensor[:, 0])
     if not mine.any() or not known.any():
         return FrameFit(), "neither it nor the truth is known in the reference pose"
-    return fit_frames(q[mine], truth.q_world_from_sensor[known], method), None
+    warning = None
+    if step.role != "reference":
+        warning = f"without a reference section it was aligned in '{step.name}', of section {step.section}"
+    return fit_frames(q[mine], truth.q_world_from_sensor[known], method), warning
 
 
 def _align_by_motion(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth) -> tuple[FrameFit, str | None]:

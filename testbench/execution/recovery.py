@@ -14,10 +14,12 @@ def recover(session: Session) -> Session:
     """Make a cut-off session readable; one that was closed is returned as it is.
 
     Raises:
-        SessionError: The arm's journal is lost, so that there is no truth.
+        SessionError: It is still being recorded, or the arm's journal is lost, so that there is no truth.
     """
     if session.status is not RunStatus.RUNNING:
         return session
+    if session.is_being_recorded:
+        raise SessionError(f"{session.path} is still being recorded; stop that run first")
     path = session.path
     for journal in sorted(path.glob("*.arrows")):
         compact(journal, journal.with_suffix(".parquet"))

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from testbench.clock import Clock
-from testbench.exceptions import NotFoundError
-from testbench.formats.recording import Recording, write_recording
-from testbench.records.session import Session
+from testbench.exceptions import FileProblems, NotFoundError, Problem
 
-Reader = Callable[[list[Path]], Recording]
+if TYPE_CHECKING:
+    from testbench.clock import Clock
+    from testbench.formats.options import Options
+    from testbench.formats.recording import Recording
+    from testbench.formats.truth_options import TruthOptions
+    from testbench.records.session import Session
 
 
 @dataclass(frozen=True)
@@ -21,28 +24,86 @@ class Format:
 
     module: str
     description: str
+    with_options: bool = field(default=True)
 
-    def reader(self) -> Reader:
-        """The function `read(files)` of the format."""
-        function: Reader = import_module(self.module).read
-        return function
+    def read(self, files: list[Path], options: Options) -> Recording:
+        """Read files with the importer's own function `read`."""
+        function: Callable[..., Recording] = import_module(self.module).read
+        return function(files, options) if self.with_options else function(files)
 
 
 FORMATS = {
-    "broad": Format("testbench.formats.broad", "a BROAD trial (.mat or .hdf5): IMU and optical orientation at 285.7 Hz"),
+    "broad": Format(
+        "testbench.formats.broad", "a BROAD trial (.mat or .hdf5): IMU and optical orientation at 285.7 Hz", with_options=False
+    ),
+    "xsens_dot": Format(
+        "testbench.formats.xsens_dot", "Xsens DOT, CSV of the vendor's app in any payload mode, one file a sensor"
+    ),
+    "matrix": Format(
+        "testbench.formats.matrix", "MATRIX, CSV with dateTime, acc_x..z [g], gyr_x..z [deg/s], one file a sensor"
+    ),
+    "imu_tk": Format(
+        "testbench.formats.imu_tk", "a pair of text files (accelerometer, gyroscope) of time, x, y, z, raw counts or SI"
+    ),
+    "technaid": Format("testbench.formats.technaid", "Technaid Tech-IMU, CSV with one or more sensors"),
+    "shimmer": Format("testbench.formats.shimmer", "Shimmer, CSV or TSV exported by Consensys (calibrated columns)"),
+    "ngimu": Format("testbench.formats.ngimu", "x-io NGIMU, sensors.csv and quaternion.csv of one or more devices"),
+    "mtw": Format("testbench.formats.mtw", "Xsens MTw or MTi, text exported by MT Manager, one file a sensor"),
+    "mti_mat": Format("testbench.formats.mti_mat", "MATLAB file with arrays acc, gyr, mag (Xsens MTi and others)"),
+    "generic": Format("testbench.formats.generic", "any CSV, TSV or Parquet, by a mapping in YAML (--mapping)"),
 }
 
 
-def import_recording(name: str, files: list[Path], out: Path, clock: Clock) -> Session:
+def import_recording(
+    name: str,
+    files: list[Path],
+    out: Path,
+    clock: Clock,
+    options: Options | None = None,
+    truth: TruthOptions | None = None,
+    axes: str | None = None,
+) -> Session:
     """Turn foreign files into a session.
 
     Args:
         name: Of the format. files: To read. out: Folder of the session, to be made. clock: For the date.
+        options: Answers to what the files leave open. truth: Where the truth is, if not in the files. axes: Axis map for every
+            sensor, by name or as "x: -z, y: -y, z: -x".
 
     Raises:
         NotFoundError: No such format; lists those that exist.
+        InputError: Something is open or contradicts itself; says how to settle it. Nothing is written then.
         FileProblems: A file is not of this format; nothing is written then.
     """
+    from testbench.formats.axes import find_axes
+    from testbench.formats.options import Options
+    from testbench.formats.plausibility import check_units
+    from testbench.formats.recording import write_recording
+    from testbench.formats.remap import remap_axes
+
     if name not in FORMATS:
         raise NotFoundError("format", name, list(FORMATS))
-    return write_recording(FORMATS[name].reader()(files), files, name, out, clock)
+    _check_out(out)
+    options = options if options is not None else Options()
+    recording = FORMATS[name].read(files, options)
+    options.check_all_used(name)
+    for key, sensor in recording.sensors.items():
+        head = sensor.head()
+        if head is None or not len(head):
+            raise FileProblems(files[0], [Problem(f"sensor '{key}' has no samples")])
+        recording.notes += check_units(head, sensor.rate, key, options)
+    if axes is not None:
+        remap_axes(recording, find_axes(axes), axes)
+    if truth is not None:
+        from testbench.formats.truth_options import attach_truth
+
+        attach_truth(recording, truth)
+    return write_recording(recording, files, name, out, clock)
+
+
+def _check_out(out: Path) -> None:
+    """Refuse at once what would fail after a long read."""
+    from testbench.exceptions import SessionError
+
+    if out.exists():
+        raise SessionError(f"the session folder {out} cannot be made: it exists already")

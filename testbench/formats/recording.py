@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from testbench.clock import Clock
-from testbench.exceptions import BenchError, FileProblems, Problem
+from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.frames import NANOSECONDS
 from testbench.records.protocol import Analysis
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import RunStatus, Session
 from testbench.records.session_writer import SessionWriter
+from testbench.records.storage import ROWS_PER_GROUP, replace_synced
 
 IMU_NOTES = {
-    "content": "imported samples of an inertial sensor, in the sensor frame",
+    "content": "imported samples of an inertial sensor, in the sensor frame; NaN: the file does not hold the quantity",
     "device_q": "q_earth_from_sensor of the vendor's filter, w x y z, Hamilton",
     "units": "the suffix of each column; times in nanoseconds",
 }
@@ -33,14 +36,20 @@ class ImportedSensor:
     """One sensor of a recording.
 
     Attributes:
-        chunks: Its samples, in pieces that fit in memory; all pieces have the same columns. rate: Nominal [Hz].
-        description: For people. truth: What it went through, where the file says so.
+        chunks: Its samples, in pieces that fit in memory; all pieces have the same columns; can be gone through more than once.
+        rate: Nominal [Hz]. description: For people. truth: What it went through, where the file says so. details: Further
+        entries of the sensor in the manifest, such as scale factors.
     """
 
     chunks: Iterable[ImuSamples]
     rate: float
     description: str
     truth: Truth | None = None
+    details: dict[str, Any] = field(default_factory=dict)
+
+    def head(self) -> ImuSamples | None:
+        """The first chunk, None if there is none."""
+        return next(iter(self.chunks), None)
 
 
 @dataclass
@@ -62,21 +71,21 @@ class Recording:
 def write_recording(recording: Recording, files: list[Path], format_name: str, out: Path, clock: Clock) -> Session:
     """Write a session from a recording.
 
+    Nothing is kept that is not whole: whatever ends the import early also removes the folder, for the source still exists.
+
     Args:
         recording: What was read. files: Where it came from. format_name: Of these files. out: Folder to make.
         clock: For the date.
 
     Raises:
-        FileProblems: A file turns out to be malformed after its beginning; the folder is then removed again.
+        FileProblems: A file turns out to be malformed after its beginning.
+        SessionError: The folder exists, or the disk is full.
     """
-    first: dict[str, Iterator[ImuSamples]] = {}
     descriptions: dict[str, Any] = {}
     for name, sensor in recording.sensors.items():
-        chunks = iter(sensor.chunks)
-        head = next(chunks, None)  # fails here, before a folder is made, if the file is malformed at its beginning
+        head = sensor.head()  # fails here, before a folder is made, if the file is malformed at its beginning
         if head is None or len(head) == 0:
             raise FileProblems(files[0], [Problem(f"sensor '{name}' has no samples")])
-        first[name] = _chain(head, chunks)
         descriptions[name] = _describe(sensor, head)
     writer = SessionWriter(out, recording.analysis, descriptions, clock.utc(), {
         "kind": "import",
@@ -85,25 +94,48 @@ def write_recording(recording: Recording, files: list[Path], format_name: str, o
         "protocol": {"name": recording.name, "purpose": recording.purpose},
         "notes": recording.notes,
     })  # fmt: skip
-    begin, end = np.inf, -np.inf
+    begin, end, counts = np.inf, -np.inf, {}
     try:
-        for name, chunks in first.items():
-            opened = False
-            for chunk in chunks:
-                if not opened:
-                    columns = ImuSamples.columns(chunk.mag is not None, chunk.device_q is not None)
-                    writer.open_journal(f"imu_{name}", columns, IMU_NOTES)
-                    opened = True
-                writer.append(f"imu_{name}", chunk.to_columns())
-                begin, end = min(begin, chunk.host_time_ns[0]), max(end, chunk.host_time_ns[-1])
-            truth = recording.sensors[name].truth
-            if truth is not None:
-                writer.add_table(f"truth_{name}", truth.to_columns(), TRUTH_NOTES)
-        writer.close(RunStatus.COMPLETED, duration_s=float(end - begin) / NANOSECONDS)
-    except BenchError:
+        for name, sensor in recording.sensors.items():
+            counts[name], first, last = _write_samples(out / f"imu_{name}.parquet", iter(sensor.chunks))
+            begin, end = min(begin, first), max(end, last)
+            if sensor.truth is not None:
+                writer.add_table(f"truth_{name}", sensor.truth.to_columns(), TRUTH_NOTES)
+        writer.close(RunStatus.COMPLETED, duration_s=float(end - begin) / NANOSECONDS, samples=counts)
+    except OSError as error:
+        writer.discard()
+        raise SessionError(f"{out} cannot be written: {error.strerror or error}; nothing was kept") from None
+    except BaseException:
         writer.discard()
         raise
     return Session(out)
+
+
+def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, int]:
+    """Write chunks as one Parquet file as they come.
+
+    An import needs no journal: if it is cut off, it is made again.
+
+    Returns:
+        Number of rows, first and last host_time_ns.
+    """
+    head = next(chunks)
+    shape = (head.mag is not None, head.device_q is not None)
+    types = ImuSamples.columns(*shape)
+    metadata: Mapping[str, str] = IMU_NOTES
+    schema = pa.schema([(name, pa.from_numpy_dtype(dtype)) for name, dtype in types.items()], metadata=metadata)
+    partial = path.with_suffix(".partial")
+    count, last = 0, 0
+    with pq.ParquetWriter(partial, schema, compression="zstd") as file:
+        for chunk in _chain(head, chunks):
+            if (chunk.mag is not None, chunk.device_q is not None) != shape:
+                raise ValueError("an importer's chunks must all have the same columns")
+            columns = chunk.to_columns()
+            arrays = [pa.array(columns[name], type=schema.field(name).type) for name in schema.names]
+            file.write_table(pa.Table.from_arrays(arrays, schema=schema), row_group_size=ROWS_PER_GROUP)
+            count, last = count + len(chunk), int(chunk.host_time_ns[-1])
+    replace_synced(partial, path)
+    return count, int(head.host_time_ns[0]), last
 
 
 def _chain(head: ImuSamples, chunks: Iterator[ImuSamples]) -> Iterator[ImuSamples]:
@@ -118,4 +150,5 @@ def _describe(sensor: ImportedSensor, head: ImuSamples) -> dict[str, Any]:
         "rate_hz": sensor.rate,
         "magnetometer": head.mag is not None,
         "orientation": head.device_q is not None,
+        **sensor.details,
     }

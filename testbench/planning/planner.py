@@ -52,7 +52,7 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
         raise protocol.document.problem("nothing moves and nothing dwells: the protocol lasts no time", "sections")
     trajectory = builder.trajectory()
     check = check_plan(robot, protocol, trajectory, steps)
-    check = replace(check, warnings=segment_frame_warnings(robot, protocol, trajectory, steps))
+    check = replace(check, warnings=robot.spec.assumptions + segment_frame_warnings(robot, protocol, trajectory, steps))
     return Plan(protocol, robot, trajectory, steps, check)
 
 

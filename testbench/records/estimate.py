@@ -210,6 +210,13 @@ class Estimate:
             SessionError: It is missing or damaged.
         """
         folder = session_folder / FOLDER
+        try:
+            return Estimate._load(folder)
+        except (KeyError, TypeError) as error:
+            raise SessionError(f"{folder} was written by another version; run `testbench estimate` again ({error})") from None
+
+    @staticmethod
+    def _load(folder: Path) -> Estimate:
         summary = read_json(folder / "estimate.json")
         if summary.get("schema_version") != SCHEMA_VERSION:
             raise SessionError(f"{folder} has schema {summary.get('schema_version')}; this version reads {SCHEMA_VERSION}")

@@ -170,6 +170,14 @@ class Evaluation:
             raise SessionError(
                 f"{session_folder / FILE} has schema {data.get('schema_version')}; this version reads {SCHEMA_VERSION}"
             )
+        try:
+            return Evaluation._from_dict(data, session_folder)
+        except (KeyError, TypeError) as error:
+            file = session_folder / FILE
+            raise SessionError(f"{file} was written by another version; run `testbench evaluate` again ({error})") from None
+
+    @staticmethod
+    def _from_dict(data: dict[str, Any], session_folder: Path) -> Evaluation:
         series = {path.stem: read_parquet(path) for path in sorted((session_folder / FOLDER).glob("*.parquet"))}
         return Evaluation(
             data["session"],

@@ -89,6 +89,7 @@ class RobotSpec(StrictModel):
     collision: Collision = Field(default_factory=Collision)
     servo: Servo = Field(default_factory=Servo)
     rates: Rates = Field(default_factory=Rates)
+    assumptions: list[str] = Field(default=[], description="What was filled in without a source; shown with every plan.")
 
     @model_validator(mode="after")
     def _home_fits(self) -> RobotSpec:

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from testbench.exceptions import FileProblems, Problem
-from testbench.records.robot import CatalogueEntry, Robot, RobotSpec
+from testbench.records.robot import CatalogueEntry, Robot, RobotSpec, Servo
 
 TIME_TO_FULL_SPEED = 0.25
 """Assumed time to reach full speed, and full acceleration [s]; gentle for a cobot, whose makers state about 0.1 to 0.3 s."""
@@ -54,6 +54,11 @@ def robot_from_urdf(path: Path, name: str | None = None, entry: CatalogueEntry |
         "description": entry.description if entry else f"from {path.name}",
         "urdf": str(path),
         "joints": joints,
+        "assumptions": [
+            f"{path.name} states no acceleration, jerk, servo or floor: full speed in {TIME_TO_FULL_SPEED} s, a servo of "
+            f"{Servo().natural_frequency_hz:g} Hz and no floor are assumed"
+            + ("" if entry else ", and home in the middle of each joint's range")
+        ],
         "home_deg": home,
     }
     return Robot(RobotSpec.model_validate(data), path.resolve(), yaml.safe_dump(data, sort_keys=False))

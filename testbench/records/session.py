@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 from dataclasses import dataclass
@@ -86,6 +87,18 @@ class Session:
         except (KeyError, ValidationError) as error:
             raise SessionError(f"{self.path / MANIFEST}: the analysis is damaged: {error}") from None
 
+    @property
+    def is_being_recorded(self) -> bool:
+        """Whether a living process still writes it."""
+        if self.status is not RunStatus.RUNNING or not (self.path / EVENTS).is_file():
+            return False
+        with (self.path / EVENTS).open("r", encoding="utf-8") as events:
+            try:
+                fcntl.flock(events, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return True
+        return False
+
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 of the manifest, which holds the hashes of every raw file and what to compute from them."""
@@ -166,6 +179,8 @@ class Session:
         return steps
 
     def _check_closed(self) -> None:
+        if self.is_being_recorded:
+            raise SessionError(f"{self.path} is still being recorded")
         if any(self.path.glob("*.arrows")):
             raise SessionError(
                 f"{self.path} was cut off while it was recorded; `testbench recover {self.path}` makes it readable"

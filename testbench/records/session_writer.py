@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import platform
@@ -60,6 +61,7 @@ class SessionWriter:
         }
         self._journals: dict[str, Journal] = {}
         self._events = (path / EVENTS).open("w", encoding="utf-8")
+        fcntl.flock(self._events, fcntl.LOCK_EX)  # held while this process lives: nobody recovers a running session
         self._write_manifest()
 
     def add_text(self, name: str, text: str) -> None:

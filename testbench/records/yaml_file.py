@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -89,7 +90,7 @@ def load_yaml(file: str | Path, record: type[Record]) -> YamlDocument[Record]:
     try:
         value = record.model_validate(data)
     except ValidationError as error:
-        raise FileProblems(file, few(validation_problems(error, places))) from None
+        raise FileProblems(file, few(validation_problems(error, places, record=record))) from None
     return YamlDocument(value, text, file, places)
 
 
@@ -215,15 +216,40 @@ def few(problems: list[Problem]) -> list[Problem]:
     return problems if more <= 0 else [*problems[:MOST_PROBLEMS], Problem(f"and {more} more problems")]
 
 
-def validation_problems(error: ValidationError, places: dict[Location, tuple[int, int]], *prefix: Any) -> list[Problem]:
+def _allowed_keys(record: type[BaseModel], path: Location) -> str:
+    """What may stand where an unknown key does, the likeliest first."""
+    models = [record]
+    for part in path[:-1]:
+        annotations = [model.model_fields[part].annotation for model in models if part in model.model_fields]
+        if annotations:
+            models = [found for annotation in annotations for found in _models_in(annotation)]
+    keys = sorted({key for model in models for key in model.model_fields})
+    near = get_close_matches(str(path[-1]), keys, 1)
+    return (f"; did you mean '{near[0]}'?" if near else "") + (f"; allowed: {', '.join(keys)}" if keys else "")
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    """The models that a type mentions."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [found for argument in get_args(annotation) for found in _models_in(argument)]
+
+
+def validation_problems(
+    error: ValidationError, places: dict[Location, tuple[int, int]], *prefix: Any, record: type[BaseModel] | None = None
+) -> list[Problem]:
     """Each fault of a record once, in the order of the file.
 
     Args:
-        error: What pydantic found. places: Of the file. prefix: Path of the record in the file.
+        error: What pydantic found. places: Of the file. prefix: Path of the record in the file. record: The model, so that an
+        unknown key can be answered with those it has.
     """
     problems, seen = [], set()
     for fault in error.errors(include_url=False, include_context=True):
-        found = locate(places, (*prefix, *fault["loc"]), _message(fault))
+        message = _message(fault)
+        if fault["type"] == "extra_forbidden" and record is not None:
+            message += _allowed_keys(record, fault["loc"])
+        found = locate(places, (*prefix, *fault["loc"]), message)
         if (found.message, found.line, found.path) not in seen:
             seen.add((found.message, found.line, found.path))
             problems.append(found)

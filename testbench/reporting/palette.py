@@ -7,13 +7,21 @@ COLOURS = (
 )  # fmt: skip
 """Contrast of at least 3 to 1 against #ffffff and #14171c each; neighbours differ in hue and lightness."""
 
+USUAL = ("device", "vqf_6d", "vqf_9d", "fusion", "madgwick_imu", "vqf_offline")
+"""Filters whose colour is the same in every report."""
+
 REFERENCE = "#868e99"
 """Truth and published results."""
 
 
 def filter_colours(filters: list[str]) -> dict[str, str]:
-    """Colour of each filter, in the order given; beyond ten they repeat."""
-    return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(dict.fromkeys(filters))}
+    """Colour of each filter: those of `USUAL` always have their own, others take what is left; beyond ten they repeat."""
+    names = list(dict.fromkeys(filters))
+    taken = {name: COLOURS[i] for i, name in enumerate(USUAL) if name in names}
+    free = [colour for colour in COLOURS if colour not in taken.values()] or list(COLOURS)
+    others = [name for name in names if name not in taken]
+    colours = taken | {name: free[i % len(free)] for i, name in enumerate(others)}
+    return {name: colours[name] for name in names}
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

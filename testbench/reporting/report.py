@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -73,7 +74,7 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
         simulated=is_simulated(session),
         facts=facts(session),
-        tiles=_tiles(evaluation),
+        tiles=_tiles(evaluation, {name: joint.sequence for name, joint in session.analysis.joints.items()}),
         sections=sections,
         has_figures=any(isinstance(block, Figures) for section in sections for block in section.blocks),
     )
@@ -106,13 +107,16 @@ def section_spans(session: Session) -> list[Span]:
     return spans
 
 
-def _tiles(evaluation: Evaluation | None) -> list[Tile]:
-    """The best result of each joint and of each sensor."""
+def _tiles(evaluation: Evaluation | None, sequences: Mapping[str, str]) -> list[Tile]:
+    """The best result of each joint, in its own Euler sequence, and of each sensor."""
     tiles: list[Tile] = []
     if evaluation is None:
         return tiles
     for joint in dict.fromkeys(row.joint for row in evaluation.joint_angle):
-        found = [m for m in evaluation.metrics if m.name == f"{joint}.flexion_mean_abs_error_deg" and m.value is not None]
+        found = [
+            m for m in evaluation.metrics
+            if m.name == f"{joint}.flexion_mean_abs_error_deg" and m.value is not None and m.sequence == sequences.get(joint)
+        ]  # fmt: skip
         for section in dict.fromkeys(metric.section for metric in found):
             own = [metric for metric in found if metric.section == section]
             best, worst = (pick(own, key=lambda metric: metric.value or 0.0) for pick in (min, max))

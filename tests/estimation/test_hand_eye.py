@@ -78,7 +78,7 @@ def test_without_enough_motion_only_the_heading_is_taken():
     sensor = np.tile(Rotation.from_euler("Z", 1.0).as_quat(scalar_first=True), (50, 1))
     fit, warning = fit_frames_by_motion(sensor, body, 1.0)
     assert fit.method == "heading"
-    assert fit.heading_deg == pytest.approx(np.degrees(0.7))
+    assert fit.heading_deg == pytest.approx(np.degrees(-0.7))
     assert warning is not None
 
 

@@ -131,7 +131,7 @@ class SimulatedArm(Arm):
 
 
 def _servo_update(robot: Robot, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Exact discrete form of the servo for a reference that is linear between instants (Franklin et al. 1998, section 4.3)."""
+    """Exact discrete form of the servo for a reference that is linear between instants (Franklin et al. 1998, section 6.3)."""
     omega, damping = 2 * np.pi * robot.spec.servo.natural_frequency_hz, robot.spec.servo.damping_ratio
     A = np.array([[0.0, 1.0], [-(omega**2), -2 * damping * omega]])
     B = np.array([[0.0], [omega**2]])

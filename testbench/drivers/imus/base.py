@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from testbench.records.samples import ImuSamples
+from testbench.records.session import Event
 
 
 class Imu(ABC):
@@ -34,3 +35,7 @@ class Imu(ABC):
     @abstractmethod
     def describe(self) -> dict[str, Any]:
         """What the manifest should say of this sensor."""
+
+    def events(self) -> list[Event]:
+        """What happened to the device since the last call, such as a lost connection; nothing by default."""
+        return []

@@ -1,0 +1,206 @@
+"""The commands `import` and `formats`: recordings of others."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from testbench.cli.output import say, say_json, say_table
+
+if TYPE_CHECKING:
+    from testbench.formats.truth_options import TruthOptions
+    from testbench.records.strict import Placement
+
+TRUTH_PANEL = "Truth from a file of its own"
+OPEN_PANEL = "What the files leave open"
+
+
+class JointUnit(StrEnum):
+    """Unit of joint angles."""
+
+    deg = "deg"
+    rad = "rad"
+
+
+def _complete_format(incomplete: str) -> list[str]:
+    from testbench.formats import FORMATS
+
+    return [name for name in FORMATS if name.startswith(incomplete)]
+
+
+def _complete_robot(incomplete: str) -> list[str]:
+    from testbench.records.robot import list_robots
+
+    return [name for name in list_robots() if name.startswith(incomplete)]
+
+
+def import_files(
+    format_name: Annotated[
+        str,
+        typer.Argument(
+            metavar="FORMAT", help="Format of the files; `testbench formats` lists them.", autocompletion=_complete_format
+        ),
+    ],
+    files: Annotated[list[Path], typer.Argument(help="Files to read.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder of the session, to be made.")],
+    mapping: Annotated[
+        str | None,
+        typer.Option("--mapping", help="Of the generic format: a YAML file, or one that ships.", rich_help_panel=OPEN_PANEL),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="HZ", help="Sampling rate, where the files do not tell.", rich_help_panel=OPEN_PANEL),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--unit", metavar="WHAT=UNIT", help="acc=g, gyr=rad/s, mag=uT: how to read it.", rich_help_panel=OPEN_PANEL
+        ),
+    ] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option("--axes", help="Sensor axes: a map that ships, or 'x: -z, y: -y, z: -x'.", rich_help_panel=OPEN_PANEL),
+    ] = None,
+    truth: Annotated[
+        Path | None, typer.Option("--truth", help="A robot's joint log or poses, or orientations.", rich_help_panel=TRUTH_PANEL)
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", help="The arm whose log it is.", rich_help_panel=TRUTH_PANEL, autocompletion=_complete_robot),
+    ] = None,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--link", metavar="[SENSOR=]LINK", help="Link of the arm that carries a sensor.", rich_help_panel=TRUTH_PANEL
+        ),
+    ] = None,
+    mounting: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--mounting",
+            metavar="[SENSOR=]MAP",
+            help="Sensor in the link, e.g. 'rotation_deg: {ZYX: [0, 90, 0]}, position_mm: [0, 0, 25]'.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
+    ] = None,
+    dwell: Annotated[
+        float | None,
+        typer.Option("--dwell", metavar="S", help="How long each listed pose is held.", rich_help_panel=TRUTH_PANEL),
+    ] = None,
+    move: Annotated[
+        float | None,
+        typer.Option(
+            "--move", metavar="S", help="How long each move takes; else found in the samples.", rich_help_panel=TRUTH_PANEL
+        ),
+    ] = None,
+    truth_offset: Annotated[
+        float, typer.Option("--truth-offset", metavar="S", help="Added to the log's times.", rich_help_panel=TRUTH_PANEL)
+    ] = 0.0,
+    truth_rate: Annotated[
+        float | None, typer.Option("--truth-rate", metavar="HZ", help="Of a log without times.", rich_help_panel=TRUTH_PANEL)
+    ] = None,
+    joint_unit: Annotated[
+        JointUnit | None, typer.Option("--joint-unit", help="Of the joint angles.", rich_help_panel=TRUTH_PANEL)
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+) -> None:
+    """Turn a foreign recording into a session."""
+    from testbench.clock import SystemClock
+    from testbench.exceptions import InputError
+    from testbench.formats import import_recording
+    from testbench.formats.options import Options
+
+    options = Options(mapping, rate, dict(_pair("--unit", text) for text in unit or []))
+    wanted = None
+    if truth is not None:
+        wanted = _truth(truth, robot, link or [], mounting or [], dwell, move, truth_offset, truth_rate, joint_unit)
+    elif robot or link or mounting or dwell or move or truth_rate or joint_unit:
+        raise InputError(
+            "--robot, --link, --mounting, --dwell, --move, --truth-rate and --joint-unit describe the file of --truth"
+        )
+    session = import_recording(format_name, files, out, SystemClock(), options, wanted, axes)
+    manifest = session.manifest
+    if json:
+        say_json(
+            {
+                "session": str(session.path),
+                "samples": manifest["samples"],
+                "rate_hz": {name: sensor["rate_hz"] for name, sensor in manifest["sensors"].items()},
+                "duration_s": manifest["duration_s"],
+                "notes": manifest["notes"],
+            }
+        )
+        return
+    for name, count in manifest["samples"].items():
+        say(f"{name}: {count} samples at {manifest['sensors'][name]['rate_hz']:g} Hz")
+    for note in manifest["notes"]:
+        say(f"note: {note}")
+    say(f"duration: {manifest['duration_s']:.1f} s")
+    say(f"session: {session.path}")
+
+
+def formats(json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False) -> None:
+    """List the file formats that can be imported, the mappings and the axis maps that ship."""
+    from testbench.formats import FORMATS
+    from testbench.formats.axes import axis_presets
+    from testbench.formats.mapping import find_mapping, list_mappings
+
+    listings = {
+        "formats": {name: entry.description for name, entry in FORMATS.items()},
+        "mappings": {name: find_mapping(name).value.description for name in list_mappings()},
+        "axes": {name: f"x: {a.x}, y: {a.y}, z: {a.z}. {a.description}" for name, a in axis_presets().items()},
+    }
+    if json:
+        say_json({key: [{"name": name, "description": text} for name, text in rows.items()] for key, rows in listings.items()})
+        return
+    titles = {"formats": "Formats", "mappings": "Mappings of the generic format (--mapping)", "axes": "Axis maps (--axes)"}
+    for key, rows in listings.items():
+        say_table(titles[key], ["name", "description"], [[name, text] for name, text in rows.items()])
+
+
+def _pair(option: str, text: str) -> tuple[str, str]:
+    from testbench.exceptions import InputError
+
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        raise InputError(f"{option} {text}: write it as {'WHAT=UNIT, e.g. acc=g' if option == '--unit' else 'SENSOR=...'}")
+    return key.strip(), value.strip()
+
+
+def _truth(
+    file: Path,
+    robot: str | None,
+    links: list[str],
+    mountings: list[str],
+    dwell: float | None,
+    move: float | None,
+    offset: float,
+    rate: float | None,
+    joint_unit: JointUnit | None,
+) -> TruthOptions:
+    from testbench.formats.truth_options import TruthOptions
+
+    by_sensor = dict(_pair("--link", text) if "=" in text else ("", text) for text in links)
+    placements = dict(_placement(text) for text in mountings)
+    return TruthOptions(file, robot, by_sensor, placements, dwell, move, offset, rate, joint_unit.value if joint_unit else None)
+
+
+def _placement(text: str) -> tuple[str, Placement]:
+    """Sensor ("" for all) and mounting, from `[SENSOR=]rotation_deg: {...}, position_mm: [...]`."""
+    from pydantic import ValidationError
+
+    from testbench.exceptions import FileProblems, InputError
+    from testbench.records.strict import Placement
+    from testbench.records.yaml_file import parse_yaml, validation_problems
+
+    sensor, equals, rest = text.partition("=")
+    sensor, rest = (sensor.strip(), rest) if equals else ("", text)
+    place = Path("--mounting")
+    data, places = parse_yaml(rest if rest.strip().startswith("{") else f"{{{rest}}}", place)
+    try:
+        return sensor, Placement.model_validate(data)
+    except ValidationError as error:
+        raise InputError(str(FileProblems(place, validation_problems(error, places)))) from None

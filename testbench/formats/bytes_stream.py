@@ -1,0 +1,165 @@
+"""The bytes of a text file from a given line on, checked as they pass: encoding, zero bytes, runaway lines."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from testbench.exceptions import FileProblems, Problem
+
+LONGEST_LINE = 1_000_000
+"""Bytes; a longer one is no row of a table."""
+BLOCK = 1 << 22
+_KNOWN_BINARY = {
+    b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "a gzip archive",
+    b"\x89HDF": "an HDF5 file", b"MATLAB 5": "a MATLAB file",
+    b"PAR1": "a Parquet file", b"%PDF": "a PDF", b"\xd0\xcf\x11\xe0": "an old spreadsheet", b"ARROW1": "an Arrow file",
+    b"\x89PNG": "a picture", b"{\\rtf": "a word processor's file", b"\xfa\xff": "a binary Xsens log (.mtb)",
+}  # fmt: skip
+
+
+class LineStream(io.RawIOBase):
+    """A binary file object over the rows of a text file, always in UTF-8.
+
+    Args:
+        file: To read. encoding: Of the file. skip: Lines to leave out at the beginning. squeeze: Turn runs of blanks into
+            single spaces, and drop those at the ends of lines.
+    """
+
+    def __init__(self, file: Path, encoding: str, skip: int = 0, squeeze: bool = False):
+        super().__init__()
+        self._path, self._encoding, self._squeeze = file, encoding, squeeze
+        self._decoder = codecs.getincrementaldecoder(encoding)()
+        self._ascii_like = codecs.lookup(encoding).name in {"utf-8", "utf-8-sig", "iso8859-1", "cp1252", "ascii", "iso8859-15"}
+        self._clean = True  # the decoder holds no part of a character
+        self._file = file.open("rb")
+        self._lines, self._out, self._held, self._ended = 0, b"", b"", False
+        self._skip(skip)
+
+    def readable(self) -> bool:
+        return True
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
+        while not self._out and not self._ended:
+            self._out = self._next()
+        count = min(len(buffer), len(self._out))
+        buffer[:count] = self._out[:count]
+        self._out = self._out[count:]
+        return count
+
+    def read(self, size: int = -1) -> bytes:
+        if size < 0:
+            return b"".join(iter(lambda: self.read(BLOCK), b""))
+        while not self._out and not self._ended:
+            self._out = self._next()
+        piece, self._out = self._out[:size], self._out[size:]
+        return piece
+
+    def lines(self) -> Iterator[str]:
+        """The lines, without their ends."""
+        held = b""
+        while block := self.read(BLOCK):
+            *whole, held = (held + block).split(b"\n")
+            for line in whole:
+                yield line.decode("utf-8").rstrip("\r")
+            if len(held) > LONGEST_LINE:
+                raise self._refuse(f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of samples")
+        if held:
+            yield held.decode("utf-8").rstrip("\r")
+
+    def _skip(self, count: int) -> None:
+        for _ in range(count):
+            while b"\n" not in self._out and not self._ended:
+                self._out += self._next()
+                if len(self._out) > LONGEST_LINE + 2 * BLOCK:
+                    raise self._refuse("a line of the header is too long; this is not a table of samples")
+            _, _, self._out = self._out.partition(b"\n")
+
+    def _next(self) -> bytes:
+        """The next piece in UTF-8; empty at the end, or when a piece holds nothing but blanks."""
+        raw = self._file.read(BLOCK)
+        if not raw:
+            self._ended = True
+            self._decode(b"", final=True)
+            result, self._held = self._held, b""
+            return self._squeezed(result) if self._squeeze else result
+        text = self._decode(raw)
+        if b"\0" in text:
+            raise self._refuse("holds zero bytes: this is not text", self._line_of(text, text.index(b"\0")))
+        self._lines += text.count(b"\n")
+        if not self._squeeze:
+            return text
+        whole, newline, rest = (self._held + text).rpartition(b"\n")
+        self._held = rest
+        if len(rest) > LONGEST_LINE:
+            raise self._refuse(f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of samples")
+        return self._squeezed(whole + newline)
+
+    def _decode(self, raw: bytes, final: bool = False) -> bytes:
+        if self._ascii_like and self._clean and raw.isascii():
+            return raw
+        try:
+            text = self._decoder.decode(raw, final)
+        except UnicodeDecodeError as error:
+            line = self._lines + error.object[: error.start].count(b"\n") + 1
+            shown = " ".join(f"0x{byte:02X}" for byte in error.object[error.start : error.start + 3])
+            raise self._refuse(
+                f"the bytes {shown} are not {self._encoding} text; save the file in one encoding", line
+            ) from None
+        state = self._decoder.getstate()
+        self._clean = not state[0] and self._encoding != "utf-8-sig"
+        return text.encode("utf-8")
+
+    @staticmethod
+    def _squeezed(text: bytes) -> bytes:
+        text = re.sub(rb"[ \t\r]+", b" ", text)
+        text = text.replace(b"\n ", b"\n").replace(b" \n", b"\n")
+        return text[1:] if text[:1] == b" " else text
+
+    def _line_of(self, text: bytes, position: int) -> int:
+        return self._lines + text.count(b"\n", 0, position) + 1
+
+    def _refuse(self, message: str, line: int | None = None) -> FileProblems:
+        return FileProblems(self._path, [Problem(message, line=line)])
+
+
+def check_readable(file: Path) -> None:
+    """Refuse what cannot be a text file.
+
+    Raises:
+        FileProblems: Missing, a folder, unreadable, empty, or of a known binary kind.
+    """
+
+    def refuse(message: str) -> FileProblems:
+        return FileProblems(file, [Problem(message)])
+
+    if not file.exists():
+        raise refuse("the file does not exist")
+    if not file.is_file():
+        raise refuse("this is not a file")
+    try:
+        with file.open("rb") as stream:
+            head = stream.read(16)
+    except OSError as error:
+        raise refuse(f"cannot be read: {error.strerror}") from None
+    if not head:
+        raise refuse("the file is empty")
+    for magic, what in _KNOWN_BINARY.items():
+        if head.startswith(magic):
+            raise refuse(f"this is {what}, not a text file")
+
+
+def encoding_of(file: Path) -> str:
+    """UTF-8, or UTF-16 where the file begins with its mark; nothing is guessed from the content."""
+    with file.open("rb") as stream:
+        head = stream.read(4)
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    return "utf-8-sig" if head.startswith(codecs.BOM_UTF8) else "utf-8"

@@ -1,0 +1,161 @@
+"""Exporters: a session and what was estimated from it, in the formats that other programs read; docs/exports.md."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from testbench.exceptions import BenchError, InputError, NotFoundError
+from testbench.formats.exporters.source import TRUTH, ExportSource, Frame
+from testbench.formats.exporters.writing import check_target, written_whole
+from testbench.records.session import Session
+
+FOLDER = "export"
+"""Folder of a session that exports go to unless another place is named."""
+
+Writer = Callable[[ExportSource, Path], list[str]]
+"""Writes at a path what the source holds; returns notes: sentences on what the file does not show by itself."""
+
+
+@dataclass(frozen=True)
+class ExportFormat:
+    """A format that sessions can be exported to.
+
+    Attributes:
+        module: Where its `write(source, path)` lives; None where the caller brings the writer, as for the viewer's recordings.
+        suffix: Of the file; empty where the format is a folder of tables. description: A line for people.
+        one_filter: Whether it holds the orientation of one filter only. extra: Extra of this package that brings its library.
+    """
+
+    module: str | None
+    suffix: str
+    description: str
+    one_filter: bool = False
+    extra: str | None = None
+
+    @property
+    def is_folder(self) -> bool:
+        return not self.suffix
+
+    def writer(self) -> Writer:
+        """The function that writes it.
+
+        Raises:
+            InputError: A library that it needs is not installed; names the extra that brings it.
+        """
+        assert self.module is not None
+        try:
+            function: Writer = import_module(self.module).write
+        except ModuleNotFoundError as error:
+            if self.extra is None or not error.name or error.name.startswith("testbench"):
+                raise
+            raise InputError(
+                f"the package '{error.name.split('.')[0]}' is not installed; the extra '{self.extra}' brings it: "
+                f"pip install 'imu-testbench[{self.extra}]'"
+            ) from None
+        return function
+
+
+EXPORTS = {
+    "csv": ExportFormat("testbench.formats.exporters.csv_tables", "", "a folder of tables as comma-separated text"),
+    "parquet": ExportFormat("testbench.formats.exporters.parquet_tables", "", "the same tables as Parquet"),
+    "mcap": ExportFormat(
+        "testbench.formats.exporters.mcap_file", ".mcap", "ROS 2 messages, for Foxglove, rerun, ROS", True, "mcap"
+    ),
+    "sto": ExportFormat("testbench.formats.exporters.opensim_sto", ".sto", "sensor orientations for OpenSim's OpenSense", True),
+    "mot": ExportFormat("testbench.formats.exporters.opensim_mot", ".mot", "joint angles in degrees for OpenSim", True),
+    "mat": ExportFormat("testbench.formats.exporters.matlab", ".mat", "one struct for MATLAB and Octave"),
+    "rrd": ExportFormat(None, ".rrd", "what the viewer shows, for rerun"),
+}
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What an export came to.
+
+    Attributes:
+        path: The file or folder. filters: Whose estimates it holds. notes: Sentences on what the file does not show by itself.
+    """
+
+    path: Path
+    filters: list[str]
+    notes: list[str]
+
+
+def export_format(name: str) -> ExportFormat:
+    """A format by name.
+
+    Raises:
+        NotFoundError: No such format; lists those that exist.
+    """
+    if name not in EXPORTS:
+        raise NotFoundError("export format", name, list(EXPORTS))
+    return EXPORTS[name]
+
+
+def check_options(name: str, filter_name: str | None, frame: Frame) -> None:
+    """Refuse options that a format has no use for, rather than pass over them.
+
+    Raises:
+        InputError: Says which.
+    """
+    export_format(name)
+    if name == "rrd" and filter_name is not None:
+        raise InputError("an export to rrd shows every filter; it takes no --filter")
+    if name != "sto" and frame != "opensim":
+        raise InputError(f"--frame is for exports to sto; orientations exported to {name} are in the world, z up")
+
+
+def prepare_export(name: str, session: Session, out: Path | None, force: bool) -> Path:
+    """Where an export goes, once it is known that it may go there; writes nothing.
+
+    Args:
+        name: Of the format. session: The recording. out: File or folder to write; one in the session's folder if None.
+        force: Whether an earlier export may be replaced.
+
+    Raises:
+        InputError: The place is taken or does not suit the format, or a library is missing.
+    """
+    kind = export_format(name)
+    if kind.module is not None:
+        kind.writer()
+    path = out if out is not None else session.path / FOLDER / (f"{session.name}{kind.suffix}" if kind.suffix else name)
+    check_target(path, name, kind.suffix, session, force)
+    return path
+
+
+def write_export(name: str, source: ExportSource, path: Path, writer: Writer | None = None) -> Exported:
+    """Write an export in one step: what is found under its name is whole.
+
+    Args:
+        name: Of the format. source: What to write. path: As `prepare_export` gave it. writer: Of a format that brings none.
+
+    Raises:
+        InputError: The session lacks what the format needs, or the place cannot be written to.
+    """
+    kind = export_format(name)
+    write = writer or kind.writer()
+    try:
+        with written_whole(path, kind.is_folder) as partial:
+            notes = write(source, partial)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    except MemoryError:
+        raise BenchError(f"{path}: there is not enough memory for this export") from None
+    return Exported(path, [source.filter] if kind.one_filter else source.filters, notes)
+
+
+__all__ = [
+    "EXPORTS",
+    "TRUTH",
+    "ExportFormat",
+    "ExportSource",
+    "Exported",
+    "Frame",
+    "check_options",
+    "export_format",
+    "prepare_export",
+    "write_export",
+]

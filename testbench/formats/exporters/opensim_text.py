@@ -1,0 +1,56 @@
+"""The text files of OpenSim: a header of keys, then columns of numbers separated by tabs, time first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from testbench.exceptions import InputError
+from testbench.formats.exporters.source import WIDEST_GAP_NS
+from testbench.frames import NANOSECONDS
+
+
+def write_text(path: Path, header: list[str], columns: list[str], time_ns: np.ndarray, texts: str, values: np.ndarray) -> None:
+    """Write one file.
+
+    Args:
+        path: Of the file. header: Its lines up to `endheader`. columns: Names, without the time. time_ns: Shape (n,).
+        texts: The numbers of a row after the time, as a format string. values: Those numbers, shape (n, k).
+    """
+    line = "%.9f\t" + texts + "\n"
+    rows = np.column_stack([time_ns / NANOSECONDS, values + 0.0]).tolist()  # + 0.0: no negative zeros
+    with path.open("w", encoding="ascii", errors="replace", newline="\n") as file:
+        file.write("\n".join([*header, "endheader", "\t".join(["time", *columns])]) + "\n")
+        file.writelines(line % tuple(row) for row in rows)
+
+
+def data_rate(time_ns: np.ndarray) -> float:
+    """Median rate of instants [Hz]; 0 for fewer than two."""
+    return NANOSECONDS / float(np.median(np.diff(time_ns))) if len(time_ns) > 1 else 0.0
+
+
+def overlap(times: dict[str, np.ndarray]) -> slice:
+    """Rows of the first series that lie between the first and the last instant of every series.
+
+    Raises:
+        InputError: There are none.
+    """
+    first = next(iter(times.values()))
+    if all(len(time) for time in times.values()):
+        begin, end = max(time[0] for time in times.values()), min(time[-1] for time in times.values())
+        rows = slice(*np.searchsorted(first, [begin, end + 1]).tolist())
+        if rows.start < rows.stop:
+            return rows
+    raise InputError(f"there is no instant at which {' and '.join(times)} are all known")
+
+
+def gap_notes(times: dict[str, np.ndarray], begin: int, end: int) -> list[str]:
+    """A sentence for each series with gaps between two instants, across which its values are interpolated."""
+    notes = []
+    for name, time in times.items():
+        gaps = np.diff(time[(time >= begin) & (time <= end)]) / NANOSECONDS
+        wide = gaps[gaps > WIDEST_GAP_NS / NANOSECONDS]
+        if len(wide):
+            notes.append(f"{name}: {len(wide)} gaps of up to {wide.max():.2f} s are bridged by interpolation")
+    return notes

@@ -1,0 +1,208 @@
+"""What an exporter draws from: a session, its estimate, and the filter and frame that were asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
+from typing import Literal
+
+import numpy as np
+
+from testbench.exceptions import InputError
+from testbench.model import rotation
+from testbench.model.joint_angle import joint_angles, segment_orientation
+from testbench.records.estimate import Estimate
+from testbench.records.protocol import FlexionAngle
+from testbench.records.samples import ArmSamples, ImuSamples, Truth
+from testbench.records.session import Session
+
+TRUTH = "truth"
+"""In place of a filter's name: the orientation by the arm's kinematics, or by the reference system of an import."""
+
+WIDEST_GAP_NS = 200_000_000
+"""Across a longer gap nothing is interpolated in tables; files that need a value at every instant say so in a note [ns]."""
+
+INDEX = {"first": 0, "second": 1, "third": 2}
+
+Frame = Literal["opensim", "world"]
+
+
+@dataclass(frozen=True)
+class ExportSource:
+    """What to export.
+
+    Attributes:
+        session: The recording. estimate: What was computed from it. wanted: Filter that was asked for, or None.
+        frame: Of orientations for OpenSim: its ground (y up) or the world (z up).
+    """
+
+    session: Session
+    estimate: Estimate
+    wanted: str | None = None
+    frame: Frame = "opensim"
+
+    @cached_property
+    def imus(self) -> dict[str, ImuSamples]:
+        """Raw samples by sensor."""
+        return {name: self.session.imu(name) for name in self.session.sensor_names}
+
+    @cached_property
+    def truths(self) -> dict[str, Truth | None]:
+        """Truth by sensor."""
+        return {name: self.session.truth(name) for name in self.session.sensor_names}
+
+    @cached_property
+    def arm(self) -> ArmSamples | None:
+        """What the arm reported."""
+        return self.session.arm()
+
+    @property
+    def sensor_names(self) -> list[str]:
+        """Those that were estimated."""
+        return [name for name in self.session.sensor_names if name in self.estimate.sensors]
+
+    @cached_property
+    def filters(self) -> list[str]:
+        """Filters whose estimates an export of all of them holds: the wanted one, or every one that ran for any sensor."""
+        if self.wanted is not None:
+            return [self.filter]
+        return list(dict.fromkeys(key for name in self.sensor_names for key in self.estimate.sensors[name].orientation))
+
+    @cached_property
+    def filter(self) -> str:
+        """The filter of exports that hold one: the wanted one, else the first of the protocol's that ran for every sensor.
+
+        Raises:
+            InputError: It could not run for a sensor, or none ran.
+        """
+        if self.wanted is not None:
+            for name in self.sensor_names:
+                self._check_ran(name, self.wanted)
+            return self.wanted
+        sensors = [self.estimate.sensors[name] for name in self.sensor_names]
+        ran = [key for key in (sensors[0].orientation if sensors else []) if all(key in s.orientation for s in sensors)]
+        listed = [key for key in self.session.analysis.estimate.filters if key in ran] + ran
+        if not listed:
+            raise InputError(f"{self.session.path}: no filter ran for every sensor; name one with --filter")
+        return listed[0]
+
+    def _check_ran(self, sensor: str, key: str) -> None:
+        if key == TRUTH:
+            truth = self.truths[sensor]
+            if truth is None or not np.isfinite(truth.q_world_from_sensor).all(axis=1).any():
+                raise InputError(f"{self.session.path}: nobody knows the true orientation of sensor '{sensor}'")
+        elif key not in self.estimate.sensors[sensor].orientation:
+            reason = self.estimate.sensors[sensor].skipped.get(key, "it was not asked to run")
+            raise InputError(f"{self.session.path}: there is no orientation of sensor '{sensor}' by filter '{key}': {reason}")
+
+    def orientation(self, sensor: str) -> tuple[np.ndarray, np.ndarray]:
+        """Orientation of a sensor by the chosen filter where it is known, at strictly increasing instants.
+
+        Returns:
+            Host times, shape (n,), int64 [ns], and q_world_from_sensor, shape (n, 4).
+        """
+        if self.filter == TRUTH:
+            truth = self.truths[sensor]
+            assert truth is not None
+            time, q = truth.host_time_ns, truth.q_world_from_sensor
+        else:
+            estimated = self.estimate.sensors[sensor]
+            time, q = estimated.host_time_ns, estimated.orientation[self.filter]
+        rows = np.flatnonzero(np.isfinite(q).all(axis=1))
+        rows = rows[increasing(time[rows])]
+        return time[rows], q[rows]
+
+    def orientation_at(self, sensor: str, time_ns: np.ndarray) -> np.ndarray:
+        """q_world_from_sensor by the chosen filter at times, shape (n,) to (n, 4); NaN where it is unknown.
+
+        The filter's own instants give its own values; between them it is interpolated, across no gap of more than 0.2 s.
+        """
+        return interpolated(*self.orientation(sensor), time_ns)
+
+    def joint_names(self) -> list[str]:
+        """Joints whose angles the chosen filter, or the truth, gives."""
+        if self.filter == TRUTH:
+            return list(self.session.analysis.joints)
+        return [name for name, joint in self.estimate.joints.items() if any(key == self.filter for key, _ in joint.angles)]
+
+    def angles(self, joint: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Euler angles of a joint by the chosen filter or the truth.
+
+        Returns:
+            Host times, shape (n,) [ns], and by sequence the intrinsic angles, shape (n, 3) [rad].
+        """
+        estimated = self.estimate.joints.get(joint)
+        if self.filter != TRUTH and estimated is not None:
+            return estimated.host_time_ns, {
+                sequence: angles for (key, sequence), angles in estimated.angles.items() if key == self.filter
+            }
+        time = self.orientation(self.session.analysis.joints[joint].proximal)[0]
+        return time, self.true_angles(joint, time)
+
+    def true_angles(self, joint: str, time_ns: np.ndarray) -> dict[str, np.ndarray]:
+        """Euler angles of the segments' true orientations by sequence, shape (n, 3) [rad]; NaN where the truth is unknown."""
+        definition = self.session.analysis.joints[joint]
+        q = []
+        for name in (definition.proximal, definition.distal):
+            own = true_orientation(self.truths[name], time_ns)
+            q.append(segment_orientation(own, self.session.analysis.sensors[name]))
+        known = np.isfinite(q[0]).all(axis=1) & np.isfinite(q[1]).all(axis=1)
+        result = {}
+        for item in definition.definitions():
+            result[str(item.sequence)] = np.full((len(time_ns), 3), np.nan)
+            if known.any():
+                result[str(item.sequence)][known] = joint_angles(q[0][known], q[1][known], item.sequence)
+        return result
+
+    def definitions(self, joint: str) -> dict[str, FlexionAngle]:
+        """Which angle of each sequence is the flexion."""
+        return {str(item.sequence): item for item in self.session.analysis.joints[joint].definitions()}
+
+
+def flexion(angles: np.ndarray, definition: FlexionAngle) -> np.ndarray:
+    """The flexion among the three Euler angles, with its sign, shape (n, 3) to (n,) [rad]."""
+    return np.asarray(definition.sign * angles[:, INDEX[definition.flexion]])
+
+
+def true_orientation(truth: Truth | None, time_ns: np.ndarray) -> np.ndarray:
+    """True q_world_from_sensor at times, shape (n, 4); NaN before, after and in gaps of the truth."""
+    if truth is None:
+        return np.full((len(time_ns), 4), np.nan)
+    rows = np.flatnonzero(np.isfinite(truth.q_world_from_sensor).all(axis=1))
+    rows = rows[increasing(truth.host_time_ns[rows])]
+    return interpolated(truth.host_time_ns[rows], truth.q_world_from_sensor[rows], time_ns)
+
+
+def interpolated(times: np.ndarray, q: np.ndarray, time_ns: np.ndarray) -> np.ndarray:
+    """Orientations at times, shape (n,) to (n, 4); NaN before the first, after the last and in gaps.
+
+    Args:
+        times: Increasing, shape (m,) [ns]. q: Shape (m, 4). time_ns: Shape (n,).
+    """
+    result = np.full((len(time_ns), 4), np.nan)
+    if len(times) < 2:
+        return result
+    before = np.clip(np.searchsorted(times, time_ns, side="right") - 1, 0, len(times) - 2)
+    inside = (time_ns >= times[0]) & (time_ns <= times[-1]) & (times[before + 1] - times[before] <= WIDEST_GAP_NS)
+    result[inside] = rotation.interpolate(times, q, time_ns[inside])
+    nearest = np.minimum(np.searchsorted(times, time_ns), len(times) - 1)
+    exact = times[nearest] == time_ns
+    result[exact] = q[nearest[exact]]
+    return result
+
+
+def increasing(time_ns: np.ndarray) -> np.ndarray:
+    """Rows of instants that are later than all before them, shape (n,) to (m,)."""
+    if not len(time_ns):
+        return np.zeros(0, dtype=np.int64)
+    latest = np.maximum.accumulate(time_ns)
+    return np.flatnonzero(np.concatenate([[True], time_ns[1:] > latest[:-1]]))
+
+
+def software() -> str:
+    """Name and version of this package, for the headers of files."""
+    try:
+        return f"imu-testbench {version('imu-testbench')}"
+    except PackageNotFoundError:
+        return "imu-testbench"

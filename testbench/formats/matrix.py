@@ -1,0 +1,81 @@
+"""MATRIX (ICM-40607): CSV with dateTime, acc_x..z [g], gyr_x..z [deg/s] and temperatures; 100 Hz, stamps of whole seconds.
+
+Source: Castellanos Alonso, Universidad de Oviedo, 2023.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from testbench.exceptions import InputError
+from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
+from testbench.formats.options import Options
+from testbench.formats.recording import ImportedSensor, Recording
+from testbench.formats.samples_stream import Quantities, SampleStream, stack
+from testbench.formats.source import Columns, Kind, first_rows
+from testbench.formats.suitable import suitable_analysis
+from testbench.formats.text_table import find_table
+from testbench.formats.timeline import SpreadTime, StampedTime, rate_of_stamps
+from testbench.frames import NANOSECONDS
+
+NOMINAL_RATE = 100.0
+ACC, GYR = ["acc_x", "acc_y", "acc_z"], ["gyr_x", "gyr_y", "gyr_z"]
+
+
+def read(files: list[Path], options: Options) -> Recording:
+    """Read one file for each sensor.
+
+    Args:
+        files: CSV files. options: Rate and units, where they are not the usual ones.
+
+    Raises:
+        InputError: No files. FileProblems: A file is not of this format.
+    """
+    if not files:
+        raise InputError("a MATRIX recording needs at least one file")
+    names = unique_names(stem_without_stamp(file.stem) for file in files)
+    sensors, notes = {}, []
+    for name, file in zip(names, files, strict=True):
+        sensors[name], own = _sensor(file, options)
+        notes += [f"{name}: {note}" for note in own]
+    if len(files) > 1:
+        notes.append("the host time of each sensor begins at 0 with its own first sample")
+    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
+    label = sensor_name(files[0].stem) if len(files) == 1 else "matrix"
+    return Recording(label, "MATRIX recording (accelerometer and gyroscope)", sensors, suitable_analysis(heads), notes)
+
+
+def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str]]:
+    header = re.compile(r"(?=.*\bdateTime\b)(?=.*\bacc_x\b)", re.IGNORECASE)
+    table, _ = find_table(file, header, "a MATRIX export (its header has dateTime, acc_x..z, gyr_x..z)")
+    titles = {name.lower(): name for name in table.names}
+    wanted = ["datetime", *ACC, *GYR]
+    missing = [name for name in wanted if name not in titles]
+    if missing:
+        raise table.problem(f"not a MATRIX export: it lacks the column {', '.join(missing)}; it has {', '.join(table.names)}")
+    stamp = titles["datetime"]
+    acc_unit, gyr_unit = options.unit("acc", "g"), options.unit("gyr", "deg/s")
+    assert acc_unit is not None
+    assert gyr_unit is not None
+    notes = []
+    rate = options.rate_or(None)
+    if rate is None:
+        seconds = StampedTime(stamp, "clock")
+        head = first_rows(table, dict(seconds.kinds))
+        rate, doubt = rate_of_stamps(seconds(head, len(head[stamp])) / NANOSECONDS, NOMINAL_RATE)
+        how = "nominal; the stamps cannot tell" if np.isinf(doubt) else f"by the stamps of whole seconds, to {doubt:.2g} Hz"
+        notes.append(f"rate {rate:.6g} Hz ({how}); the samples are spread evenly over their seconds")
+    kinds: dict[str, Kind] = dict.fromkeys([titles[name] for name in ACC + GYR], "float")
+
+    def convert(columns: Columns) -> Quantities:
+        gyr = stack(columns, [titles[name] for name in GYR], gyr_unit.factor)
+        return Quantities(gyr, stack(columns, [titles[name] for name in ACC], acc_unit.factor))
+
+    left = [name for name in table.names if name and name.lower() not in wanted]
+    if left:
+        notes.append(f"columns that were not read: {', '.join(left)}")
+    stream = SampleStream(table, kinds, convert, lambda: SpreadTime(stamp, rate))
+    return ImportedSensor(stream, rate, "MATRIX (ICM-40607), accelerometer and gyroscope"), notes

@@ -1,0 +1,142 @@
+"""x-io NGIMU: sensors.csv and quaternion.csv of a device, as the vendor's software writes them in one folder a device.
+
+Titles carry their units: Time (s), Gyroscope X (deg/s), Accelerometer X (g), Magnetometer X (uT); quaternion.csv has W, X, Y,
+Z. The device's quaternion turns vectors of the earth into the sensor; a session keeps its conjugate. (The direction was found
+from the vendor's own example: only so does it turn the vertical into the measured gravity.)
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from testbench.exceptions import FileProblems, InputError
+from testbench.formats.names import sensor_name, unique_names
+from testbench.formats.options import Options
+from testbench.formats.recognise import Found, find_sensors, find_time
+from testbench.formats.recording import ImportedSensor, Recording
+from testbench.formats.source import Columns, Kind
+from testbench.formats.suitable import suitable_analysis
+from testbench.formats.table_sensors import Layout, table_sensor
+from testbench.formats.text_table import TextTable, find_table
+from testbench.model import rotation
+
+_HEADER = re.compile(r"^\W*Time\b.*(Gyroscope|Accelerometer|\bW\b|Quaternion)", re.IGNORECASE)
+Q = ["W", "X", "Y", "Z"]
+
+
+@dataclass
+class WithOrientation:
+    """The table of the sensors, with the quaternion of another file brought to its times."""
+
+    sensors: TextTable
+    time: str
+    quaternion: TextTable
+    q_time: str
+
+    @property
+    def names(self) -> list[str]:
+        """Of the sensors' table, and W, X, Y, Z."""
+        return [*self.sensors.names, *Q]
+
+    def chunks(self, kinds: Mapping[str, Kind]) -> Iterator[Columns]:
+        """See `Source.chunks`; quaternions are interpolated spherically, and NaN before the first and after the last."""
+        own = {name: kind for name, kind in kinds.items() if name not in Q} | {self.time: "float"}
+        wanted: dict[str, Kind] = dict.fromkeys([self.q_time, *Q], "float")
+        reader = self.quaternion.chunks(wanted)
+        held = np.empty((0, 5))
+        ended = False
+        for chunk in self.sensors.chunks(own):
+            times = chunk[self.time]
+            while not ended and (not len(held) or held[-1, 0] < times[-1]):
+                following = next(reader, None)
+                ended = following is None
+                if following is not None:
+                    held = np.vstack([held, np.column_stack([following[name] for name in wanted])])
+            q = _at(held, times)
+            yield {name: values for name, values in chunk.items() if name in kinds} | dict(zip(Q, q.T, strict=True))
+            held = held[max(int(np.searchsorted(held[:, 0], times[-1])) - 1, 0) :]
+
+    def problem(self, message: str, row: int | None = None) -> FileProblems:
+        """Of the sensors' table."""
+        return self.sensors.problem(message, row)
+
+
+def _at(held: np.ndarray, times: np.ndarray) -> np.ndarray:
+    result = np.full((len(times), 4), np.nan)
+    if len(held):
+        inside = (times >= held[0, 0]) & (times <= held[-1, 0])
+        result[inside] = rotation.interpolate(held[:, 0], held[:, 1:], times[inside])
+    return result
+
+
+def read(files: list[Path], options: Options) -> Recording:
+    """Read one or more devices.
+
+    Args:
+        files: For each device sensors.csv, quaternion.csv or both; files in one folder belong together. options: Units, where
+            they are not those of the titles.
+
+    Raises:
+        InputError: No files, or two of a kind for one device. FileProblems: A file is not of this format.
+    """
+    if not files:
+        raise InputError("an NGIMU recording needs sensors.csv, quaternion.csv or both")
+    devices: dict[Path, dict[str, TextTable]] = {}
+    for file in files:
+        table, _ = find_table(file, _HEADER, "an NGIMU CSV (its header has Time (s) and Gyroscope X (deg/s), or W, X, Y, Z)")
+        kind = "quaternion" if set(Q) <= set(table.names) else "sensors"
+        tables = devices.setdefault(file.resolve().parent, {})
+        if kind in tables:
+            raise InputError(
+                f"{file} and {tables[kind].file} are both the {kind} of one device; put each device in its own folder"
+            )
+        tables[kind] = table
+    names = unique_names(_device_name(tables, folder) for folder, tables in devices.items())
+    notes: list[str] = []
+    sensors = {}
+    for name, tables in zip(names, devices.values(), strict=True):
+        sensors[name] = _device(name, tables, options, notes)
+    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
+    label = names[0] if len(names) == 1 else "ngimu"
+    return Recording(sensor_name(label), "NGIMU recording", sensors, suitable_analysis(heads), notes)
+
+
+def _device_name(tables: dict[str, TextTable], folder: Path) -> str:
+    stem = next(iter(tables.values())).file.stem
+    return folder.name if stem.lower() in {"sensors", "quaternion"} else stem
+
+
+def _device(name: str, tables: dict[str, TextTable], options: Options, notes: list[str]) -> ImportedSensor:
+    times = {kind: _time(table) for kind, table in tables.items()}
+    source: TextTable | WithOrientation
+    found = Found()
+    if "sensors" in tables:
+        source = tables["sensors"]
+        found = find_sensors(source.names).get("", Found())
+        if not {"acc", "gyr"} & found.columns.keys():
+            raise source.problem(f"has no accelerometer and no gyroscope; it has {', '.join(source.names)}")
+    if "quaternion" in tables:
+        q_table = tables["quaternion"]
+        source = q_table
+        if "sensors" in tables:
+            source = WithOrientation(tables["sensors"], times["sensors"], q_table, times["quaternion"])
+        found.columns["quaternion"] = list(Q)
+        if "sensors" in tables:
+            notes.append(f"{name}: quaternions are interpolated to the times of the sensors")
+        else:
+            notes.append(f"{name}: without sensors.csv there is no specific force and no angular rate: NaN")
+    first = "sensors" if "sensors" in tables else "quaternion"
+    layout = Layout("x-io NGIMU", {"acc": "g", "gyr": "deg/s", "mag": "uT"}, times[first], "s", conjugate=True)
+    return table_sensor(source, found, layout, name, options, notes)
+
+
+def _time(table: TextTable) -> str:
+    found = find_time(table.names)
+    if found is None:
+        raise table.problem(f"has no column Time (s); it has {', '.join(table.names)}")
+    return found[0]

@@ -1,0 +1,74 @@
+"""Orientations of a reference system, made fit to be compared with: unit length, one sign, gaps that show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from testbench.model import rotation
+from testbench.records.samples import ImuSamples, Truth
+
+NORM_WITHIN = 0.02
+"""Quaternions further from unit length than this are counted as lost."""
+GAP = 2.5
+"""Known orientations further apart than this many median intervals have a gap between them."""
+
+
+def reference_truth(
+    time_ns: np.ndarray,
+    q_world_from_body: np.ndarray,
+    q_body_from_sensor: np.ndarray,
+    judged: np.ndarray | None,
+    notes: list[str],
+) -> Truth:
+    """A truth from orientations as recorded.
+
+    Args:
+        time_ns: Host time, shape (n,), not decreasing. q_world_from_body: Shape (n, 4), of either sign, NaN or zero where lost.
+        q_body_from_sensor: Shape (4,). judged: Whether errors count, shape (n,), bool, or None. notes: Appended to.
+
+    Returns:
+        Rows with an orientation, and one of NaN in each gap.
+    """
+    norm = np.linalg.norm(q_world_from_body, axis=1)
+    with np.errstate(invalid="ignore"):
+        known = np.abs(norm - 1) <= NORM_WITHIN
+        odd = int(np.sum((norm > 0) & ~known))
+    if odd:
+        notes.append(f"{odd} orientations of the reference are not of unit length: counted as lost")
+    time, q = time_ns[known], q_world_from_body[known]
+    fresh = np.concatenate([[True], np.diff(time) > 0]) if len(time) else np.zeros(0, dtype=bool)
+    time, q = time[fresh], rotation.normalise(q[fresh])
+    marks = None if judged is None else judged[known][fresh]
+    flips = np.sum(q[1:] * q[:-1], axis=1) < 0
+    if flips.any():
+        notes.append(
+            f"the reference changed the sign of its quaternion {int(flips.sum())} times: undone, it is the same orientation"
+        )
+        q[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+    q = rotation.multiply(q, q_body_from_sensor)
+    return _with_gaps(time, q, marks, notes)
+
+
+def _with_gaps(time: np.ndarray, q: np.ndarray, judged: np.ndarray | None, notes: list[str]) -> Truth:
+    steps = np.diff(time)
+    wide = np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.zeros(0, dtype=int)
+    if len(wide):
+        longest = float(steps[wide].max()) * 1e-9
+        notes.append(f"the reference has {len(wide)} gaps, the longest of {longest:.2f} s: nothing is judged there")
+        middle = time[wide] + steps[wide] // 2
+        time = np.insert(time, wide + 1, middle)
+        q = np.insert(q, wide + 1, np.nan, axis=0)
+        judged = None if judged is None else np.insert(judged, wide + 1, False)
+    return Truth(time, q, judged=judged)
+
+
+def collect(chunks: Iterable[ImuSamples]) -> tuple[np.ndarray, np.ndarray]:
+    """Host times [ns] and orientations, shapes (n,) and (n, 4), of samples that hold nothing else."""
+    times, orientations = [], []
+    for chunk in chunks:
+        assert chunk.device_q is not None
+        times.append(chunk.host_time_ns)
+        orientations.append(chunk.device_q)
+    return np.concatenate(times), np.concatenate(orientations)

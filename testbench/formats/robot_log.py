@@ -1,0 +1,262 @@
+"""A robot's own log as truth: joint angles over time, or a list of commanded poses that are each held for a while.
+
+A log with times gives orientation, angular rate and specific force at every row, by forward kinematics. A list of poses without
+times, as RoboDK scripts write it, gives the orientation during each dwell only: the dwells are found in the samples of the
+sensor as stretches without turning, and taken in their order.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from testbench.exceptions import FileProblems, InputError, Problem
+from testbench.formats.recognise import find_time
+from testbench.formats.recording import ImportedSensor
+from testbench.formats.samples_stream import Quantities, SampleStream
+from testbench.formats.source import Kind
+from testbench.formats.text_table import TextTable, decimal_of, guess_separator, head_of, split_line
+from testbench.formats.timeline import RegularTime, StampedTime
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.model.kinematics import Kinematics, Pose
+from testbench.records.samples import Truth
+
+SMOOTHING_S = 0.1
+"""Width of the cubic Savitzky-Golay window that differentiates the joint angles [s]."""
+REGULAR_WITHIN = 0.2
+"""A log whose intervals differ by more than this part of their median is not differentiated."""
+WINDOW_S = 0.1
+TURNING = np.radians(1.0)
+"""Angular rate above which a sensor on an arm is moving, as a mean over WINDOW_S [rad/s]."""
+DWELL_AT_LEAST = 0.5
+"""Part of the stated dwell that a stretch of rest must last to count as one."""
+INSIDE_S = 0.2
+"""Left out at either end of a dwell: the arm settles [s]."""
+TRUTH_STEP_S = 0.05
+
+
+@dataclass(frozen=True)
+class RobotLog:
+    """Joint angles in the robot's order.
+
+    Attributes:
+        time_ns: From the first row, shape (n,), int64, or None for a list without times. q: Shape (n, n_joints) [rad].
+    """
+
+    time_ns: np.ndarray | None
+    q: np.ndarray
+
+
+def read_robot_log(file: Path, joints: list[str], rate: float | None, unit: str | None, notes: list[str]) -> RobotLog:
+    """Read a joint log.
+
+    Columns are found by name (`elbow_joint`, `elbow_joint_deg`, `q_measured_elbow_joint_rad`, `actual_q_0`, `J1`, `joint_1`);
+    without titles, the first numbers of each line are the joints in order, and further ones, such as a misalignment, are left
+    out.
+
+    Args:
+        file: Text. joints: Names, in order. rate: Of a log without times [Hz], or None. unit: "deg" or "rad", None to go by the
+            titles. notes: Appended to.
+
+    Raises:
+        FileProblems: The file is no such log. InputError: The unit cannot be told.
+    """
+    table = _table(file, joints, notes)
+    columns, stated = _joint_columns(table, joints)
+    kinds: dict[str, Kind] = dict.fromkeys(columns, "float")
+    time = find_time(table.names)
+
+    def timeline():  # type: ignore[no-untyped-def]
+        if time is None or rate is not None:
+            return RegularTime(rate or 1.0)
+        return StampedTime(time[0], time[1] or "s")  # type: ignore[arg-type]
+
+    times, angles = [], []
+    stream = SampleStream(
+        table, kinds | timeline().kinds, lambda c: Quantities(np.column_stack([c[n] for n in columns]), None), timeline
+    )
+    for chunk in stream:
+        times.append(chunk.host_time_ns)
+        angles.append(chunk.gyr)
+    q = np.concatenate(angles)
+    known = np.isfinite(q).all(axis=1)
+    if not known.all():
+        raise table.problem("a joint angle is missing here", int(np.argmin(known)))
+    q = q * _factor(q, stated, unit, file, notes)
+    has_times = time is not None or rate is not None
+    if time is not None and rate is None and time[1] is None:
+        notes.append(f"the column {time[0]} is taken for seconds")
+    return RobotLog(np.concatenate(times) if has_times else None, q)
+
+
+def _table(file: Path, joints: list[str], notes: list[str]) -> TextTable:
+    lines = head_of(file)
+    for at, line in enumerate(lines):
+        if not line.strip() or line.strip(' "').lower().startswith("sep="):
+            continue
+        separator = guess_separator(line.strip("[]() "))
+        fields = split_line(line, separator)
+        if any(re.search("[A-Za-z]", text.replace("e", "")) for text in fields) or line.lstrip().startswith("#"):
+            titles = split_line(line.lstrip("# "), separator)
+            first_row = next((row for row in lines[at + 1 :] if row.strip()), "")
+            if _matching(titles, joints):
+                return TextTable(file, titles, at + 2, separator, decimal_of(first_row, separator))
+            continue  # a comment or a title of something else
+        if len(fields) < len(joints):
+            raise FileProblems(file, [Problem(f"{len(fields)} numbers, where the arm has {len(joints)} joints", line=at + 1)])
+        extra = len(fields) - len(joints)
+        if extra:
+            notes.append(
+                f"{file.name} has no titles: the first {len(joints)} numbers are the joints, {extra} more are left out"
+            )
+        return TextTable(
+            file, [*joints, *[f"further_{i}" for i in range(extra)]], at + 1, separator, decimal_of(line, separator)
+        )
+    raise FileProblems(
+        file, [Problem(f"no columns for the joints {', '.join(joints)} (or J1 .. J{len(joints)}), and no lines of numbers")]
+    )
+
+
+def _matching(titles: list[str], joints: list[str]) -> tuple[list[str], str | None] | None:
+    """Titles of the joints' columns and the unit that they state, or None."""
+    patterns = [
+        (
+            lambda i, joint: rf"(q_measured_|q_|actual_)?{re.escape(joint)}(_(?P<u>rad|deg))?(\s*[\[(](?P<v>rad|deg)[\])])?",
+            None,
+        ),
+        (lambda i, joint: rf"actual_q_?\[?{i}\]?", "rad"),
+        (lambda i, joint: rf"(j|joint|q|axis|a)[\s_]?{i + 1}([\s_]*[\[(]?(?P<u>rad|deg)[\])]?)?", None),
+        (lambda i, joint: rf"(j|joint|q)[\s_]?{i}([\s_]*[\[(]?(?P<u>rad|deg)[\])]?)?", None),
+    ]
+    for pattern, unit in patterns:
+        found = [
+            next((m for t in titles if (m := re.fullmatch(pattern(i, j), t.strip(), re.I))), None) for i, j in enumerate(joints)
+        ]
+        if all(found):
+            stated = {next((g for g in m.groupdict().values() if g), None) for m in found if m}
+            one = stated.pop() if len(stated) == 1 else None
+            return [m.string for m in found if m], unit or (one.lower() if one else None)
+    return None
+
+
+def _joint_columns(table: TextTable, joints: list[str]) -> tuple[list[str], str | None]:
+    stripped = {name.strip(): name for name in table.names}
+    found = _matching(table.names, joints)
+    if found is None:
+        raise table.problem(f"no columns for the joints {', '.join(joints)}; it has {', '.join(table.names)}")
+    return [stripped.get(title, title) for title in found[0]], found[1]
+
+
+def _factor(q: np.ndarray, stated: str | None, answer: str | None, file: Path, notes: list[str]) -> float:
+    unit = answer or stated
+    if unit is None and np.abs(q).max() > 4 * np.pi:
+        unit = "deg"  # no arm turns so far
+        notes.append("joint angles are taken for degrees: in radians they would be several turns")
+    if unit is None:
+        seen = f"the largest is {np.abs(q).max():.4g}"
+        raise InputError(f"{file}: are the joint angles in degrees or radians ({seen})? Answer with --joint-unit deg|rad")
+    return np.pi / 180 if unit == "deg" else 1.0
+
+
+def logged_truth(kinematics: Kinematics, log: RobotLog, link: str, mounting: Pose, shift_ns: int) -> Truth:
+    """Truth at every row of a log with times.
+
+    Args:
+        kinematics: Of the arm. log: With times. link: That carries the sensor. mounting: The sensor in the link. shift_ns:
+            Added to the log's times, which begin at 0 [ns].
+    """
+    assert log.time_ns is not None
+    fresh = np.concatenate([[True], np.diff(log.time_ns) > 0])
+    time, q = log.time_ns[fresh], log.q[fresh]
+    steps = np.diff(time) / NANOSECONDS
+    regular = len(steps) >= 5 and float(np.abs(steps / np.median(steps) - 1).max()) <= REGULAR_WITHIN
+    if not regular:
+        motion = kinematics.frame_motion(link, q, offset=mounting)
+        return Truth(time + shift_ns, motion.q_world_from_frame)
+    interval = float(np.median(steps))
+    window = min(max(2 * round(SMOOTHING_S / interval / 2) + 1, 5), len(time) - 1 + len(time) % 2)
+    v, a = (savgol_filter(q, window, 3, deriv=order, delta=interval, axis=0) for order in (1, 2))
+    motion = kinematics.frame_motion(link, q, v, a, mounting)
+    gravity = kinematics.robot.gravity
+    return Truth(
+        time + shift_ns, motion.q_world_from_frame, motion.angular_velocity_in_frame, motion.specific_force_in_frame(gravity)
+    )
+
+
+def commanded_truth(
+    kinematics: Kinematics, q: np.ndarray, link: str, mounting: Pose, sensor: ImportedSensor, dwell: float, move: float | None,
+    shift_ns: int, name: str, notes: list[str],
+) -> Truth:  # fmt: skip
+    """Truth during the dwells of a list of poses.
+
+    Args:
+        kinematics: Of the arm. q: Commanded joint angles, shape (n, n_joints) [rad]. link: That carries the sensor. mounting:
+            The sensor in the link. sensor: Its samples show the dwells. dwell: Of each pose [s]. move: Time from pose to pose
+            [s], or None to find the dwells in the samples. shift_ns: Of the first dwell, if `move` is given [ns]. name: Of
+            the sensor. notes: Appended to.
+
+    Raises:
+        InputError: The samples show another number of dwells than there are poses.
+    """
+    if move is not None:
+        starts = shift_ns / NANOSECONDS + np.arange(len(q)) * (dwell + move)
+        spans = np.column_stack([starts, starts + dwell])
+    else:
+        spans = find_dwells(sensor, DWELL_AT_LEAST * dwell)
+        if len(spans) != len(q):
+            raise InputError(
+                f"sensor '{name}': {len(spans)} stretches of rest of {DWELL_AT_LEAST * dwell:g} s or more, but {len(q)} poses; "
+                "cut the recording to the poses, correct --dwell, or state how long each move takes with --move"
+            )
+        notes.append(f"{name}: {len(spans)} dwells found in the samples, {np.diff(spans).mean():.2f} s long on average")
+    orientation = kinematics.frame_motion(link, q, offset=mounting).q_world_from_frame
+    times, rows, known = [], [], []
+    for (start, end), pose in zip(spans, orientation, strict=True):
+        inside = np.arange(start + INSIDE_S, max(end - INSIDE_S, start + INSIDE_S + 2 * TRUTH_STEP_S), TRUTH_STEP_S)
+        times.append(np.concatenate([inside, [inside[-1] + TRUTH_STEP_S / 2]]))
+        rows.append(
+            np.vstack([np.tile(pose, (len(inside), 1)), np.full((1, 4), np.nan)])
+        )  # nobody knows the way to the next pose
+        known.append(np.arange(len(inside) + 1) < len(inside))
+    time = np.round(np.concatenate(times) * NANOSECONDS).astype(np.int64)
+    return Truth(time, np.vstack(rows), judged=np.concatenate(known))
+
+
+def find_dwells(sensor: ImportedSensor, shortest: float) -> np.ndarray:
+    """Stretches without turning, shape (n, 2): begin and end, host time [s].
+
+    Args:
+        sensor: Its angular rate is used, less its median; without one, its orientations. shortest: [s].
+    """
+    times, rates = [], []
+    for chunk in sensor.chunks:
+        size = max(round(WINDOW_S * sensor.rate), 2)
+        count = len(chunk) // size
+        time = chunk.host_time_ns[: count * size].reshape(count, size) / NANOSECONDS
+        if np.isfinite(chunk.gyr).any():
+            mean = chunk.gyr[: count * size].reshape(count, size, 3).mean(axis=1)
+            quiet = mean[np.argsort(np.linalg.norm(mean, axis=1))[: max(count // 2, 1)]]
+            rate = np.linalg.norm(mean - np.median(quiet, axis=0), axis=1)
+        elif chunk.device_q is not None:
+            first, last = (chunk.device_q[: count * size].reshape(count, size, 4)[:, i] for i in (0, -1))
+            span = np.maximum(time[:, -1] - time[:, 0], 1e-9)
+            rate = (
+                rotation.angle(rotation.multiply(rotation.conjugate(rotation.normalise(first)), rotation.normalise(last)))
+                / span
+            )
+        else:
+            raise InputError(
+                "dwells cannot be found without an angular rate or an orientation; state the time of each move with --move"
+            )
+        times.append(time[:, [0, -1]])
+        rates.append(rate)
+    spans, resting = np.vstack(times), np.concatenate(rates) < TURNING
+    edges = np.diff(np.concatenate([[False], resting, [False]]).astype(np.int8))
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    result = np.column_stack([spans[begins, 0], spans[ends, 1]]) if len(begins) else np.zeros((0, 2))
+    return result[result[:, 1] - result[:, 0] >= shortest]

@@ -1,0 +1,173 @@
+"""From the columns of a source to chunks of ImuSamples: the same steps for every format."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.exceptions import FileProblems
+from testbench.formats.source import Columns, Kind, Source
+from testbench.formats.timeline import BadRowError, CounterUnwrapper, Timeline
+from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
+from testbench.model import rotation
+from testbench.records.samples import ImuSamples
+
+GRAVITY_UP = np.array([0.0, 0.0, STANDARD_GRAVITY])
+LATEST = 1 << 62
+YEAR_NS = 365 * 86_400 * NANOSECONDS
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """What the columns of a chunk mean, in the units of a session and in the sensor frame.
+
+    Attributes:
+        gyr, acc: Shape (n, 3), or None where the file has none: NaN then. mag: Shape (n, 3), or None. device_q:
+        q_earth_from_sensor, shape (n, 4), or None. saturated: Shape (n,), bool, or None where the file does not tell.
+    """
+
+    gyr: np.ndarray | None
+    acc: np.ndarray | None
+    mag: np.ndarray | None = None
+    device_q: np.ndarray | None = None
+    saturated: np.ndarray | None = None
+
+
+Convert = Callable[[Columns], Quantities]
+
+
+class SampleStream:
+    """Chunks of samples; can be gone through more than once.
+
+    Args:
+        source: The table. kinds: Columns that `convert` needs. convert: From columns to quantities. timeline: Makes the
+            clock; called for each pass. counter: Column of the sample counter, or None to count rows. drop: Rows at the
+            beginning to leave out.
+        origin_ns: device_time_ns at which host_time_ns is zero; None for the first sample's.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        kinds: Mapping[str, Kind],
+        convert: Convert,
+        timeline: Callable[[], Timeline],
+        counter: str | None = None,
+        drop: int = 0,
+        origin_ns: int | None = None,
+    ):
+        self.source, self.drop, self.origin_ns = source, drop, origin_ns
+        self._kinds, self._convert, self._timeline, self._counter = dict(kinds), convert, timeline, counter
+
+    def __iter__(self) -> Iterator[ImuSamples]:
+        timeline, unwrap = self._timeline(), CounterUnwrapper()
+        kinds = self._kinds | timeline.kinds | ({self._counter: "integer"} if self._counter else {})
+        if not kinds:
+            raise self.source.problem("no column of the file is used")
+        row, taken, latest, origin = 0, 0, -LATEST, self.origin_ns
+        for whole in self.source.chunks(kinds):
+            count = len(next(iter(whole.values())))
+            left_out = min(max(self.drop - row, 0), count)
+            columns = {name: values[left_out:] for name, values in whole.items()} if left_out else whole
+            row, count = row + left_out, count - left_out
+            if not count:
+                continue
+            try:
+                time = timeline(columns, count)
+                self._check_order(time, latest)
+                quantities = self._convert(columns)
+            except BadRowError as error:
+                raise self.source.problem(str(error), row + error.row) from None
+            counter = unwrap(columns[self._counter]) if self._counter else np.arange(taken, taken + count, dtype=np.int64)
+            if origin is None:
+                origin = int(time[0])
+            yield _assemble(time, origin, counter, quantities)
+            row, taken, latest = row + count, taken + count, int(time[-1])
+
+    def first(self) -> ImuSamples:
+        """The first chunk.
+
+        Raises:
+            FileProblems: There are no samples.
+        """
+        for chunk in self:
+            return chunk
+        raise self.problem("there are no samples in the file")
+
+    def first_time_ns(self) -> int:
+        """Time of the first sample on the file's own clock [ns], for others on the same clock."""
+        timeline = self._timeline()
+        for columns in self.source.chunks(self._kinds | timeline.kinds):
+            count = len(next(iter(columns.values())))
+            if count:
+                return int(timeline(columns, count)[0])
+        raise self.problem("there are no samples in the file")
+
+    def problem(self, message: str) -> FileProblems:
+        """The error that says `message` of the source."""
+        return self.source.problem(message)
+
+    @staticmethod
+    def _check_order(time: np.ndarray, latest: int) -> None:
+        steps = np.diff(time, prepend=latest)
+        if np.any(steps < 0):
+            row = int(np.argmax(steps < 0))
+            before, after = (time[row] - steps[row]) / NANOSECONDS, time[row] / NANOSECONDS
+            raise BadRowError(
+                f"time goes back from {before:.6f} s to {after:.6f} s; samples must stand in the order of time", row
+            )
+
+
+def _assemble(time: np.ndarray, origin: int, counter: np.ndarray, q: Quantities) -> ImuSamples:
+    count = len(time)
+    unknown = np.full((count, 3), np.nan)
+    calendar = abs(origin) > YEAR_NS  # a date, not a clock that began at power-up: only the time since the start is kept
+    return ImuSamples(
+        time - origin if calendar else time,
+        time - origin,
+        unknown if q.gyr is None else q.gyr,
+        unknown if q.acc is None else q.acc,
+        q.mag,
+        q.device_q,
+        counter,
+        np.zeros(count, dtype=bool) if q.saturated is None else q.saturated,
+    )
+
+
+def stack(columns: Columns, names: list[str], factor: float = 1.0) -> np.ndarray:
+    """Columns side by side times a factor, shape (n, k)."""
+    result = np.column_stack([columns[name] for name in names])
+    return result if factor == 1.0 else result * factor
+
+
+def specific_force(q_earth_from_sensor: np.ndarray, free_acceleration: np.ndarray) -> np.ndarray:
+    """Specific force in the sensor, shape (n, 3) [m/s^2], from the vendor's acceleration in the earth without gravity.
+
+    Vendors write quaternions to a few digits; they are brought to unit length first. NaN where there is none.
+    """
+    return rotation.rotate(rotation.conjugate(_unit(q_earth_from_sensor)), free_acceleration + GRAVITY_UP)
+
+
+def increment_rate(dq: np.ndarray, rate: float) -> np.ndarray:
+    """Angular rate, shape (n, 3) [rad/s], of orientation increments over one output interval, shape (n, 4)."""
+    q = _unit(dq)
+    known = np.isfinite(q).all(axis=1)
+    result = np.full((len(q), 3), np.nan)
+    result[known] = rotation.to_rotation_vector(q[known]) * rate
+    return result
+
+
+def _unit(q: np.ndarray) -> np.ndarray:
+    norm = np.linalg.norm(q, axis=1, keepdims=True)
+    return q / np.where(norm > 0, norm, np.nan)
+
+
+def measured_rate(samples: ImuSamples) -> float | None:
+    """Mean rate without gaps [Hz], or None where it cannot be told; stamps may be coarse, even repeat."""
+    steps = np.diff(samples.device_time_ns)
+    if len(steps) < 2 or not np.any(steps > 0):
+        return None
+    usual = steps[steps <= 5 * np.median(steps[steps > 0])]
+    return float(NANOSECONDS / usual.mean())

@@ -1,0 +1,112 @@
+"""Sensors out of a table whose columns were recognised: units stated or decided, time by stamps, a counter or a rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from testbench.formats.options import Options
+from testbench.formats.plausibility import Evidence, decide_unit, gather
+from testbench.formats.recognise import Found
+from testbench.formats.recording import ImportedSensor
+from testbench.formats.samples_stream import Quantities, SampleStream, measured_rate, stack
+from testbench.formats.source import Columns, Kind, Source
+from testbench.formats.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.units import QUANTITIES, TimeUnit, known_unit
+from testbench.model import rotation
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a format knows of its tables beyond the titles of their columns.
+
+    Attributes:
+        units: By quantity, where the titles state none but the format does. time, time_unit: Column of stamps, None for none.
+        conjugate: The file's quaternion is q_sensor_from_earth. description: Of the sensor.
+    """
+
+    description: str
+    units: dict[str, str]
+    time: str | None = None
+    time_unit: TimeUnit = "s"
+    conjugate: bool = False
+
+
+def table_sensor(source: Source, found: Found, layout: Layout, name: str, options: Options, notes: list[str]) -> ImportedSensor:
+    """A sensor of a table.
+
+    Args:
+        source: The table. found: The sensor's columns. layout: What the format knows. name: Of the sensor. options: Answers.
+        notes: Appended to.
+
+    Raises:
+        InputError: A unit or the rate cannot be told; asks for it.
+    """
+    kinds: dict[str, Kind] = {column: "float" for columns in found.columns.values() for column in columns}
+    stated: dict[str, str | None] = {
+        quantity: _stated(quantity, found, layout) for quantity in QUANTITIES if quantity in found.columns
+    }
+    units = {quantity: options.unit(quantity, unit) for quantity, unit in stated.items()}
+    factors: dict[str, float] = {quantity: 1.0 if unit is None else unit.factor for quantity, unit in units.items()}
+
+    def convert(columns: Columns) -> Quantities:
+        gyr, acc, mag = (
+            stack(columns, found.columns[quantity], factors[quantity]) if quantity in found.columns else None
+            for quantity in ("gyr", "acc", "mag")
+        )
+        q = stack(columns, found.columns["quaternion"]) if "quaternion" in found.columns else None
+        return Quantities(gyr, acc, mag, rotation.conjugate(q) if q is not None and layout.conjugate else q)
+
+    stream = SampleStream(source, kinds, convert, _timeline(source, layout, name, options))
+    rate = options.rate_or(None) or measured_rate(stream.first())
+    if rate is None:
+        raise source.problem(f"the samples of sensor '{name}' have no usable times; state the rate with --rate HZ")
+    _decide(stream, stated, units, factors, rate, name, notes)
+    if "mag" in units and units["mag"] is None:
+        notes.append(f"{name}: the unit of the magnetic field is not stated; uT is taken, only its direction is sure")
+    if "quaternion" in found.columns and layout.conjugate:
+        notes.append(f"{name}: the file's quaternion turns earth into sensor; its conjugate is kept")
+    return ImportedSensor(stream, round(rate, 3), layout.description)
+
+
+def _stated(quantity: str, found: Found, layout: Layout) -> str | None:
+    unit = found.units.get(quantity)
+    if unit and known_unit(quantity, unit):
+        return unit
+    return layout.units.get(quantity)
+
+
+def _timeline(source: Source, layout: Layout, name: str, options: Options) -> Callable[[], Timeline]:
+    rate = options.rate_or(None)
+    if layout.time is not None and rate is None:
+        column, unit = layout.time, layout.time_unit
+        return lambda: StampedTime(column, unit)
+    if rate is None:
+        raise source.problem(f"sensor '{name}' has no column of times; state its sampling rate with --rate HZ")
+    return lambda: RegularTime(rate)
+
+
+def _decide(
+    stream: SampleStream,
+    stated: dict[str, str | None],
+    units: dict,
+    factors: dict[str, float],
+    rate: float,
+    name: str,
+    notes: list[str],
+) -> None:
+    """Fill in the factors of units that nobody stated; the stream sees them at its next pass."""
+    open_ones = [quantity for quantity in ("acc", "gyr") if quantity in stated and units[quantity] is None]
+    if not open_ones:
+        return
+    evidence = gather(stream, rate)
+    for quantity in open_ones:
+        unit = decide_unit(quantity, evidence, name, f"--unit {quantity}=UNIT")
+        factors[quantity] = unit.factor
+        notes.append(f"{name}: {quantity} is taken for {unit.name}: {_reason(quantity, evidence)}")
+
+
+def _reason(quantity: str, evidence: Evidence) -> str:
+    if quantity == "acc":
+        return f"|acc| at rest is {evidence.rest_norm:.4g}"
+    return f"the accelerometer turns {evidence.slope:.3g} times as far as the numbers say"

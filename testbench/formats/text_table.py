@@ -1,0 +1,251 @@
+"""Tables of numbers in text files: fast where all is well, and exact about the line where it is not.
+
+pyarrow reads the columns in blocks; when it refuses one, the rows are read once more, slowly, to say which line is at fault
+and why.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow import csv as arrow_csv
+
+from testbench.exceptions import FileProblems, Problem
+from testbench.formats.bytes_stream import LineStream, check_readable, encoding_of
+from testbench.formats.source import Columns, Kind
+
+BLANKS = " "
+"""The separator of files whose columns stand apart by any number of spaces and tabs."""
+HEAD_LINES = 200
+"""A header and what stands before it are looked for among so many lines."""
+BLOCK_BYTES = 8 << 20
+MISSING = ["", "NaN", "nan", "NAN", "NA", "N/A", "null", "-nan", "#N/A"]
+_CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2}(?:[.,]\d+)?))?\s*$"
+
+
+def head_of(file: Path, encoding: str | None = None) -> list[str]:
+    """The first lines of a text file, for finding its header.
+
+    Raises:
+        FileProblems: The file is missing, empty, or not text.
+    """
+    check_readable(file)
+    lines: list[str] = []
+    with LineStream(file, encoding or encoding_of(file)) as stream:
+        for line in stream.lines():
+            lines.append(line)
+            if len(lines) == HEAD_LINES:
+                break
+    if not any(line.strip() for line in lines):
+        raise FileProblems(file, [Problem("the file holds nothing but blank lines")])
+    return lines
+
+
+def split_line(line: str, separator: str) -> list[str]:
+    """The fields of a line, without blanks and quotes around them."""
+    if separator == BLANKS:
+        return line.split()
+    if '"' in line:
+        return [part.strip() for part in next(csv.reader([line], delimiter=separator), [])]
+    return [part.strip() for part in line.split(separator)]
+
+
+def guess_separator(header: str) -> str:
+    """The separator that cuts a header into most fields; blanks if none of them occurs."""
+    best = max((",", ";", "\t"), key=lambda separator: len(split_line(header, separator)))
+    return best if len(split_line(header, best)) > 1 else BLANKS
+
+
+@dataclass
+class TextTable:
+    """A table in a text file.
+
+    Attributes:
+        file: Where it is. names: Of the columns, from left to right. first_line: Of the data, from 1. separator: One
+        character, or BLANKS. decimal: "." or ",". encoding: Of the file; None is UTF-8, or UTF-16 where its mark says so.
+    """
+
+    file: Path
+    names: list[str]
+    first_line: int
+    separator: str = ","
+    decimal: str = "."
+    encoding: str | None = None
+    _width: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        self.encoding = self.encoding or encoding_of(self.file)
+        self._fit_width()
+
+    def _fit_width(self) -> None:
+        """Let the columns be as many as the first row has, where they differ only by separators at the end of a line."""
+        self._width = len(self.names)
+        with self._stream() as stream:
+            first = next((line for line in stream.lines() if line.strip()), None)
+        if first is None:
+            raise self.problem("there are no samples after the header")
+        fields = split_line(first, self.separator)
+        extra_fields, extra_names = fields[self._width :], self.names[len(fields) :]
+        if extra_fields and not any(extra_fields):
+            self._width = len(fields)
+        elif extra_names and not any(extra_names):
+            self._width = len(fields)
+            self.names = self.names[: self._width]
+
+    def _stream(self) -> LineStream:
+        return LineStream(self.file, self.encoding or "utf-8", self.first_line - 1, self.separator == BLANKS)
+
+    def require(self, wanted: list[str], what: str) -> None:
+        """Refuse a table that lacks columns or has one of them twice.
+
+        Args:
+            wanted: Names of columns. what: Kind of file, for the message.
+        """
+        missing = [name for name in wanted if name not in self.names]
+        if missing:
+            raise self.problem(f"not {what}: it lacks the column {', '.join(missing)}; it has {', '.join(self.names[:40])}")
+        twice = [name for name, count in Counter(self.names).items() if count > 1 and name in wanted]
+        if twice:
+            raise self.problem(f"the column {', '.join(twice)} stands twice in the header")
+
+    def chunks(self, kinds: Mapping[str, Kind]) -> Iterator[Columns]:
+        """The wanted columns in pieces; see `Source.chunks`."""
+        self.require(list(kinds), "a table of the kind that was asked for")
+        at = {name: f"c{self.names.index(name)}" for name in kinds}
+        types = {"float": pa.float64(), "integer": pa.int64(), "clock": pa.string()}
+        done = 0
+        try:
+            with self._stream() as stream, pa.PythonFile(stream, mode="r") as source:
+                reader = arrow_csv.open_csv(
+                    source,
+                    arrow_csv.ReadOptions(
+                        column_names=[f"c{i}" for i in range(self._width)], block_size=BLOCK_BYTES, use_threads=False
+                    ),
+                    arrow_csv.ParseOptions(delimiter=self.separator),
+                    arrow_csv.ConvertOptions(
+                        include_columns=list(at.values()),
+                        column_types={at[name]: types[kind] for name, kind in kinds.items()},
+                        null_values=MISSING,
+                        strings_can_be_null=True,
+                        decimal_point=self.decimal,
+                    ),
+                )
+                for batch in reader:
+                    columns = {name: self._array(batch.column(at[name]), kind, done, name) for name, kind in kinds.items()}
+                    done += batch.num_rows
+                    yield columns
+        except pa.ArrowInvalid as error:
+            raise self._explain(kinds, done, str(error)) from None
+
+    def _array(self, column: pa.Array, kind: Kind, done: int, name: str) -> np.ndarray:
+        if kind == "float":
+            return column.to_numpy(zero_copy_only=False)
+        if column.null_count:
+            row = int(np.argmax(column.is_null().to_numpy(zero_copy_only=False)))
+            raise self.problem(f"the column {name} is empty here", done + row)
+        if kind == "integer":
+            return column.to_numpy()
+        parts = pc.extract_regex(column, _CLOCK)
+        if parts.null_count:
+            row = int(np.argmax(parts.is_null().to_numpy(zero_copy_only=False)))
+            raise self.problem(f"'{column[row]}' does not end in a time of day hh:mm:ss (column {name})", done + row)
+        h, m, s = (pc.struct_field(parts, i) for i in range(3))
+        s = pc.replace_substring(pc.if_else(pc.equal(s, ""), "0", s), ",", ".")
+        seconds = [pc.cast(part, pa.float64()).to_numpy(zero_copy_only=False) for part in (h, m, s)]
+        return 3600.0 * seconds[0] + 60.0 * seconds[1] + seconds[2]
+
+    def _rows(self) -> Iterator[tuple[int, str]]:
+        """Number and text of every line that is a row."""
+        with self._stream() as stream:
+            for number, line in enumerate(stream.lines(), self.first_line):
+                if line.strip("\r"):
+                    yield number, line
+
+    def problem(self, message: str, row: int | None = None) -> FileProblems:
+        """The error that says `message` of the file, or of a row of it (from 0)."""
+        line = None
+        if row is not None:
+            line = next((number for i, (number, _) in enumerate(self._rows()) if i == row), None)
+        return FileProblems(self.file, [Problem(message, line=line)])
+
+    def _explain(self, kinds: Mapping[str, Kind], done: int, said: str) -> FileProblems:
+        """Which line pyarrow did not like, and why."""
+        for i, (number, line) in enumerate(self._rows()):
+            if i < done:
+                continue
+            fault = self._fault(line, kinds)
+            if fault:
+                return FileProblems(self.file, [Problem(fault, line=number)])
+        return FileProblems(self.file, [Problem(f"cannot be read as a table: {said.splitlines()[0][:200]}")])
+
+    def _fault(self, line: str, kinds: Mapping[str, Kind]) -> str | None:
+        fields = split_line(line, self.separator)
+        if len(fields) != self._width:
+            hint = ""
+            if len(fields) > self._width and self.separator == ",":
+                hint = "; if its decimals are commas, its columns need another separator"
+            elif len(fields) < self._width:
+                hint = "; the file may be cut off there"
+            return f"has {len(fields)} fields where {self._width} are expected{hint}"
+        for name, kind in kinds.items():
+            text = fields[self.names.index(name)]
+            if kind == "clock" or (kind == "float" and text in MISSING):
+                continue
+            plain = text if self.decimal == "." else text.replace(".", "x").replace(",", ".")
+            pattern = r"[-+]?\d+" if kind == "integer" else r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(inf|nan|Inf|NaN)"
+            if not re.fullmatch(pattern, plain):
+                what = (
+                    "a whole number"
+                    if kind == "integer"
+                    else f"a number with decimal {'comma' if self.decimal == ',' else 'point'}"
+                )
+                shown = text[:40].encode("unicode_escape").decode()
+                return f"'{shown}' in the column {name} is not {what}"
+        return None
+
+
+def decimal_of(row: str, separator: str) -> str:
+    """A comma where a row holds numbers such as 9,81 between other separators than commas, else a point."""
+    if separator == ",":
+        return "."
+    fields = split_line(row, separator)
+    commas = sum(bool(re.fullmatch(r"[-+]?\d+,\d+([eE][-+]?\d+)?", text)) for text in fields)
+    points = sum(bool(re.fullmatch(r"[-+]?\d+\.\d+([eE][-+]?\d+)?", text)) for text in fields)
+    return "," if commas and not points else "."
+
+
+def find_table(
+    file: Path, is_header: re.Pattern[str], what: str, lines_below: int = 0, encoding: str | None = None
+) -> tuple[TextTable, list[str]]:
+    """The table below the first line that looks like its header.
+
+    Args:
+        file: To read. is_header: Found somewhere in the header line. what: Kind of file, for the message. lines_below: Lines
+            between the header and the data. encoding: Of the file, None to go by its mark.
+
+    Returns:
+        The table, and the lines above its header.
+
+    Raises:
+        FileProblems: There is no such line.
+    """
+    lines = head_of(file, encoding)
+    number = next((i for i, line in enumerate(lines) if is_header.search(line)), None)
+    if number is None:
+        first = next(line for line in lines if line.strip())[:60].encode("unicode_escape").decode()
+        raise FileProblems(file, [Problem(f"not {what}: no line of its beginning is such a header; it begins with '{first}'")])
+    header = lines[number]
+    separator = guess_separator(header)
+    names = split_line(header, separator)
+    data = number + 1 + lines_below
+    first_row = next((line for line in lines[data:] if line.strip()), "")
+    table = TextTable(file, names, data + 1, separator, decimal_of(first_row, separator), encoding)
+    return table, lines[:number]

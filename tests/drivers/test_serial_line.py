@@ -1,0 +1,473 @@
+"""Serial boards: the line format, the parser, the device's clock, and the driver on pseudo-terminals fed by a thread."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from testbench.clock import SystemClock
+from testbench.drivers.imus.device_clock import DeviceClock, SampleCounter
+from testbench.drivers.imus.line_format import LineFormat, list_line_formats, load_line_format
+from testbench.drivers.imus.line_parser import LineParser, MalformedLine
+from testbench.drivers.imus.serial_line import LONGEST_LINE, SerialImu, open_serial_port
+from testbench.drivers.imus.streamed import SessionTime
+from testbench.exceptions import DriverError, FileProblems, NotFoundError
+from testbench.records.samples import ImuSamples
+
+pytest.importorskip("serial")
+S = 1_000_000_000
+NEVER = 10**18
+DEG = np.pi / 180
+
+
+def make_format(**changes: object) -> LineFormat:
+    """`t ax ay az gx gy gz` in ms, g and deg/s at 400 Hz, with changes."""
+    columns = [
+        {"quantity": "time", "unit": "ms", "wrap_bits": 32},
+        {"quantity": "acceleration", "unit": "g", "full_scale": 2.0},
+        {"quantity": "angular_rate", "unit": "deg/s", "full_scale": 250.0},
+    ]
+    base: dict[str, object] = {"description": "board", "rate_hz": 400.0, "columns": columns}
+    return LineFormat.model_validate(base | changes)
+
+
+def line(number: int, period_ms: float = 2.5) -> bytes:
+    """Line of a sample whose readings tell its number."""
+    return b"%.1f 0.5 -0.25 1 %d %.1f -3\r\n" % (number * period_ms, number % 200, number / 10 % 100)
+
+
+def wait_for(done: Callable[[], bool], seconds: float = 5.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.003)
+
+
+class Board:
+    """A board at the far end of a pseudo-terminal, reached through a link whose target changes when it is plugged in anew."""
+
+    def __init__(self, folder: Path):
+        self.link = folder / "ttyBOARD"
+        self.master = -1
+        self.heard = b""
+
+    def plug_in(self) -> None:
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        self.link.unlink(missing_ok=True)
+        self.link.symlink_to(os.ttyname(slave))
+        self._slave = slave  # kept open, or the first closing of the port would hang the line up
+
+    def unplug(self) -> None:
+        if self.master >= 0:
+            os.close(self.master)
+            os.close(self._slave)
+            self.link.unlink(missing_ok=True)
+            self.master = -1
+
+    def send(self, data: bytes) -> None:
+        while data:
+            data = data[os.write(self.master, data) :]
+
+    def send_steadily(self, first: int, count: int, rate: float) -> None:
+        begin = time.monotonic()
+        for k in range(count):
+            time.sleep(max(begin + k / rate - time.monotonic(), 0))
+            self.send(line(first + k, 1000 / rate))
+
+    def listen(self) -> bytes:
+        self.heard += os.read(self.master, 1000)
+        return self.heard
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[Board]:
+    board = Board(tmp_path)
+    board.plug_in()
+    yield board
+    board.unplug()
+
+
+Maker = Callable[..., SerialImu]
+
+
+@pytest.fixture
+def make_imu(board: Board) -> Iterator[Maker]:
+    made: list[SerialImu] = []
+    threads = threading.active_count()
+
+    def make(line_format: LineFormat | None = None, **options: object) -> SerialImu:
+        options = {"backoff_s": (0.02, 0.1)} | options
+        imu = SerialImu(str(board.link), line_format or make_format(), SessionTime(SystemClock()), **options)  # type: ignore[arg-type]
+        made.append(imu)
+        imu.kickoff()
+        return imu
+
+    yield make
+    for imu in made:
+        imu.stop()
+        imu.stop()
+    assert threading.active_count() == threads  # nothing is left running
+
+
+def everything(imu: SerialImu) -> ImuSamples:
+    return imu.queue.take(NEVER)
+
+
+def events_of(imu: SerialImu) -> dict[str, dict]:
+    """Details of the last event of each kind; stops the sensor so that no tally is held back."""
+    imu.stop()
+    return {event.event: event.details for event in imu.events()}
+
+
+# The format
+
+
+def test_every_shipped_format_reads_a_line_of_its_board() -> None:
+    body = b"65535,4294967295,0,-8192,16384,131,-262,0,-512"
+    check = 0
+    for byte in body:
+        check ^= byte
+    lines = {
+        "mpu6050": b"$" + body + b"*%02X" % check,
+        "mpu6050_plain": b"4294967295 0 -0.5 1 1 -2 0",
+        "bno080": b"12.345 0.00 -4.90 9.81 0.02 -0.03 0.00",
+    }
+    assert sorted(lines) == list_line_formats()
+    g, rate = 9.80665, DEG
+    expected = {"bno080": [0.02, -0.03, 0, 0, -4.9, 9.81]}
+    for name, text in lines.items():
+        found = LineParser(load_line_format(name)).parse(text)
+        assert found is not None
+        np.testing.assert_allclose(found.values, expected.get(name, [rate, -2 * rate, 0, 0, -g / 2, g]), atol=1e-12)
+    found = LineParser(load_line_format("mpu6050")).parse(lines["mpu6050"])
+    assert found is not None
+    assert (found.counter, found.time_ns) == (65535, (2**32 - 1) * 1000)
+    assert found.temperature == pytest.approx(-512 / 340 + 36.53, abs=1e-3)
+
+
+def test_a_wrong_format_is_refused_with_every_fault_and_its_place(tmp_path: Path) -> None:
+    file = tmp_path / "board.yaml"
+    file.write_text(
+        "description: x\nrate_hz: 100\ncolumns:\n  - {quantity: tme}\n  - {quantity: acceleration, unit: km}\nbaud: 9600\n"
+    )
+    with pytest.raises(FileProblems) as caught:
+        load_line_format(file)
+    text = str(caught.value)
+    assert "board.yaml:4:5" in text and "'time'" in text
+    assert "board.yaml:5:" in text and "'m/s^2', 'g' or 'mg', not 'km'" in text
+    assert "board.yaml:6:1" in text and "unknown key 'baud'" in text
+    with pytest.raises(NotFoundError, match="mpu6050"):
+        load_line_format("mpu9999")
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ([{"quantity": "acceleration", "unit": "g"}], "angular_rate needs the axes x, y and z once each, not none"),
+        (
+            [
+                {"quantity": "acceleration", "unit": "g", "axes": ["x", "y", "-y"]},
+                {"quantity": "angular_rate", "unit": "deg/s"},
+            ],
+            "acceleration needs the axes x, y and z once each, not x, y, y",
+        ),
+        (
+            [
+                {"quantity": "time", "unit": "s"}, {"quantity": "time", "unit": "s"}, {"quantity": "acceleration", "unit": "g"},
+                {"quantity": "angular_rate", "unit": "deg/s"},
+            ],
+            "time stands 2 times",
+        ),
+    ],
+)  # fmt: skip
+def test_columns_that_make_no_sensor_are_refused(columns: list[dict], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_format(columns=columns)
+
+
+def test_the_documentation_shows_a_format_that_is_read_and_names_every_key() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "devices.md").read_text(encoding="utf-8")
+    example = LineFormat.model_validate(yaml.safe_load(text.split("```yaml\n")[1].split("```")[0]))
+    assert example == load_line_format("mpu6050").model_copy(update={"source": ""})
+    keys = set(LineFormat.model_fields)
+    for column in example.columns:
+        keys |= set(type(column).model_fields)
+    assert [key for key in keys if f"`{key}`" not in text] == []
+
+
+# The parser
+
+
+def test_units_axes_counts_and_the_quaternions_direction_are_converted_once() -> None:
+    columns = [
+        {"quantity": "ignored", "count": 2},
+        {"quantity": "angular_rate", "unit": "deg/s", "axes": ["-y", "x", "-z"], "counts_per_unit": 10, "zero_counts": 5},
+        {"quantity": "acceleration", "unit": "mg", "axes": ["z", "y"]},
+        {"quantity": "acceleration", "unit": "mg", "axes": ["x"]},
+        {"quantity": "magnetic_field", "unit": "G"},
+        {"quantity": "quaternion", "order": ["x", "y", "z", "w"], "rotates": "sensor_from_earth"},
+    ]
+    parser = LineParser(make_format(columns=columns, separator="semicolon"))
+    found = parser.parse(b"1;7;15;25;35;1000;2000;3000;0.1;0.2;0.3;0.6;0;0;0.8")
+    assert found is not None
+    gyr, acc, mag, q = np.split(np.array(found.values), [3, 6, 9])
+    np.testing.assert_allclose(gyr, DEG * np.array([2, -1, -3]))
+    np.testing.assert_allclose(acc, 9.80665 * np.array([3, 2, 1]))
+    np.testing.assert_allclose(mag, [10, 20, 30])
+    np.testing.assert_allclose(q, [0.8, -0.6, 0, 0])
+
+
+def test_the_checksum_is_that_of_nmea_0183() -> None:
+    # A GGA sentence as printed in many receivers' manuals; its check digits are 47.
+    sentence = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47"
+    line_format = make_format(prefix="$", checksum={"algorithm": "xor"}, separator="comma")
+    with pytest.raises(MalformedLine, match="has 15 columns"):  # the digits are right, the rest is no sample
+        LineParser(line_format).parse(sentence)
+    with pytest.raises(MalformedLine, match="its content gives 47"):
+        LineParser(line_format).parse(sentence.replace(b"*47", b"*46"))
+    summed = make_format(checksum={"algorithm": "sum", "mark": "#"}, comment_prefixes=[])
+    body = b"1 0 0 1 0 0 0"
+    assert LineParser(summed).parse(body + b"#%02x" % (sum(body) % 256)) is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (b"1 2 3", "has 3 columns, not 7"),
+        (b"1 0 0 1 0 0 0 0", "has 8 columns, not 7"),
+        (b"1 0 0 x 0 0 0", "no number"),
+        (b"1 0 0 nan 0 0 0", "no finite number"),
+        (b"1 0 0 inf -inf 0 0", "no finite number"),
+        (b"1_0 0 0 1 0 0 0", "no finite number"),
+        (b"1 0 0 9.9 0 0 0", "beyond the sensor's range"),
+        (b"1e300 0 0 1 0 0 0", "no board counts to"),
+        (b"\xff\xfe 0 0 1 0 0 0", "no number"),
+    ],
+)
+def test_a_line_that_does_not_fit_says_why(text: bytes, why: str) -> None:
+    with pytest.raises(MalformedLine, match=why):
+        LineParser(make_format()).parse(text)
+
+
+def test_comments_are_passed_over_and_full_scale_is_marked() -> None:
+    parser = LineParser(make_format())
+    assert parser.parse(b"# t ax ay az gx gy gz") is None and parser.parse(b"  \r") is None
+    saturated = parser.parse(b"1 0 0 -2 0 0 0")
+    assert saturated is not None and saturated.saturated
+    free = parser.parse(b"1 0 0 -1.99 0 0 249")
+    assert free is not None and not free.saturated
+
+
+def test_four_boards_at_400_lines_a_second_cost_little() -> None:
+    parser, text = LineParser(make_format()), line(7).strip()
+    begin = time.process_time()
+    for _ in range(4 * 400):
+        parser.parse(text)
+    assert time.process_time() - begin < 0.2  # a fifth of one processor for parsing; a hundredth is usual
+
+
+# The device's clock
+
+
+def test_wraps_are_resolved_even_across_a_gap_longer_than_a_turn() -> None:
+    wrap = 1000 << 32  # microseconds in 32 bits: 71.6 minutes
+    clock = DeviceClock(wrap)
+    truth = [0, 10 * S, wrap - S, wrap + S, wrap + 2 * S, 4 * wrap + 5 * S]
+    begin = wrap - 15 * S
+    for passed in truth:
+        time_ns = clock.unwrap((begin + passed) % wrap, 3 * S + passed + (passed // 20_000))  # the host runs 50 ppm faster
+        assert time_ns == begin + passed
+        clock.accept(time_ns, 3 * S + passed + passed // 20_000)
+
+
+def test_a_stamp_that_contradicts_the_host_is_not_believed_and_a_restart_carries_on_by_the_host() -> None:
+    clock = DeviceClock(None)
+    clock.accept(100 * S, 5 * S)
+    assert clock.unwrap(101 * S, 6 * S) == 101 * S
+    assert clock.unwrap(200 * S, 6 * S) is None
+    assert clock.restart(2 * S, 8 * S) == 103 * S
+    assert clock.unwrap(3 * S, 9 * S) == 104 * S
+
+
+def test_losses_are_counted_by_the_devices_counter_or_else_by_its_time() -> None:
+    by_own = SampleCounter(100.0, wrap=256)
+    assert [by_own.step(t, c) for t, c in ((0, 254), (10**7, 255), (4 * 10**7, 2), (4 * 10**7, 2))] == [1, 1, 3, 0]
+    assert by_own.step(5 * 10**7, 250) == 1  # a counter that jumps while time does not: a digit was lost
+    by_time = SampleCounter(400.0)  # stamps in whole milliseconds
+    assert [by_time.step(t * 10**6) for t in (0, 2, 5, 7, 10, 20, 20)] == [1, 1, 1, 1, 1, 4, 1]
+
+
+# The driver, on pseudo-terminals
+
+
+def test_every_line_at_400_hz_arrives_with_its_values_and_times(board: Board, make_imu: Maker) -> None:
+    imu = make_imu()
+    board.send(b"\n")  # what comes before the first end of line may be half a line
+    feeder = threading.Thread(target=board.send_steadily, args=(0, 400, 400.0))
+    feeder.start()
+    early = imu.read(S // 2)  # waits for that time
+    feeder.join()
+    wait_for(lambda: imu.queue.received == 400)
+    late = everything(imu)
+    assert 150 < len(early) < 250 and early.host_time_ns[-1] <= S // 2 < late.host_time_ns[0]
+    device = np.concatenate([early.device_time_ns, late.device_time_ns])
+    host = np.concatenate([early.host_time_ns, late.host_time_ns])
+    gyr = np.vstack([early.gyr, late.gyr])
+    np.testing.assert_array_equal(device, np.arange(400) * 2_500_000)
+    np.testing.assert_allclose(gyr[:, 0], DEG * (np.arange(400) % 200))
+    np.testing.assert_allclose(early.acc, np.tile(9.80665 * np.array([0.5, -0.25, 1]), (len(early), 1)))
+    np.testing.assert_array_equal(np.concatenate([early.counter, late.counter]), np.arange(400))
+    assert (np.diff(host) >= 0).all()
+    assert np.polyfit(device, host, 1)[0] == pytest.approx(1, abs=0.05)
+    assert np.median(np.abs(host - device - np.median(host - device))) < 5e6  # stamped as they come, not in lumps
+    assert early.mag is None and early.device_q is None and not early.saturated.any()
+
+
+def test_half_a_line_at_the_start_is_no_sample_even_if_it_looks_like_one(board: Board, make_imu: Maker) -> None:
+    imu = make_imu()
+    board.send(b"0.5 0 0 1 0 0 0\r\n" + b"".join(line(k) for k in range(5)))  # the rest of "1230.5 0 0 1 0 0 0"
+    wait_for(lambda: imu.queue.received == 5)
+    assert everything(imu).device_time_ns[0] == 0
+    assert events_of(imu)["partial_lines"]["count"] == 1
+
+
+def test_garbage_is_counted_and_costs_only_itself(board: Board, make_imu: Maker) -> None:
+    imu = make_imu()
+    noise = np.random.default_rng(3).integers(128, 256, 50, dtype=np.uint8).tobytes()
+    broken = [noise + b"\n", b"12 0.5\n", line(2)[:-9] + line(3), b"\0" * 20 + b"\n"]
+    board.send(b"\n" + line(0) + line(1) + b"".join(broken) + b"# comment\n\n" + line(4) + line(5))
+    wait_for(lambda: imu.queue.received == 4)
+    samples = everything(imu)
+    np.testing.assert_array_equal(samples.counter, [0, 1, 4, 5])
+    happened = events_of(imu)
+    assert happened["malformed_lines"]["count"] == 4 and "why" in happened["malformed_lines"]
+    assert happened["samples_lost"]["count"] == 2
+    assert imu.statistics()["malformed_lines"] == 4
+
+
+def test_a_wrong_speed_that_never_ends_a_line_does_not_fill_the_memory(board: Board, make_imu: Maker) -> None:
+    imu = make_imu()
+    board.send(b"x" * (LONGEST_LINE + 1))
+    wait_for(lambda: "malformed_lines" in imu.notices.totals)
+    board.send(b"x" * 500 + b"\n" + line(0))
+    wait_for(lambda: imu.queue.received == 1)
+    assert "no end within" in events_of(imu)["malformed_lines"]["why"]
+
+
+def test_one_wrong_digit_in_a_time_loses_one_sample_and_not_the_clock(board: Board, make_imu: Maker) -> None:
+    imu = make_imu()
+    board.send(b"\n" + line(0) + line(1) + b"9999999 0 0 1 0 0 0\n" + line(3) + line(4))
+    wait_for(lambda: imu.queue.received == 4)
+    np.testing.assert_array_equal(everything(imu).device_time_ns, np.array([0, 1, 3, 4]) * 2_500_000)
+    happened = events_of(imu)
+    assert happened["untimely_lines"]["stamp_s"] == 9999.999 and "device_clock_restarted" not in happened
+
+
+def test_a_board_that_reboots_is_noticed_and_its_time_goes_on(board: Board, make_imu: Maker) -> None:
+    imu = make_imu()
+    board.send(b"\n" + b"".join(line(k) for k in range(1000, 1003)) + b"".join(line(k) for k in range(3)))
+    wait_for(lambda: imu.queue.received == 5)
+    times = everything(imu).device_time_ns
+    assert (np.diff(times) > 0).all() and times[-1] - times[0] < 2 * S
+    assert events_of(imu)["device_clock_restarted"]["device_time_s"] == pytest.approx(0.0025)
+
+
+def test_a_board_that_is_unplugged_is_found_again_and_the_gap_is_known(board: Board, make_imu: Maker) -> None:
+    imu = make_imu()
+    board.send(b"\n" + b"".join(line(k) for k in range(10)))
+    wait_for(lambda: imu.queue.received == 10)
+    board.unplug()
+    wait_for(lambda: "disconnected" in imu.notices.totals)
+    time.sleep(0.15)  # the gap
+    board.plug_in()
+    wait_for(lambda: "reconnected" in imu.notices.totals)
+    board.send(b"\n" + b"".join(line(k) for k in range(10)))  # it booted anew: its clock begins at 0
+    wait_for(lambda: imu.queue.received >= 19)
+    samples = everything(imu)
+    assert (np.diff(samples.device_time_ns) > 0).all()
+    gap = samples.device_time_ns[10] - samples.device_time_ns[9]
+    assert gap == pytest.approx(samples.host_time_ns[10] - samples.host_time_ns[9], abs=20e6)
+    assert samples.counter[10] - samples.counter[9] == round(gap / 2_500_000)
+    happened = events_of(imu)
+    assert 0.15 <= happened["reconnected"]["gap_s"] < 2 and happened["reconnected"]["attempts"] >= 1
+    assert happened["disconnected"]["reason"]
+
+
+def test_nobody_reading_never_blocks_the_board_and_every_dropped_sample_is_counted(board: Board, make_imu: Maker) -> None:
+    imu = make_imu(queue_s=0.25)  # 100 samples
+    begin = time.monotonic()
+    board.send(b"\n" + b"".join(line(k) for k in range(2000)))  # twenty times the kernel's buffer
+    assert time.monotonic() - begin < 3
+    wait_for(lambda: imu.notices.totals.get("samples_dropped") == 1900)
+    kept = everything(imu)
+    np.testing.assert_array_equal(kept.counter, np.arange(100))  # a bounded queue, and what is in it is whole
+    board.send(line(2000))
+    wait_for(lambda: imu.queue.received == 101)
+    assert everything(imu).counter[0] == 2000  # what was dropped shows in the counter
+    assert events_of(imu)["samples_dropped"]["count"] == 1900
+
+
+def test_a_board_that_falls_silent_is_an_event(board: Board, make_imu: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("testbench.drivers.imus.serial_line.SILENCE_S", 0.05)
+    imu = make_imu()
+    board.send(b"\n" + line(0))
+    wait_for(lambda: "silent" in imu.notices.totals)
+    board.send(line(80))
+    wait_for(lambda: "heard_again" in imu.notices.totals)
+    assert events_of(imu)["heard_again"]["gap_s"] > 0.05
+
+
+def test_a_board_is_told_to_start_and_to_stop_and_what_it_said_while_booting_is_forgotten(
+    board: Board, make_imu: Maker
+) -> None:
+    imu = make_imu(make_format(start_command="go\n", stop_command="halt\n", settle_s=0.1))
+    board.send(b"\n" + line(0) + line(1))
+    wait_for(lambda: board.listen() == b"go\n")
+    board.send(b"\n" + line(50))
+    wait_for(lambda: imu.queue.received == 1)
+    assert everything(imu).device_time_ns[0] == 125_000_000
+    imu.stop()
+    assert board.listen() == b"go\nhalt\n"
+
+
+def test_a_temperature_column_is_kept_as_events(board: Board, make_imu: Maker) -> None:
+    columns = [
+        *make_format().model_dump()["columns"],
+        {"quantity": "temperature", "counts_per_unit": 340, "zero_counts": -12420.2},
+    ]
+    imu = make_imu(make_format(columns=columns))
+    board.send(b"\n" + line(0).strip() + b" -512\n")
+    wait_for(lambda: imu.queue.received == 1)
+    assert events_of(imu)["temperature"]["temperature_degC"] == pytest.approx(35.024)
+
+
+def test_a_port_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
+    imu = SerialImu(str(tmp_path / "nothing"), make_format(), SessionTime(SystemClock()))
+    with pytest.raises(DriverError, match=r"nothing cannot be opened: No such file or directory$"):
+        imu.kickoff()
+    imu.stop()
+
+
+def test_without_pyserial_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(DriverError, match=r"imu-testbench\[serial\]"):
+        open_serial_port("/dev/null", 9600)
+
+
+def test_a_reader_that_fails_is_not_silent(board: Board, make_imu: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+    imu = make_imu()
+    monkeypatch.setattr(imu._parser, "parse", lambda raw: 1 / 0)
+    board.send(b"\n" + line(0))
+    wait_for(lambda: imu._failure is not None)
+    with pytest.raises(DriverError, match="ZeroDivisionError"):
+        imu.read(0)

@@ -1,0 +1,181 @@
+"""What an export may write over, what it leaves behind when it fails, and what the command says."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from testbench.exceptions import InputError, NotFoundError
+from testbench.formats.exporters import EXPORTS, ExportSource, prepare_export, write_export
+from testbench.pipeline import export
+from testbench.records.session import Session
+from testbench.reporting.viewer import save_recording
+from tests.reporting.test_viewer import chunks_of
+
+FILES = [name for name, kind in EXPORTS.items() if kind.suffix]
+
+
+def everything(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+def bench(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "testbench", "export", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_every_format_is_written_into_the_session_and_nothing_else_changes(name, own_session):
+    before = everything(own_session.path)
+    result = export(own_session, name)
+    assert result.path.exists()
+    assert result.path.parent == own_session.path / "export"
+    new = [path for path in everything(own_session.path) if path not in before]
+    assert [path for path in new if not path.startswith(str(result.path.relative_to(own_session.path)))] == ["export"]
+    with pytest.raises(InputError, match=r"exists; --force replaces it"):
+        export(own_session, name)
+    export(own_session, name, force=True)
+    assert [path for path in everything(own_session.path) if path not in before] == new
+
+
+@pytest.mark.parametrize("name", [name for name in EXPORTS if name not in {"mat", "rrd"}])  # these hold the date of writing
+def test_the_same_session_gives_the_same_bytes(name, source, tmp_path):
+    paths = [prepare_export(name, source.session, tmp_path / f"{i}{EXPORTS[name].suffix}", False) for i in range(2)]
+    for path in paths:
+        write_export(name, source, path)
+    first, second = [sorted(path.iterdir()) if path.is_dir() else [path] for path in paths]
+    assert [file.read_bytes() for file in first] == [file.read_bytes() for file in second]
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_an_export_that_fails_half_way_leaves_nothing(name, source, tmp_path):
+    kind = EXPORTS[name]
+    path = tmp_path / f"out{kind.suffix}"
+
+    def failing(own: ExportSource, partial: Path) -> list[str]:
+        (partial / "table" if kind.is_folder else partial).write_text("half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(InputError, match=r"out.* cannot be written: No space left on device"):
+        write_export(name, source, path, failing)
+    assert everything(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["sto", "csv"])
+def test_an_export_that_fails_leaves_the_earlier_one(name, source, tmp_path):
+    path = tmp_path / f"out{EXPORTS[name].suffix}"
+    write_export(name, source, path)
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+
+    def failing(own: ExportSource, partial: Path) -> list[str]:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_export(name, source, path, failing)
+    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
+
+
+def test_a_place_that_cannot_be_written_to_is_one_message(source, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"out.sto cannot be written: (Not a directory|File exists)"):
+        write_export("sto", source, tmp_path / "file" / "out.sto")
+
+
+def test_a_folder_that_is_no_export_is_never_replaced(own_session, tmp_path):
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.txt").write_text("years of work")
+    with pytest.raises(InputError, match="is not an earlier export"):
+        export(own_session, "csv", tmp_path / "thesis", force=True)
+    assert (tmp_path / "thesis" / "chapter.txt").read_text() == "years of work"
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "imu_arm.parquet", "estimate", "evaluation.json", ".", ".."])
+@pytest.mark.parametrize("to", ["csv", "parquet"])
+def test_the_recording_is_never_written_over(name, to, own_session):
+    before = everything(own_session.path)
+    with pytest.raises(InputError):
+        export(own_session, to, own_session.path / name, force=True)
+    assert everything(own_session.path) == before
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_of_another_ending_is_refused(name, own_session, tmp_path):
+    with pytest.raises(InputError, match=rf"must end in {EXPORTS[name].suffix}"):
+        export(own_session, name, tmp_path / "out.txt")
+
+
+def test_a_folder_of_tables_does_not_take_the_name_of_a_file(own_session, tmp_path):
+    with pytest.raises(InputError, match="a folder of several tables"):
+        export(own_session, "csv", tmp_path / "out.csv")
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match="is a file"):
+        export(own_session, "csv", tmp_path / "taken", force=True)
+    (tmp_path / "taken.sto").mkdir()
+    with pytest.raises(InputError, match="is a folder"):
+        export(own_session, "sto", tmp_path / "taken.sto", force=True)
+
+
+def test_unknown_formats_and_filters_are_answered_with_those_that_exist(own_session):
+    with pytest.raises(NotFoundError, match="unknown export format 'xlsx'; known: csv, parquet, mcap"):
+        export(own_session, "xlsx")
+    with pytest.raises(NotFoundError, match="vqf_6d"):
+        export(own_session, "sto", filter_name="kalman9000")
+    assert not (own_session.path / "export").exists()
+
+
+def test_options_that_a_format_has_no_use_for_are_refused(own_session):
+    with pytest.raises(InputError, match="shows every filter"):
+        export(own_session, "rrd", filter_name="vqf_6d")
+    for name in [name for name in EXPORTS if name != "sto"]:
+        with pytest.raises(InputError, match="--frame is for exports to sto"):
+            export(own_session, name, frame="world")
+
+
+def test_a_filter_that_the_session_did_not_run_is_run_beside_what_it_keeps(own_session, tmp_path):
+    before = (own_session.path / "estimate" / "estimate.json").read_bytes()
+    result = export(own_session, "sto", tmp_path / "out.sto", "madgwick_imu")
+    assert result.filters == ["madgwick_imu"]
+    assert "filter=madgwick_imu" in result.path.read_text()
+    assert (own_session.path / "estimate" / "estimate.json").read_bytes() == before
+
+
+def test_a_filter_that_could_not_run_says_why(imported, tmp_path):
+    with pytest.raises(InputError, match=r"no orientation of sensor 'imu' by filter 'vqf_9d': the sensor gives no mag"):
+        export(imported, "sto", tmp_path / "out.sto", "vqf_9d")
+    assert everything(tmp_path) == []
+
+
+def test_without_mcap_the_message_names_the_extra(own_session, monkeypatch):
+    for name in ("mcap", "mcap.writer"):
+        monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.delitem(sys.modules, "testbench.formats.exporters.mcap_file", raising=False)
+    with pytest.raises(InputError, match=r"'mcap' is not installed.* pip install 'imu-testbench\[mcap\]'"):
+        export(own_session, "mcap")
+
+
+def test_rrd_is_what_the_viewer_saves(quick, own_session, tmp_path):
+    path = export(own_session, "rrd", tmp_path / "out.rrd").path
+    saved = save_recording(own_session, tmp_path / "saved.rrd", quick.estimate, quick.evaluation)
+    entities = [sorted({chunk.entity_path for chunk in chunks_of(file)}) for file in (path, saved)]
+    assert entities[0] == entities[1]
+
+
+def test_the_command_prints_one_json_object_and_refuses_with_exit_code_2(own_session, tmp_path):
+    out = tmp_path / "out.mot"
+    done = bench(own_session.path, "--to", "mot", "--out", out, "--filter", "vqf_6d", "--json")
+    assert done.returncode == 0, done.stderr
+    printed = json.loads(done.stdout)
+    assert printed == {"session": str(own_session.path), "format": "mot", "file": str(out), "filters": ["vqf_6d"], "notes": []}
+    refused = bench(own_session.path, "--to", "mot", "--out", out)
+    assert refused.returncode == 2
+    assert refused.stderr.startswith("error: ") and "--force" in refused.stderr and "Traceback" not in refused.stderr
+
+
+def test_a_session_that_was_cut_off_is_refused(own_session):
+    (own_session.path / "arm.arrows").write_bytes(b"")
+    with pytest.raises(InputError, match="cut off"):
+        export(Session(own_session.path), "csv", filter_name="madgwick_imu")
