@@ -18,7 +18,7 @@ from testbench.drivers.imus.line_format import load_line_format
 from testbench.drivers.imus.serial_line import SerialImu, list_serial_ports
 from testbench.drivers.imus.streamed import SessionTime, StreamedImu
 from testbench.drivers.imus.xsens_dot import XsensDot
-from testbench.exceptions import BenchError, DriverError, InputError, RunInterrupted
+from testbench.exceptions import BenchError, DriverError, InputError, RunInterrupted, SessionError
 from testbench.execution.recorder import IMU_NOTES
 from testbench.frames import NANOSECONDS
 from testbench.records.protocol import Analysis, Estimation
@@ -340,9 +340,15 @@ def _free_folder(logs: Path, name: str) -> Path:
 
 
 def recover_recording(session: Session) -> Session:
-    """Make a recording readable that was cut off by a kill or a power cut; one that was closed is returned as it is."""
+    """Make a recording readable that was cut off by a kill or a power cut; one that was closed is returned as it is.
+
+    Raises:
+        SessionError: It is still being recorded, or a journal cannot be read.
+    """
     if session.status is not RunStatus.RUNNING:
         return session
+    if session.is_being_recorded:
+        raise SessionError(f"{session.path} is still being recorded; stop that first")
     path, last = session.path, 0
     for journal in sorted(path.glob("*.arrows")):
         compact(journal, journal.with_suffix(".parquet"))

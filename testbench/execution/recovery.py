@@ -20,6 +20,10 @@ def recover(session: Session) -> Session:
         return session
     if session.is_being_recorded:
         raise SessionError(f"{session.path} is still being recorded; stop that run first")
+    if session.manifest.get("kind") == "recording":
+        from testbench.execution.device_recorder import recover_recording
+
+        return recover_recording(session)
     path = session.path
     for journal in sorted(path.glob("*.arrows")):
         compact(journal, journal.with_suffix(".parquet"))

@@ -95,7 +95,7 @@ def read_robot_log(file: Path, joints: list[str], rate: float | None, unit: str 
 
 
 def _table(file: Path, joints: list[str], notes: list[str]) -> TextTable:
-    lines = head_of(file)
+    lines, others = head_of(file), ""
     for at, line in enumerate(lines):
         if not line.strip() or line.strip(' "').lower().startswith("sep="):
             continue
@@ -106,7 +106,10 @@ def _table(file: Path, joints: list[str], notes: list[str]) -> TextTable:
             first_row = next((row for row in lines[at + 1 :] if row.strip()), "")
             if _matching(titles, joints):
                 return TextTable(file, titles, at + 2, separator, decimal_of(first_row, separator))
-            continue  # a comment or a title of something else
+            others = line if len(titles) > 1 else others  # a comment, or titles of something else
+            continue
+        if others and len(split_line(others, guess_separator(others))) == len(fields):
+            break
         if len(fields) < len(joints):
             raise FileProblems(file, [Problem(f"{len(fields)} numbers, where the arm has {len(joints)} joints", line=at + 1)])
         extra = len(fields) - len(joints)

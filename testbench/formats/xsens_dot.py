@@ -142,12 +142,11 @@ def _kinds(table: TextTable) -> dict[str, Kind]:
 def _stale_rows(head: Columns, kinds: dict[str, Kind], rate: float) -> int:
     """How many rows at the beginning are all zero, or of another time or place than the next ones."""
     values = np.column_stack([head[column] for column in kinds if column not in {"Status", "ClipCountAcc", "ClipCountGyr"}])
-    values = values[:LOOK]
     zero = (values == 0).all(axis=1)
     dropped = len(zero) if zero.all() else int(np.argmin(zero))
     rest = slice(dropped, LOOK)
     ticks = head[TIME][rest]
-    if dropped or len(ticks) < LOOK - 1:
+    if dropped or len(ticks) < LOOK:
         return dropped
     steps = (np.diff(ticks) + WRAP // 2) % WRAP - WRAP // 2
     counts = np.diff(head[COUNTER][rest]) if COUNTER in head else np.ones(len(steps))

@@ -93,7 +93,7 @@ def test_increments_over_a_period_become_rates_and_forces() -> None:
     dq = Rotation.from_rotvec(rate / 60).as_quat(scalar_first=True)
     packed = struct.pack("<I7f3h", 7, *-dq, *(force / 60), 4096, -2048, 0)  # either sign of dq is the same rotation
     reading = read(get_mode("delta_quantities_with_mag"), packed, 60)
-    np.testing.assert_allclose(reading.values, [*rate, *force, 50, -25, 0], atol=2e-5)
+    np.testing.assert_allclose(reading.values, [*rate, *force, 40, -20, 0], atol=2e-5)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from testbench.cli.app import app
 from testbench.clock import SystemClock
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.streamed import SessionTime
-from testbench.exceptions import DriverError, InputError, RunInterrupted
+from testbench.exceptions import DriverError, InputError, RunInterrupted, SessionError
 from testbench.execution import device_recorder
 from testbench.execution.device_recorder import Devices, open_devices, record_devices, recover_recording, scan_devices
 from testbench.pipeline import analyse
@@ -146,6 +146,8 @@ def test_ctrl_c_is_the_end_of_an_open_recording_and_an_interruption_of_a_timed_o
 def test_a_killed_recording_keeps_what_was_on_disk_and_can_be_recovered(board: Feeder, tmp_path: Path) -> None:
     ran = command("--serial", f"{board.port}:mpu6050_plain", "--logs", str(tmp_path))
     path = wait_for_samples(tmp_path)
+    with pytest.raises(SessionError, match="still being recorded"):
+        recover_recording(Session(path))
     ran.kill()
     ran.communicate(timeout=20)
     assert Session(path).status is RunStatus.RUNNING

@@ -41,9 +41,9 @@ STAMP_WRAP_NS = TICK_NS << 32
 FIXED_POINT = 4096.0
 """Counts of one unit of the magnetic field. The specification says "fixed point" of 2 bytes and no more; 12 fractional bits
 are what published readers of it use, and agree with a norm of 1 in the Earth's field."""
-EARTH_FIELD_UT = 50.0
-"""Microtesla that one arbitrary unit is recorded as: the DOT normalises to the field it was calibrated in, which it does not
-tell. Directions are right, the magnitude is nominal."""
+ARBITRARY_UNIT_UT = 40.0
+"""Microtesla that one arbitrary unit of the field is recorded as, as in imported files of the DOT: about the field of the
+maker's laboratory, to which it is normalised (user manual XD0502P, section 4.2.2). The magnitude is nominal."""
 RATE_RANGE, FORCE_RANGE = 0.999 * 2000 * DEG, 0.999 * 16 * STANDARD_GRAVITY
 """Readings from here on count as saturated [rad/s], [m/s^2]: +-2000 deg/s and +-16 g (user manual XD0502P). No mode that can be
 recorded holds the clip counts."""
@@ -196,7 +196,7 @@ def read(mode: PayloadMode, data: bytes, rate: float) -> DotReading:
     else:
         x, y, z = found["free_acceleration"]
         acc = _rotate_back(q, (x, y, z + STANDARD_GRAVITY))
-    mag = tuple(value / FIXED_POINT * EARTH_FIELD_UT for value in found.get("magnetic_field", ()))
+    mag = tuple(value / FIXED_POINT * ARBITRARY_UNIT_UT for value in found.get("magnetic_field", ()))
     saturated = max(map(abs, gyr)) >= RATE_RANGE or max(map(abs, acc)) >= FORCE_RANGE
     return DotReading(int(found["timestamp"][0]) * TICK_NS, (*gyr, *acc, *mag, *q), saturated)
 

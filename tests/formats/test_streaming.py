@@ -1,0 +1,89 @@
+"""Long recordings: pieces that fit in memory, whatever the length of the file."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import csv
+
+from testbench.formats.source import ROWS_PER_CHUNK
+from testbench.formats.text_table import TextTable
+from testbench.exceptions import FileProblems
+
+PROGRAM = """
+import resource, sys, time
+from datetime import UTC, datetime
+from pathlib import Path
+from testbench.formats import import_recording
+from testbench.formats.options import Options
+class Clock:
+    def utc(self): return datetime(2026, 1, 1, tzinfo=UTC)
+begun = time.perf_counter()
+session = import_recording("generic", [Path(sys.argv[1])], Path(sys.argv[2]), Clock(), Options(sys.argv[3]))
+took = time.perf_counter() - begun
+print(session.manifest["samples"]["imu"], session.manifest["duration_s"] / took, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
+MAPPING = """\
+description: long
+rate_hz: 1000
+sensors: {imu: {acc: {columns: [2, 3, 4], unit: m/s^2}, gyr: {columns: [5, 6, 7], unit: deg/s}}}
+text: {header: false}
+"""
+
+
+def write(path: Path, rows: int) -> None:
+    rng = np.random.default_rng(1)
+    with path.open("wb") as file:
+        for start in range(0, rows, 500_000):
+            count = min(500_000, rows - start)
+            noise = np.round(rng.normal(0, 0.01, (count, 6)) + [0, 0, 9.81, 0, 0, 0], 5)
+            columns = {"t": np.arange(start, start + count)} | {str(i): noise[:, i] for i in range(6)}
+            csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=False))
+
+
+def measure(folder: Path, rows: int) -> tuple[int, float, float]:
+    """Samples, times faster than they were taken, and peak memory [MB], of an import in a process of its own."""
+    write(folder / f"{rows}.csv", rows)
+    (folder / "map.yaml").write_text(MAPPING)
+    words = [sys.executable, "-c", PROGRAM, folder / f"{rows}.csv", folder / f"session{rows}", folder / "map.yaml"]
+    result = subprocess.run(words, capture_output=True, text=True, check=False, timeout=300)
+    assert result.returncode == 0, result.stderr
+    count, speed, peak = result.stdout.split()
+    return int(count), float(speed), float(peak)
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_recording_and_it_is_much_faster_than_real_time(tmp_path):
+    short, long = measure(tmp_path, 400_000), measure(tmp_path, 2_400_000)
+    assert (short[0], long[0]) == (400_000, 2_400_000)
+    grown = (
+        tmp_path / "session2400000" / "imu_imu.parquet"
+    ).stat().st_size / 1e6  # the manifest's hash may read the file at once
+    assert long[2] - short[2] < 100 + grown
+    assert long[1] > 100
+
+
+def test_chunks_are_small_and_give_the_whole(tmp_path):
+    write(tmp_path / "d.csv", 600_000)
+    table = TextTable(tmp_path / "d.csv", [str(i) for i in range(1, 8)], 1)
+    sizes, first = [], []
+    for chunk in table.chunks({"1": "integer", "4": "float"}):
+        sizes.append(len(chunk["1"]))
+        first.append(chunk["1"])
+    assert sum(sizes) == 600_000 and max(sizes) < 3 * ROWS_PER_CHUNK and len(sizes) > 2
+    np.testing.assert_array_equal(np.concatenate(first), np.arange(600_000))
+
+
+def test_a_fault_deep_in_a_long_file_is_named_by_its_line(tmp_path):
+    write(tmp_path / "d.csv", 400_000)
+    lines = (tmp_path / "d.csv").read_bytes().split(b"\n")
+    lines[345_677] = lines[345_677].replace(b"9.", b"9,,", 1)
+    (tmp_path / "d.csv").write_bytes(b"\n".join(lines))
+    table = TextTable(tmp_path / "d.csv", [str(i) for i in range(1, 8)], 1)
+    with pytest.raises(FileProblems, match="d.csv:345678: has 9 fields where 7 are expected"):
+        list(table.chunks({"4": "float"}))

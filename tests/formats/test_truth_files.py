@@ -1,0 +1,221 @@
+"""Truth beside the recording: joint logs, lists of commanded poses, orientations of a reference system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from testbench.exceptions import FileProblems, InputError, NotFoundError
+from testbench.formats import import_recording
+from testbench.formats.options import Options
+from testbench.formats.robot_log import find_dwells, read_robot_log
+from testbench.formats.recording import ImportedSensor
+from testbench.formats.truth_options import TruthOptions
+from testbench.model.kinematics import Kinematics, Pose
+from testbench.pipeline import analyse
+from testbench.records.robot import load_robot
+from testbench.records.samples import ImuSamples
+from testbench.records.strict import Placement
+
+LINK = "wrist_3_link"
+HOME = np.array([0.0, -90, -90, -90, 90, 180])
+POSES_DEG = np.array(
+    [
+        (0, -90, -90, -90, 90, 180), (0, -90, -90, 90, 90, 180), (0, -90, -90, -90, 180, 180), (0, -90, -90, -90, 0, 180),
+        (0, -90, -90, -180, 0, 180), (0, -90, -90, 0, 0, 180),
+    ],
+    dtype=float,
+)  # fmt: skip
+"""Castellanos 2023, table 3.3."""
+MOUNTING = Placement(rotation_deg={"ZYX": [30.0, 20.0, -10.0]}, position_mm=[0.0, 10.0, 40.0])
+
+
+@pytest.fixture(scope="module")
+def ur3e() -> Kinematics:
+    return Kinematics(load_robot("ur3e"))
+
+
+def smooth_steps(t: np.ndarray, starts: np.ndarray, move: float, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angles, rates and accelerations that go from pose to pose by quintics."""
+    position, rate, acceleration = (np.zeros((len(t), q.shape[1])) for _ in range(3))
+    position += q[0]
+    for i, start in enumerate(starts):
+        u = np.clip((t - start) / move, 0, 1)[:, None]
+        step = q[i + 1] - q[i]
+        inside = (u > 0) & (u < 1)
+        position += step * (10 * u**3 - 15 * u**4 + 6 * u**5)
+        rate += inside * step * (30 * u**2 - 60 * u**3 + 30 * u**4) / move
+        acceleration += inside * step * (60 * u - 180 * u**2 + 120 * u**3) / move**2
+    return position, rate, acceleration
+
+
+@pytest.fixture(scope="module")
+def run(ur3e):
+    """Six poses of two seconds, moves of one; what an ideal sensor on the last link reads at 100 Hz."""
+    dwell, move = 2.0, 1.0
+    t = np.arange(int((6 * dwell + 5 * move) * 100)) / 100
+    starts = dwell + np.arange(5) * (dwell + move)
+    q, v, a = smooth_steps(t, starts, move, np.radians(POSES_DEG))
+    motion = ur3e.frame_motion(LINK, q, v, a, Pose.from_placement(MOUNTING))
+    return t, q, motion.q_world_from_frame, motion.angular_velocity_in_frame, motion.specific_force_in_frame(ur3e.robot.gravity)
+
+
+@pytest.fixture
+def recorded(run, table, xyz, tmp_path):
+    """The sensor's file, with another world (heading), and the options that read it."""
+    t, _, q, gyr, acc = run
+    path = table("hand.csv", {"t": t} | xyz("a{}", acc, "xyz") | xyz("w{}", gyr, "xyz"), form="%.10g")
+    (tmp_path / "map.yaml").write_text(
+        "description: run\ntime: {column: t, unit: s}\nsensors:\n  hand:\n    acc: {columns: [ax, ay, az], unit: m/s^2}\n"
+        "    gyr: {columns: [wx, wy, wz], unit: rad/s}\n"
+    )
+    return path, Options(str(tmp_path / "map.yaml"))
+
+
+@pytest.fixture
+def load(recorded, tmp_path, clock):
+    def read(file: Path, **truth):
+        path, options = recorded
+        given = {"robot": "ur3e", "links": {"": LINK}, "mountings": {"": MOUNTING}} | truth
+        return import_recording("generic", [path], tmp_path / "session", clock, options, TruthOptions(file, **given))
+
+    return read
+
+
+JOINTS = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint"]
+
+
+@pytest.mark.parametrize(
+    ("titles", "unit"),
+    [
+        (JOINTS, "deg"),
+        ([f"{name}_rad" for name in JOINTS], "rad"),
+        ([f"q_measured_{name}_rad" for name in reversed(JOINTS)], "rad"),
+        ([f"J{i}" for i in range(1, 7)], "deg"),
+        ([f"joint_{i} (deg)" for i in range(1, 7)], "deg"),
+        ([f"actual_q_{i}" for i in range(6)], "rad"),
+    ],
+)
+def test_a_joint_log_becomes_the_truth_of_the_sensor(run, load, table, titles, unit):
+    t, q, orientation, gyr, acc = run
+    values = np.degrees(q) if unit == "deg" else q
+    values = values[:, ::-1] if "wrist_3" in titles[0] else values
+    log = table("robot.csv", {"timestamp": t + 1234.5} | {title: values[:, i] for i, title in enumerate(titles)}, form="%.10g")
+    truth = load(log).truth("hand")
+    assert truth.host_time_ns[0] == 0
+    np.testing.assert_array_equal(np.abs(np.sum(truth.q_world_from_sensor * orientation, axis=1)).round(9), 1)
+    np.testing.assert_allclose(truth.rate, gyr, atol=0.05)
+    np.testing.assert_allclose(truth.force, acc, atol=0.5)
+
+
+def test_the_whole_way_to_the_error_of_a_filter(run, load, table):
+    t, q, *_ = run
+    log = table("robot.csv", {"time_s": t} | {name: q[:, i] for i, name in enumerate(JOINTS)}, form="%.10g")
+    session = load(log, joint_unit="rad")
+    assert session.analysis.estimate.align == "motion" and session.analysis.estimate.align_clock
+    (row,) = analyse(session, ["vqf_6d"], with_report=False).evaluation.orientation
+    assert row.total_rmse_deg < 1.0  # moves of up to 180 degrees in a second disturb the filter's vertical
+    assert session.manifest["sensors"]["hand"]["truth"] == f"ur3e, link {LINK}"
+
+
+def test_a_log_without_times_has_a_rate_and_may_begin_later(run, load, table):
+    _, q, *_ = run
+    log = table("robot.csv", {f"J{i + 1}": np.degrees(q[:, i]) for i in range(6)})
+    truth = load(log, rate=100.0, offset=0.25).truth("hand")
+    assert list(truth.host_time_ns[:2]) == [250_000_000, 260_000_000]
+
+
+@pytest.mark.parametrize("form", ["titles", "plain", "misalignment", "brackets"])
+def test_a_list_of_commanded_poses_is_matched_to_the_dwells_of_the_sensor(run, load, tmp_path, form):
+    t, _, orientation, *_ = run
+    file = tmp_path / "poses.txt"
+    extra = ", 4" if form == "misalignment" else ""
+    rows = [", ".join(f"{angle:g}" for angle in pose) + extra for pose in POSES_DEG]
+    file.write_text(("J1, J2, J3, J4, J5, J6\n" if form == "titles" else "") + "\n".join(rows) + "\n")
+    session = load(file, dwell=2.0)
+    truth = session.truth("hand")
+    known = np.isfinite(truth.q_world_from_sensor[:, 0])
+    assert (~known).sum() == 6 and np.array_equal(truth.judged, known)
+    row = np.round(truth.host_time_ns[known] * 1e-7).astype(int)
+    assert np.abs(np.sum(truth.q_world_from_sensor[known] * orientation[row], axis=1)).min() > 1 - 1e-9
+    assert not session.analysis.estimate.align_clock
+    assert any("6 dwells found" in note for note in session.manifest["notes"])
+
+
+def test_poses_at_a_stated_rhythm_need_no_samples_that_turn(run, load, tmp_path):
+    _, _, orientation, *_ = run
+    np.savetxt(tmp_path / "poses.txt", POSES_DEG, fmt="%g")
+    truth = load(tmp_path / "poses.txt", dwell=2.0, move=1.0).truth("hand")
+    known = np.isfinite(truth.q_world_from_sensor[:, 0])
+    row = np.round(truth.host_time_ns[known] * 1e-7).astype(int)
+    assert np.abs(np.sum(truth.q_world_from_sensor[known] * orientation[row], axis=1)).min() > 1 - 1e-9
+
+
+def test_dwells_are_found_by_orientation_where_there_is_no_gyroscope(run):
+    t, _, q, *_ = run
+    nan = np.full((len(t), 3), np.nan)
+    time = np.round(t * 1e9).astype(np.int64)
+    chunk = ImuSamples(time, time, nan, nan, None, q, np.arange(len(t)), np.zeros(len(t), dtype=bool))
+    spans = find_dwells(ImportedSensor([chunk], 100.0, ""), 1.0)
+    assert len(spans) == 6
+    np.testing.assert_allclose(spans[:, 0], np.arange(6) * 3.0, atol=0.25)
+
+
+@pytest.mark.parametrize(
+    ("content", "given", "said"),
+    [
+        ("J1,J2,J3,J4,J5,J6\n" + "0,-90,-90,-90,90,180\n" * 3, {"dwell": 2.0}, r"6 stretches of rest of 1 s or more, but 3 poses.*--dwell.*--move"),
+        ("0,-90,-90,-90,90,180\n" * 3, {}, r"3 joint poses without times.*--dwell S.*--truth-rate HZ"),
+        ("time_s,J1,J2,J3,J4,J5,J6\n0,0,-90,-90,-90,90,180\n1,0,-90,-90,-90,90,180\n", {"dwell": 2.0}, "has times"),
+        ("time_s,J1,J2,J3,J4,J5,J6\n0,0,1,1,1,1,1\n1,0,1,1,1,1,1\n", {}, r"in degrees or radians \(the largest is 1\).*--joint-unit"),
+        ("time_s,J1,J2,J3\n0,0,1,1\n", {}, "no columns for the joints shoulder_pan_joint.*J1 .. J6"),
+        ("0 1 2\n", {}, r"robot.txt:1: 3 numbers, where the arm has 6 joints"),
+        ("time_s,J1,J2,J3,J4,J5,J6\n0,0,-90,-90,-90,90,180\n1,0,-90,,-90,90,180\n", {}, r"robot.txt:3: a joint angle is missing"),
+        ("time_s,J1,J2,J3,J4,J5,J6\n1,0,-90,-90,-90,90,180\n0,0,-90,-90,-90,90,180\n", {}, r"robot.txt:3: time goes back"),
+        ("0,-90,-90,-90,90,180\n" * 3, {"links": {}}, r"which link carries hand\? Answer with --link SENSOR=LINK.*wrist_3_link"),
+        ("0,-90,-90,-90,90,180\n" * 3, {"links": {"foot": LINK}}, r"names the sensor 'foot'; the recording has hand"),
+    ],
+)  # fmt: skip
+def test_what_is_missing_is_asked_for_and_nothing_is_written(load, tmp_path, content, given, said):
+    (tmp_path / "robot.txt").write_text(content)
+    with pytest.raises(InputError, match=said):
+        load(tmp_path / "robot.txt", **given)
+    assert not (tmp_path / "session").exists()
+
+
+def test_an_unknown_link_or_robot_is_refused_with_those_that_exist(load, tmp_path):
+    (tmp_path / "robot.txt").write_text("0,-90,-90,-90,90,180\n" * 6)
+    with pytest.raises(NotFoundError, match="wrist_3_link"):
+        load(tmp_path / "robot.txt", dwell=2.0, move=1.0, links={"": "tail"})
+    with pytest.raises(NotFoundError, match="ur3e"):
+        load(tmp_path / "robot.txt", robot="ur33")
+
+
+def test_a_pose_that_is_not_six_numbers_is_named_with_its_line(tmp_path):
+    (tmp_path / "poses.csv").write_text("J1,J2,J3,J4,J5,J6\n0,0,0,0,0,90\n0,0,x,0,0,0\n")
+    with pytest.raises(FileProblems, match=r"poses.csv:3: 'x' in the column J3"):
+        read_robot_log(tmp_path / "poses.csv", JOINTS, None, None, [])
+
+
+def test_orientations_of_a_reference_system(run, recorded, table, xyz, tmp_path, clock):
+    """15 Hz, of the body that carries the sensor, in a world of its own, with sign flips and a gap."""
+    t, _, q, *_ = run
+    body_from_sensor = Pose.from_placement(MOUNTING).R
+    world = Rotation.from_euler("Z", 70, degrees=True)
+    body = (world * Rotation.from_quat(q, scalar_first=True) * Rotation.from_matrix(body_from_sensor).inv()).as_quat(
+        scalar_first=True
+    )
+    rows = np.arange(0, len(t), 7)
+    body = body[rows] * np.where(rows % 3 == 0, -1, 1)[:, None]
+    body[60:80] = np.nan
+    poses = table("optical.csv", {"time_ms": 1000 * t[rows], "x": t[rows]} | xyz("q_{}", body, "wxyz"), form="%.10g")
+    path, options = recorded
+    truth = TruthOptions(poses, mountings={"": MOUNTING})
+    session = import_recording("generic", [path], tmp_path / "session", clock, options, truth)
+    known = np.isfinite(session.truth("hand").q_world_from_sensor[:, 0])
+    assert known.sum() == len(rows) - 20 and (~known).sum() == 1
+    (row,) = analyse(session, ["vqf_6d"], with_report=False).evaluation.orientation
+    assert row.total_rmse_deg < 1.0
