@@ -11,7 +11,7 @@ import typer
 from testbench.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
-    from testbench.formats.truth_options import TruthOptions
+    from testbench.formats.truth.attach import TruthOptions
     from testbench.records.strict import Placement
 
 TRUTH_PANEL = "Truth from a file of its own"
@@ -181,7 +181,7 @@ def _truth(
     rate: float | None,
     joint_unit: JointUnit | None,
 ) -> TruthOptions:
-    from testbench.formats.truth_options import TruthOptions
+    from testbench.formats.truth.attach import TruthOptions
 
     by_sensor = dict(_pair("--link", text) if "=" in text else ("", text) for text in links)
     placements = dict(_placement(text) for text in mountings)

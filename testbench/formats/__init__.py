@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from testbench.clock import Clock
     from testbench.formats.options import Options
     from testbench.formats.recording import Recording
-    from testbench.formats.truth_options import TruthOptions
+    from testbench.formats.truth.attach import TruthOptions
     from testbench.records.session import Session
 
 
@@ -95,7 +95,7 @@ def import_recording(
     if axes is not None:
         remap_axes(recording, find_axes(axes), axes)
     if truth is not None:
-        from testbench.formats.truth_options import attach_truth
+        from testbench.formats.truth.attach import attach_truth
 
         attach_truth(recording, truth)
     return write_recording(recording, files, name, out, clock)

@@ -24,15 +24,15 @@ from testbench.formats.mapping import (
 )
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
-from testbench.formats.parquet_table import ParquetTable
 from testbench.formats.plausibility import decide_unit, gather
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.reference import collect, reference_truth
-from testbench.formats.samples_stream import Quantities, SampleStream, measured_rate, stack
-from testbench.formats.source import Columns, Kind
 from testbench.formats.suitable import suitable_analysis
-from testbench.formats.text_table import BLANKS, TextTable, decimal_of, guess_separator, head_of, split_line
-from testbench.formats.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.tables.parquet_table import ParquetTable
+from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
+from testbench.formats.tables.source import Columns, Kind
+from testbench.formats.tables.text_table import BLANKS, TextTable, decimal_of, guess_separator, head_of, split_line
+from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.truth.reference import collect, reference_truth
 from testbench.model import rotation
 from testbench.model.kinematics import Pose
 from testbench.records.samples import Truth

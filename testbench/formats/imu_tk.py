@@ -21,11 +21,11 @@ from testbench.formats.names import sensor_name
 from testbench.formats.options import Options
 from testbench.formats.plausibility import decide_unit, gather
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.samples_stream import Quantities, SampleStream, measured_rate, stack
-from testbench.formats.source import Columns, Kind
 from testbench.formats.suitable import suitable_analysis
-from testbench.formats.text_table import BLANKS, TextTable, guess_separator, head_of, split_line
-from testbench.formats.timeline import StampedTime
+from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
+from testbench.formats.tables.source import Columns, Kind
+from testbench.formats.tables.text_table import BLANKS, TextTable, guess_separator, head_of, split_line
+from testbench.formats.tables.timeline import StampedTime
 from testbench.formats.units import find_unit
 
 NAMES = ["time", "x", "y", "z"]

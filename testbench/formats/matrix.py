@@ -14,11 +14,11 @@ from testbench.exceptions import InputError
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.samples_stream import Quantities, SampleStream, stack
-from testbench.formats.source import Columns, Kind, first_rows
 from testbench.formats.suitable import suitable_analysis
-from testbench.formats.text_table import find_table
-from testbench.formats.timeline import SpreadTime, StampedTime, rate_of_stamps
+from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
+from testbench.formats.tables.source import Columns, Kind, first_rows
+from testbench.formats.tables.text_table import find_table
+from testbench.formats.tables.timeline import SpreadTime, StampedTime, rate_of_stamps
 from testbench.frames import NANOSECONDS
 
 NOMINAL_RATE = 100.0

@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from testbench.exceptions import FileProblems, InputError, Problem
-from testbench.formats.matlab_file import load_mat
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
-from testbench.formats.recognise import Found
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.source import ROWS_PER_CHUNK, Columns, Kind
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.table_sensors import Layout, table_sensor
+from testbench.formats.tables.matlab_file import load_mat
+from testbench.formats.tables.recognise import Found
+from testbench.formats.tables.source import ROWS_PER_CHUNK, Columns, Kind
 
 _DATA = r"(_?(data|meas|raw|cal|calibrated))?"
 _NAMES = {

@@ -18,11 +18,18 @@ from testbench.exceptions import InputError
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.samples_stream import Quantities, SampleStream, increment_rate, measured_rate, specific_force, stack
-from testbench.formats.source import Columns, Kind, first_rows
 from testbench.formats.suitable import suitable_analysis
-from testbench.formats.text_table import TextTable, find_table
-from testbench.formats.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.tables.samples_stream import (
+    Quantities,
+    SampleStream,
+    increment_rate,
+    measured_rate,
+    specific_force,
+    stack,
+)
+from testbench.formats.tables.source import Columns, Kind, first_rows
+from testbench.formats.tables.text_table import TextTable, find_table
+from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 

@@ -17,12 +17,12 @@ import numpy as np
 from testbench.exceptions import FileProblems, InputError
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
-from testbench.formats.recognise import Found, find_sensors, find_time
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.source import Columns, Kind
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.table_sensors import Layout, table_sensor
-from testbench.formats.text_table import TextTable, find_table
+from testbench.formats.tables.recognise import Found, find_sensors, find_time
+from testbench.formats.tables.source import Columns, Kind
+from testbench.formats.tables.text_table import TextTable, find_table
 from testbench.model import rotation
 
 _HEADER = re.compile(r"^\W*Time\b.*(Gyroscope|Accelerometer|\bW\b|Quaternion)", re.IGNORECASE)

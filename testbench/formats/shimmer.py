@@ -12,11 +12,11 @@ from pathlib import Path
 from testbench.exceptions import InputError
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
-from testbench.formats.recognise import Found
 from testbench.formats.recording import Recording
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.table_sensors import Layout, table_sensor
-from testbench.formats.text_table import TextTable, find_table, head_of, split_line
+from testbench.formats.tables.recognise import Found
+from testbench.formats.tables.text_table import TextTable, find_table, head_of, split_line
 from testbench.formats.units import TimeUnit, known_unit
 
 _HEADER = re.compile(r"(Accel|Gyro)\w*_[XYZ]_(CAL|RAW)|Timestamp\w*_(CAL|RAW)")

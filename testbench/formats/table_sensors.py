@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from testbench.formats.options import Options
 from testbench.formats.plausibility import Evidence, decide_unit, gather
-from testbench.formats.recognise import Found
 from testbench.formats.recording import ImportedSensor
-from testbench.formats.samples_stream import Quantities, SampleStream, measured_rate, stack
-from testbench.formats.source import Columns, Kind, Source
-from testbench.formats.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.tables.recognise import Found
+from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
+from testbench.formats.tables.source import Columns, Kind, Source
+from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
 from testbench.formats.units import QUANTITIES, TimeUnit, known_unit
 from testbench.model import rotation
 

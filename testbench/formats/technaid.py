@@ -12,11 +12,11 @@ from pathlib import Path
 from testbench.exceptions import InputError
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
-from testbench.formats.recognise import find_sensors, find_time
 from testbench.formats.recording import Recording
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.table_sensors import Layout, table_sensor
-from testbench.formats.text_table import find_table
+from testbench.formats.tables.recognise import find_sensors, find_time
+from testbench.formats.tables.text_table import find_table
 
 _HEADER = re.compile(r"acc\w*[\s_.\-]*x|gyr\w*[\s_.\-]*x|(quat\w*|q)[\s_.\-]*[w0]\b", re.IGNORECASE)
 

@@ -17,11 +17,18 @@ from testbench.exceptions import InputError
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.samples_stream import Quantities, SampleStream, increment_rate, measured_rate, specific_force, stack
-from testbench.formats.source import Columns, Kind
 from testbench.formats.suitable import suitable_analysis
-from testbench.formats.text_table import TextTable, find_table
-from testbench.formats.timeline import StampedTime
+from testbench.formats.tables.samples_stream import (
+    Quantities,
+    SampleStream,
+    increment_rate,
+    measured_rate,
+    specific_force,
+    stack,
+)
+from testbench.formats.tables.source import Columns, Kind
+from testbench.formats.tables.text_table import TextTable, find_table
+from testbench.formats.tables.timeline import StampedTime
 from testbench.model import rotation
 
 TIME, COUNTER = "SampleTimeFine", "PacketCounter"

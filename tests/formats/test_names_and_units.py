@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from testbench.exceptions import InputError, NotFoundError
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
-from testbench.formats.recognise import find_sensors, find_time
+from testbench.formats.tables.recognise import find_sensors, find_time
 from testbench.formats.units import find_unit
 
 

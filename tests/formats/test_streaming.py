@@ -11,9 +11,9 @@ import pyarrow as pa
 import pytest
 from pyarrow import csv
 
-from testbench.formats.source import ROWS_PER_CHUNK
-from testbench.formats.text_table import TextTable
 from testbench.exceptions import FileProblems
+from testbench.formats.tables.source import ROWS_PER_CHUNK
+from testbench.formats.tables.text_table import TextTable
 
 PROGRAM = """
 import resource, sys, time

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbench.formats.timeline import (
+from testbench.formats.tables.timeline import (
     BadRowError,
     CounterUnwrapper,
     RegularTime,

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.formats import import_recording
 from testbench.formats.options import Options
-from testbench.formats.robot_log import find_dwells, read_robot_log
 from testbench.formats.recording import ImportedSensor
-from testbench.formats.truth_options import TruthOptions
+from testbench.formats.truth.attach import TruthOptions
+from testbench.formats.truth.robot_log import find_dwells, read_robot_log
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.pipeline import analyse
 from testbench.records.robot import load_robot
@@ -172,6 +172,7 @@ def test_dwells_are_found_by_orientation_where_there_is_no_gyroscope(run):
         ("time_s,J1,J2,J3,J4,J5,J6\n0,0,-90,-90,-90,90,180\n1,0,-90,-90,-90,90,180\n", {"dwell": 2.0}, "has times"),
         ("time_s,J1,J2,J3,J4,J5,J6\n0,0,1,1,1,1,1\n1,0,1,1,1,1,1\n", {}, r"in degrees or radians \(the largest is 1\).*--joint-unit"),
         ("time_s,J1,J2,J3\n0,0,1,1\n", {}, "no columns for the joints shoulder_pan_joint.*J1 .. J6"),
+        ("0.0 0 1 1 1 1 1\n0.1 0 1 1 1 1 1\n0.2 0 1 1 1 1 1\n", {}, "its first column only grows as time does; put titles above"),
         ("0 1 2\n", {}, r"robot.txt:1: 3 numbers, where the arm has 6 joints"),
         ("time_s,J1,J2,J3,J4,J5,J6\n0,0,-90,-90,-90,90,180\n1,0,-90,,-90,90,180\n", {}, r"robot.txt:3: a joint angle is missing"),
         ("time_s,J1,J2,J3,J4,J5,J6\n1,0,-90,-90,-90,90,180\n0,0,-90,-90,-90,90,180\n", {}, r"robot.txt:3: time goes back"),

@@ -57,6 +57,24 @@ def test_matrix_measures_a_rate_that_is_not_the_nominal_one(table, xyz, motion, 
     assert session.manifest["duration_s"] == pytest.approx(7999 / 96, rel=2e-3)
 
 
+@pytest.mark.parametrize(
+    "form", ["01/03/2023 {h:02d}:{m:02d}:{s:02d}", "2023-03-01T{h:02d}:{m:02d}:{s:02d}+01:00", "{h}:{m:02d}:{s:02d}", "pm"]
+)
+def test_matrix_stamps_in_several_styles_and_over_midnight(table, xyz, motion, load, form):
+    m = motion(1000, 100.0)
+    columns = matrix_columns(m, xyz)
+    seconds = np.floor(86_395.2 + m.t).astype(int) % 86_400
+    if form == "pm":
+        columns["dateTime"] = [
+            f"3/1/2023 {(s // 3600 - 1) % 12 + 1}:{s // 60 % 60:02d}:{s % 60:02d} {'PM' if s > 43_200 else 'AM'}"
+            for s in seconds
+        ]
+    else:
+        columns["dateTime"] = [form.format(h=s // 3600, m=s // 60 % 60, s=s % 60) for s in seconds]
+    samples = load("matrix", table("m.csv", columns)).imu("m")
+    np.testing.assert_array_equal(np.diff(samples.host_time_ns), 10_000_000)
+
+
 def test_matrix_without_a_time_of_day_is_refused_with_its_line(table, xyz, motion, load):
     columns = matrix_columns(motion(300), xyz)
     columns["dateTime"][100] = "yesterday"

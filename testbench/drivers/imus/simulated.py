@@ -94,8 +94,15 @@ class SimulatedImu(Imu):
             "magnetometer": self.has_magnetometer,
             "orientation": self.has_orientation,
             "sampling": self.parameters.sampling,
-            "rate_delay_s": 0.5 / self.rate if self.parameters.sampling == "integrated" else 0.0,
+            "rate_delay_s": self._rate_delay(),
         }
+
+    def _rate_delay(self) -> float:
+        """How much older than its time stamp an angular rate is by the data sheet [s]: half an interval of integration, and the
+        delay of the low pass."""
+        bandwidth = self.parameters.gyroscope.bandwidth_hz
+        integration = 0.5 / self.rate if self.parameters.sampling == "integrated" else 0.0
+        return integration + (1 / (2 * np.pi * bandwidth) if bandwidth else 0.0)
 
     def _draw_clock(self) -> None:
         clock, rng = self.parameters.clock, random_stream(self._seed, self.name, "clock")

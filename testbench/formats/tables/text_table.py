@@ -19,8 +19,8 @@ import pyarrow.compute as pc
 from pyarrow import csv as arrow_csv
 
 from testbench.exceptions import FileProblems, Problem
-from testbench.formats.bytes_stream import LineStream, check_readable, encoding_of
-from testbench.formats.source import Columns, Kind
+from testbench.formats.tables.bytes_stream import LineStream, check_readable, encoding_of
+from testbench.formats.tables.source import Columns, Kind
 
 BLANKS = " "
 """The separator of files whose columns stand apart by any number of spaces and tabs."""
@@ -28,7 +28,7 @@ HEAD_LINES = 200
 """A header and what stands before it are looked for among so many lines."""
 BLOCK_BYTES = 8 << 20
 MISSING = ["", "NaN", "nan", "NAN", "NA", "N/A", "null", "-nan", "#N/A"]
-_CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2}(?:[.,]\d+)?))?\s*$"
+_CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+)?)\s*(?:(?P<p>[AaPp])\.?\s?[Mm]\.?|Z|[+-]\d{2}:?\d{2})?\s*$"
 
 
 def head_of(file: Path, encoding: str | None = None) -> list[str]:
@@ -157,10 +157,13 @@ class TextTable:
         if parts.null_count:
             row = int(np.argmax(parts.is_null().to_numpy(zero_copy_only=False)))
             raise self.problem(f"'{column[row]}' does not end in a time of day hh:mm:ss (column {name})", done + row)
-        h, m, s = (pc.struct_field(parts, i) for i in range(3))
-        s = pc.replace_substring(pc.if_else(pc.equal(s, ""), "0", s), ",", ".")
-        seconds = [pc.cast(part, pa.float64()).to_numpy(zero_copy_only=False) for part in (h, m, s)]
-        return 3600.0 * seconds[0] + 60.0 * seconds[1] + seconds[2]
+        h, m, s, p = (pc.struct_field(parts, i) for i in range(4))
+        hours, minutes, seconds = (
+            pc.cast(part, pa.float64()).to_numpy(zero_copy_only=False) for part in (h, m, pc.replace_substring(s, ",", "."))
+        )
+        half = pc.utf8_upper(p).to_numpy(zero_copy_only=False)
+        hours = np.where(half == "", hours, hours % 12 + 12 * (half == "P"))
+        return 3600.0 * hours + 60.0 * minutes + seconds
 
     def _rows(self) -> Iterator[tuple[int, str]]:
         """Number and text of every line that is a row."""

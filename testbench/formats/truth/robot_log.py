@@ -15,12 +15,12 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from testbench.exceptions import FileProblems, InputError, Problem
-from testbench.formats.recognise import find_time
 from testbench.formats.recording import ImportedSensor
-from testbench.formats.samples_stream import Quantities, SampleStream
-from testbench.formats.source import Kind
-from testbench.formats.text_table import TextTable, decimal_of, guess_separator, head_of, split_line
-from testbench.formats.timeline import RegularTime, StampedTime
+from testbench.formats.tables.recognise import find_time
+from testbench.formats.tables.samples_stream import Quantities, SampleStream
+from testbench.formats.tables.source import Kind
+from testbench.formats.tables.text_table import TextTable, decimal_of, guess_separator, head_of, split_line
+from testbench.formats.tables.timeline import RegularTime, StampedTime
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
@@ -87,6 +87,9 @@ def read_robot_log(file: Path, joints: list[str], rate: float | None, unit: str 
     known = np.isfinite(q).all(axis=1)
     if not known.all():
         raise table.problem("a joint angle is missing here", int(np.argmin(known)))
+    untitled = any(name.startswith("further_") for name in table.names)
+    if untitled and len(q) > 2 and np.all(np.diff(q[:, 0]) > 0):
+        raise table.problem("has no titles, and its first column only grows as time does; put titles above: time_s,J1,J2,...")
     q = q * _factor(q, stated, unit, file, notes)
     has_times = time is not None or rate is not None
     if time is not None and rate is None and time[1] is None:

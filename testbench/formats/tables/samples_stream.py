@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.exceptions import FileProblems
-from testbench.formats.source import Columns, Kind, Source
-from testbench.formats.timeline import BadRowError, CounterUnwrapper, Timeline
+from testbench.formats.tables.source import Columns, Kind, Source
+from testbench.formats.tables.timeline import BadRowError, CounterUnwrapper, Timeline
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.records.samples import ImuSamples

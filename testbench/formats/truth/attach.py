@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from testbench.exceptions import InputError
-from testbench.formats.recognise import find_sensors, find_time
 from testbench.formats.recording import Recording
-from testbench.formats.reference import collect, reference_truth
-from testbench.formats.robot_log import commanded_truth, logged_truth, read_robot_log
-from testbench.formats.samples_stream import Quantities, SampleStream, stack
-from testbench.formats.source import Columns, Kind
-from testbench.formats.text_table import TextTable, find_table
-from testbench.formats.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.tables.recognise import find_sensors, find_time
+from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
+from testbench.formats.tables.source import Columns, Kind
+from testbench.formats.tables.text_table import TextTable, find_table
+from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.truth.reference import collect, reference_truth
+from testbench.formats.truth.robot_log import commanded_truth, logged_truth, read_robot_log
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.protocol import Analysis

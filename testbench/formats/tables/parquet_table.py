@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from testbench.exceptions import FileProblems, Problem
-from testbench.formats.source import ROWS_PER_CHUNK, Columns, Kind
+from testbench.formats.tables.source import ROWS_PER_CHUNK, Columns, Kind
 
 
 @dataclass

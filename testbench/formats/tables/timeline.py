@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from testbench.exceptions import InputError
-from testbench.formats.source import Columns, Kind
+from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.units import SECONDS, TimeUnit
 from testbench.frames import NANOSECONDS
 

@@ -1,0 +1,1 @@
+"""Truth from files: orientations of a reference system, and logs of a robot."""
