@@ -284,9 +284,9 @@ def test_truth_in_a_file_of_its_own_at_a_lower_rate(plain, motion, load, table, 
     m = motion(3000)
     plain(m)
     table("optical.csv", {"ms": 1000 * m.t[::7] + 40.0} | xyz("Q{}", m.q[::7, [1, 2, 3, 0]], "xyzw"))
-    text = (
-        PLAIN
-        + "    truth:\n      file: optical.csv\n      columns: [Qx, Qy, Qz, Qw]\n      order: xyzw\n      time: {column: ms, unit: ms}\n"
+    text = PLAIN + (
+        "    truth:\n      file: optical.csv\n      columns: [Qx, Qy, Qz, Qw]\n      order: xyzw\n"
+        "      time: {column: ms, unit: ms}\n"
     )
     session = load(text, plain(m))
     truth = session.truth("imu")
@@ -338,7 +338,7 @@ def test_truth_of_a_body_that_carries_the_sensor(plain, motion, load, xyz):
         ("    gyr:", "    axes: {x: x, y: x, z: z}\n    gyr:", 6, "exactly once"),
         ("    gyr:", "    axes: nowhere\n    gyr:", 6, "unknown axis map 'nowhere'"),
         ("  imu:", "  ../imu:", 4, "must be a name"),
-        ("    gyr:", "    truth: {file: no.csv, columns: [a, b, c, d], order: wxyz}\n    gyr:", 6, "needs either time or rate_hz"),
+        ("    gyr:", "    truth: {file: no, columns: [a, b, c, d], order: wxyz}\n    gyr:", 6, "needs either time or rate_hz"),
     ],
 )  # fmt: skip
 def test_faults_of_a_mapping_are_named_with_their_line(plain, motion, load, tmp_path, old, new, line, said):
@@ -355,8 +355,8 @@ def test_a_mapping_is_needed_and_found_by_name(plain, motion, tmp_path, clock):
         import_recording("generic", [path], tmp_path / "s", clock)
     with pytest.raises(NotFoundError, match="imucal_ferraris"):
         import_recording("generic", [path], tmp_path / "s", clock, Options("nothing"))
+    (tmp_path / "map.yaml").write_text(PLAIN.replace("  imu:\n", "  imu:\n    file: data*\n"))
     with pytest.raises(InputError, match="no sensor of the mapping reads it"):
-        (tmp_path / "map.yaml").write_text(PLAIN.replace("  imu:\n", "  imu:\n    file: data*\n"))
         import_recording(
             "generic", [path, plain(motion(100), "other.csv")], tmp_path / "s", clock, Options(str(tmp_path / "map.yaml"))
         )

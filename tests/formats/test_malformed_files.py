@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import re
 import struct
 import sys
 from pathlib import Path
@@ -17,10 +18,9 @@ from scipy.io import savemat
 
 from testbench.cli import main
 
-GOOD = (
-    "sep=,\nDeviceTag:,a\nOutputRate:,60Hz\n© Xsens\n\nPacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z,Status\n"
-    + "".join(f"{i},{16_667 * i},0.{i % 10},0.2,9.8,0.1,-0.2,0.{i % 7},0\n" for i in range(1, 400))
-)
+TITLES = "PacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z,Status\n"
+ROWS = "".join(f"{i},{16_667 * i},0.{i % 10},0.2,9.8,0.1,-0.2,0.{i % 7},0\n" for i in range(1, 400))
+GOOD = f"sep=,\nDeviceTag:,a\nOutputRate:,60Hz\n© Xsens\n\n{TITLES}{ROWS}"
 MAPPING = """\
 description: a table
 text: {skip_lines: 5}
@@ -55,12 +55,12 @@ TEXT = {
     "header only": (GOOD.split("\n1,")[0].encode() + b"\n", "no samples after the header"),
     "cut off": (GOOD.encode()[:9000], r":\d+: has \d fields where 9 are expected; the file may be cut off"),
     "cut header": (GOOD.encode()[:90], "not an Xsens DOT export|no column|no samples"),
-    "word": (replaced(",9.8,0.1,-0.2,0.3,0\n11,", ",high,0.1,-0.2,0.3,0\n11,"), r":16: 'high' in the column Acc_Z is not a number"),
-    "mixed encoding": (GOOD.encode()[:4000] + b"\xe9\xe8" + GOOD.encode()[4000:], r":\d+: the bytes 0xE9 .* are not utf-8 text"),
+    "word": (replaced("9.8,0.1,-0.2,0.3,0\n11,", "up,0.1,-0.2,0.3,0\n11,"), r":16: 'up' in the column Acc_Z is not a number"),
+    "mixed encoding": (GOOD.encode()[:4000] + b"\xe9\xe8" + GOOD.encode()[4000:], r":\d+: the bytes 0xE9 .* are not utf-8"),
     "latin header": (GOOD.encode("latin-1"), r":4: the bytes 0xA9 .* are not utf-8 text"),
     "half utf-16": (GOOD.encode() + GOOD.encode("utf-16"), r":\d+: "),
     "zero bytes": (GOOD.encode()[:5000] + bytes(100) + GOOD.encode()[5000:], r":\d+: holds zero bytes"),
-    "decimal commas": (GOOD.replace("9.8", "9,8").encode(), r":7: has 10 fields where 9 are expected; if its decimals are commas"),
+    "decimal commas": (GOOD.replace("9.8", "9,8").encode(), r":7: has 10 fields where 9 are expected; if its decimals are"),
     "decimal commas among semicolons, once": (
         replaced("9.8", "9,8").replace(b",", b";").replace(b"9;8", b"9,8"), r":7: '9,8'|decimal"
     ),
@@ -76,7 +76,7 @@ TEXT = {
     "noise": (bytes(np.random.default_rng(1).integers(0, 256, 20_000, dtype=np.uint8)), "is not text|zero bytes|are not utf-8"),
     "one endless line": (b"1," * 3_000_000, "longer than 1 MB|too long"),
     "endless line below": (GOOD.encode() + b"9" * 3_000_000, "longer than 1 MB"),
-    "all zero": (b"PacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z\n" + b"0,0,0,0,0\n" * 20, "every sample is zero|no column|nothing after"),
+    "all zero": (b"PacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z\n" + b"0,0,0,0,0\n" * 20, "every sample is zero"),
 }  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def test_malformed_text_of_a_vendor(case, tmp_path, monkeypatch, capsys):
     path.write_bytes(content)
     message = refused(monkeypatch, capsys, tmp_path, "xsens_dot", path)
     assert str(path) in message
-    assert __import__("re").search(said, message), message
+    assert re.search(said, message), message
 
 
 @pytest.mark.parametrize("case", [case for case in TEXT if case != "all zero"])
@@ -185,9 +185,10 @@ def test_random_damage_is_either_harmless_or_refused(position, junk, remove, tmp
     folder = tmp_path_factory.mktemp("damaged")
     raw = GOOD.encode()
     (folder / "bad.csv").write_bytes(raw[:position] + junk + raw[position + remove :])
+    out, said = folder / "session", ""
     try:
-        session = import_recording("xsens_dot", [folder / "bad.csv"], folder / "session", FakeClock())
+        import_recording("xsens_dot", [folder / "bad.csv"], out, FakeClock())
     except InputError as error:
-        assert not (folder / "session").exists() and len(str(error)) < 1000
-    else:
-        assert session.manifest["samples"] and not list(session.path.glob("*.partial"))
+        said = str(error)
+    assert out.exists() != bool(said) and len(said) < 1000
+    assert not list(out.glob("*.partial"))

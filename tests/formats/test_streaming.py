@@ -26,7 +26,8 @@ class Clock:
 begun = time.perf_counter()
 session = import_recording("generic", [Path(sys.argv[1])], Path(sys.argv[2]), Clock(), Options(sys.argv[3]))
 took = time.perf_counter() - begun
-print(session.manifest["samples"]["imu"], session.manifest["duration_s"] / took, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+print(session.manifest["samples"]["imu"], session.manifest["duration_s"] / took, peak)
 """
 MAPPING = """\
 description: long
@@ -85,5 +86,5 @@ def test_a_fault_deep_in_a_long_file_is_named_by_its_line(tmp_path):
     lines[345_677] = lines[345_677].replace(b"9.", b"9,,", 1)
     (tmp_path / "d.csv").write_bytes(b"\n".join(lines))
     table = TextTable(tmp_path / "d.csv", [str(i) for i in range(1, 8)], 1)
-    with pytest.raises(FileProblems, match="d.csv:345678: has 9 fields where 7 are expected"):
+    with pytest.raises(FileProblems, match=r"d\.csv:345678: has 9 fields where 7 are expected"):
         list(table.chunks({"4": "float"}))

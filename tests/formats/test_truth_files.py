@@ -66,7 +66,7 @@ def run(ur3e):
 @pytest.fixture
 def recorded(run, table, xyz, tmp_path):
     """The sensor's file, with another world (heading), and the options that read it."""
-    t, _, q, gyr, acc = run
+    t, _, _, gyr, acc = run
     path = table("hand.csv", {"t": t} | xyz("a{}", acc, "xyz") | xyz("w{}", gyr, "xyz"), form="%.10g")
     (tmp_path / "map.yaml").write_text(
         "description: run\ntime: {column: t, unit: s}\nsensors:\n  hand:\n    acc: {columns: [ax, ay, az], unit: m/s^2}\n"
@@ -130,10 +130,11 @@ def test_a_log_without_times_has_a_rate_and_may_begin_later(run, load, table):
 
 @pytest.mark.parametrize("form", ["titles", "plain", "misalignment", "brackets"])
 def test_a_list_of_commanded_poses_is_matched_to_the_dwells_of_the_sensor(run, load, tmp_path, form):
-    t, _, orientation, *_ = run
+    _, _, orientation, *_ = run
     file = tmp_path / "poses.txt"
     extra = ", 4" if form == "misalignment" else ""
     rows = [", ".join(f"{angle:g}" for angle in pose) + extra for pose in POSES_DEG]
+    rows = [f"[{row}]" for row in rows] if form == "brackets" else rows
     file.write_text(("J1, J2, J3, J4, J5, J6\n" if form == "titles" else "") + "\n".join(rows) + "\n")
     session = load(file, dwell=2.0)
     truth = session.truth("hand")
@@ -164,22 +165,27 @@ def test_dwells_are_found_by_orientation_where_there_is_no_gyroscope(run):
     np.testing.assert_allclose(spans[:, 0], np.arange(6) * 3.0, atol=0.25)
 
 
+POSE = "0,-90,-90,-90,90,180\n"
+TITLES = "time_s,J1,J2,J3,J4,J5,J6\n"
+
+
 @pytest.mark.parametrize(
     ("content", "given", "said"),
     [
-        ("J1,J2,J3,J4,J5,J6\n" + "0,-90,-90,-90,90,180\n" * 3, {"dwell": 2.0}, r"6 stretches of rest of 1 s or more, but 3 poses.*--dwell.*--move"),
-        ("0,-90,-90,-90,90,180\n" * 3, {}, r"3 joint poses without times.*--dwell S.*--truth-rate HZ"),
-        ("time_s,J1,J2,J3,J4,J5,J6\n0,0,-90,-90,-90,90,180\n1,0,-90,-90,-90,90,180\n", {"dwell": 2.0}, "has times"),
-        ("time_s,J1,J2,J3,J4,J5,J6\n0,0,1,1,1,1,1\n1,0,1,1,1,1,1\n", {}, r"in degrees or radians \(the largest is 1\).*--joint-unit"),
-        ("time_s,J1,J2,J3\n0,0,1,1\n", {}, "no columns for the joints shoulder_pan_joint.*J1 .. J6"),
-        ("0.0 0 1 1 1 1 1\n0.1 0 1 1 1 1 1\n0.2 0 1 1 1 1 1\n", {}, "its first column only grows as time does; put titles above"),
+        (POSE * 3, {"dwell": 2.0}, r"6 stretches of rest of 1 s or more, but 3 poses.*--dwell.*--move"),
+        (POSE * 3, {}, r"3 joint poses without times.*--dwell S.*--truth-rate HZ"),
+        (f"{TITLES}0,{POSE}1,{POSE}", {"dwell": 2.0}, "has times"),
+        (f"{TITLES}0,0,1,1,1,1,1\n1,0,1,1,1,1,1\n", {}, r"in degrees or radians \(the largest is 1\).*--joint-unit"),
+        ("time_s,J1,J2,J3\n0,0,1,1\n", {}, r"no columns for the joints shoulder_pan_joint.*J1 \.\. J6"),
+        ("0 0 1 1 1 1 1\n1 0 1 1 1 1 1\n2 0 1 1 1 1 1\n", {}, "its first column only grows as time does; put titles above"),
         ("0 1 2\n", {}, r"robot.txt:1: 3 numbers, where the arm has 6 joints"),
-        ("time_s,J1,J2,J3,J4,J5,J6\n0,0,-90,-90,-90,90,180\n1,0,-90,,-90,90,180\n", {}, r"robot.txt:3: a joint angle is missing"),
-        ("time_s,J1,J2,J3,J4,J5,J6\n1,0,-90,-90,-90,90,180\n0,0,-90,-90,-90,90,180\n", {}, r"robot.txt:3: time goes back"),
-        ("0,-90,-90,-90,90,180\n" * 3, {"links": {}}, r"which link carries hand\? Answer with --link SENSOR=LINK.*wrist_3_link"),
-        ("0,-90,-90,-90,90,180\n" * 3, {"links": {"foot": LINK}}, r"names the sensor 'foot'; the recording has hand"),
+        ("[0, 1, 2, 3, 4, 5]\n[0, 1]\n", {}, r"robot.txt:2: 2 numbers, where the arm has 6 joints"),
+        (f"{TITLES}0,{POSE}1,0,-90,,-90,90,180\n", {}, r"robot.txt:3: a joint angle is missing"),
+        (f"{TITLES}1,{POSE}0,{POSE}", {}, r"robot.txt:3: time goes back"),
+        (POSE * 3, {"links": {}}, r"which link carries hand\? Answer with --link SENSOR=LINK.*wrist_3_link"),
+        (POSE * 3, {"links": {"foot": LINK}}, r"names the sensor 'foot'; the recording has hand"),
     ],
-)  # fmt: skip
+)
 def test_what_is_missing_is_asked_for_and_nothing_is_written(load, tmp_path, content, given, said):
     (tmp_path / "robot.txt").write_text(content)
     with pytest.raises(InputError, match=said):

@@ -327,7 +327,7 @@ def test_mtw_without_a_rate_asks_for_it(table, xyz, motion, load):
     path = mtw(
         table, xyz, m, NEW.format(earth="ENU"), {"Acc_{}": (m.acc, "XYZ")}, first={"SampleTimeFine": np.full(100, np.nan)}
     )
-    with pytest.raises(InputError, match="neither an update rate in the header nor SampleTimeFine.*--rate HZ"):
+    with pytest.raises(InputError, match=r"neither an update rate in the header nor SampleTimeFine.*--rate HZ"):
         load("mtw", path)
 
 

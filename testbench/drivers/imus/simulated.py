@@ -99,7 +99,8 @@ class SimulatedImu(Imu):
 
     def _rate_delay(self) -> float:
         """How much older than its time stamp an angular rate is by the data sheet [s]: half an interval of integration, and the
-        delay of the low pass."""
+        delay of the low pass.
+        """
         bandwidth = self.parameters.gyroscope.bandwidth_hz
         integration = 0.5 / self.rate if self.parameters.sampling == "integrated" else 0.0
         return integration + (1 / (2 * np.pi * bandwidth) if bandwidth else 0.0)

@@ -16,6 +16,7 @@ from scipy.signal import savgol_filter
 
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.recording import ImportedSensor
+from testbench.formats.tables.bytes_stream import LineStream, encoding_of
 from testbench.formats.tables.recognise import find_time
 from testbench.formats.tables.samples_stream import Quantities, SampleStream
 from testbench.formats.tables.source import Kind
@@ -66,6 +67,10 @@ def read_robot_log(file: Path, joints: list[str], rate: float | None, unit: str 
     Raises:
         FileProblems: The file is no such log. InputError: The unit cannot be told.
     """
+    lists = _lists(file, len(joints), notes)
+    if lists is not None:
+        q = lists * _factor(lists, None, unit, file, notes)
+        return RobotLog(None if rate is None else np.round(np.arange(len(q)) * (NANOSECONDS / rate)).astype(np.int64), q)
     table = _table(file, joints, notes)
     columns, stated = _joint_columns(table, joints)
     kinds: dict[str, Kind] = dict.fromkeys(columns, "float")
@@ -97,12 +102,30 @@ def read_robot_log(file: Path, joints: list[str], rate: float | None, unit: str 
     return RobotLog(np.concatenate(times) if has_times else None, q)
 
 
+def _lists(file: Path, joints: int, notes: list[str]) -> np.ndarray | None:
+    """Joint angles of lines such as `[0, -90, -90, 0, 90, 0]`, as a script prints them, or None where the file has no such
+    lines.
+    """
+    first = next((line for line in head_of(file) if line.strip()), "")
+    if not first.lstrip().startswith(("[", "(")):
+        return None
+    rows: list[list[float]] = []
+    with LineStream(file, encoding_of(file)) as stream:
+        for number, line in enumerate(stream.lines(), 1):
+            values = [float(text) for text in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", line)]
+            if line.strip() and len(values) < joints:
+                raise FileProblems(file, [Problem(f"{len(values)} numbers, where the arm has {joints} joints", line=number)])
+            rows += [values[:joints]] if values else []
+    notes.append(f"{file.name}: the first {joints} numbers of each line are the joints")
+    return np.array(rows)
+
+
 def _table(file: Path, joints: list[str], notes: list[str]) -> TextTable:
     lines, others = head_of(file), ""
     for at, line in enumerate(lines):
         if not line.strip() or line.strip(' "').lower().startswith("sep="):
             continue
-        separator = guess_separator(line.strip("[]() "))
+        separator = guess_separator(line)
         fields = split_line(line, separator)
         if any(re.search("[A-Za-z]", text.replace("e", "")) for text in fields) or line.lstrip().startswith("#"):
             titles = split_line(line.lstrip("# "), separator)
