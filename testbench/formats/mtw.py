@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.earths import Q_ENU_FROM
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
@@ -47,9 +48,6 @@ SETS = {
 }
 COUNTER, TICKS = "PacketCounter", "SampleTimeFine"
 TICK_NS = NANOSECONDS // 10_000
-HALF = np.sqrt(0.5)
-EARTHS = {"ENU": [1.0, 0.0, 0.0, 0.0], "NED": [0.0, HALF, HALF, 0.0], "NWU": [HALF, 0.0, 0.0, HALF]}
-"""q_enu_from_earth for each coordinate system that MT Manager offers."""
 
 
 def read(files: list[Path], options: Options) -> Recording:
@@ -100,10 +98,10 @@ def _sensor(name: str, table: TextTable, header: dict[str, str], options: Option
     notes.append(f"{name}: {how}")
     units = {q: options.unit(q, stated) for q, stated in (("acc", "m/s^2"), ("gyr", "rad/s"), ("mag", "au")) if has[q]}
     factors = {quantity: unit.factor for quantity, unit in units.items() if unit is not None}
-    earth = next((key for key in EARTHS if key in header.get("Coordinate system", "ENU").upper()), "ENU")
+    earth = next((key for key in Q_ENU_FROM if key in header.get("Coordinate system", "ENU").upper()), "ENU")
     if earth != "ENU":
         notes.append(f"{name}: orientations are turned from {earth} to ENU")
-    q_enu_from_earth = np.array(EARTHS[earth])
+    q_enu_from_earth = np.array(Q_ENU_FROM[earth])
 
     def pick(columns: Columns, key: str, factor: float = 1.0) -> np.ndarray:
         return stack(columns, columns_of[key], factor)

@@ -1,8 +1,9 @@
 """x-io NGIMU: sensors.csv and quaternion.csv of a device, as the vendor's software writes them in one folder a device.
 
 Titles carry their units: Time (s), Gyroscope X (deg/s), Accelerometer X (g), Magnetometer X (uT); quaternion.csv has W, X, Y,
-Z. The device's quaternion turns vectors of the earth into the sensor; a session keeps its conjugate. (The direction was found
-from the vendor's own example: only so does it turn the vertical into the measured gravity.)
+Z. The device's quaternion turns vectors of the earth (x magnetic north, y west, z up) into the sensor; a session keeps its
+conjugate, from east, north, up. (Direction and earth were found from the vendor's own example: only so does it turn the
+vertical into the measured gravity, its steps are the measured rates, and the measured field points north.)
 """
 
 from __future__ import annotations
@@ -131,7 +132,7 @@ def _device(name: str, tables: dict[str, TextTable], options: Options, notes: li
         else:
             notes.append(f"{name}: without sensors.csv there is no specific force and no angular rate: NaN")
     first = "sensors" if "sensors" in tables else "quaternion"
-    layout = Layout("x-io NGIMU", {"acc": "g", "gyr": "deg/s", "mag": "uT"}, times[first], "s", conjugate=True)
+    layout = Layout("x-io NGIMU", {"acc": "g", "gyr": "deg/s", "mag": "uT"}, times[first], "s", conjugate=True, earth="NWU")
     return table_sensor(source, found, layout, name, options, notes)
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
+from testbench.formats.earths import Q_ENU_FROM
 from testbench.formats.options import Options
 from testbench.formats.plausibility import Evidence, decide_unit, gather
 from testbench.formats.recording import ImportedSensor
@@ -22,7 +25,8 @@ class Layout:
 
     Attributes:
         units: By quantity, where the titles state none but the format does. time, time_unit: Column of stamps, None for none.
-        conjugate: The file's quaternion is q_sensor_from_earth. description: Of the sensor.
+        conjugate: The file's quaternion is q_sensor_from_earth. earth: What its earth's axes point to. description: Of the
+        sensor.
     """
 
     description: str
@@ -30,6 +34,7 @@ class Layout:
     time: str | None = None
     time_unit: TimeUnit = "s"
     conjugate: bool = False
+    earth: str = "ENU"
 
 
 def table_sensor(source: Source, found: Found, layout: Layout, name: str, options: Options, notes: list[str]) -> ImportedSensor:
@@ -54,8 +59,12 @@ def table_sensor(source: Source, found: Found, layout: Layout, name: str, option
             stack(columns, found.columns[quantity], factors[quantity]) if quantity in found.columns else None
             for quantity in ("gyr", "acc", "mag")
         )
-        q = stack(columns, found.columns["quaternion"]) if "quaternion" in found.columns else None
-        return Quantities(gyr, acc, mag, rotation.conjugate(q) if q is not None and layout.conjugate else q)
+        q = None
+        if "quaternion" in found.columns:
+            q = stack(columns, found.columns["quaternion"])
+            q = rotation.conjugate(q) if layout.conjugate else q
+            q = q if layout.earth == "ENU" else rotation.multiply(np.array(Q_ENU_FROM[layout.earth]), q)
+        return Quantities(gyr, acc, mag, q)
 
     stream = SampleStream(source, kinds, convert, _timeline(source, layout, name, options))
     rate = options.rate_or(None) or measured_rate(stream.first())
@@ -65,7 +74,7 @@ def table_sensor(source: Source, found: Found, layout: Layout, name: str, option
     if "mag" in units and units["mag"] is None:
         notes.append(f"{name}: the unit of the magnetic field is not stated; uT is taken, only its direction is sure")
     if "quaternion" in found.columns and layout.conjugate:
-        notes.append(f"{name}: the file's quaternion turns earth into sensor; its conjugate is kept")
+        notes.append(f"{name}: the file's quaternion turns earth ({layout.earth}) into sensor; kept is sensor into earth (ENU)")
     return ImportedSensor(stream, round(rate, 3), layout.description)
 
 

@@ -15,7 +15,7 @@ def poses(n: int = 30, seed: int = 0) -> np.ndarray:
 
 
 def seen_by_filter(true: np.ndarray, heading_deg: float, mounting: np.ndarray) -> np.ndarray:
-    """q_earth_from_sensor of a filter whose earth has a heading in the world, on a sensor with q_believed_from_sensor `mounting`."""
+    """q_earth_from_sensor by a filter whose earth has a heading; `mounting` is q_believed_from_sensor."""
     earth_from_world = rotation.conjugate(rotation.from_heading(np.radians(heading_deg)))
     return rotation.multiply(rotation.multiply(earth_from_world, true), mounting)
 

@@ -233,7 +233,8 @@ def test_shimmer_raw_counts_are_refused(table, xyz, motion, load):
 def ngimu(table, xyz, m, device: str = "NGIMU - 0029D0B4", q_step: int = 1) -> list[Path]:
     columns = {"Time (s)": m.t} | xyz("Gyroscope {} (deg/s)", np.degrees(m.gyr)) | xyz("Accelerometer {} (g)", m.acc / G)
     columns |= xyz("Magnetometer {} (uT)", m.mag) | {"Barometer (hPa)": np.full(len(m.t), 1027.0)}
-    q = m.q * [1, -1, -1, -1]  # the device turns the earth into the sensor
+    nwu = Rotation.from_euler("Z", -90, degrees=True) * Rotation.from_quat(m.q, scalar_first=True)  # x north, y west, z up
+    q = nwu.inv().as_quat(scalar_first=True)  # the device turns the earth into the sensor
     return [
         table(f"{device}/sensors.csv", columns),
         table(f"{device}/quaternion.csv", {"Time (s)": m.t[::q_step]} | xyz("{}", q[::q_step], "WXYZ")),
@@ -247,9 +248,11 @@ def test_ngimu_joins_sensors_and_quaternion_of_a_device(table, xyz, motion, load
     assert session.sensor_names == ["NGIMU_0029D0B4", "NGIMU_0029C1DA"]
     samples = session.imu("NGIMU_0029C1DA")
     same(samples, m)
-    np.testing.assert_allclose(samples.device_q, m.q, atol=1e-7)
+    assert np.abs(np.sum(samples.device_q * m.q, axis=1)).min() > 1 - 1e-9
     up = Rotation.from_quat(samples.device_q, scalar_first=True).apply(samples.acc)
     np.testing.assert_allclose(up, np.tile([0, 0, G], (600, 1)), atol=1e-5)
+    north = Rotation.from_quat(samples.device_q, scalar_first=True).apply(samples.mag)
+    np.testing.assert_allclose(north, np.tile([0, 24.0, -39.0], (600, 1)), atol=1e-4)
 
 
 def test_ngimu_interpolates_a_slower_quaternion(table, xyz, motion, load):

@@ -1,0 +1,33 @@
+"""docs/formats.md: its examples are valid, and it names every format, option and shipped mapping."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from testbench.formats import FORMATS
+from testbench.formats.axes import axis_presets
+from testbench.formats.mapping import MappingSpec, list_mappings
+from testbench.formats.units import QUANTITIES, unit_names
+from testbench.records.yaml_file import load_yaml
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+
+
+@pytest.mark.parametrize("number", range(len(EXAMPLES)))
+def test_the_examples_are_valid_mappings(number, tmp_path):
+    (tmp_path / "map.yaml").write_text(EXAMPLES[number], encoding="utf-8")
+    assert load_yaml(tmp_path / "map.yaml", MappingSpec).value.sensors
+
+
+def test_everything_that_can_be_asked_for_is_on_the_page():
+    wanted = [*FORMATS, *list_mappings(), *axis_presets(), *[unit for quantity in QUANTITIES for unit in unit_names(quantity)]]
+    options = ["--unit", "--rate", "--axes", "--mapping", "--truth", "--robot", "--link", "--mounting", "--dwell", "--move"]
+    options += ["--truth-offset", "--truth-rate", "--joint-unit"]
+    assert [name for name in wanted + options if name not in PAGE] == []
+    keys = {name for part in MappingSpec.model_json_schema()["$defs"].values() for name in part.get("properties", {})}
+    theirs = {"filters", "align", "align_clock", "calibrate", "position_mm", "rotation_deg", "x", "y", "z"}
+    assert [key for key in keys - theirs if key not in PAGE] == []
