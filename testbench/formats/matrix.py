@@ -16,7 +16,7 @@ from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
-from testbench.formats.tables.source import Columns, Kind, first_rows
+from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import find_table
 from testbench.formats.tables.timeline import SpreadTime, StampedTime, rate_of_stamps
 from testbench.frames import NANOSECONDS
@@ -64,8 +64,8 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str]]:
     rate = options.rate_or(None)
     if rate is None:
         seconds = StampedTime(stamp, "clock")
-        head = first_rows(table, dict(seconds.kinds))
-        rate, doubt = rate_of_stamps(seconds(head, len(head[stamp])) / NANOSECONDS, NOMINAL_RATE)
+        stamps = [seconds(columns, len(columns[stamp])) for columns in table.chunks(seconds.kinds)]
+        rate, doubt = rate_of_stamps(np.concatenate(stamps) // NANOSECONDS, NOMINAL_RATE)
         how = "nominal; the stamps cannot tell" if np.isinf(doubt) else f"by the stamps of whole seconds, to {doubt:.2g} Hz"
         notes.append(f"rate {rate:.6g} Hz ({how}); the samples are spread evenly over their seconds")
     kinds: dict[str, Kind] = dict.fromkeys([titles[name] for name in ACC + GYR], "float")

@@ -129,8 +129,11 @@ class SessionWriter:
 
 def file_hashes(folder: Path) -> dict[str, str]:
     """SHA-256 of every raw file of a session."""
-    files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != MANIFEST)
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    hashes = {}
+    for path in sorted(path for path in folder.iterdir() if path.is_file() and path.name != MANIFEST):
+        with path.open("rb") as file:  # in pieces: a long recording does not fit in memory
+            hashes[path.name] = hashlib.file_digest(file, "sha256").hexdigest()
+    return hashes
 
 
 def software_versions() -> dict[str, str]:

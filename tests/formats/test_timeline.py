@@ -125,5 +125,18 @@ def test_a_rate_that_the_stamps_deny_is_refused() -> None:
 def test_the_rate_is_measured_from_whole_seconds_and_kept_where_they_cannot_deny_it() -> None:
     assert rate_of_stamps(stamps_of(np.arange(60_000) / 98.0), 100.0)[0] == pytest.approx(98.0, rel=1e-3)
     assert rate_of_stamps(stamps_of(np.arange(1000) / 99.9), 100.0)[0] == 100.0
+
+
+def test_hours_at_an_odd_rate_are_spread_without_a_jump() -> None:
+    true = 0.6 + np.arange(900_000) / 99.87
+    rate, _ = rate_of_stamps(stamps_of(true), 100.0)
+    time = SpreadTime("t", rate)
+    result = np.concatenate([time({"t": stamps_of(part)}, len(part)) for part in np.array_split(true, 9)]) / 1e9
+    assert time.gaps == 0 and np.abs(result - true - np.median(result - true)).max() < 0.1
+
+
+def test_the_rate_leaves_out_pauses() -> None:
+    paused = np.concatenate([np.arange(30_000) / 98.0, 900 + np.arange(30_000) / 98.0])
+    assert rate_of_stamps(stamps_of(paused), 100.0)[0] == pytest.approx(98.0, rel=1e-3)
     rate, doubt = rate_of_stamps(np.zeros(50), 100.0)
     assert rate == 100.0 and np.isinf(doubt)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from testbench.cli import main
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.formats import import_recording
 from testbench.formats.options import Options
@@ -18,6 +21,7 @@ from testbench.model.kinematics import Kinematics, Pose
 from testbench.pipeline import analyse
 from testbench.records.robot import load_robot
 from testbench.records.samples import ImuSamples
+from testbench.records.session import Session
 from testbench.records.strict import Placement
 
 LINK = "wrist_3_link"
@@ -226,3 +230,37 @@ def test_orientations_of_a_reference_system(run, recorded, table, xyz, tmp_path,
     assert known.sum() == len(rows) - 20 and (~known).sum() == 1
     (row,) = analyse(session, ["vqf_6d"], with_report=False).evaluation.orientation
     assert row.total_rmse_deg < 1.0
+
+
+def test_the_command_line_takes_all_of_it(run, recorded, table, tmp_path, monkeypatch, capsys):
+    t, q, orientation, *_ = run
+    log = table("robot.csv", {"time_s": t} | {f"{name}_deg": np.degrees(q[:, i]) for i, name in enumerate(JOINTS)})
+    path, options = recorded
+    words = [
+        "import",
+        "generic",
+        path,
+        "--mapping",
+        options.mapping,
+        "--out",
+        tmp_path / "session",
+        "--truth",
+        log,
+        "--robot",
+        "ur3e",
+    ]
+    words += [
+        "--link",
+        f"hand={LINK}",
+        "--mounting",
+        "hand=rotation_deg: {ZYX: [30, 20, -10]}, position_mm: [0, 10, 40]",
+        "--json",
+    ]
+    monkeypatch.setattr(sys, "argv", ["testbench", *map(str, words)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    told = json.loads(capsys.readouterr().out)
+    assert told["samples"] == {"hand": len(t)} and told["rate_hz"] == {"hand": 100.0}
+    truth = Session(told["session"]).truth("hand")
+    assert np.abs(np.sum(truth.q_world_from_sensor * orientation, axis=1)).min() > 1 - 1e-9

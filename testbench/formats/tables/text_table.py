@@ -26,7 +26,7 @@ BLANKS = " "
 """The separator of files whose columns stand apart by any number of spaces and tabs."""
 HEAD_LINES = 200
 """A header and what stands before it are looked for among so many lines."""
-BLOCK_BYTES = 8 << 20
+BLOCK_BYTES = 2 << 20
 MISSING = ["", "NaN", "nan", "NAN", "NA", "N/A", "null", "-nan", "#N/A"]
 _CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+)?)\s*(?:(?P<p>[AaPp])\.?\s?[Mm]\.?|Z|[+-]\d{2}:?\d{2})?\s*$"
 

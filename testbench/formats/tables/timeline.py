@@ -213,12 +213,12 @@ def rate_of_stamps(stamps: np.ndarray, nominal: float) -> tuple[float, float]:
         stamps: [s], shape (n,). nominal: The rate that is believed [Hz]; kept where the stamps do not deny it.
 
     Returns:
-        The rate and how far it may be wrong [Hz]; infinitely where there are fewer than three different stamps.
+        The rate, by the seconds without a pause, and how far it may be wrong [Hz]; infinitely where there is no whole second.
     """
     changes = np.flatnonzero(np.diff(stamps) > 0) + 1
-    if len(changes) < 2:
+    whole = np.diff(stamps[changes]) == 1  # seconds without a pause
+    if not whole.any():
         return nominal, np.inf
-    span = float(stamps[changes[-1]] - stamps[changes[0]])
-    measured = (changes[-1] - changes[0]) / span
-    doubt = 2.0 * max(1.0, 0.05 * measured) / span
-    return (nominal, doubt) if abs(measured - nominal) <= doubt else (float(measured), doubt)
+    measured = float(np.diff(changes)[whole].mean())
+    doubt = 2.0 * max(1.0, 0.05 * measured) / int(whole.sum())
+    return (nominal, doubt) if abs(measured - nominal) <= doubt else (measured, doubt)
