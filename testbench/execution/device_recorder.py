@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from testbench.drivers.imus.serial_line import SerialImu, list_serial_ports
 from testbench.drivers.imus.streamed import SessionTime, StreamedImu
 from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.exceptions import BenchError, DriverError, InputError, RunInterrupted, SessionError
+from testbench.execution.interruption import on_interrupt
 from testbench.execution.recorder import IMU_NOTES
 from testbench.frames import NANOSECONDS
 from testbench.records.protocol import Analysis, Estimation
@@ -227,7 +226,7 @@ class _Recording:
             writer.open_journal(f"imu_{name}", ImuSamples.columns(imu.has_magnetometer, imu.has_orientation), IMU_NOTES)
         writer.event(Event(time.now_ns(), "recording_started", {"devices": list(imus)}))
         status, message, error = RunStatus.COMPLETED, "", None
-        with self._operator_may_stop():
+        with on_interrupt(self._ask_to_stop):
             try:
                 self._follow(writer)
                 if self.stop_asked and self.duration_s is not None:
@@ -306,22 +305,8 @@ class _Recording:
                 notes.append(f"{name}: {found['samples_dropped']} samples were dropped because this machine was too slow.")
         return notes
 
-    @contextmanager
-    def _operator_may_stop(self) -> Iterator[None]:
-        """Let Ctrl-C end the recording after the chunk under way; only the main thread gets signals."""
-
-        def ask(signum: int, frame: object) -> None:
-            self.stop_asked = True
-
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        previous = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield
-        finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
+    def _ask_to_stop(self) -> None:
+        self.stop_asked = True
 
 
 def _estimation(imus: list[Imu]) -> Estimation:

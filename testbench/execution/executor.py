@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -16,6 +13,7 @@ from testbench.drivers.arms.simulated import SimulatedArm
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.exceptions import BenchError, RunInterrupted
+from testbench.execution.interruption import on_interrupt
 from testbench.execution.recorder import Recorder
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
@@ -88,7 +86,7 @@ class _Run:
     def run(self) -> Session:
         status, message = RunStatus.COMPLETED, ""
         error: BaseException | None = None
-        with self._operator_may_stop():
+        with on_interrupt(self._ask_to_stop):
             try:
                 self.arm.prepare(self.plan)
                 self.arm.kickoff()
@@ -109,22 +107,8 @@ class _Run:
             raise error
         return session
 
-    @contextmanager
-    def _operator_may_stop(self) -> Iterator[None]:
-        """Let Ctrl-C end the run after the chunk under way, so that nothing is torn; only the main thread gets signals."""
-
-        def ask(signum: int, frame: object) -> None:
-            self.stop_asked = True
-
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        previous = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield
-        finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
+    def _ask_to_stop(self) -> None:
+        self.stop_asked = True
 
     def _follow(self) -> None:
         end_ns = int(self.plan.trajectory.time_ns[-1]) + TAIL_NS
