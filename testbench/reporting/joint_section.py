@@ -67,9 +67,9 @@ def _summary(joint: str, rows: list[JointRow], evaluation: Evaluation) -> Table:
         columns,
         body,
         "How to read: e is estimated minus true flexion; every pose or sweep counts alike, however long it took. The last "
-        "two columns are the mean absolute errors of the other two Euler angles; a dash means gimbal lock. The middle angle of a "
-        "sequence such as ZXZ is the angle between two axes: it is never negative, so that errors at 0 deg are one-sided, and "
-        "where one of the axes is vertical it does not see heading errors; the other two angles do.",
+        "two columns are the mean absolute errors of the other two Euler angles; a dash means gimbal lock. The middle angle "
+        "of a sequence such as ZXZ is the angle between two axes: it is never negative, so that errors at 0 deg are one-sided, "
+        "and where one of the axes is vertical it does not see heading errors; the other two angles do.",
     )
 
 
