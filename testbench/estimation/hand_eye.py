@@ -97,10 +97,10 @@ def mounting_from_rates(rate_in_body: np.ndarray, rate_in_sensor: np.ndarray) ->
     Returns:
         The quaternion (4,), and the observability: second singular value over the first; near 0 for a single axis of motion.
     """
-    B = rate_in_body.T @ rate_in_sensor
-    u, s, vt = np.linalg.svd(B)
-    R = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return rotation.from_matrix(R), float(s[1] / s[0]) if s[0] > 0 else 0.0
+    profile = rate_in_body.T @ rate_in_sensor
+    strength = np.linalg.svd(profile, compute_uv=False)
+    observability = float(strength[1] / strength[0]) if strength[0] > 0 else 0.0
+    return rotation.from_matrix(rotation.nearest_rotation(profile)), observability
 
 
 def _with_uncertainty(z: np.ndarray, x: np.ndarray, residual: float, sensor: np.ndarray, independent: float) -> HandEye:

@@ -62,7 +62,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
             series[f"joint_{name}"] = columns
         else:
             notes.append(f"{name}: no truth, so its angle is not judged")
-    metrics = summarise_metrics(session.analysis, joints, orientations) + metrics
+    metrics = summarise_metrics(joints, orientations) + metrics
     metrics, outcome = judge(session.analysis, metrics)
     notes += [f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED]
     if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed

@@ -18,7 +18,7 @@ _POOL: dict[str, Callable[[list[JointRow]], float]] = {
 }
 
 
-def summarise_metrics(analysis: Analysis, joints: list[JointRow], orientations: list[OrientationRow]) -> list[Metric]:
+def summarise_metrics(joints: list[JointRow], orientations: list[OrientationRow]) -> list[Metric]:
     """Every metric of every filter, without limits; joint metrics give each pose or sweep the same weight."""
     metrics = []
 

@@ -63,6 +63,12 @@ def from_matrix(matrix: np.ndarray) -> np.ndarray:
     return q.reshape(*matrix.shape[:-2], 4)
 
 
+def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
+    """The rotation R that maximises trace(R' matrix), shape (3, 3): the solution of Wahba's problem (Markley 1988)."""
+    u, _, vt = np.linalg.svd(matrix)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+
+
 def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
     """Quaternions of rotation vectors [rad], shape (..., 3) to (..., 4)."""
     vector = np.asarray(vector, float)

@@ -23,7 +23,7 @@ def limits(*accept: AcceptanceLimit) -> Analysis:
 
 def verdict(rows: list[JointRow], *accept: AcceptanceLimit) -> tuple[list, Outcome]:
     analysis = limits(*accept)
-    return judge(analysis, summarise_metrics(analysis, rows, []))
+    return judge(analysis, summarise_metrics(rows, []))
 
 
 MEAN = "elbow.flexion_mean_abs_error_deg"
@@ -99,7 +99,7 @@ def test_without_limits_nothing_is_judged():
 def test_sensors_have_metrics_of_their_own():
     row = OrientationRow("arm", "vqf_6d", 10, 1.5, 1.2, 0.9, 2.0)
     analysis = limits(AcceptanceLimit(metric="arm.inclination_rmse_deg", max=0.5))
-    metrics, outcome = judge(analysis, summarise_metrics(analysis, [], [row]))
+    metrics, outcome = judge(analysis, summarise_metrics([], [row]))
     assert outcome == "fail"
     assert {m.name: m.value for m in metrics} == {
         "arm.total_rmse_deg": 1.5, "arm.heading_rmse_deg": 1.2, "arm.inclination_rmse_deg": 0.9,

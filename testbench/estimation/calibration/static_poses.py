@@ -90,8 +90,7 @@ def _mounting(force: np.ndarray, expected: np.ndarray) -> np.ndarray:
         force, expected: Shape (m, 3) [m/s^2].
     """
     attitude = force.T @ expected / DIRECTION_ERROR**2 + np.eye(3) / PRIOR_MOUNTING**2
-    u, _, vt = np.linalg.svd(attitude)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+    return rotation.nearest_rotation(attitude)
 
 
 def _regress(
