@@ -10,6 +10,7 @@ import typer
 
 from testbench.cli.exporting import export
 from testbench.cli.importing import formats, import_files
+from testbench.cli.noise import noise
 from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
 from testbench.cli.recording import record
 
@@ -156,6 +157,7 @@ app.command()(record)
 
 app.command("import")(import_files)
 app.command()(export)
+app.command()(noise)
 
 
 @app.command()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from testbench.execution.executor import Progress as RunProgress
-    from testbench.records.evaluation import Evaluation
+    from testbench.records.evaluation import Evaluation, NoiseRow
     from testbench.records.plan import Plan
 
 from testbench.records.numbers import show_number
@@ -131,22 +131,28 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
                 for r in evaluation.orientation
             ],
         )
-    if evaluation.noise:
-        say_table(
-            "At rest",
-            ["sensor", "axis", "time [s]", "mean", "sd", "unit", "noise density", "unit", "bias instability", "unit"],
-            [
-                [n.sensor, f"{n.quantity} {n.axis}", n.span_s, n.mean, n.sd, n.unit, n.noise_density, n.noise_density_unit,
-                 n.bias_instability, n.bias_instability_unit]
-                for n in evaluation.noise
-            ],
-        )  # fmt: skip
+    say_noise(evaluation.noise)
     for note in evaluation.notes:
         say(f"note: {note}")
     say(f"outcome: {evaluation.outcome}")
     say(f"session: {session}")
     if report:
         say(f"report:  {report}")
+
+
+def say_noise(rows: list[NoiseRow]) -> None:
+    """Noise at rest; nothing where there is none."""
+    if not rows:
+        return
+    say_table(
+        "At rest",
+        ["sensor", "axis", "time [s]", "mean", "sd", "unit", "noise density", "unit", "bias instability", "unit"],
+        [
+            [n.sensor, f"{n.quantity} {n.axis}", n.span_s, n.mean, n.sd, n.unit, n.noise_density, n.noise_density_unit,
+             n.bias_instability, n.bias_instability_unit]
+            for n in rows
+        ],
+    )  # fmt: skip
 
 
 def _cell(value: Any) -> str:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from testbench.estimation.axes import identify_axes, remarks_on
 from testbench.estimation.calibration.static_poses import fit_static_poses
 from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion
@@ -69,6 +72,9 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
     planned = sum(step.role == "calibration" and step.kind != "sweep" for step in session.steps)
     if calibration.method == "static_poses" and calibration.poses < planned:
         remarks.append(f"{planned - calibration.poses} of {planned} calibration poses were not at rest and were left out")
+    gravity = session.robot.gravity if session.robot else STANDARD_DOWN
+    axes = identify_axes(samples, time, static & ~quality.flagged, truth, gravity) if truth is not None else {}
+    remarks += remarks_on(axes)
     for key in filters:
         kind = get_filter(key)
         missing = kind.missing(corrected)
@@ -82,8 +88,14 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
             remarks.append(f"{key}: {warning}")
     return SensorEstimate(
         time, static, orientation, clock, calibration, frames, skipped, quality.flagged, quality.counts(), remarks,
-        audit_timing(samples, description.get("rate_hz")),
+        audit_timing(samples, description.get("rate_hz"), _rate_age(description)), axes,
     )  # fmt: skip
+
+
+def _rate_age(description: dict[str, Any]) -> float:
+    """Half an interval where rate and force are integrated over it: the force is seen in the axes at its end [s]."""
+    rate = description.get("rate_hz")
+    return 0.5 / float(rate) if rate and description.get("sampling") == "integrated" else 0.0
 
 
 def _corrected(uniform: UniformSamples, calibration: CalibrationFit, sampling: str | None) -> UniformSamples:

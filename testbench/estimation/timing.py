@@ -14,11 +14,13 @@ SMOOTH = 5
 MOST_LAG = 30
 
 
-def audit_timing(samples: ImuSamples, nominal_rate: float | None) -> TimingAudit:
+def audit_timing(samples: ImuSamples, nominal_rate: float | None, rate_age: float = 0.0) -> TimingAudit:
     """Audit a sensor's sampling, by its own clock.
 
     Args:
         samples: As recorded. nominal_rate: As the data sheet or file says [Hz], or None.
+        rate_age: How much older than its stamp a rate is by the data sheet, against the force [s]: half an interval where both
+        are integrated over it and the force is seen in the axes at its end.
     """
     intervals = np.diff(samples.device_time_ns) / NANOSECONDS
     if len(intervals) == 0:
@@ -46,7 +48,7 @@ def audit_timing(samples: ImuSamples, nominal_rate: float | None) -> TimingAudit
         lost_packets=lost,
         lost_percent=100 * lost / (len(samples) + lost),
         arrival_jitter_ms=1e3 * float(np.std(delay - fit)),
-        acc_after_gyr_ms=1e3 * _asynchrony(samples, median),
+        acc_after_gyr_ms=1e3 * (_asynchrony(samples, median) + rate_age),
     )
 
 

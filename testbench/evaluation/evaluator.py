@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.flexion import evaluate_joint
 from testbench.evaluation.judged import judged_steps
 from testbench.evaluation.noise import noise_rows, norm_error_percent
@@ -11,7 +12,16 @@ from testbench.evaluation.orientation import evaluate_sensor
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.truth import without_jumps
 from testbench.records.estimate import Estimate
-from testbench.records.evaluation import SEVERITY, Evaluation, JointRow, Metric, NoiseRow, OrientationRow, Outcome
+from testbench.records.evaluation import (
+    SEVERITY,
+    EulerRangeRow,
+    Evaluation,
+    JointRow,
+    Metric,
+    NoiseRow,
+    OrientationRow,
+    Outcome,
+)
 from testbench.records.samples import ImuSamples
 from testbench.records.session import RunStatus, Session
 
@@ -29,6 +39,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     joints: list[JointRow] = []
     series: dict[str, dict[str, np.ndarray]] = {}
     noise: list[NoiseRow] = []
+    ranges: list[EulerRangeRow] = []
     metrics: list[Metric] = []
     notes = list(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
     if session.status is not RunStatus.COMPLETED:
@@ -52,6 +63,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
             notes += [f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else []
         rows, series[f"orientation_{name}"] = evaluate_sensor(name, sensor, truth, steps)
         orientations += rows
+        ranges += euler_range_rows(name, sensor, truth, session.steps, session.analysis.estimate.euler_ranges)
     if steps is not None and not steps:
         notes.append("no step of the protocol was finished, so there is nothing to judge")
     arm = session.arm()
@@ -67,7 +79,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     notes += [f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED]
     if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
-    return Evaluation(session.name, joints, orientations, metrics, outcome, notes, noise, series)
+    return Evaluation(session.name, joints, orientations, metrics, outcome, notes, noise, ranges, series)
 
 
 def _fastest(samples: ImuSamples) -> float:

@@ -123,6 +123,25 @@ class TimingAudit:
 
 
 @dataclass(frozen=True)
+class AxisFinding:
+    """The axes of one triad, found from the motion.
+
+    Attributes:
+        axes: Which axis of the recording is each of the sensor's, e.g. "x: -z, y: -y, z: -x"; for a quaternion how it is to be
+        read; None where the motion does not tell. right_handed: Whether the map keeps the hand; None where only two axes moved.
+        gain: Reading over truth [1]. crooked_deg: Angle between the map and the mounting as found.
+        agreement: Part of the variance that the motion explains [1]. unseen: Axes about which too little happened.
+    """
+
+    axes: str | None = None
+    right_handed: bool | None = None
+    gain: float | None = None
+    crooked_deg: float | None = None
+    agreement: float | None = None
+    unseen: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
 class SensorEstimate:
     """One sensor's orientation by every filter.
 
@@ -131,7 +150,7 @@ class SensorEstimate:
         orientation: q_world_from_sensor by filter, shape (n, 4), aligned. clock, calibration: What was fitted.
         frames: The alignment of each filter. skipped: Filters that could not run, and why. flagged: Samples that the quality
         gates refuse, shape (n,); they are not judged. quality: Number of samples by reason. remarks: What else is odd.
-        timing: Audit of the time stamps.
+        timing: Audit of the time stamps. axes: By triad, and "device_q".
     """
 
     host_time_ns: np.ndarray
@@ -145,6 +164,7 @@ class SensorEstimate:
     quality: dict[str, int] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     timing: TimingAudit = field(default_factory=TimingAudit)
+    axes: dict[str, AxisFinding] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -193,6 +213,7 @@ class Estimate:
                 "quality": sensor.quality,
                 "remarks": sensor.remarks,
                 "timing": asdict(sensor.timing),
+                "axes": {triad: asdict(finding) for triad, finding in sensor.axes.items()},
             }
         for name, joint in self.joints.items():
             columns = {"host_time_ns": joint.host_time_ns}
@@ -240,6 +261,7 @@ class Estimate:
                 data["quality"],
                 data["remarks"],
                 TimingAudit(**_numbers(data["timing"], keep=("nominal_rate_hz",))),
+                {triad: AxisFinding(**finding) for triad, finding in data["axes"].items()},
             )
         for name, rows in summary["joints"].items():
             table = read_parquet(folder / f"joint_{name}.parquet")

@@ -103,6 +103,28 @@ class NoiseRow:
 
 
 @dataclass(frozen=True)
+class EulerRangeRow:
+    """Over one section, how far each of a sensor's own Euler angles went: the limit tests of an axis identification; degrees.
+
+    Attributes:
+        sensor, section, filter, sequence: What was computed. true_deg, estimated_deg: Largest less smallest, unwrapped, of the
+        three angles; None for the two outer ones of a section that was in gimbal lock.
+        locked_percent: Part of the samples in gimbal lock, where only the sum (or difference) of the outer angles is defined.
+        outer_true_deg, outer_estimated_deg: Range of that sum in a locked section, else None.
+    """
+
+    sensor: str
+    section: str
+    filter: str
+    sequence: str
+    true_deg: list[float | None]
+    estimated_deg: list[float | None]
+    locked_percent: float
+    outer_true_deg: float | None
+    outer_estimated_deg: float | None
+
+
+@dataclass(frozen=True)
 class Metric:
     """One number with its limits and verdict.
 
@@ -142,6 +164,7 @@ class Evaluation:
     outcome: Outcome
     notes: list[str] = field(default_factory=list)
     noise: list[NoiseRow] = field(default_factory=list)
+    euler_ranges: list[EulerRangeRow] = field(default_factory=list)
     series: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
@@ -187,5 +210,6 @@ class Evaluation:
             Outcome(data["outcome"]),
             data["notes"],
             [NoiseRow(**row) for row in data["noise"]],
+            [EulerRangeRow(**row) for row in data["euler_ranges"]],
             series,
         )

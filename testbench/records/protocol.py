@@ -40,7 +40,9 @@ class Segment(StrictModel):
 class Sensor(StrictModel):
     """An IMU on the arm."""
 
-    preset: str | None = Field(default=None, description="A sensor that ships with the bench, e.g. xsens_dot.")
+    preset: str | None = Field(
+        default=None, description="A sensor that ships with the bench, e.g. xsens_dot, or a preset file beside the protocol."
+    )
     parameters: dict[str, Any] = Field(default={}, description="Parameters of the sensor, or changes to those of the preset.")
     link: str = Field(description="Link of the arm that carries the sensor, by its URDF name.")
     segment: Segment | None = Field(default=None, description="Body segment the sensor stands for; joint angles need it.")
@@ -59,7 +61,7 @@ class Sensor(StrictModel):
     def imu(self) -> ImuParameters:
         """The sensor's parameters, preset and changes merged."""
         base = load_preset(self.preset).model_dump() if self.preset else {}
-        return ImuParameters.model_validate(_merge(base, self.parameters))
+        return ImuParameters.model_validate(merge(base, self.parameters))
 
 
 class FlexionAngle(StrictModel):
@@ -123,6 +125,10 @@ class Estimation(StrictModel):
     calibrate: Literal["none", "static_poses"] = Field(
         default="static_poses",
         description="Fit accelerometer and gyroscope errors to the calibration sections, if there are any.",
+    )
+
+    euler_ranges: dict[Name, EulerSequence] = Field(
+        default={}, description="Sections over which the range of each sensor's own Euler angles is reported (limit tests)."
     )
 
     @model_validator(mode="after")
@@ -224,10 +230,11 @@ class ProtocolSpec(StrictModel):
 
 @dataclass
 class Protocol:
-    """A protocol with the file it was read from and the protocols it includes (by path)."""
+    """A protocol with the file it was read from, the protocols it includes, and the texts of its sensor presets, by name."""
 
     document: YamlDocument[ProtocolSpec]
     included: dict[str, Protocol] = field(default_factory=dict)
+    presets: dict[str, str] = field(default_factory=dict)
 
     @property
     def spec(self) -> ProtocolSpec:
@@ -235,15 +242,16 @@ class Protocol:
 
     def texts(self) -> dict[str, str]:
         """Every file that makes up the protocol, verbatim, by its name."""
-        own = {self.document.file.name: self.document.text}
+        own = {self.document.file.name: self.document.text} | self.presets
         for protocol in self.included.values():
             own |= protocol.texts()
         return own
 
 
-def _merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Nested mappings, `changes` over `base`."""
     merged = dict(base)
     for key, value in changes.items():
         both = isinstance(value, dict) and isinstance(merged.get(key), dict)
-        merged[key] = _merge(merged[key], value) if both else value
+        merged[key] = merge(merged[key], value) if both else value
     return merged

@@ -9,9 +9,17 @@ from typing import Any
 from pydantic import ValidationError
 
 from testbench.exceptions import FileProblems, NotFoundError, Problem
-from testbench.records.protocol import JOINT_METRICS, RESERVED_NAMES, SENSOR_METRICS, AcceptanceLimit, Protocol, ProtocolSpec
+from testbench.records.protocol import (
+    JOINT_METRICS,
+    RESERVED_NAMES,
+    SENSOR_METRICS,
+    AcceptanceLimit,
+    Protocol,
+    ProtocolSpec,
+    merge,
+)
 from testbench.records.protocol_steps import Step
-from testbench.records.sensor import list_presets
+from testbench.records.sensor import PRESET_SUFFIXES, ImuParameters, list_presets
 from testbench.records.shipped import shipped_folder
 from testbench.records.yaml_file import YamlDocument, few, load_yaml, validation_problems
 
@@ -53,8 +61,9 @@ def _exists(file: Path) -> bool:
 
 def _load(file: Path, including: tuple[Path, ...], loaded: dict[Path, Protocol]) -> Protocol:
     document = load_yaml(file, ProtocolSpec)
-    protocol = Protocol(document)
-    problems = _Names(document).check()
+    presets, problems = _read_presets(document)
+    protocol = Protocol(document, presets=presets)
+    problems += _Names(document).check()
     own = file.resolve()
     for i, section in enumerate(document.value.sections):
         if section.include is None:
@@ -72,8 +81,34 @@ def _load(file: Path, including: tuple[Path, ...], loaded: dict[Path, Protocol])
     return protocol
 
 
-def _included(file: Path, name: str, including: tuple[Path, ...]) -> Path:
-    """The file that an include names; a ValueError says what is wrong with it."""
+def _read_presets(document: YamlDocument[ProtocolSpec]) -> tuple[dict[str, str], list[Problem]]:
+    """Put the content of preset files into the sensors that name them, so that nothing but the protocol is needed later.
+
+    Returns:
+        The texts of the files by name, and what is wrong with them.
+    """
+    texts: dict[str, str] = {}
+    problems: list[Problem] = []
+    sensors = dict(document.value.sensors)
+    for name, sensor in sensors.items():
+        if sensor.preset is None or not sensor.preset.endswith(PRESET_SUFFIXES):
+            continue
+        try:
+            target = _beside(document.file, sensor.preset, "a preset")
+        except ValueError as error:
+            problems.append(document.problem(str(error), "sensors", name, "preset").problems[0])
+            continue
+        preset = load_yaml(target, ImuParameters)
+        texts[sensor.preset] = preset.text
+        merged = merge(preset.value.model_dump(), sensor.parameters)
+        sensors[name] = sensor.model_copy(update={"preset": None, "parameters": merged})
+    if texts:
+        document.value = document.value.model_copy(update={"sensors": sensors})
+    return texts, problems
+
+
+def _beside(file: Path, name: str, what: str) -> Path:
+    """A file in the folder of a protocol; a ValueError says what is wrong with the name."""
     missing = f"no file '{name}' beside this protocol"
     try:
         target = (file.parent / name).resolve()
@@ -81,11 +116,17 @@ def _included(file: Path, name: str, including: tuple[Path, ...]) -> Path:
     except (OSError, ValueError):
         raise ValueError(missing) from None
     if target.parent != file.parent.resolve():
-        raise ValueError(f"'{name}' lies elsewhere; an include must lie in the folder of the protocol")
-    if target in including:
-        raise ValueError(f"'{name}' includes itself" + (" by way of others" if target != including[-1] else ""))
+        raise ValueError(f"'{name}' lies elsewhere; {what} must lie in the folder of the protocol")
     if not there:
         raise ValueError(missing)
+    return target
+
+
+def _included(file: Path, name: str, including: tuple[Path, ...]) -> Path:
+    """The file that an include names; a ValueError says what is wrong with it."""
+    target = _beside(file, name, "an include")
+    if target in including:
+        raise ValueError(f"'{name}' includes itself" + (" by way of others" if target != including[-1] else ""))
     if len(including) > DEEPEST_INCLUDE:
         raise ValueError(f"includes nest deeper than {DEEPEST_INCLUDE} files")
     return target
@@ -110,6 +151,8 @@ class _Names:
         self._sensors()
         self._joints()
         self._sections()
+        for name in self.spec.estimate.euler_ranges:
+            self._known([section.name for section in self.spec.sections], name, "section", "estimate", "euler_ranges", name)
         for i, limit in enumerate(self.spec.accept):
             self._limit(limit, "accept", i)
         return sorted(self.problems, key=lambda problem: (problem.line or 0, problem.column or 0))
@@ -125,6 +168,8 @@ class _Names:
     def _sensors(self) -> None:
         for name, sensor in self.spec.sensors.items():
             where = ("sensors", name)
+            if (sensor.preset or "").endswith(PRESET_SUFFIXES):
+                continue  # a file that could not be read, which has been said
             if sensor.preset is not None and not self._known(list_presets(), sensor.preset, "sensor preset", *where, "preset"):
                 continue
             try:

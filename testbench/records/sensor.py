@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import yaml
 from pydantic import Field
 
-from testbench.exceptions import NotFoundError
+from testbench.exceptions import InputError, NotFoundError
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.strict import Angles3, StrictModel
 from testbench.records.yaml_file import load_yaml
 
 PRESETS = Path(__file__).resolve().parent.parent / "model" / "presets"
+PRESET_SUFFIXES = (".yaml", ".yml")
 _G = STANDARD_GRAVITY
 _DEG = np.pi / 180
 
@@ -184,6 +186,24 @@ def load_preset(name: str) -> ImuParameters:
     if name not in list_presets():
         raise NotFoundError("sensor preset", name, list_presets())
     return load_yaml(PRESETS / f"{name}.yaml", ImuParameters).value
+
+
+def save_sensor(file: Path, parameters: ImuParameters) -> None:
+    """Write a sensor as a preset file.
+
+    Raises:
+        InputError: The file exists already, or its folder does not.
+    """
+    if file.suffix not in PRESET_SUFFIXES:
+        raise InputError(f"{file}: a sensor preset is a .yaml file")
+    text = yaml.safe_dump(parameters.model_dump(exclude_defaults=True), sort_keys=False, allow_unicode=True, width=120)
+    try:
+        with file.open("x", encoding="utf-8") as stream:
+            stream.write(text)
+    except FileExistsError:
+        raise InputError(f"{file} exists already; nothing was written") from None
+    except OSError as error:
+        raise InputError(f"{file} cannot be written: {error.strerror}") from None
 
 
 def list_presets() -> list[str]:

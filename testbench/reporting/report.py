@@ -17,6 +17,7 @@ from testbench.records.evaluation import FILE as EVALUATION_FILE
 from testbench.records.evaluation import Evaluation, Outcome
 from testbench.records.published import load_published
 from testbench.records.session import Session
+from testbench.reporting.axes_section import axes_section
 from testbench.reporting.figures import Span, plotly_script
 from testbench.reporting.fit_section import fit_section
 from testbench.reporting.joint_section import joint_section
@@ -91,6 +92,8 @@ def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluatio
         sections.append(orientation_section(evaluation, colours, spans))
     if estimate is not None:
         sections += [fit_section(estimate), recording_section(estimate, evaluation)]
+        axes = axes_section(estimate, evaluation)
+        sections += [axes] if axes is not None else []
     else:
         sections.append(
             Section("fits", "Clocks, frames and calibration", [Sentence("Nothing has been estimated from this session.")])

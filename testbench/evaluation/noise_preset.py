@@ -1,0 +1,70 @@
+"""A sensor as measured at rest, in the words of a data sheet: to be saved as a preset and simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.exceptions import InputError
+from testbench.records.evaluation import NoiseRow
+from testbench.records.sensor import ImuParameters
+
+WHITE = {
+    "acc": "noise_density_ug_sqrthz",
+    "gyr": "noise_density_deg_s_sqrthz",
+    "mag": "noise_density_uT_sqrthz",
+}
+SLOW = {
+    "acc": ("in_run_bias_mg", "bias_random_walk_mg_sqrts"),
+    "gyr": ("in_run_bias_deg_h", "bias_random_walk_deg_h_sqrts"),
+}
+TRIADS = {"acc": "accelerometer", "gyr": "gyroscope", "mag": "magnetometer"}
+
+
+def measured_sensor(
+    rows: list[NoiseRow], base: ImuParameters, origin: str, rate: float | None = None
+) -> tuple[ImuParameters, list[str]]:
+    """The data sheet with the noise that was measured.
+
+    White noise is taken by axis, slow changes of the bias as the RMS over the axes that show them. What the rest was too short
+    to show, and all that a rest cannot show (ranges, bandwidths, scale and turn-on bias over parts, clock), stays as in `base`.
+
+    Args:
+        rows: One sensor's noise at rest. base: The data sheet to start from. origin: Where the numbers come from, a phrase.
+        rate: Output rate [Hz]; that of `base` if None.
+
+    Returns:
+        The sensor, and sentences on what was not measured.
+
+    Raises:
+        InputError: Nothing was measured.
+    """
+    if not rows:
+        raise InputError("the recording holds no rest of 10 s or more, so no noise was measured")
+    changes: dict[str, dict[str, object]] = {}
+    kept: list[str] = []
+    for quantity, triad in TRIADS.items():
+        own = {row.axis: row for row in rows if row.quantity == quantity}
+        sheet = getattr(base, triad)
+        if not own or sheet is None:
+            continue
+        density = list(getattr(sheet, WHITE[quantity]))
+        for i, axis in enumerate("xyz"):
+            measured = own[axis].noise_density if axis in own else None
+            if measured is None:
+                kept.append(f"{triad} {axis}: white noise lost among the others; {density[i]:g} kept")
+            else:
+                density[i] = float(f"{measured:.4g}")
+        changes[triad] = {WHITE[quantity]: density}
+        if quantity in SLOW:
+            for key, kind in zip(SLOW[quantity], ("bias_instability", "rate_random_walk"), strict=True):
+                values = [value for row in own.values() if (value := getattr(row, kind)) is not None]
+                if values:
+                    changes[triad][key] = float(f"{np.sqrt(np.mean(np.square(values))):.4g}")
+                else:
+                    kept.append(f"{triad}: {kind.replace('_', ' ')} not shown by this rest; {getattr(sheet, key):g} kept")
+    update: dict[str, object] = {triad: getattr(base, triad).model_copy(update=values) for triad, values in changes.items()}
+    update["description"] = f"{base.description or 'Inertial sensor'}; noise as measured"
+    update["source"] = f"Noise: {origin}. The rest: {base.source or 'as given there'}"
+    if rate is not None:
+        update["rate_hz"] = float(f"{rate:.6g}")
+    return ImuParameters.model_validate(base.model_copy(update=update).model_dump()), kept

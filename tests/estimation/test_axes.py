@@ -1,0 +1,113 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from testbench.estimation.axes import AS_DOCUMENTED, STRAIGHT, identify_axes, remarks_on
+from testbench.estimation.estimator import STANDARD_DOWN
+from testbench.formats.axes import find_axes
+from testbench.model import rotation
+from testbench.records.samples import ImuSamples, Truth
+
+RIGHT_HANDED = [Rotation.from_matrix(m).as_matrix().round().astype(int) for m in Rotation.create_group("O").as_matrix()]
+
+
+def moving(seed: int = 0, n: int = 4000, axes: tuple[int, ...] = (0, 1, 2)) -> tuple[ImuSamples, Truth, np.ndarray]:
+    """A sensor that stops often and turns about some axes between, by SciPy alone."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(n) / 100
+    rate = np.zeros((n, 3))
+    for axis in axes:
+        rate[:, axis] = 2.0 * np.sin(2 * np.pi * (0.11 + 0.07 * axis) * time + rng.uniform(0, 6))
+    rate[(np.arange(n) // 200) % 2 == 0] = 0.0
+    orientation = [Rotation.from_rotvec(rng.uniform(-1, 1, 3))]
+    for w in rate[:-1]:
+        orientation.append(orientation[-1] * Rotation.from_rotvec(w / 100))
+    R = np.array([o.as_matrix() for o in orientation])
+    q = np.array([o.as_quat()[[3, 0, 1, 2]] for o in orientation])
+    ns = (time * 1e9).astype(np.int64)
+    acc = np.einsum("nij,i->nj", R, [0, 0, 9.80665])
+    mag = np.einsum("nij,i->nj", R, [0, 24.0, -39.0])
+
+    def noise(size: float) -> np.ndarray:
+        return size * rng.standard_normal((n, 3))
+
+    samples = ImuSamples(
+        ns, ns, rate + noise(0.01) + 0.02, acc + noise(0.05), mag + noise(0.3), q.copy(), np.arange(n), np.zeros(n, bool)
+    )
+    return samples, Truth(ns, q, rate, None), np.linalg.norm(rate, axis=1) == 0
+
+
+def identify(samples, truth, static):
+    return identify_axes(samples, samples.device_time_ns, static, truth, STANDARD_DOWN)
+
+
+def test_a_sound_sensor_needs_no_remark():
+    found = identify(*moving())
+    assert [found[t].axes for t in ("gyr", "acc", "mag", "device_q")] == [STRAIGHT] * 3 + [AS_DOCUMENTED]
+    assert remarks_on(found) == []
+    assert found["gyr"].gain == pytest.approx(1, abs=0.01)
+
+
+@settings(max_examples=24)
+@given(st.sampled_from(range(24)), st.integers(0, 3))
+def test_every_axis_map_is_found_and_undone_by_the_importers_map(k, seed):
+    samples, truth, static = moving(seed)
+    swapped = RIGHT_HANDED[k]
+    turned = replace(samples, gyr=samples.gyr @ swapped.T, acc=samples.acc @ swapped.T, mag=samples.mag @ swapped.T)
+    found = identify(turned, truth, static)
+    for triad in ("gyr", "acc", "mag"):
+        undone = find_axes(found[triad].axes).vectors(getattr(turned, triad))
+        np.testing.assert_allclose(undone, getattr(samples, triad), atol=1e-12)
+
+
+def test_a_mirrored_triad_and_wrong_units_are_named():
+    samples, truth, static = moving()
+    found = identify(replace(samples, gyr=samples.gyr * [1, 1, -1]), truth, static)
+    assert (found["gyr"].axes, found["gyr"].right_handed) == ("x: +x, y: +y, z: -z", False)
+    assert "mirrors the sensor" in remarks_on(found)[0]
+    found = identify(replace(samples, gyr=np.degrees(samples.gyr), acc=samples.acc / 9.80665), truth, static)
+    assert "deg/s were taken for rad/s" in remarks_on(found)[0]
+    assert "g were taken for m/s^2" in remarks_on(found)[1]
+
+
+@pytest.mark.parametrize(
+    ("changed", "named"),
+    [
+        (lambda q: rotation.conjugate(q), "w x y z, sensor from earth, z up"),
+        (lambda q: q[:, [1, 2, 3, 0]], "x y z w, earth from sensor, z up"),
+        (lambda q: rotation.multiply(np.array([0.0, 2**-0.5, 2**-0.5, 0.0]), q), "w x y z, earth from sensor, z down"),
+    ],
+)
+def test_a_quaternion_of_another_convention_is_named(changed, named):
+    samples, truth, static = moving()
+    found = identify(replace(samples, device_q=changed(samples.device_q)), truth, static)
+    assert found["device_q"].axes == named
+    assert named in remarks_on(found)[0]
+
+
+def test_truth_of_orientations_only_and_of_two_axes_will_do():
+    samples, truth, static = moving(axes=(0, 1))
+    found = identify(samples, replace(truth, rate=None), static)
+    assert found["gyr"].axes == STRAIGHT
+    assert found["gyr"].right_handed is None
+    assert found["gyr"].unseen == ["z"]
+
+
+def test_a_single_axis_tells_nothing():
+    samples, truth, static = moving(axes=(1,))
+    found = identify(samples, truth, static)
+    assert found["gyr"].axes is None
+    assert found["gyr"].unseen == ["x", "z"]
+
+
+def test_a_crooked_mounting_is_measured():
+    samples, truth, static = moving()
+    R = Rotation.from_rotvec([0.1, -0.15, 0.05]).as_matrix()
+    found = identify(replace(samples, gyr=samples.gyr @ R.T, acc=samples.acc @ R.T), truth, static)
+    expected = np.degrees(np.linalg.norm([0.1, -0.15, 0.05]))
+    assert found["gyr"].crooked_deg == pytest.approx(expected, abs=0.2)
+    assert found["acc"].crooked_deg == pytest.approx(expected, abs=0.2)
