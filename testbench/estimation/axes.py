@@ -43,7 +43,7 @@ def identify_axes(
     q = truth_at(truth, time_ns[pick])
     known = np.isfinite(q[:, 0])
     found: dict[str, AxisFinding] = {}
-    rate, sound = _rates(truth, time_ns[pick])
+    rate, sound = true_rates(truth, time_ns[pick])
     moving = sound & np.isfinite(samples.gyr[pick]).all(axis=1)
     if moving.sum() >= 20:
         found["gyr"] = _triad(samples.gyr[pick][moving], rate[moving], LEAST_RATE)
@@ -92,7 +92,7 @@ def _remark(triad: str, finding: AxisFinding) -> str | None:
 STRAIGHT = "x: +x, y: +y, z: +z"
 
 
-def _rates(truth: Truth, time_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def true_rates(truth: Truth, time_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """True angular rate in the sensor at times, shape (n, 3) [rad/s], and where it is known, shape (n,)."""
     if truth.rate is not None:
         rate = np.column_stack([np.interp(time_ns, truth.host_time_ns, column) for column in truth.rate.T])

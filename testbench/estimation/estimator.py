@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from testbench.estimation.axes import identify_axes, remarks_on
+from testbench.estimation.axes import identify_axes, remarks_on, true_rates
 from testbench.estimation.calibration.static_poses import fit_static_poses
 from testbench.estimation.filters import UniformSamples, get_filter
-from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion
+from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion, fit_frames_by_vectors
 from testbench.estimation.quality import assess
 from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
 from testbench.estimation.timing import audit_timing
 from testbench.estimation.uniform import fill_gaps
+from testbench.estimation.vector_mounting import VectorMounting, mounting_from_vectors
 from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
@@ -75,6 +76,9 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
     gravity = session.robot.gravity if session.robot else STANDARD_DOWN
     axes = identify_axes(samples, time, static & ~quality.flagged, truth, gravity) if truth is not None else {}
     remarks += remarks_on(axes)
+    mounting = None
+    if settings.align == "rates" and truth is not None:
+        mounting = _mounting(session, corrected, rows, time, static & ~quality.flagged, truth, gravity)
     for key in filters:
         kind = get_filter(key)
         missing = kind.missing(corrected)
@@ -82,7 +86,7 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
             skipped[key] = f"the sensor gives no {' and no '.join(missing)}"
             continue
         q = rotation.normalise(kind.run(corrected)[rows])
-        frames[key], warning = _align(session, q, time, truth, settings.align)
+        frames[key], warning = _align(session, q, time, truth, settings.align, mounting)
         orientation[key] = apply_frames(q, frames[key])
         if warning is not None:
             remarks.append(f"{key}: {warning}")
@@ -131,10 +135,53 @@ def _calibrate(
     return fit_static_poses(accs, gyrs, poses, gravity)
 
 
-def _align(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth | None, method: str) -> tuple[FrameFit, str | None]:
+def _mounting(
+    session: Session,
+    samples: UniformSamples,
+    rows: np.ndarray,
+    time: np.ndarray,
+    static: np.ndarray,
+    truth: Truth,
+    gravity: np.ndarray,
+) -> VectorMounting | None:
+    """The mounting by rates while moving and by gravity at rest, over what comes before the first judged step."""
+    usable = _before_judging(session, time)
+    gyr, acc = samples.gyr[rows], samples.acc[rows]
+    rate, sound = true_rates(truth, time)
+    q_true = truth_at(truth, time)
+    moving = usable & sound & ~static & np.isfinite(gyr).all(axis=1)
+    rest = usable & static & np.isfinite(q_true[:, 0]) & np.isfinite(acc).all(axis=1)
+    if moving.sum() + rest.sum() < 10:
+        return None
+    bias = gyr[rest].mean(axis=0) if rest.any() else np.zeros(3)  # what no calibration has taken away
+    seconds = float(np.median(np.diff(time))) / NANOSECONDS
+    force = rotation.rotate(rotation.conjugate(q_true[rest]), -gravity)
+    return mounting_from_vectors(
+        [
+            (rate[moving], gyr[moving] - bias, max(moving.sum() * seconds, 1.0)),  # a pair a second counts as independent
+            (force, acc[rest], max(rest.sum() * seconds, 1.0)),
+        ]
+    )
+
+
+def _before_judging(session: Session, time: np.ndarray) -> np.ndarray:
+    """Samples before the first judged step, or all of a recording that has no such part, shape (n,), bool."""
+    judged = [step.start_ns for step in session.steps if step.role == "evaluation"]
+    return time < min(judged) if judged and min(judged) > time[0] else np.ones(len(time), dtype=bool)
+
+
+def _align(
+    session: Session, q: np.ndarray, time: np.ndarray, truth: Truth | None, method: str, mounting: VectorMounting | None
+) -> tuple[FrameFit, str | None]:
     """The alignment of one filter, and what is doubtful about it."""
     if method == "none" or truth is None:
         return FrameFit(), None
+    if method == "rates":
+        q_true = truth_at(truth, time)
+        known = _before_judging(session, time) & np.isfinite(q_true[:, 0]) & np.isfinite(q[:, 0])
+        if mounting is None or not known.any():
+            return FrameFit(), "the truth is known too seldom to align it by rates and gravity"
+        return fit_frames_by_vectors(q[known], q_true[known], mounting)
     if method == "motion":
         return _align_by_motion(session, q, time, truth)
     step = _reference_step(session)
@@ -154,9 +201,7 @@ def _align(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth | Non
 def _align_by_motion(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth) -> tuple[FrameFit, str | None]:
     """Over everything before the first judged step, or over the whole of a recording that has no such part."""
     q_true = truth_at(truth, time)
-    judged = [step.start_ns for step in session.steps if step.role == "evaluation"]
-    before = time < min(judged) if judged and min(judged) > time[0] else np.ones(len(time), dtype=bool)
-    usable = before & np.isfinite(q_true[:, 0]) & np.isfinite(q[:, 0])
+    usable = _before_judging(session, time) & np.isfinite(q_true[:, 0]) & np.isfinite(q[:, 0])
     if usable.sum() < 10:
         return FrameFit(), "the truth is known too seldom to align it by motion"
     return fit_frames_by_motion(q[usable], q_true[usable], float(usable.sum()) * float(np.median(np.diff(time))) / NANOSECONDS)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.estimation.hand_eye import solve_hand_eye
+from testbench.estimation.vector_mounting import VectorMounting
 from testbench.model import rotation
 from testbench.records.estimate import FrameFit
 
@@ -59,6 +60,27 @@ def fit_frames_by_motion(
         solution.observability,
     )
     return fit, solution.warning()
+
+
+def fit_frames_by_vectors(
+    q_earth_from_sensor: np.ndarray, q_world_from_sensor: np.ndarray, mounting: VectorMounting
+) -> tuple[FrameFit, str | None]:
+    """Alignment with the mounting that rates and gravity gave; only the heading is left to the filter.
+
+    Args:
+        q_earth_from_sensor: By the filter, shape (n, 4). q_world_from_sensor: The truth at the same instants, (n, 4).
+        mounting: How the sensor sits in its mounting as believed.
+    """
+    q = q_earth_from_sensor
+    if mounting.trusted:
+        q = rotation.multiply(q, rotation.conjugate(mounting.q_body_from_sensor))
+    error = rotation.multiply(q_world_from_sensor, rotation.conjugate(q))
+    heading = float(np.degrees(rotation.heading_angle(rotation.mean(error))))
+    if not mounting.trusted:
+        return FrameFit(heading, method="heading", observability=mounting.observability), mounting.warning()
+    turned = _degrees(rotation.to_rotation_vector(mounting.q_body_from_sensor))
+    fit = FrameFit(heading, turned, "rates", mounting_sd_deg=_degrees(mounting.sd), observability=mounting.observability)
+    return fit, mounting.warning()
 
 
 def apply_frames(q_earth_from_sensor: np.ndarray, fit: FrameFit) -> np.ndarray:

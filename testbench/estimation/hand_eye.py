@@ -88,21 +88,6 @@ def solve_hand_eye(q_world_from_body: np.ndarray, q_earth_from_sensor: np.ndarra
     return _with_uncertainty(z, x, residual, sensor, float(independent or len(pick)))
 
 
-def mounting_from_rates(rate_in_body: np.ndarray, rate_in_sensor: np.ndarray) -> tuple[np.ndarray, float]:
-    """q_body_from_sensor from angular rates alone (Wahba's problem by SVD; Markley 1988).
-
-    Args:
-        rate_in_body, rate_in_sensor: At the same instants, biases taken away, shape (n, 3) [rad/s].
-
-    Returns:
-        The quaternion (4,), and the observability: second singular value over the first; near 0 for a single axis of motion.
-    """
-    profile = rate_in_body.T @ rate_in_sensor
-    strength = np.linalg.svd(profile, compute_uv=False)
-    observability = float(strength[1] / strength[0]) if strength[0] > 0 else 0.0
-    return rotation.from_matrix(rotation.nearest_rotation(profile)), observability
-
-
 def _with_uncertainty(z: np.ndarray, x: np.ndarray, residual: float, sensor: np.ndarray, independent: float) -> HandEye:
     """Information of small rotations of the sensor (right) and of the earth (left): each pair sees dx - R' dz."""
     R_sensor_from_earth = np.swapaxes(rotation.to_matrix(sensor), 1, 2)

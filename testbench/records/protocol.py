@@ -115,11 +115,11 @@ class Estimation(StrictModel):
         min_length=1,
         description="Orientation filters to run; see `testbench filters`.",
     )
-    align: Literal["none", "heading", "reference_pose", "motion"] = Field(
+    align: Literal["none", "heading", "reference_pose", "motion", "rates"] = Field(
         default="reference_pose",
         description="none: the filter's earth is the world; heading: one rotation about the vertical, from the reference "
         "section; reference_pose: that and the remaining mounting rotation; motion: world and mounting together, from all "
-        "motion before the first judged step.",
+        "motion before the first judged step; rates: the mounting from rates and gravity alone, over the same part.",
     )
     align_clock: bool = Field(default=True, description="Fit the sensor's clock to the arm's by the angular rate.")
     calibrate: Literal["none", "static_poses"] = Field(

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from testbench.estimation.frame_alignment import apply_frames, fit_frames_by_motion
-from testbench.estimation.hand_eye import mounting_from_rates, solve_hand_eye
+from testbench.estimation.hand_eye import solve_hand_eye
 
 TIME = np.linspace(0, 60, 1500)
 RICH = np.stack([np.sin(TIME), 0.7 * np.sin(1.3 * TIME), 0.5 * np.sin(0.7 * TIME)], axis=1)
@@ -80,16 +80,6 @@ def test_without_enough_motion_only_the_heading_is_taken():
     assert fit.method == "heading"
     assert fit.heading_deg == pytest.approx(np.degrees(-0.7))
     assert warning is not None
-
-
-def test_rates_alone_give_the_mounting():
-    rng = np.random.default_rng(5)
-    X = Rotation.random(rng=rng)
-    rate = rng.standard_normal((500, 3))
-    q, observability = mounting_from_rates(X.apply(rate), rate)
-    assert angle_deg(q, X) < 1e-6
-    assert observability > 0.5
-    assert mounting_from_rates(X.apply(rate * [1, 0, 0]), rate * [1, 0, 0])[1] < 1e-9
 
 
 def test_two_pairs_are_refused():

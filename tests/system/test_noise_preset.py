@@ -17,9 +17,10 @@ def by_axis(evaluation, sensor, key):
 
 
 def command(*arguments):
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as stopped:
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sys.argv", ["testbench", *map(str, arguments)])
-        main()
+        with pytest.raises(SystemExit) as stopped:
+            main()
     return stopped.value.code
 
 
