@@ -16,6 +16,8 @@ from testbench.execution import execute
 from testbench.execution.executor import Progress
 from testbench.formats.exporters import TRUTH, Exported, ExportSource, Frame, check_options, prepare_export, write_export
 from testbench.planning import plan
+from testbench.planning.designed import DesignedProtocol, design_protocol
+from testbench.planning.experiment_design import Wanted
 from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
@@ -127,6 +129,19 @@ def make_plan(protocol: Protocol | str | Path, robot: str | Path | None = None, 
     for name in filters or the_plan.protocol.spec.estimate.filters:
         get_filter(name)
     return the_plan
+
+
+def design_calibration(out: Path, robot: str, like: str, sensor: str | None, wanted: Wanted) -> DesignedProtocol:
+    """Design a calibration, compare it with the static poses of a protocol, check it, and write it.
+
+    Args:
+        out: Protocol file to write. robot: Name or file. like: Protocol that describes the sensor and is compared with.
+        sensor: Which of its sensors; may be None where there is one. wanted: How many poses and turns, and how.
+
+    Raises:
+        InputError: The file exists, or nothing can be designed.
+    """
+    return design_protocol(out, robot, like, sensor, wanted)
 
 
 def show(session: Session, web: bool = False, save: Path | None = None, screenshot: Path | None = None) -> list[Path]:

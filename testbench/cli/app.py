@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from testbench.cli.designing import design
 from testbench.cli.exporting import export
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
@@ -158,6 +159,7 @@ app.command()(record)
 app.command("import")(import_files)
 app.command()(export)
 app.command()(noise)
+app.command()(design)
 
 
 @app.command()

@@ -1,0 +1,59 @@
+"""A designed calibration as a protocol file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+import yaml
+
+from testbench.planning.experiment_design import Design
+from testbench.records.protocol import Sensor
+from testbench.records.robot import Robot
+
+
+def protocol_text(
+    name: str,
+    purpose: str,
+    robot: Robot,
+    sensor_name: str,
+    sensor: Sensor,
+    design: Design,
+    via_home: Collection[int],
+    notes: list[str],
+) -> str:
+    """The YAML of a protocol that makes the poses and turns of a design.
+
+    Args:
+        name, purpose: Of the protocol. robot: Its arm. sensor_name, sensor: What is calibrated. design: Poses and turns.
+        via_home: Poses that are reached by way of home. notes: Lines of comment for the head of the file.
+    """
+    lines = ["# yaml-language-server: $schema=schema.json", *(f"# {note}" for note in notes)]
+    head = {
+        "name": name,
+        "purpose": purpose,
+        "robot": robot.name,
+        "sensors": {sensor_name: sensor.model_dump(exclude_defaults=True, exclude_none=True)},
+    }
+    lines.append(yaml.safe_dump(head, sort_keys=False, width=120).rstrip())
+    lines += [
+        "",
+        f"variables: {{dwell_s: {design.dwell:g}}}",
+        "",
+        "sections:",
+        "  - name: poses",
+        "    role: calibration",
+        "    steps:",
+    ]
+    for k, q in enumerate(design.q):
+        if k in via_home:
+            lines.append(f"      - {{name: home before pose {k + 1}, move_to: home}}")
+        angles = ", ".join(f"{round(math.degrees(angle), 6):g}" for angle in q)
+        lines.append(f"      - {{name: pose {k + 1}, move_to_deg: [{angles}], dwell_s: dwell_s}}")
+        for turn in design.turns:
+            if turn.pose == k:
+                shape = f"amplitude_deg: {math.degrees(turn.amplitude):g}, rate_deg_s: {math.degrees(turn.rate):g}"
+                joint = robot.joint_names[turn.joint]
+                lines.append(f"      - {{name: turn {joint}, sweep: {{{joint}: {{trapezoid: {{{shape}}}}}}}, dwell_s: 1}}")
+    lines += ["", "estimate: {filters: [vqf_6d], align: heading}", ""]
+    return "\n".join(lines)
