@@ -134,3 +134,13 @@ def _covariance(poses: StaticPoses, A: np.ndarray, bias: np.ndarray, dip: float)
     covariance = np.einsum("mij,mj,mkj->mik", rows, poses.variance, rows)
     covariance[:, 1, 1] += (poses.magnitude * np.cos(dip) * poses.vertical_sd) ** 2
     return np.asarray(covariance)
+
+
+def _left_jacobian(w: np.ndarray) -> np.ndarray:
+    """J with exp(w + d) = exp(J d) exp(w) to first order, shape (3, 3) (Barfoot, State Estimation for Robotics, eq. 7.77)."""
+    x, y, z = w
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    t = float(np.linalg.norm(w))
+    if t < 1e-6:
+        return np.eye(3) + K / 2
+    return np.asarray(np.eye(3) + (1 - np.cos(t)) / t**2 * K + (t - np.sin(t)) / t**3 * K @ K)

@@ -11,11 +11,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, solve
+from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, covariance_of, solve
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import Tolerance, bias_parameters, drift_parameters, warming
 from testbench.records.calibration import TriadCalibration
 
+MOST_CONDITION = 1e3
+"""Above this the readings are on no ellipsoid that could be told from others; about 10 where poses go all round."""
 MatrixOf = Callable[[np.ndarray], np.ndarray]
 ADVICE = "poses that turn every axis up, down and across are needed: nine at least, not in a plane"
 
@@ -27,9 +29,11 @@ def ellipsoid_through(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray] | N
     middle, spread = readings.mean(axis=0), float(readings.std()) or 1.0
     x, y, z = ((readings - middle) / spread).T
     terms = np.column_stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, 2 * x, 2 * y, 2 * z])
+    if np.linalg.cond(terms) > MOST_CONDITION:
+        return None
     a, *_ = np.linalg.lstsq(terms, np.ones(len(x)), rcond=None)
     Q = np.array([[a[0], a[3], a[4]], [a[3], a[1], a[5]], [a[4], a[5], a[2]]])
-    if np.linalg.cond(Q) > 1e6:
+    if abs(np.linalg.det(Q)) < 1e-12:
         return None
     centre = -np.linalg.solve(Q, a[6:])
     Q = Q / (1 + centre @ Q @ centre)
@@ -94,6 +98,9 @@ def fit_norm(
     if len(x) < len(parameters):
         names = [item.name for item in parameters]
         raise PoorExcitation(names, float("inf"), f"{len(x)} poses are fewer than {len(names)} parameters")
+    if guess is None:  # ask before the search runs away along what is not seen
+        at, size = (np.array([getattr(item, key) for item in parameters]) for key in ("start", "size"))
+        covariance_of(jacobian(at) * size, 1.0, [item.name for item in parameters], ADVICE)
     known = len(x) == len(parameters)
     fit = solve(
         residuals, parameters, jacobian=jacobian, known_scatter=known, residual_unit="standard deviations", advice=ADVICE

@@ -63,8 +63,9 @@ def cross_validate(
 ) -> dict[str, float]:
     """The same figures where there are no other poses: each fold is corrected by a fit to the others.
 
-    Fold k holds every folds-th pose from the k-th on, so that a sequence of poses is spread over all of them. Folds whose rest
-    does not determine the parameters are left out, and `held_out_poses` says how many poses remain.
+    Fold k holds every folds-th pose from the k-th on, so that a sequence of poses is spread over all of them; where that takes
+    all poses of a face away, folds are stretches of the sequence. Folds whose rest does not determine the parameters are left
+    out, and `held_out_poses` says how many poses remain.
 
     Args:
         function: From poses to a calibration. poses: All. folds: At most one for each pose. magnetometer: Lengths are in uT.
@@ -72,17 +73,17 @@ def cross_validate(
     Returns:
         The figures; empty where no fold could be fitted.
     """
-    index = np.arange(len(poses))
-    count = min(folds, len(poses))
-    parts, held = [], []
-    for k in range(count):
-        mine = index % count == k
-        try:
-            calibration = function(poses.subset(~mine))
-        except PoorExcitation:
-            continue
-        parts.append(corrected_poses(calibration, poses.subset(mine)))
-        held.append(index[mine])
-    if not parts:
-        return {}
-    return held_out_figures(np.vstack(parts), poses.subset(np.concatenate(held)), magnetometer=magnetometer)
+    index, count = np.arange(len(poses)), min(folds, len(poses))
+    for fold in (index % count, index * count // len(poses)):
+        parts, held = [], []
+        for k in range(count):
+            mine = fold == k
+            try:
+                calibration = function(poses.subset(~mine))
+            except PoorExcitation:
+                continue
+            parts.append(corrected_poses(calibration, poses.subset(mine)))
+            held.append(index[mine])
+        if parts:
+            return held_out_figures(np.vstack(parts), poses.subset(np.concatenate(held)), magnetometer=magnetometer)
+    return {}
