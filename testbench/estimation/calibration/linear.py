@@ -1,0 +1,60 @@
+"""Linear least squares with the same refusals and the same record as the non-linear one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, covariance_of
+from testbench.records.fit import Fit
+
+
+def solve_linear(
+    design: np.ndarray,
+    observed: np.ndarray,
+    parameters: Sequence[Parameter],
+    *,
+    known_scatter: bool = False,
+    residual_unit: str = "",
+    residual_scale: float = 1.0,
+    advice: str = "more poses or motions about other axes are needed",
+) -> Fit:
+    """Fit observed = design @ values, rows divided by their standard deviations, or all by the same number.
+
+    Args:
+        design: Shape (m, p). observed: Shape (m,). parameters: Their `start` is not used.
+        known_scatter, residual_unit, residual_scale, advice: As of `solve`.
+
+    Raises:
+        PoorExcitation: Fewer observations than parameters, or a parameter that the data leave vaguer than its size.
+    """
+    m, p = design.shape
+    names = tuple(item.name for item in parameters)
+    if m < p:
+        raise PoorExcitation(names, float("inf"), f"{m} observations are fewer than {p} parameters")
+    size = np.array([item.size for item in parameters])
+    values = np.linalg.lstsq(design * size, observed, rcond=None)[0]
+    left = design @ (size * values) - observed
+    known = known_scatter or m == p  # no residual is left to estimate it from
+    dof = float("inf") if known else float(m - p)
+    variance = 1.0 if known else float(left @ left / dof)
+    covariance, condition = covariance_of(design * size, variance, names, advice)
+    return Fit(
+        names, tuple(item.unit for item in parameters), size * values, covariance * np.outer(size, size), dof, condition,
+        left * residual_scale, residual_unit,
+    )  # fmt: skip
+
+
+def axis_by_axis(regressors: np.ndarray, axes: int) -> np.ndarray:
+    """Design of several axes with the same regressors and own coefficients, axis after axis: (m, q) to (m * axes, q * axes)."""
+    m, q = regressors.shape
+    design = np.zeros((m, axes, axes * q))
+    for i in range(axes):
+        design[:, i, q * i : q * i + q] = regressors
+    return design.reshape(m * axes, axes * q)
+
+
+def whitening(covariance: np.ndarray) -> np.ndarray:
+    """Matrices W with W C W' = 1, shape (m, k, k) to (m, k, k): the inverse of the Cholesky factor of each covariance."""
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))

@@ -1,0 +1,146 @@
+"""How a magnetometer's axes sit against the accelerometer's: the field makes the same angle with the vertical in all poses.
+
+Vertical u and field m, each in its own axes: u . R m = -|m| sin(dip) whatever the pose, which the heading does not enter (Kok &
+Schon, Magnetometer calibration using inertial sensors, IEEE Sensors Journal 16(14), 2016, section V, in its static form). The
+dip is found too; it is positive where the field points down.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.estimation.calibration.ellipsoid import ellipsoid, with_magnitude
+from testbench.estimation.calibration.least_squares import Parameter, solve
+from testbench.estimation.calibration.linear import whitening
+from testbench.estimation.calibration.poses import StaticPoses
+from testbench.estimation.calibration.triad_model import AXES, MAGNETOMETER, Tolerance, bias_parameters, response_parameters
+from testbench.exceptions import InputError
+from testbench.model import rotation
+from testbench.records.calibration import TriadCalibration
+from testbench.records.fit import Fit
+
+CROOKED = np.radians(10.0)
+"""Standard deviation beforehand of the rotation, about each axis, and of the dip [rad]."""
+ADVICE = "poses that turn the sensor about two axes at least, upside down too, are needed"
+
+
+def align_axes(field: np.ndarray, vertical: np.ndarray, angle_sd: float | None = None) -> tuple[np.ndarray, Fit]:
+    """R_accelerometer_from_magnetometer and the dip.
+
+    Args:
+        field: By a calibrated magnetometer, shape (m, 3), any unit. vertical: Upward, by the accelerometer, shape (m, 3).
+        angle_sd: Standard deviation of the angle between the two in a pose [rad]; from the scatter if None.
+
+    Returns:
+        The rotation (3, 3), and a fit of the small rotation about each axis of the accelerometer that is left [rad] and of
+        the dip [rad].
+
+    Raises:
+        PoorExcitation: The poses leave an angle vaguer than 10 deg.
+    """
+    m = field / np.linalg.norm(field, axis=1, keepdims=True)
+    u = vertical / np.linalg.norm(vertical, axis=1, keepdims=True)
+    R, dip = _start(m, u)
+    parameters = [Parameter(f"rotation_{i}", "rad", 0.0, CROOKED) for i in AXES] + [Parameter("dip", "rad", dip, CROOKED)]
+    scale = 1.0 if angle_sd is None else angle_sd * np.cos(dip)
+    turned = m @ R.T
+
+    def residuals(theta: np.ndarray) -> np.ndarray:
+        now = rotation.rotate(rotation.from_rotation_vector(theta[:3]), turned)
+        return np.asarray((np.sum(u * now, axis=1) + np.sin(theta[3])) / scale)
+
+    fit = solve(
+        residuals, parameters, known_scatter=angle_sd is not None, residual_unit="1", residual_scale=scale, advice=ADVICE
+    )
+    return rotation.to_matrix(rotation.from_rotation_vector(fit.values[:3])) @ R, fit
+
+
+def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> TriadCalibration:
+    """Hard iron, soft iron and the axes against the accelerometer's together: from length and dip of the field in each pose.
+
+    corrected = A (raw - bias), with A general. Each pose gives |A (raw - bias)| = F and u . A (raw - bias) = -F sin(dip).
+
+    Args:
+        poses: With `vertical`; seven at least. Where `magnitude` is NaN the ellipsoid's own is taken.
+        tolerance: Known beforehand.
+
+    Raises:
+        InputError: No vertical. PoorExcitation: The poses leave a parameter vaguer than its tolerance.
+    """
+    if poses.vertical is None:
+        raise InputError(
+            "the method ellipsoid_dip needs the vertical of each pose, from a calibrated accelerometer; see ellipsoid"
+        )
+    poses, unknown = with_magnitude(poses)
+    u, F, x = poses.vertical, poses.magnitude, poses.mean
+    assert u is not None
+    first = ellipsoid(poses, tolerance)
+    R, dip = _start((x - first.bias) @ first.matrix.T / F, u)
+    inverse = np.linalg.inv(R @ first.matrix)
+    parameters = [
+        Parameter(item.name, item.unit, float(value), item.size)
+        for item, value in zip(response_parameters(tolerance), inverse.reshape(-1), strict=True)
+    ]
+    parameters += [*bias_parameters(tolerance, first.bias), Parameter("dip", "rad", dip, CROOKED)]
+    whiten = whitening(_covariance(poses, R @ first.matrix, first.bias, dip))
+
+    def split(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        A = np.linalg.inv(theta[:9].reshape(3, 3))
+        h = (x - theta[9:12]) @ A.T
+        return A, h, np.linalg.norm(h, axis=1)
+
+    def residuals(theta: np.ndarray) -> np.ndarray:
+        _, h, length = split(theta)
+        pair = np.column_stack([length - F, np.sum(u * h, axis=1) + F * np.sin(theta[12])])
+        return np.asarray(np.einsum("mij,mj->mi", whiten, pair)).reshape(-1)
+
+    def jacobian(theta: np.ndarray) -> np.ndarray:
+        A, h, length = split(theta)
+        rows = np.stack([h / length[:, None], u], axis=1)  # what each residual takes of a change of h
+        J = np.zeros((len(x), 2, 13))
+        J[:, :, :9] = -((rows @ A)[:, :, :, None] * h[:, None, None, :]).reshape(len(x), 2, 9)  # dA = -A dM A
+        J[:, :, 9:12] = -rows @ A
+        J[:, 1, 12] = F * np.cos(theta[12])
+        return np.asarray((whiten @ J).reshape(-1, 13))
+
+    fit = solve(residuals, parameters, jacobian=jacobian, residual_unit="standard deviations", advice=ADVICE)
+    matrix = np.linalg.inv(fit.values[:9].reshape(3, 3))
+    remarks: tuple[str, ...] = (f"the field dips by {np.degrees(fit['dip']):.2f} deg",)
+    if unknown:
+        remarks += (f"the field's length was not given; it is taken to be {F:.3f} {tolerance.unit}",)
+    return TriadCalibration("ellipsoid_dip", matrix, fit.values[9:12], fits=(fit,), remarks=remarks)
+
+
+def _start(m: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, float]:
+    """Rotation and dip from the linear problem u . G m + s = 0: its null vector, or no rotation where that is none."""
+    design = np.column_stack([(u[:, :, None] * m[:, None, :]).reshape(-1, 9), np.ones(len(u))])
+    if len(u) >= 9:
+        null = np.linalg.svd(design)[2][-1]
+        G, s = null[:9].reshape(3, 3), null[9]
+        if np.linalg.det(G) < 0:
+            G, s = -G, -s
+        size = np.cbrt(abs(np.linalg.det(G)))
+        if size > 1e-3 and abs(s) < size:
+            R = rotation.nearest_rotation(G)
+            return R, float(np.arcsin(np.clip(-np.mean(np.sum(u * (m @ R.T), axis=1)), -1, 1)))
+    return np.eye(3), float(np.arcsin(np.clip(-np.mean(np.sum(u * m, axis=1)), -1, 1)))
+
+
+def _covariance(poses: StaticPoses, A: np.ndarray, bias: np.ndarray, dip: float) -> np.ndarray:
+    """Of both residuals of each pose, shape (m, 2, 2): noise of the field, and of the vertical's direction in the second."""
+    assert poses.vertical is not None
+    h = (poses.mean - bias) @ A.T
+    rows = np.stack([h / np.linalg.norm(h, axis=1, keepdims=True), poses.vertical], axis=1) @ A
+    covariance = np.einsum("mij,mj,mkj->mik", rows, poses.variance, rows)
+    covariance[:, 1, 1] += (poses.magnitude * np.cos(dip) * poses.vertical_sd) ** 2
+    return np.asarray(covariance)
+
+
+def _left_jacobian(w: np.ndarray) -> np.ndarray:
+    """J with exp(w + d) = exp(J d) exp(w) to first order, shape (3, 3) (Barfoot, State Estimation for Robotics, eq. 7.77)."""
+    x, y, z = w
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    t = float(np.linalg.norm(w))
+    if t < 1e-6:
+        return np.eye(3) + K / 2
+    return np.asarray(np.eye(3) + (1 - np.cos(t)) / t**2 * K + (t - np.sin(t)) / t**3 * K @ K)
