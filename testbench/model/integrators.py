@@ -7,8 +7,8 @@ Euler, Heun and the classical Runge-Kutta method are those of Hairer, Norsett & 
 I, 1993, section II.1; their quaternion does not stay of unit length, and is scaled back only where a method says so. The
 Crouch-Grossman method and the exponential midpoint rule are products of rotations and keep the length: Crouch & Grossman,
 Numerical integration of ordinary differential equations on manifolds, J. Nonlinear Science 3, 1993; the coefficients of order 4
-with five stages are those of Jackiewicz, Marthinsen & Owren, Construction of Runge-Kutta methods of Crouch-Grossman type of high
-order, Advances in Computational Mathematics 13, 2000.
+with five stages are those of Jackiewicz, Marthinsen & Owren, Construction of Runge-Kutta methods of Crouch-Grossman type of
+high order, Advances in Computational Mathematics 13, 2000.
 """
 
 from __future__ import annotations
@@ -48,6 +48,11 @@ class Integrator:
     unit: bool
     renormalised: bool
     source: str
+
+    @property
+    def best_stages(self) -> Stages:
+        """Measured rates inside a step where the method can use them and gains by them, else interpolated ones."""
+        return "measured" if self.order > 2 and set(self.nodes) == {0.0, 0.5, 1.0} else "interpolated"
 
     def steps(self, stage_rates: np.ndarray, step: float, start: np.ndarray | None = None) -> np.ndarray:
         """Orientation after every step.
