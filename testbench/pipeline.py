@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from datetime import datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from testbench.clock import Clock, SystemClock
 from testbench.estimation import estimate
+from testbench.estimation.calibration.prepared import Segmentation
+from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.estimation.filters import get_filter
 from testbench.evaluation import evaluate
 from testbench.exceptions import InputError, SessionError
@@ -18,6 +24,8 @@ from testbench.formats.exporters import TRUTH, Exported, ExportSource, Frame, ch
 from testbench.planning import plan
 from testbench.planning.designed import DesignedProtocol, design_protocol
 from testbench.planning.experiment_design import Wanted
+from testbench.records.calibration_file import SUFFIXES, load_calibrations, save_calibration
+from testbench.records.calibration_result import CalibrationResult
 from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
@@ -56,26 +64,39 @@ def run(
     clock: Clock | None = None,
     progress: Callable[[Progress], None] | None = None,
     planned: Callable[[Plan], None] | None = None,
+    calibrations: Path | None = None,
 ) -> Result:
     """Run a protocol from its file to its report.
 
     Args:
         protocol, robot: As for `plan`. seed, speed, logs, progress: As for `execute`. filters: As for `estimate`.
         with_report: Whether to write report.html. clock: The machine's if None. planned: Called with the plan before it is run.
+        calibrations: As for `analyse`.
     """
     clock = clock or SystemClock()
+    if calibrations is not None:
+        load_calibrations(calibrations)  # a bad file is refused before anything moves
     the_plan = make_plan(protocol, robot, filters)
     if planned is not None:
         planned(the_plan)
     session = execute(the_plan, logs, seed, speed, clock, progress)
-    return analyse(session, filters, with_report, the_plan)
+    return analyse(session, filters, with_report, the_plan, calibrations)
 
 
 def analyse(
-    session: Session, filters: list[str] | None = None, with_report: bool = True, the_plan: Plan | None = None
+    session: Session,
+    filters: list[str] | None = None,
+    with_report: bool = True,
+    the_plan: Plan | None = None,
+    calibrations: Path | None = None,
 ) -> Result:
-    """Everything that follows a recording; may be repeated at will."""
-    estimated = estimate(session, filters)
+    """Everything that follows a recording; may be repeated at will.
+
+    Args:
+        session: The recording. filters: As for `estimate`. with_report: Whether to write report.html. the_plan: For the result.
+        calibrations: Stored calibration, or a folder of them, that corrects the raw samples first.
+    """
+    estimated = estimate(session, filters, None if calibrations is None else load_calibrations(calibrations))
     estimated.save(session.path)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
@@ -87,16 +108,19 @@ def analyse(
     return Result(the_plan, session, estimated, evaluated, path)
 
 
-def load_or_estimate(session: Session, filters: list[str] | None = None) -> Estimate:
-    """The estimate on disk if it was made from this very recording, with these filters where some are named; else a new one."""
-    if (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
+def load_or_estimate(session: Session, filters: list[str] | None = None, calibrations: Path | None = None) -> Estimate:
+    """The estimate on disk if it was made from this very recording, with these filters where some are named; else a new one.
+
+    With calibrations it is always made anew.
+    """
+    if calibrations is None and (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
         try:
             stored = Estimate.load(session.path)
         except SessionError:
             stored = None
         if stored is not None and stored.fingerprint == session.fingerprint and _has_filters(stored, filters):
             return stored
-    estimated = estimate(session, filters)
+    estimated = estimate(session, filters, None if calibrations is None else load_calibrations(calibrations))
     estimated.save(session.path)
     return estimated
 
@@ -107,9 +131,9 @@ def _has_filters(stored: Estimate, filters: list[str] | None) -> bool:
     return all(set(sensor.orientation) | set(sensor.skipped) == set(filters) for sensor in stored.sensors.values())
 
 
-def judge_again(session: Session, filters: list[str] | None = None) -> Evaluation:
+def judge_again(session: Session, filters: list[str] | None = None, calibrations: Path | None = None) -> Evaluation:
     """Evaluate what is estimated; a report that exists already is written anew, so that it never contradicts the session."""
-    estimated = load_or_estimate(session, filters)
+    estimated = load_or_estimate(session, filters, calibrations)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
     if (session.path / "report.html").is_file():
@@ -129,6 +153,61 @@ def make_plan(protocol: Protocol | str | Path, robot: str | Path | None = None, 
     for name in filters or the_plan.protocol.spec.estimate.filters:
         get_filter(name)
     return the_plan
+
+
+@dataclass(frozen=True)
+class MadeCalibration:
+    """A calibration, the file that keeps it, and its report, or None where none was asked for."""
+
+    result: CalibrationResult
+    file: Path
+    report: Path | None
+
+
+def calibrate(
+    session: Session,
+    sensor: str | None,
+    methods: Sequence[str],
+    out: Path,
+    segmentation: Segmentation | None = None,
+    held_out: Sequence[Session] = (),
+    with_report: bool = True,
+    field: np.ndarray | None = None,
+) -> MadeCalibration:
+    """Calibrate a sensor and keep the result.
+
+    Args:
+        session, methods, segmentation, held_out, field: As for `calibrate_sensor`.
+        sensor: May be None where the session has one. out: A .yaml file, or a folder, in which
+            the file is called after the date and the sensor. with_report: Whether to write an HTML report beside it.
+
+    Raises:
+        InputError: The file exists, or nothing can be calibrated; nothing is written then.
+    """
+    names = session.sensor_names
+    if sensor is None and len(names) != 1:
+        raise InputError(f"the session has several sensors ({', '.join(names)}); say which with --sensor")
+    name = sensor or names[0]
+    file = out
+    if out.suffix not in SUFFIXES:
+        if out.exists() and not out.is_dir():
+            raise InputError(f"{out} is neither a .yaml file nor a folder")
+        moment = datetime.fromisoformat(session.manifest["started_utc"])
+        file = out / f"{moment:%Y%m%dT%H%M%SZ}_{name}.yaml"
+    page = file.with_suffix(".html")
+    for target in (file, page) if with_report else (file,):
+        if target.exists():
+            raise InputError(f"{target} exists already; calibrations are kept, not replaced")
+    software = f"testbench {version('imu-testbench')}"
+    result = calibrate_sensor(session, name, methods, segmentation, held_out, software, field)
+    if out.suffix not in SUFFIXES:
+        out.mkdir(parents=True, exist_ok=True)
+    save_calibration(file, result.calibration)
+    if with_report:
+        from testbench.reporting.calibration_report import calibration_report
+
+        calibration_report(result, page)
+    return MadeCalibration(result, file, page if with_report else None)
 
 
 def design_calibration(out: Path, robot: str, like: str, sensor: str | None, wanted: Wanted) -> DesignedProtocol:

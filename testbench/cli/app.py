@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from testbench.cli.calibrating import CalibrationOption, calibrate, calibrations
 from testbench.cli.designing import design
 from testbench.cli.exporting import export
 from testbench.cli.importing import formats, import_files
@@ -134,6 +135,7 @@ def run(
     ] = Speed.fast,
     logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path("logs"),
     filters: FiltersOption = None,
+    calibration: CalibrationOption = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Do not write report.html.")] = False,
     json: JsonOption = False,
 ) -> None:
@@ -143,7 +145,16 @@ def run(
     names = _filter_names(filters)
     with progress_bar(not json) as progress:
         result = run_protocol(
-            protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress, planned=say_warnings
+            protocol,
+            robot,
+            seed,
+            speed.value,
+            logs,
+            names,
+            not no_report,
+            progress=progress,
+            planned=say_warnings,
+            calibrations=calibration,
         )
     if json:
         say_json(result.to_dict())
@@ -159,16 +170,22 @@ app.command()(record)
 app.command("import")(import_files)
 app.command()(export)
 app.command()(noise)
+app.command()(calibrate)
+app.command()(calibrations)
 app.command()(design)
 
 
 @app.command()
-def estimate(session: SessionArgument, filters: FiltersOption = None, json: JsonOption = False) -> None:
+def estimate(
+    session: SessionArgument, filters: FiltersOption = None, calibration: CalibrationOption = None, json: JsonOption = False
+) -> None:
     """Align clocks and frames, run the filters, compute joint angles."""
     from testbench.estimation import estimate as make_estimate
+    from testbench.records.calibration_file import load_calibrations
 
     opened = _open(session)
-    result = make_estimate(opened, _filter_names(filters))
+    stored = None if calibration is None else load_calibrations(calibration)
+    result = make_estimate(opened, _filter_names(filters), stored)
     result.save(opened.path)
     rows = [
         [name, s.clock.method, 1e3 * s.clock.offset_s, s.clock.drift_ppm, s.clock.residual_deg_s, s.calibration.poses]
@@ -183,12 +200,14 @@ def estimate(session: SessionArgument, filters: FiltersOption = None, json: Json
 
 
 @app.command()
-def evaluate(session: SessionArgument, filters: FiltersOption = None, json: JsonOption = False) -> None:
+def evaluate(
+    session: SessionArgument, filters: FiltersOption = None, calibration: CalibrationOption = None, json: JsonOption = False
+) -> None:
     """Compare the estimates with the truth and judge them."""
     from testbench.pipeline import judge_again
 
     opened = _open(session)
-    result = judge_again(opened, _filter_names(filters))
+    result = judge_again(opened, _filter_names(filters), calibration)
     if json:
         say_json(result.to_dict())
     else:
@@ -197,11 +216,13 @@ def evaluate(session: SessionArgument, filters: FiltersOption = None, json: Json
 
 
 @app.command()
-def report(session: SessionArgument, filters: FiltersOption = None, json: JsonOption = False) -> None:
+def report(
+    session: SessionArgument, filters: FiltersOption = None, calibration: CalibrationOption = None, json: JsonOption = False
+) -> None:
     """Estimate, evaluate and write report.html anew."""
     from testbench.pipeline import analyse
 
-    result = analyse(_open(session), _filter_names(filters))
+    result = analyse(_open(session), _filter_names(filters), calibrations=calibration)
     if json:
         say_json(result.to_dict())
     else:

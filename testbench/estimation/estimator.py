@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,7 @@ from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
 from testbench.model.truth import truth_at
+from testbench.records.calibration_file import SensorCalibration, find_calibration
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, JointEstimate, SensorEstimate
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import Estimation
@@ -30,11 +33,14 @@ from testbench.records.session import Session
 STANDARD_DOWN = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
 
-def estimate(session: Session, filters: list[str] | None = None) -> Estimate:
+def estimate(
+    session: Session, filters: list[str] | None = None, calibrations: list[SensorCalibration] | None = None
+) -> Estimate:
     """Compute what the sensors, filters and joint angles say.
 
     Args:
         session: A recording. filters: Names of the filters to run; those of the protocol if None.
+        calibrations: To correct the raw samples with first; each sensor takes its own that is nearest in time.
 
     Raises:
         NotFoundError: An unknown filter.
@@ -44,13 +50,26 @@ def estimate(session: Session, filters: list[str] | None = None) -> Estimate:
     names = list(filters or settings.filters)
     for name in names:
         get_filter(name)
-    sensors = {name: _estimate_sensor(session, name, names, settings) for name in session.sensor_names}
+    stored = {name: _stored(session, name, calibrations or []) for name in session.sensor_names}
+    sensors = {name: _estimate_sensor(session, name, names, settings, stored[name]) for name in session.sensor_names}
     joints = {name: _estimate_joint(session, name, sensors) for name in session.analysis.joints}
     return Estimate(session.name, session.fingerprint, sensors, joints)
 
 
-def _estimate_sensor(session: Session, name: str, filters: list[str], settings: Estimation) -> SensorEstimate:
+def _stored(session: Session, name: str, calibrations: list[SensorCalibration]) -> SensorCalibration | None:
+    """The stored calibration of a sensor that is nearest in time."""
+    tag = session.manifest["sensors"][name].get("device_tag")
+    at = datetime.fromisoformat(session.manifest["started_utc"])
+    return find_calibration(calibrations, name, str(tag) if tag else None, at)
+
+
+def _estimate_sensor(
+    session: Session, name: str, filters: list[str], settings: Estimation, stored: SensorCalibration | None
+) -> SensorEstimate:
     samples, truth = session.imu(name), session.truth(name)
+    if stored is not None:
+        gyr, acc, mag = stored.apply(samples.gyr, samples.acc, samples.mag)
+        samples = replace(samples, gyr=gyr, acc=acc, mag=mag)
     if len(samples) < 10:
         raise SessionError(f"{session.path}: sensor '{name}' has {len(samples)} samples; nothing can be estimated")
     description = session.manifest["sensors"][name]
@@ -93,6 +112,7 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
     return SensorEstimate(
         time, static, orientation, clock, calibration, frames, skipped, quality.flagged, quality.counts(), remarks,
         audit_timing(samples, description.get("rate_hz"), _rate_age(description)), axes,
+        None if stored is None else stored.summary(),
     )  # fmt: skip
 
 

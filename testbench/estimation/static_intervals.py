@@ -19,6 +19,7 @@ from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import static_poses
 from testbench.estimation.segmentation import detect_static
 from testbench.frames import STANDARD_GRAVITY
+from testbench.records.calibration_result import Agreement
 
 LEAST_REST_S = 0.5
 """Shorter rests are no poses: their mean says less than the arm's settling [s]."""
@@ -154,27 +155,6 @@ def by_events(settled: np.ndarray, ended: np.ndarray, times: np.ndarray, settlin
     """
     intervals = np.column_stack([np.searchsorted(times, settled + settling_s), np.searchsorted(times, ended, side="right")])
     return np.asarray(intervals[intervals[:, 1] > intervals[:, 0]])
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How far two ways to find rests agree.
-
-    Attributes:
-        first, second: Their names. counts: Intervals of each. matched: Rests that both found.
-        iou: Samples at rest by both over samples at rest by either; NaN where neither found any.
-        start_later_s, end_later_s: How much later the second has a rest begin and end, mean over matched ones [s].
-        border_abs_s: Mean size of those differences [s].
-    """
-
-    first: str
-    second: str
-    counts: tuple[int, int]
-    matched: int
-    iou: float
-    start_later_s: float
-    end_later_s: float
-    border_abs_s: float
 
 
 def compare(found: Mapping[str, np.ndarray], samples: int, interval: float) -> list[Agreement]:

@@ -151,6 +151,7 @@ class SensorEstimate:
         frames: The alignment of each filter. skipped: Filters that could not run, and why. flagged: Samples that the quality
         gates refuse, shape (n,); they are not judged. quality: Number of samples by reason. remarks: What else is odd.
         timing: Audit of the time stamps. axes: By triad, and "device_q".
+        stored_calibration: Which stored calibration corrected the raw samples first (`calibrated_utc`, `session`, `methods`).
     """
 
     host_time_ns: np.ndarray
@@ -165,6 +166,7 @@ class SensorEstimate:
     remarks: list[str] = field(default_factory=list)
     timing: TimingAudit = field(default_factory=TimingAudit)
     axes: dict[str, AxisFinding] = field(default_factory=dict)
+    stored_calibration: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -214,6 +216,7 @@ class Estimate:
                 "remarks": sensor.remarks,
                 "timing": asdict(sensor.timing),
                 "axes": {triad: asdict(finding) for triad, finding in sensor.axes.items()},
+                "stored_calibration": sensor.stored_calibration,
             }
         for name, joint in self.joints.items():
             columns = {"host_time_ns": joint.host_time_ns}
@@ -262,6 +265,7 @@ class Estimate:
                 data["remarks"],
                 TimingAudit(**_numbers(data["timing"], keep=("nominal_rate_hz",))),
                 {triad: AxisFinding(**finding) for triad, finding in data["axes"].items()},
+                data["stored_calibration"],
             )
         for name, rows in summary["joints"].items():
             table = read_parquet(folder / f"joint_{name}.parquet")

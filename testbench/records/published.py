@@ -30,6 +30,16 @@ class FlexionErrors(StrictModel):
     mean_abs_error_deg: list[float | None]
 
 
+class CalibrationBias(StrictModel):
+    """What was left of an accelerometer's bias after a published calibration, |bias| and standard deviation of x, y, z [mg]."""
+
+    table: str
+    sensor: str
+    method: str
+    bias_mg: list[float] = Field(min_length=3, max_length=3)
+    sd_mg: list[float] = Field(min_length=3, max_length=3)
+
+
 class PublishedResults(StrictModel):
     """The numbers of one publication."""
 
@@ -42,6 +52,7 @@ class PublishedResults(StrictModel):
     reference_angle: str
     flexion_deg: list[float] = Field(min_length=1)
     flexion_mean_abs_error: list[FlexionErrors]
+    calibration_bias: list[CalibrationBias] = []
 
     @model_validator(mode="after")
     def _equally_long(self) -> PublishedResults:

@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from typing import Any
-
-import jinja2
-from markupsafe import Markup
 
 from testbench.frames import NANOSECONDS
 from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
@@ -18,18 +13,18 @@ from testbench.records.evaluation import Evaluation, Outcome
 from testbench.records.published import load_published
 from testbench.records.session import Session
 from testbench.reporting.axes_section import axes_section
-from testbench.reporting.figures import Span, plotly_script
+from testbench.reporting.figures import Span
 from testbench.reporting.fit_section import fit_section
 from testbench.reporting.joint_section import joint_section
 from testbench.reporting.orientation_section import orientation_section
-from testbench.reporting.page import Figures, Heading, Section, Sentence, Tile
+from testbench.reporting.page import Section, Sentence, Tile
 from testbench.reporting.palette import filter_colours
 from testbench.reporting.recording_section import recording_section
+from testbench.reporting.render import render_page
 from testbench.reporting.session_section import facts, is_simulated, provenance_section, run_section, verdict_section
-from testbench.reporting.tables import Table, digits
+from testbench.reporting.tables import digits
 
 FILE = "report.html"
-TEMPLATES = Path(__file__).resolve().parent / "templates"
 
 
 def report(session: Session, estimate: Estimate | None = None, evaluation: Evaluation | None = None) -> Path:
@@ -69,7 +64,7 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
     sections = _sections(session, estimate, evaluation)
     protocol = session.manifest.get("protocol")
     described = protocol if isinstance(protocol, dict) else {}
-    return _template().render(
+    return render_page(
         title=described.get("name") or session.name,
         purpose=described.get("purpose") or "",
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
@@ -77,7 +72,6 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
         facts=facts(session),
         tiles=_tiles(evaluation, {name: joint.sequence for name, joint in session.analysis.joints.items()}),
         sections=sections,
-        has_figures=any(isinstance(block, Figures) for section in sections for block in section.blocks),
     )
 
 
@@ -134,26 +128,3 @@ def _tiles(evaluation: Evaluation | None, sequences: Mapping[str, str]) -> list[
         detail = f"best: {nearest.filter}; inclination alone {digits(upright.inclination_rmse_deg, 2)} deg by {upright.filter}"
         tiles.append(Tile(digits(nearest.total_rmse_deg, 2), "deg", f"RMS orientation error, {sensor}", detail))
     return tiles
-
-
-@cache
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.tests["table"] = lambda block: isinstance(block, Table)
-    environment.tests["figures"] = lambda block: isinstance(block, Figures)
-    environment.tests["heading"] = lambda block: isinstance(block, Heading)
-    environment.globals["plotly_script"] = lambda: Markup(plotly_script())
-    environment.globals["verbatim"] = _verbatim
-    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
-    return environment.get_template("report.html.j2")
-
-
-def _verbatim(name: str) -> Any:
-    """A style sheet or script of ours, unescaped."""
-    return Markup((TEMPLATES / name).read_text(encoding="utf-8"))

@@ -67,7 +67,7 @@ MAGNETOMETER_METHODS = _by_name(
     Method("ellipsoid", "9 poses in any orientation", "Renaudin, Afzal & Lachapelle 2010", ellipsoid),
     Method("ellipsoid_dip", "9 poses and the accelerometer", "Kok & Schon 2016", ellipsoid_dip, needs_vertical=True),
     Method(
-        "attitude_aided", "4 known poses in a known field", "IEEE Std 1293, multi-position test",
+        "known_field", "4 known poses in a known field", "IEEE Std 1293, multi-position test",
         partial(attitude_aided, tolerance=MAGNETOMETER), True,
     ),
 )  # fmt: skip

@@ -1,0 +1,143 @@
+"""The commands `calibrate` and `calibrations`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from testbench.cli.output import say, say_json, say_table
+
+
+class Witness(StrEnum):
+    """Who says where the rests are."""
+
+    arm = "arm"
+    gyroscope = "gyroscope"
+    peaks = "peaks"
+    variance = "variance"
+
+
+CalibrationOption = Annotated[
+    Path | None,
+    typer.Option("--calibration", help="Stored calibration, or a folder of them: each sensor takes its own nearest in time."),
+]
+
+
+def _list(asked: bool) -> None:
+    if not asked:
+        return
+    from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
+    from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
+
+    rows: list[list[Any]] = []
+    for triad, methods in (("accelerometer", ACCELEROMETER_METHODS), ("magnetometer", MAGNETOMETER_METHODS)):
+        rows += [[triad, method.name, method.needs, method.source] for method in methods.values()]
+    rows += [["gyroscope", m.name, ", ".join(m.needs), m.source] for m in GYROSCOPE_METHODS.values()]
+    say_table("Calibration methods", ["triad", "method", "needs", "source"], rows)
+    raise typer.Exit
+
+
+def calibrate(
+    session: Annotated[Path, typer.Argument(help="Folder of a session with static poses.")],
+    out: Annotated[Path, typer.Option("--out", help="Calibration file to write (.yaml), or a folder that keeps many.")],
+    method: Annotated[
+        list[str] | None,
+        typer.Option("--method", help="Method, at most one a triad; without it the best that the recording allows."),
+    ] = None,
+    sensor: Annotated[str | None, typer.Option("--sensor", help="Which sensor; needed where the session has several.")] = None,
+    segmentation: Annotated[
+        Witness | None, typer.Option("--segmentation", help="Who says where the rests are; the arm if it was there.")
+    ] = None,
+    held_out: Annotated[
+        list[Path] | None, typer.Option("--held-out", help="Session whose poses validate, in place of cross-validation.")
+    ] = None,
+    field: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--field-ut", metavar="X Y Z", help="Field of the earth in the world in uT, where it is known."),
+    ] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Do not write the report beside the file.")] = False,
+    listed: Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="List the methods.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+) -> None:
+    """Calibrate a sensor from a session: corrections with their uncertainty, judged on poses held out."""
+    import numpy as np
+
+    from testbench.pipeline import calibrate as make_calibration
+    from testbench.records.session import Session
+
+    witness: Any = None if segmentation is None else segmentation.value
+    made = make_calibration(
+        Session(session),
+        sensor,
+        method or [],
+        out,
+        witness,
+        [Session(path) for path in held_out or []],
+        not no_report,
+        None if field is None else np.array(field),
+    )
+    result = made.result
+    if json:
+        triads = {
+            triad: {"method": found.method, "validation": found.validation, "remarks": list(found.remarks)}
+            for triad, found in result.calibration.triads.items()
+        }
+        files = {"file": str(made.file), "report": str(made.report) if made.report else None}
+        say_json({**files, "sensor": result.calibration.sensor, "triads": triads, "remarks": result.remarks})
+        return
+    rows: list[list[Any]] = []
+    for triad, found in result.calibration.triads.items():
+        for fit in found.fits:
+            half = fit.half_width()
+            rows += [
+                [triad, name, float(value), float(sd), float(width), unit]
+                for name, value, sd, width, unit in zip(fit.names, fit.values, fit.sd, half, fit.units, strict=True)
+            ]
+    say_table("Parameters", ["triad", "parameter", "value", "sd", "95 % ±", "unit"], rows)
+    figures = [
+        [triad, name, value] for triad, found in result.calibration.triads.items() for name, value in found.validation.items()
+    ]
+    say_table(f"Held out, by {result.held_out}", ["triad", "figure", "value"], figures)
+    for triad, found in result.calibration.triads.items():
+        for remark in found.remarks:
+            say(f"note: {triad} by {found.method}: {remark}")
+    for remark in result.remarks:
+        say(f"note: {remark}")
+    say(f"calibration: {made.file}")
+    if made.report:
+        say(f"report:      {made.report}")
+
+
+def calibrations(
+    path: Annotated[Path, typer.Argument(help="Folder of calibrations, or one file.")],
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+) -> None:
+    """List stored calibrations by date."""
+    from testbench.records.calibration_file import load_calibrations
+
+    found = sorted(load_calibrations(path), key=lambda calibration: calibration.calibrated)
+    entries: list[dict[str, Any]] = [
+        {
+            "file": str(c.file), "sensor": c.sensor, "device": c.device, "calibrated_utc": c.calibrated.isoformat(),
+            "methods": {triad: calibration.method for triad, calibration in c.triads.items()},
+            "temperature_deg_c": c.temperature,
+        }
+        for c in found
+    ]  # fmt: skip
+    if json:
+        say_json({"calibrations": entries})
+        return
+    rows = [
+        [
+            e["calibrated_utc"],
+            e["sensor"],
+            e["device"] or "-",
+            ", ".join(f"{t}: {m}" for t, m in e["methods"].items()),
+            e["file"],
+        ]
+        for e in entries
+    ]
+    say_table(f"Calibrations in {path}", ["calibrated (UTC)", "sensor", "device", "methods", "file"], rows)

@@ -1,0 +1,167 @@
+"""Calibration of one sensor from a session: its rests and turns, the methods asked for, and figures on poses held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+
+import numpy as np
+
+from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
+from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
+from testbench.estimation.calibration.poses import StaticPoses
+from testbench.estimation.calibration.prepared import Prepared, Segmentation, prepare
+from testbench.estimation.calibration.validation import cross_validate, validate
+from testbench.exceptions import InputError, NotFoundError
+from testbench.records.calibration import TriadCalibration
+from testbench.records.calibration_file import SensorCalibration
+from testbench.records.calibration_result import CalibrationResult
+from testbench.records.session import Session
+
+METHODS: dict[str, str] = (
+    dict.fromkeys(ACCELEROMETER_METHODS, "accelerometer")
+    | dict.fromkeys(GYROSCOPE_METHODS, "gyroscope")
+    | dict.fromkeys(MAGNETOMETER_METHODS, "magnetometer")
+)
+"""Which triad each method calibrates."""
+
+
+def calibrate(
+    session: Session, sensor: str, methods: Sequence[str] = (), segmentation: Segmentation | None = None,
+    held_out: Sequence[Session] = (), software: str = "", field: np.ndarray | None = None,
+) -> CalibrationResult:  # fmt: skip
+    """Calibrate a sensor.
+
+    Args:
+        session: The recording. sensor: Its name. methods: At most one for each triad; the best that the recording allows if
+        none is named. segmentation: Which witness says where the rests are; the arm if it was there. held_out: Sessions of the
+        same sensor, in the same mounting, whose poses validate; cross-validation without any. software: For the record.
+        field: Of the earth in the world, shape (3,) [uT]; None where nobody states it.
+
+    Raises:
+        NotFoundError: No such sensor or method. InputError: Two methods for one triad, or nothing to calibrate from.
+        PoorExcitation: The recording does not determine a parameter of a method that was asked for.
+    """
+    chosen = _by_triad(methods)
+    prepared = prepare(session, sensor, segmentation)
+    others = [prepare(other, sensor, None) for other in held_out]
+    remarks = list(prepared.remarks)
+    triads: dict[str, TriadCalibration] = {}
+    accelerometer = _accelerometer(prepared, others, chosen.get("accelerometer"), not methods, remarks)
+    if accelerometer is not None:
+        triads["accelerometer"] = accelerometer
+    gyroscope = _gyroscope(prepared, accelerometer, chosen.get("gyroscope"), not methods, remarks)
+    if gyroscope is not None:
+        triads["gyroscope"] = gyroscope
+    magnetometer = _magnetometer(prepared, others, accelerometer, chosen.get("magnetometer"), not methods, remarks, field)
+    if magnetometer is not None:
+        triads["magnetometer"] = magnetometer
+    if not triads:
+        raise InputError(f"{session.path}: nothing could be calibrated: {'; '.join(remarks) or 'no method fits the recording'}")
+    device = session.manifest["sensors"][sensor].get("device_tag")
+    calibration = SensorCalibration(
+        sensor, str(device) if device else None, datetime.fromisoformat(session.manifest["started_utc"]), session.name,
+        session.fingerprint, software, prepared.temperature, triads,
+    )  # fmt: skip
+    where = "cross-validation" if not others else "poses of " + ", ".join(other.name for other in held_out)
+    poses = prepared.calibration_poses(accelerometer)
+    return CalibrationResult(calibration, poses, prepared.segmentation, prepared.agreements, where, remarks)
+
+
+def _by_triad(methods: Sequence[str]) -> dict[str, str]:
+    chosen: dict[str, str] = {}
+    for name in methods:
+        if name not in METHODS:
+            raise NotFoundError("calibration method", name, list(METHODS))
+        triad = METHODS[name]
+        if triad in chosen:
+            raise InputError(f"{chosen[triad]} and {name} both calibrate the {triad}; name one")
+        chosen[triad] = name
+    return chosen
+
+
+def _accelerometer(
+    prepared: Prepared, others: list[Prepared], name: str | None, free: bool, remarks: list[str]
+) -> TriadCalibration | None:
+    if name is None and not free:
+        return None
+    wanted = [name] if name else ["attitude_aided", "norm_only"] if prepared.poses.expected is not None else ["norm_only"]
+    for candidate in wanted:
+        method = ACCELEROMETER_METHODS[candidate]
+        try:
+            found = method.function(prepared.poses)
+        except (PoorExcitation, InputError) as error:
+            if name:
+                raise
+            remarks.append(f"accelerometer by {candidate}: {error}")
+            continue
+        figures = _held_out_poses(found, others)
+        return replace(found, validation=figures or cross_validate(method.function, prepared.poses))
+    return None
+
+
+def _held_out_poses(found: TriadCalibration, others: list[Prepared]) -> dict[str, float]:
+    if not others:
+        return {}
+    return validate(found, joined([other.poses for other in others]))
+
+
+def joined(several: list[StaticPoses]) -> StaticPoses:
+    """Poses of several recordings of one sensor, together; what not all of them know is left out."""
+
+    def all_of(name: str) -> np.ndarray | None:
+        arrays = [getattr(poses, name) for poses in several]
+        return None if any(array is None for array in arrays) else np.concatenate(arrays)
+
+    first = several[0]
+    together = {name: all_of(name) for name in ("expected", "vertical", "temperature", "start", "end", "count")}
+    mean, variance = (np.concatenate([getattr(poses, name) for poses in several]) for name in ("mean", "variance"))
+    return StaticPoses(
+        mean, variance, first.magnitude, direction_sd=first.direction_sd, vertical_sd=first.vertical_sd, **together
+    )
+
+
+def _gyroscope(
+    prepared: Prepared, accelerometer: TriadCalibration | None, name: str | None, free: bool, remarks: list[str]
+) -> TriadCalibration | None:
+    if (name is None and not free) or not prepared.has_gyroscope:
+        return None
+    recording = prepared.gyroscope_recording(accelerometer)
+    aided = [key for key, method in GYROSCOPE_METHODS.items() if "attitude" in method.needs] if prepared.has_truth else []
+    wanted = [name] if name else [*aided, "gravity_turns", "static_bias"]
+    for candidate in wanted:
+        method = GYROSCOPE_METHODS[candidate]
+        try:
+            return prepared.with_held_out_turns(method.function, recording)
+        except (PoorExcitation, InputError) as error:
+            if name:
+                raise
+            remarks.append(f"gyroscope by {candidate}: {error}")
+    return None
+
+
+def _magnetometer(
+    prepared: Prepared, others: list[Prepared], accelerometer: TriadCalibration | None, name: str | None, free: bool,
+    remarks: list[str], field: np.ndarray | None,
+) -> TriadCalibration | None:  # fmt: skip
+    if (name is None and not free) or not prepared.has_magnetometer:
+        if name is not None:
+            raise InputError(f"the method {name} needs a magnetometer; this sensor has none")
+        return None
+    poses = prepared.magnetometer_poses(accelerometer, field)
+    method = MAGNETOMETER_METHODS[name or "ellipsoid"]
+    try:
+        found = method.function(poses)
+        figures = cross_validate(method.function, poses, magnetometer=True)
+        if others:
+            figures = validate(
+                found, joined([other.magnetometer_poses(accelerometer, field) for other in others]), magnetometer=True
+            )
+    except (PoorExcitation, InputError) as error:
+        if name:
+            raise
+        remarks.append(f"magnetometer by {method.name}: {error}")
+        return None
+    return replace(found, validation=figures)

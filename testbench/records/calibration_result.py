@@ -1,0 +1,65 @@
+"""What a calibration came to, with the evidence that its report shows; only the calibration itself is kept as a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from testbench.records.calibration_file import SensorCalibration
+
+
+@dataclass(frozen=True)
+class CalibrationPoses:
+    """The rests that an accelerometer was calibrated from.
+
+    Attributes:
+        start, end: Host times, shape (k,) [s]. raw, corrected: Mean readings, shape (k, 3) [m/s^2]. expected: By the arm, shape
+        (k, 3) [m/s^2], or None. sd: Of single readings before and after the correction, pooled over the rests, shape (2, 3).
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    raw: np.ndarray
+    corrected: np.ndarray
+    expected: np.ndarray | None
+    sd: np.ndarray
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far two ways to find rests agree.
+
+    Attributes:
+        first, second: Their names. counts: Intervals of each. matched: Rests that both found.
+        iou: Samples at rest by both over samples at rest by either; NaN where neither found any.
+        start_later_s, end_later_s: How much later the second has a rest begin and end, mean over matched ones [s].
+        border_abs_s: Mean size of those differences [s].
+    """
+
+    first: str
+    second: str
+    counts: tuple[int, int]
+    matched: int
+    iou: float
+    start_later_s: float
+    end_later_s: float
+    border_abs_s: float
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """A calibration and what it was made from.
+
+    Attributes:
+        calibration: For the file. poses: Of the accelerometer. segmentation: By which witness the rests were taken.
+        agreements: How far the witnesses agree. held_out: Where the held-out figures come from, a phrase.
+        remarks: What was left out, and why.
+    """
+
+    calibration: SensorCalibration
+    poses: CalibrationPoses
+    segmentation: str
+    agreements: list[Agreement]
+    held_out: str
+    remarks: list[str] = field(default_factory=list)

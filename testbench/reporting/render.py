@@ -1,0 +1,68 @@
+"""HTML from sections: the one place that knows the template."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from testbench.reporting.figures import plotly_script
+from testbench.reporting.page import Figures, Heading, Section, Tile
+from testbench.reporting.tables import Table
+
+TEMPLATES = Path(__file__).resolve().parent / "templates"
+
+
+def render_page(
+    *,
+    title: str,
+    purpose: str,
+    facts: Sequence[tuple[str, str]],
+    tiles: Sequence[Tile],
+    sections: Sequence[Section],
+    outcome: str | None = None,
+    simulated: bool = False,
+) -> str:
+    """A page that works offline.
+
+    Args:
+        title, purpose: Its head. facts: Names and values below it. tiles: Numbers worth seeing first. sections: The body.
+        outcome: Badge beside the title, or None. simulated: Whether to say that the samples come from models.
+    """
+    return _template().render(
+        title=title,
+        purpose=purpose,
+        outcome=outcome,
+        simulated=simulated,
+        facts=facts,
+        tiles=tiles,
+        sections=sections,
+        has_figures=any(isinstance(block, Figures) for section in sections for block in section.blocks),
+    )
+
+
+@cache
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.tests["table"] = lambda block: isinstance(block, Table)
+    environment.tests["figures"] = lambda block: isinstance(block, Figures)
+    environment.tests["heading"] = lambda block: isinstance(block, Heading)
+    environment.globals["plotly_script"] = lambda: Markup(plotly_script())
+    environment.globals["verbatim"] = _verbatim
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
+    return environment.get_template("report.html.j2")
+
+
+def _verbatim(name: str) -> Any:
+    """A style sheet or script of ours, unescaped."""
+    return Markup((TEMPLATES / name).read_text(encoding="utf-8"))
