@@ -10,7 +10,7 @@ import numpy as np
 
 from testbench.exceptions import SessionError
 from testbench.records.samples import QUATERNION, join, names, split
-from testbench.records.storage import read_json, read_parquet, write_json, write_parquet
+from testbench.records.storage import read_json, read_parquet, read_stacked, write_json, write_parquet
 
 SCHEMA_VERSION = 1
 FOLDER = "estimate"
@@ -222,8 +222,10 @@ class Estimate:
             raise SessionError(f"{folder} has schema {summary.get('schema_version')}; this version reads {SCHEMA_VERSION}")
         sensors, joints = {}, {}
         for name, data in summary["sensors"].items():
-            table = read_parquet(folder / f"orientation_{name}.parquet")
-            orientation = {key: join(table, names(f"{key}_q_world_from_sensor", "", QUATERNION)) for key in data["filters"]}
+            columns = {key: names(f"{key}_q_world_from_sensor", "", QUATERNION) for key in data["filters"]}
+            single = {key: key for key in ("host_time_ns", "static", "flagged")}
+            table = read_stacked(folder / f"orientation_{name}.parquet", {**single, **columns})
+            orientation = {key: table[key] for key in data["filters"]}
             calibration = {
                 key: np.array(value, dtype=float) if isinstance(value, list) else value
                 for key, value in data["calibration"].items()
