@@ -24,6 +24,8 @@ from testbench.records.samples import Truth
 from testbench.records.session import Session
 
 STANDARD_DOWN = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+MOST_COMPARED = 200_000
+"""Longer recordings are aligned by some of their samples, evenly spread."""
 
 
 def estimate(session: Session, filters: list[str] | None = None) -> Estimate:
@@ -141,6 +143,8 @@ def _align(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth | Non
 
 def _align_by_motion(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth) -> tuple[FrameFit, str | None]:
     """Over everything before the first judged step, or over the whole of a recording that has no such part."""
+    step = max(len(time) // MOST_COMPARED, 1)
+    q, time = q[::step], time[::step]
     q_true = truth_at(truth, time)
     judged = [step.start_ns for step in session.steps if step.role == "evaluation"]
     before = time < min(judged) if judged and min(judged) > time[0] else np.ones(len(time), dtype=bool)

@@ -70,8 +70,8 @@ def _asynchrony(samples: ImuSamples, interval: float) -> float:
         return float("nan")
     a, b = seen - seen.mean(), expected - expected.mean()
     lags = np.arange(-MOST_LAG, MOST_LAG + 1)
-    inner = slice(MOST_LAG, len(a) - MOST_LAG)
-    correlation = np.array([np.dot(np.roll(a, -lag)[inner], b[inner]) for lag in lags])
+    begin, end = MOST_LAG, len(a) - MOST_LAG
+    correlation = np.array([np.dot(a[begin + lag : end + lag], b[begin:end]) for lag in lags])
     k = int(np.argmax(correlation))
     if k in (0, len(lags) - 1):
         return float("nan")

@@ -89,6 +89,8 @@ class CalibrationFit:
         self, gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Corrected angular rate [rad/s], specific force [m/s^2] and field [uT], shapes (n, 3)."""
+        if self.method == "none":
+            return gyr, acc, mag
         R = self.R_believed_from_sensor
         corrected = (acc - self.acc_bias) @ self.acc_matrix.T
         rate = (gyr - self.gyr_bias - acc @ self.gyr_g_matrix.T) @ R.T
