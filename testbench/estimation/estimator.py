@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
+from testbench.estimation.access import open_samples
 from testbench.estimation.calibration.static_poses import fit_static_poses
-from testbench.estimation.filters import UniformSamples, get_filter
+from testbench.estimation.filters import OrientationFilter, UniformSamples, get_filter
 from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion
-from testbench.estimation.quality import assess
 from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
-from testbench.estimation.timing import audit_timing
-from testbench.estimation.uniform import fill_gaps
 from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
@@ -48,20 +48,21 @@ def estimate(session: Session, filters: list[str] | None = None) -> Estimate:
 
 
 def _estimate_sensor(session: Session, name: str, filters: list[str], settings: Estimation) -> SensorEstimate:
-    samples, truth = session.imu(name), session.truth(name)
-    if len(samples) < 10:
-        raise SessionError(f"{session.path}: sensor '{name}' has {len(samples)} samples; nothing can be estimated")
+    if session.sample_count(name) < 10:
+        count = session.sample_count(name)
+        raise SessionError(f"{session.path}: sensor '{name}' has {count} samples; nothing can be estimated")
+    access, truth = open_samples(session, name), session.truth(name)
+    samples = access.samples
     description = session.manifest["sensors"][name]
     rate_delay = float(description.get("rate_delay_s") or 0.0)
     clock = fit_clock(samples, truth, rate_delay) if settings.align_clock else ClockFit()
     time = clock.to_host(samples.device_time_ns)
-    uniform, rows = fill_gaps(samples, clock)
-    static = detect_static(uniform.turning(), uniform.interval)[rows]
-    quality = assess(samples, time, static)
+    uniform, rows = access.regular(clock)
+    static = detect_static(uniform.turning(), uniform.interval, rows)[rows]
+    quality = access.quality(clock, static)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(session, samples.acc, samples.gyr, time, static & ~quality.flagged, truth)
-    corrected = _corrected(uniform, calibration, description.get("sampling"))
     orientation: dict[str, np.ndarray] = {}
     frames: dict[str, FrameFit] = {}
     skipped: dict[str, str] = {}
@@ -71,20 +72,28 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
     planned = sum(step.role == "calibration" and step.kind != "sweep" for step in session.steps)
     if calibration.method == "static_poses" and calibration.poses < planned:
         remarks.append(f"{planned - calibration.poses} of {planned} calibration poses were not at rest and were left out")
+    if access.every > 1:
+        remarks.append(f"a long recording: its estimates are kept, and judged, at one of {access.every} samples")
+    running: dict[str, OrientationFilter] = {}
     for key in filters:
         kind = get_filter(key)
-        missing = kind.missing(corrected)
+        missing, refusal = kind.missing(uniform), access.refuses(kind)
         if missing:
             skipped[key] = f"the sensor gives no {' and no '.join(missing)}"
-            continue
-        q = rotation.normalise(kind.run(corrected)[rows])
+        elif refusal:
+            skipped[key] = refusal
+        else:
+            running[key] = kind
+    correct = partial(_corrected, calibration=calibration, sampling=description.get("sampling"))
+    for key, q_earth_from_sensor in access.orientations(running, clock, correct):
+        q = rotation.normalise(q_earth_from_sensor)
         frames[key], warning = _align(session, q, time, truth, settings.align)
         orientation[key] = apply_frames(q, frames[key])
         if warning is not None:
             remarks.append(f"{key}: {warning}")
     return SensorEstimate(
         time, static, orientation, clock, calibration, frames, skipped, quality.flagged, quality.counts(), remarks,
-        audit_timing(samples, description.get("rate_hz")),
+        access.timing(description.get("rate_hz")), access.every,
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -13,6 +13,7 @@ from scipy.signal import savgol_filter
 
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
+from testbench.records.pieces import overlapping
 from testbench.records.protocol import Sensor
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples, Truth
@@ -55,28 +56,6 @@ def write_truth(folder: Path, robot: Robot, sensors: Mapping[str, Sensor]) -> No
         pieces = batches()
         first = next(pieces)
         write_parquet_batches(folder / f"truth_{name}.parquet", first.schema, chain([first], pieces))
-
-
-def overlapping(
-    batches: Iterable[dict[str, np.ndarray]], size: int, margin: int
-) -> Iterator[tuple[dict[str, np.ndarray], slice]]:
-    """A table in pieces of `size` rows with up to `margin` further ones at either end.
-
-    Args:
-        batches: The table in any pieces, at least one. size, margin: Rows.
-
-    Yields:
-        Columns with their margins, and the rows among them that are the piece itself.
-    """
-    held: dict[str, np.ndarray] = {}
-    done = 0  # rows at the beginning of what is held that were given out already
-    for batch in batches:
-        held = {name: np.concatenate([held[name], values]) for name, values in batch.items()} if held else dict(batch)
-        while len(next(iter(held.values()))) >= done + size + margin:
-            yield {name: values[: done + size + margin] for name, values in held.items()}, slice(done, done + size)
-            forget = max(done + size - margin, 0)
-            held, done = {name: values[forget:] for name, values in held.items()}, done + size - forget
-    yield held, slice(done, None)
 
 
 def kinematic_truth(kinematics: Kinematics, samples: ArmSamples, sensor: Sensor, smoothing: Smoothing | None = None) -> Truth:

@@ -133,7 +133,8 @@ class SensorEstimate:
         orientation: q_world_from_sensor by filter, shape (n, 4), aligned. clock, calibration: What was fitted.
         frames: The alignment of each filter. skipped: Filters that could not run, and why. flagged: Samples that the quality
         gates refuse, shape (n,); they are not judged. quality: Number of samples by reason. remarks: What else is odd.
-        timing: Audit of the time stamps.
+        timing: Audit of the time stamps. every: The estimate holds one of so many samples of the recording, the last of them; 1
+        but for recordings of hours.
     """
 
     host_time_ns: np.ndarray
@@ -147,6 +148,7 @@ class SensorEstimate:
     quality: dict[str, int] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     timing: TimingAudit = field(default_factory=TimingAudit)
+    every: int = 1
 
 
 @dataclass(frozen=True)
@@ -195,6 +197,7 @@ class Estimate:
                 "quality": sensor.quality,
                 "remarks": sensor.remarks,
                 "timing": asdict(sensor.timing),
+                "every": sensor.every,
             }
         for name, joint in self.joints.items():
             columns = {"host_time_ns": joint.host_time_ns}
@@ -244,6 +247,7 @@ class Estimate:
                 data["quality"],
                 data["remarks"],
                 TimingAudit(**_numbers(data["timing"], keep=("nominal_rate_hz",))),
+                data["every"],
             )
         for name, rows in summary["joints"].items():
             table = read_parquet(folder / f"joint_{name}.parquet")

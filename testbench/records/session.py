@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from testbench.exceptions import NotFoundError, SessionError
@@ -149,6 +150,14 @@ class Session:
         path, _ = self._samples(sensor)
         for columns in read_parquet_batches(path, rows=rows):
             yield ImuSamples.from_columns(columns)
+
+    def imu_columns(self, sensor: str) -> list[str]:
+        """Names of the columns of a sensor's raw samples."""
+        return self._samples(sensor)[1]
+
+    def imu_column(self, sensor: str, column: str, begin: int = 0, end: int | None = None) -> np.ndarray:
+        """One column of a sensor's raw samples, from sample `begin` to before `end`, shape (n,)."""
+        return read_stacked(self._samples(sensor)[0], {column: column}, begin, end)[column]
 
     def sample_count(self, sensor: str) -> int:
         """How many samples of a sensor there are."""

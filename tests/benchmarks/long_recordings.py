@@ -56,7 +56,8 @@ else:
         from testbench.reporting.report import report
         found = {"report_mb": report(session).stat().st_size / 1e6}
 took = time.perf_counter() - begun
-print(json.dumps({"took_s": took, "cpu_s": time.process_time(), "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, **found}))
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+print(json.dumps({"took_s": took, "cpu_s": time.process_time(), "peak_mb": peak, **found}))
 """
 
 

@@ -21,7 +21,7 @@ from testbench.exceptions import DriverError, NotFoundError, RunInterrupted, Ses
 from testbench.execution import truth
 from testbench.execution.executor import Progress
 from testbench.execution.recovery import recover
-from testbench.execution.truth import Smoothing, overlapping
+from testbench.execution.truth import Smoothing
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus, Session, list_sessions
 from testbench.records.storage import journal_batches, read_parquet
@@ -278,19 +278,6 @@ def test_a_recovered_run_equals_the_beginning_of_an_undisturbed_one(killed, tiny
             np.testing.assert_array_equal(column, expected.to_columns()[key][:n])
     assert session.truth("hand") is not None
     assert recover(session).manifest == session.manifest  # a second time changes nothing
-
-
-def test_a_table_in_overlapping_pieces_is_whole_and_every_piece_has_its_margins():
-    for count in (0, 1, 7, 100, 101, 250):
-        column = np.arange(count)
-        batches = [{"a": part, "b": -part} for part in np.array_split(column, max(count // 13, 1))]
-        pieces = list(overlapping(iter(batches), 50, 12))
-        np.testing.assert_array_equal(np.concatenate([held["a"][counted] for held, counted in pieces]), column)
-        for held, counted in pieces:
-            np.testing.assert_array_equal(held["b"], -held["a"])
-            begin, end, _ = counted.indices(len(held["a"]))
-            assert begin == 12 or held["a"][:1].tolist() in ([0], [])
-            assert len(held["a"]) - end == 12 or held["a"][-1:].tolist() in ([count - 1], [])
 
 
 def test_the_truth_of_a_long_run_is_the_same_in_pieces(quick, tmp_path, monkeypatch):
