@@ -88,14 +88,38 @@ class LimitError(PlanError):
         )
 
 
-class CollisionError(PlanError):
-    """Two bodies would touch (clearance and margin in metres, time in seconds)."""
+@dataclass(frozen=True)
+class Contact:
+    """Two bodies too near to each other: their clearance [m], negative where they overlap, when [s], and in which step."""
 
-    def __init__(self, first: str, second: str, clearance: float, margin: float, time: float, step: str):
-        self.first, self.second, self.clearance, self.margin = first, second, clearance, margin
-        self.time, self.step = time, step
-        what = "collide" if clearance <= 0 else f"come within {1e3 * clearance:.1f} mm (margin {1e3 * margin:.1f} mm)"
-        super().__init__(f"{first} and {second} {what} at t = {time:.3f} s (step '{step}')")
+    first: str
+    second: str
+    clearance: float
+    time: float
+    step: str
+
+
+class CollisionError(PlanError):
+    """Two bodies would touch.
+
+    Attributes:
+        first, second, clearance, time, step: The first contact, clearance in metres and time in seconds. margin: That must be
+        kept [m]. worst: The nearest that any two bodies come in the whole motion.
+    """
+
+    def __init__(self, contact: Contact, margin: float, worst: Contact):
+        self.first, self.second, self.clearance, self.margin = contact.first, contact.second, contact.clearance, margin
+        self.time, self.step, self.worst = contact.time, contact.step, worst
+        near = f"come within {1e3 * contact.clearance:.1f} mm (margin {1e3 * margin:.1f} mm)"
+        what = "collide" if contact.clearance <= 0 else near
+        sentence = f"{contact.first} and {contact.second} {what} at t = {contact.time:.3f} s (step '{contact.step}')"
+        if worst.clearance < contact.clearance:
+            depth = f"{1e3 * abs(worst.clearance):.1f} mm"
+            how = f"overlap by {depth}" if worst.clearance < 0 else f"come within {depth}"
+            same = {worst.first, worst.second} == {contact.first, contact.second}
+            who = "they" if same else f"{worst.first} and {worst.second}"
+            sentence += f"; at worst {who} {how}, at t = {worst.time:.3f} s (step '{worst.step}')"
+        super().__init__(sentence)
 
 
 class SensorRangeError(PlanError):

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from testbench.estimation.axes import identify_axes, remarks_on, true_rates
+from testbench.estimation.access import open_samples
+from testbench.estimation.axes import identify_axes, true_rates
+from testbench.estimation.axes import remarks_on as axes_remarks
 from testbench.estimation.calibration.static_poses import fit_static_poses
-from testbench.estimation.filters import UniformSamples, get_filter
+from testbench.estimation.filters import OrientationFilter, UniformSamples, get_filter
 from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion, fit_frames_by_vectors
-from testbench.estimation.quality import assess
 from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
-from testbench.estimation.timing import audit_timing
-from testbench.estimation.uniform import fill_gaps
 from testbench.estimation.vector_mounting import VectorMounting, mounting_from_vectors
 from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
@@ -27,10 +28,12 @@ from testbench.records.calibration_file import SensorCalibration, find_calibrati
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, JointEstimate, SensorEstimate
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import Estimation
-from testbench.records.samples import Truth
+from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import Session
 
 STANDARD_DOWN = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+MOST_COMPARED = 200_000
+"""Longer recordings are aligned by some of their samples, evenly spread."""
 
 
 def estimate(
@@ -63,26 +66,32 @@ def _stored(session: Session, name: str, calibrations: list[SensorCalibration]) 
     return find_calibration(calibrations, name, str(tag) if tag else None, at)
 
 
+def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
+    def correct(samples: ImuSamples) -> ImuSamples:
+        gyr, acc, mag = stored.apply(samples.gyr, samples.acc, samples.mag)
+        return replace(samples, gyr=gyr, acc=acc, mag=mag)
+
+    return correct
+
+
 def _estimate_sensor(
     session: Session, name: str, filters: list[str], settings: Estimation, stored: SensorCalibration | None
 ) -> SensorEstimate:
-    samples, truth = session.imu(name), session.truth(name)
-    if stored is not None:
-        gyr, acc, mag = stored.apply(samples.gyr, samples.acc, samples.mag)
-        samples = replace(samples, gyr=gyr, acc=acc, mag=mag)
-    if len(samples) < 10:
-        raise SessionError(f"{session.path}: sensor '{name}' has {len(samples)} samples; nothing can be estimated")
+    if session.sample_count(name) < 10:
+        count = session.sample_count(name)
+        raise SessionError(f"{session.path}: sensor '{name}' has {count} samples; nothing can be estimated")
+    access = open_samples(session, name, None if stored is None else _corrector(stored))
+    samples, truth = access.samples, session.truth(name)
     description = session.manifest["sensors"][name]
     rate_delay = float(description.get("rate_delay_s") or 0.0)
     clock = fit_clock(samples, truth, rate_delay) if settings.align_clock else ClockFit()
     time = clock.to_host(samples.device_time_ns)
-    uniform, rows = fill_gaps(samples, clock)
-    static = detect_static(uniform.turning(), uniform.interval)[rows]
-    quality = assess(samples, time, static)
+    uniform, rows = access.regular(clock)
+    static = detect_static(uniform.turning(), uniform.interval, rows)[rows]
+    quality = access.quality(clock, static)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(session, samples.acc, samples.gyr, time, static & ~quality.flagged, truth)
-    corrected = _corrected(uniform, calibration, description.get("sampling"))
     orientation: dict[str, np.ndarray] = {}
     frames: dict[str, FrameFit] = {}
     skipped: dict[str, str] = {}
@@ -92,26 +101,34 @@ def _estimate_sensor(
     planned = sum(step.role == "calibration" and step.kind != "sweep" for step in session.steps)
     if calibration.method == "static_poses" and calibration.poses < planned:
         remarks.append(f"{planned - calibration.poses} of {planned} calibration poses were not at rest and were left out")
+    correct = partial(_corrected, calibration=calibration, sampling=description.get("sampling"))
     gravity = session.robot.gravity if session.robot else STANDARD_DOWN
     axes = identify_axes(samples, time, static & ~quality.flagged, truth, gravity) if truth is not None else {}
-    remarks += remarks_on(axes)
+    remarks += axes_remarks(axes)
     mounting = None
     if settings.align == "rates" and truth is not None:
-        mounting = _mounting(session, corrected, rows, time, static & ~quality.flagged, truth, gravity)
+        mounting = _mounting(session, correct(uniform), rows, time, static & ~quality.flagged, truth, gravity)
+    if access.every > 1:
+        remarks.append(f"a long recording: its estimates are kept, and judged, at one of {access.every} samples")
+    running: dict[str, OrientationFilter] = {}
     for key in filters:
         kind = get_filter(key)
-        missing = kind.missing(corrected)
+        missing, refusal = kind.missing(uniform), access.refuses(kind)
         if missing:
             skipped[key] = f"the sensor gives no {' and no '.join(missing)}"
-            continue
-        q = rotation.normalise(kind.run(corrected)[rows])
+        elif refusal:
+            skipped[key] = refusal
+        else:
+            running[key] = kind
+    for key, q_earth_from_sensor in access.orientations(running, clock, correct):
+        q = rotation.normalise(q_earth_from_sensor)
         frames[key], warning = _align(session, q, time, truth, settings.align, mounting)
         orientation[key] = apply_frames(q, frames[key])
         if warning is not None:
             remarks.append(f"{key}: {warning}")
     return SensorEstimate(
         time, static, orientation, clock, calibration, frames, skipped, quality.flagged, quality.counts(), remarks,
-        audit_timing(samples, description.get("rate_hz"), _rate_age(description)), axes,
+        access.timing(description.get("rate_hz"), _rate_age(description)), access.every, axes,
         None if stored is None else stored.summary(),
     )  # fmt: skip
 
@@ -220,6 +237,8 @@ def _align(
 
 def _align_by_motion(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth) -> tuple[FrameFit, str | None]:
     """Over everything before the first judged step, or over the whole of a recording that has no such part."""
+    step = max(len(time) // MOST_COMPARED, 1)
+    q, time = q[::step], time[::step]
     q_true = truth_at(truth, time)
     usable = _before_judging(session, time) & np.isfinite(q_true[:, 0]) & np.isfinite(q[:, 0])
     if usable.sum() < 10:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -30,11 +30,13 @@ class Quality:
 
     Attributes:
         flags: Samples by reason, each of shape (n,), bool; flagged samples are not judged.
-        remarks: Sentences on what is odd but excludes nothing.
+        remarks: Sentences on what is odd but excludes nothing. numbers: Samples refused by each gate, where the flags stand for
+        several samples each; None to count the flags.
     """
 
     flags: dict[str, np.ndarray]
     remarks: list[str]
+    numbers: dict[str, int] | None = None
 
     @property
     def flagged(self) -> np.ndarray:
@@ -43,7 +45,67 @@ class Quality:
 
     def counts(self) -> dict[str, int]:
         """Number of samples refused by each gate."""
-        return {reason: int(flags.sum()) for reason, flags in self.flags.items()}
+        return self.numbers or {reason: int(flags.sum()) for reason, flags in self.flags.items()}
+
+
+@dataclass
+class Traits:
+    """What must be known of a whole recording before any of its samples can be judged; it may be told piece by piece.
+
+    Attributes:
+        present: Quantities of which any value is finite; a column that the file lacks is NaN throughout.
+    """
+
+    present: set[str] = field(default_factory=set)
+    _same: dict[str, int] = field(default_factory=lambda: {"gyr": 0, "acc": 0})
+    _count: int = 0
+    _last: ImuSamples | None = None
+
+    def add(self, samples: ImuSamples) -> Traits:
+        """Take note of the next samples."""
+        for key in ("gyr", "acc", "mag", "device_q"):
+            array = getattr(samples, key)
+            if key not in self.present and array is not None and np.isfinite(array).any():
+                self.present.add(key)
+        for key in self._same:
+            array = getattr(samples, key)
+            before = array[:1] * np.nan if self._last is None else getattr(self._last, key)[-1:]
+            self._same[key] += int((array[:1] == before).all(axis=1).sum() + (array[1:] == array[:-1]).all(axis=1).sum())
+        self._count += len(samples)
+        self._last = samples if len(samples) else self._last
+        return self
+
+    def finite(self, samples: ImuSamples) -> np.ndarray:
+        """Samples of which every quantity that is present at all is finite, shape (n,), bool."""
+        finite = np.ones(len(samples), dtype=bool)
+        for key in self.present:
+            finite &= np.isfinite(getattr(samples, key)).all(axis=1)
+        return finite
+
+    @property
+    def noisy(self) -> bool:
+        """Whether readings differ from sample to sample as a rule; a sensor without noise repeats itself whenever it rests."""
+        return any(2 * same < self._count for key, same in self._same.items() if key in self.present)
+
+
+class AfterGaps:
+    """Flags the samples after a gap in time until a filter has found its way again; goes on from call to call."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._until = np.iinfo(np.int64).min
+
+    def __call__(self, time_ns: np.ndarray) -> np.ndarray:
+        """Flags of the next samples, shape (n,), bool, by their host times, shape (n,)."""
+        gaps = np.diff(time_ns, prepend=time_ns[:1] if self._last is None else self._last)
+        until = np.full(len(time_ns), self._until)
+        for i in np.flatnonzero(gaps > LONG_GAP_S * NANOSECONDS):
+            lost = gaps[i] > LOST_GAP_S * NANOSECONDS
+            until[i] = np.iinfo(np.int64).max if lost else time_ns[i] + round(RECOVERY_S * NANOSECONDS)
+        np.maximum.accumulate(until, out=until)
+        if len(time_ns):
+            self._last, self._until = int(time_ns[-1]), int(until[-1])
+        return np.asarray(time_ns <= until)
 
 
 def assess(samples: ImuSamples, time_ns: np.ndarray, static: np.ndarray) -> Quality:
@@ -52,32 +114,34 @@ def assess(samples: ImuSamples, time_ns: np.ndarray, static: np.ndarray) -> Qual
     Args:
         samples: As recorded. time_ns: Their host times, shape (n,). static: At rest, shape (n,).
     """
-    reported = [array for array in (samples.gyr, samples.acc, samples.mag, samples.device_q) if array is not None]
-    present = [array for array in reported if np.isfinite(array).any()]  # a column the file lacks is NaN throughout
-    finite = np.ones(len(samples), dtype=bool)
-    for array in present:
-        finite &= np.isfinite(array).all(axis=1)
+    flags = {**sample_flags(samples, Traits().add(samples)), "after a gap": AfterGaps()(time_ns)}
+    return Quality(flags, remarks_on(samples, static & ~flags["not finite"]))
+
+
+def sample_flags(samples: ImuSamples, traits: Traits) -> dict[str, np.ndarray]:
+    """Samples to be refused for what they read, by reason, each of shape (n,); `STUCK_SAMPLES` neighbours matter on each side.
+
+    Args:
+        samples: All or a piece. traits: Of the whole recording.
+    """
     flags = {
         "saturated": samples.saturated.astype(bool),
-        "not finite": ~finite,
-        "stuck": _stuck(samples),
-        "after a gap": _after_gap(time_ns),
+        "not finite": ~traits.finite(samples),
+        "stuck": _stuck(samples, traits),
     }
     if samples.device_q is not None:
         flags["quaternion not of unit length"] = np.abs(np.linalg.norm(samples.device_q, axis=1) - 1) > NORM_TOLERANCE
-    return Quality(flags, _remarks(samples, static & finite))
+    return flags
 
 
-def _stuck(samples: ImuSamples) -> np.ndarray:
+def _stuck(samples: ImuSamples, traits: Traits) -> np.ndarray:
     """Runs of samples identical in every axis; none for a sensor without noise, which is so whenever it rests."""
-    repeated = np.ones(len(samples), dtype=bool)
-    noisy = False
-    for array in (samples.gyr, samples.acc):
-        if np.isfinite(array).any():
-            same = np.concatenate([[False], (array[1:] == array[:-1]).all(axis=1)])
-            noisy |= bool(same.mean() < 0.5)
-            repeated &= same
-    return _runs(repeated, STUCK_SAMPLES - 1) if noisy else np.zeros(len(samples), dtype=bool)
+    repeated = np.full(len(samples), traits.noisy)
+    for key in traits.present & {"gyr", "acc"}:
+        array = getattr(samples, key)
+        repeated[:1] = False
+        repeated[1:] &= (array[1:] == array[:-1]).all(axis=1)
+    return _runs(repeated, STUCK_SAMPLES - 1)
 
 
 def _runs(mask: np.ndarray, length: int) -> np.ndarray:
@@ -90,16 +154,8 @@ def _runs(mask: np.ndarray, length: int) -> np.ndarray:
     return result
 
 
-def _after_gap(time_ns: np.ndarray) -> np.ndarray:
-    flags = np.zeros(len(time_ns), dtype=bool)
-    gaps = np.diff(time_ns)
-    for i in np.flatnonzero(gaps > LONG_GAP_S * NANOSECONDS):
-        recovered = time_ns[i + 1] + RECOVERY_S * NANOSECONDS if gaps[i] <= LOST_GAP_S * NANOSECONDS else np.inf
-        flags |= (time_ns > time_ns[i]) & (time_ns <= recovered)
-    return flags
-
-
-def _remarks(samples: ImuSamples, rest: np.ndarray) -> list[str]:
+def remarks_on(samples: ImuSamples, rest: np.ndarray) -> list[str]:
+    """Sentences on what is odd about readings at rest, shape (n,), bool, and about the magnetic field."""
     remarks = []
     norm = np.linalg.norm(samples.acc[rest], axis=1)
     norm = norm[np.isfinite(norm)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,11 @@ class RateMagnitude:
     rate: np.ndarray
     width: float
     gap: float
+
+    def thinned(self, most: int) -> RateMagnitude:
+        """At most so many of its points, evenly spread."""
+        step = -(-len(self.time) // most)
+        return self if step <= 1 else replace(self, time=self.time[::step], rate=self.rate[::step])
 
     def known_at(self, time: np.ndarray) -> np.ndarray:
         """Whether a time lies within the record and not in one of its gaps, shape (m,), bool."""

@@ -13,7 +13,7 @@ MOST_BIAS = np.radians(2.0)
 """A steady reading may differ by this from the quietest and still be rest: a bias moves with the pose [rad/s]."""
 
 
-def detect_static(gyr: np.ndarray, interval: float) -> np.ndarray:
+def detect_static(gyr: np.ndarray, interval: float, real: np.ndarray | None = None) -> np.ndarray:
     """Samples at which the sensor is at rest.
 
     The RMS of the angular rate about its own mean, over a window, must stay below three times its quietest tenth, and the mean
@@ -21,7 +21,8 @@ def detect_static(gyr: np.ndarray, interval: float) -> np.ndarray:
     drawn in by half a window, so that no transient is let in.
 
     Args:
-        gyr: Shape (n, 3) [rad/s]. interval: [s].
+        gyr: Shape (n, 3) [rad/s]. interval: [s]. real: Rows that were measured, not filled in: a straight line over a gap is
+        quieter than any sensor and must not set the measure; all if None.
 
     Returns:
         Shape (n,), bool.
@@ -30,8 +31,9 @@ def detect_static(gyr: np.ndarray, interval: float) -> np.ndarray:
     mean = uniform_filter1d(gyr, window, axis=0)
     variance = uniform_filter1d(np.sum((gyr - mean) ** 2, axis=1), window)
     spread = np.sqrt(np.maximum(variance, 0))  # a running sum may round below 0
-    quietest = float(np.quantile(spread, 0.1))
-    centre = np.median(mean[spread <= quietest], axis=0)
+    measured = slice(None) if real is None else real
+    quietest = float(np.quantile(spread[measured], 0.1))
+    centre = np.median(mean[measured][spread[measured] <= quietest], axis=0)
     steady = spread <= max(NOISE_FACTOR * quietest, LEAST_SPREAD)
     moving = ~steady | (np.linalg.norm(mean - centre, axis=1) > MOST_BIAS)
     return np.asarray(maximum_filter1d(moving.astype(np.int8), window) == 0)

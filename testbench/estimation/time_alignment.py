@@ -24,6 +24,8 @@ SEARCH_S = 3.0
 LEAST_RATE = np.radians(2.0)
 """A record whose fastest motion stays below this says nothing of time [rad/s]."""
 ITERATIONS = 15
+MOST_POINTS = 400_000
+"""More rates than this are thinned out: hours of them say no more of two numbers."""
 CLUSTER_S = 2.0
 """Residuals nearer than this count as one when the uncertainty is stated [s]."""
 PART_ERROR_S = 50e-6
@@ -53,6 +55,7 @@ def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0)
     # A device's clock may count from anywhere; about its own beginning offset and drift are far from singular.
     zero = float(measured.time[0]) - float(true.time[0])
     measured = _averaged(RateMagnitude(measured.time - zero - delay, measured.rate, measured.width, measured.gap), true.width)
+    measured = measured.thinned(MOST_POINTS)
     drift = 1e-6 * arrival.drift_ppm
     offset = arrival.offset_s - zero
     lag = _coarse_lag((measured.time - offset) / (1 + drift), measured.rate, true)
@@ -157,7 +160,7 @@ def _jackknife_covariance(jacobian: np.ndarray, residual: np.ndarray, cluster: n
     telling = sizes > 1e-6 * sizes.max()  # clusters at rest say nothing
     scores, informations = scores[telling], informations[telling]
     without = jacobian.T @ jacobian - informations
-    steps = np.array([np.linalg.lstsq(left, score, rcond=1e-10)[0] for left, score in zip(without, scores, strict=True)])
+    steps = (np.linalg.pinv(without, rcond=1e-10) @ scores[:, :, None])[:, :, 0]
     count = len(steps)
     centred = steps - steps.mean(axis=0)
     return np.asarray((count - 1) / max(count, 1) * centred.T @ centred)

@@ -22,37 +22,92 @@ def audit_timing(samples: ImuSamples, nominal_rate: float | None, rate_age: floa
         rate_age: How much older than its stamp a rate is by the data sheet, against the force [s]: half an interval where both
         are integrated over it and the force is seen in the axes at its end.
     """
-    intervals = np.diff(samples.device_time_ns) / NANOSECONDS
-    if len(intervals) == 0:
+    if len(samples) < 2:
         return TimingAudit(samples=len(samples), nominal_rate_hz=nominal_rate)
-    moving = intervals[intervals > 0]
-    median = float(np.median(moving)) if len(moving) else float("nan")
-    gaps = intervals[intervals > GAP_FACTOR * median]
-    steps = np.diff(samples.counter)
-    lost = int(np.sum(steps[steps > 1] - 1))
-    regular = intervals[(intervals > 0) & (intervals <= GAP_FACTOR * median)]
-    span = (samples.device_time_ns[-1] - samples.device_time_ns[0]) / NANOSECONDS
+    median = usual_interval(np.diff(samples.device_time_ns))
+    intervals = Intervals(median)
+    intervals.add(samples.device_time_ns, samples.counter)
+    return intervals.audit(nominal_rate, arrival_jitter(samples), asynchrony(samples, median) + rate_age)
+
+
+def usual_interval(steps_ns: np.ndarray) -> float:
+    """Median of the intervals [ns] that are longer than nothing [s]; NaN where there is none."""
+    moving = steps_ns[steps_ns > 0]
+    return float(np.median(moving)) / NANOSECONDS if len(moving) else float("nan")
+
+
+class Intervals:
+    """Intervals between time stamps and steps of the counter, counted piece by piece.
+
+    Args:
+        median: The usual interval [s].
+    """
+
+    def __init__(self, median: float):
+        self.median = median
+        self._samples = self._repeated = self._backward = self._gaps = self._lost = self._regular = 0
+        self._sum = self._squares = self._longest = 0.0
+        self._first = self._last = self._counter = 0
+
+    def add(self, device_time_ns: np.ndarray, counter: np.ndarray) -> None:
+        """Count the next samples."""
+        if not len(counter):
+            return
+        if not self._samples:
+            self._first, self._last, self._counter = int(device_time_ns[0]), int(device_time_ns[0]), int(counter[0])
+            self._samples, device_time_ns, counter = 1, device_time_ns[1:], counter[1:]
+            if not len(counter):
+                return
+        intervals = np.diff(device_time_ns, prepend=self._last) / NANOSECONDS
+        is_gap = intervals > GAP_FACTOR * self.median
+        excess = intervals[(intervals > 0) & ~is_gap] - self.median
+        steps = np.diff(counter, prepend=self._counter)
+        self._samples += len(intervals)
+        self._repeated += int(np.sum(intervals == 0))
+        self._backward += int(np.sum(intervals < 0))
+        self._gaps += int(is_gap.sum())
+        self._longest = max(self._longest, float(intervals[is_gap].max(initial=0.0)))
+        self._lost += int(np.sum(steps[steps > 1] - 1))
+        self._regular += len(excess)
+        self._sum += float(excess.sum())
+        self._squares += float(excess @ excess)
+        self._last, self._counter = int(device_time_ns[-1]), int(counter[-1])
+
+    def audit(self, nominal_rate: float | None, jitter: float, lag: float) -> TimingAudit:
+        """The audit.
+
+        Args:
+            nominal_rate: [Hz]. jitter: Of the arrival [s]. lag: How much later than the gyroscope the accelerometer is [s].
+        """
+        n, span = self._samples, (self._last - self._first) / NANOSECONDS
+        mean = self._sum / self._regular if self._regular else float("nan")
+        variance = max(self._squares / self._regular - mean**2, 0.0) if self._regular else float("nan")
+        return TimingAudit(
+            samples=n,
+            nominal_rate_hz=nominal_rate,
+            effective_rate_hz=(n - 1) / span if span > 0 else float("nan"),
+            sampling_rate_hz=1 / (self.median + mean),
+            interval_median_ms=1e3 * self.median,
+            jitter_ms=1e3 * variance**0.5,
+            repeated_stamps=self._repeated,
+            backward_stamps=self._backward,
+            gaps=self._gaps,
+            longest_gap_ms=1e3 * self._longest,
+            lost_packets=self._lost,
+            lost_percent=100 * self._lost / (n + self._lost),
+            arrival_jitter_ms=1e3 * jitter,
+            acc_after_gyr_ms=1e3 * lag,
+        )
+
+
+def arrival_jitter(samples: ImuSamples) -> float:
+    """Standard deviation of the arrivals at the host about a straight line over the device's time [s]."""
+    time = samples.device_time_ns / NANOSECONDS
     delay = (samples.host_time_ns - samples.device_time_ns) / NANOSECONDS
-    fit = np.polyval(np.polyfit(samples.device_time_ns / NANOSECONDS, delay, 1), samples.device_time_ns / NANOSECONDS)
-    return TimingAudit(
-        samples=len(samples),
-        nominal_rate_hz=nominal_rate,
-        effective_rate_hz=float((len(samples) - 1) / span) if span > 0 else float("nan"),
-        sampling_rate_hz=1 / float(regular.mean()) if len(regular) else float("nan"),
-        interval_median_ms=1e3 * median,
-        jitter_ms=1e3 * float(regular.std()) if len(regular) else float("nan"),
-        repeated_stamps=int(np.sum(intervals == 0)),
-        backward_stamps=int(np.sum(intervals < 0)),
-        gaps=len(gaps),
-        longest_gap_ms=1e3 * float(gaps.max()) if len(gaps) else 0.0,
-        lost_packets=lost,
-        lost_percent=100 * lost / (len(samples) + lost),
-        arrival_jitter_ms=1e3 * float(np.std(delay - fit)),
-        acc_after_gyr_ms=1e3 * (_asynchrony(samples, median) + rate_age),
-    )
+    return float(np.std(delay - np.polyval(np.polyfit(time, delay, 1), time)))
 
 
-def _asynchrony(samples: ImuSamples, interval: float) -> float:
+def asynchrony(samples: ImuSamples, interval: float) -> float:
     """How much later than the gyroscope the accelerometer sees a turn [s]; NaN where the motion does not tell.
 
     While turning, gravity's direction u in the sensor moves as du/dt = -omega x u: the magnitudes of both sides are correlated.
@@ -72,8 +127,8 @@ def _asynchrony(samples: ImuSamples, interval: float) -> float:
         return float("nan")
     a, b = seen - seen.mean(), expected - expected.mean()
     lags = np.arange(-MOST_LAG, MOST_LAG + 1)
-    inner = slice(MOST_LAG, len(a) - MOST_LAG)
-    correlation = np.array([np.dot(np.roll(a, -lag)[inner], b[inner]) for lag in lags])
+    begin, end = MOST_LAG, len(a) - MOST_LAG
+    correlation = np.array([np.dot(a[begin + lag : end + lag], b[begin:end]) for lag in lags])
     k = int(np.argmax(correlation))
     if k in (0, len(lags) - 1):
         return float("nan")

@@ -29,20 +29,38 @@ def fill_gaps(samples: ImuSamples, clock: ClockFit) -> tuple[UniformSamples, np.
     count = int(rows[-1]) + 1
     span = (samples.device_time_ns[-1] - samples.device_time_ns[0]) / NANOSECONDS
     interval = span / max(count - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
-    whole = _whole(samples)
-    if count == len(samples) and whole.all():
+    if count == len(samples) and whole_samples(samples).all():
         return UniformSamples(interval, samples.gyr, samples.acc, samples.mag, samples.device_q), rows
-    grid, sources = np.arange(count), rows[whole]
+    return fill_rows(samples, rows, np.arange(count), interval), rows
+
+
+def fill_rows(
+    samples: ImuSamples, rows: np.ndarray, grid: np.ndarray, interval: float, whole: np.ndarray | None = None
+) -> UniformSamples:
+    """Samples at rows of a regular grid, interpolated where they were lost or are not finite.
+
+    Args:
+        samples: All or a piece with its neighbours. rows: Of each sample, increasing, shape (n,). grid: The rows that are
+        wanted, shape (m,). interval: Between rows [s]. whole: Samples of which every quantity is finite, shape (n,), if known.
+    """
+    whole = whole_samples(samples) if whole is None else whole
+    sources = rows[whole]
+    if len(sources) == len(rows) and rows[-1] - rows[0] + 1 == len(rows) and rows[0] <= grid[0] and grid[-1] <= rows[-1]:
+        part = slice(grid[0] - rows[0], grid[-1] - rows[0] + 1)
+        mag, q = samples.mag, samples.device_q
+        return UniformSamples(
+            interval, samples.gyr[part], samples.acc[part], None if mag is None else mag[part], None if q is None else q[part]
+        )
 
     def fill(array: np.ndarray) -> np.ndarray:
         return np.column_stack([np.interp(grid, sources, column) for column in array[whole].T])
 
     mag = None if samples.mag is None else fill(samples.mag)
     device_q = None if samples.device_q is None else rotation.interpolate(sources, samples.device_q[whole], grid)
-    return UniformSamples(interval, fill(samples.gyr), fill(samples.acc), mag, device_q), rows
+    return UniformSamples(interval, fill(samples.gyr), fill(samples.acc), mag, device_q)
 
 
-def _whole(samples: ImuSamples) -> np.ndarray:
+def whole_samples(samples: ImuSamples) -> np.ndarray:
     """Samples of which no recorded quantity is NaN, shape (n,), bool."""
     whole = np.ones(len(samples), dtype=bool)
     for array in (samples.gyr, samples.acc, samples.mag, samples.device_q):

@@ -7,7 +7,7 @@ import numpy as np
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.flexion import evaluate_joint
 from testbench.evaluation.judged import judged_steps
-from testbench.evaluation.noise import noise_rows, norm_error_percent
+from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
 from testbench.evaluation.orientation import evaluate_sensor
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.truth import without_jumps
@@ -22,7 +22,6 @@ from testbench.records.evaluation import (
     OrientationRow,
     Outcome,
 )
-from testbench.records.samples import ImuSamples
 from testbench.records.session import RunStatus, Session
 
 NORM_MEANING = "error of the mean specific force at rest against standard gravity"
@@ -48,10 +47,9 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         notes += [f"{name}: {key} was left out: {why}" for key, why in sensor.skipped.items()]
         notes += [f"{name}: {count} samples left out: {reason}" for reason, count in sensor.quality.items() if count]
         notes += [f"{name}: {remark}" for remark in sensor.remarks]
-        samples = session.imu(name)
-        still = sensor.static & ~sensor.flagged
-        noise += noise_rows(name, samples, sensor.host_time_ns, still)
-        norm_error = norm_error_percent(samples, sensor.host_time_ns, still)
+        rest = Rest.longest(session, name, sensor)
+        noise += noise_rows(name, rest)
+        norm_error = norm_error_percent(rest)
         if norm_error is not None:
             metrics.append(Metric(f"{name}.gravity_norm_error_percent", norm_error, "%", None, None, None, NORM_MEANING))
         truth = session.truth(name)
@@ -59,7 +57,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
             notes.append(f"{name}: no truth, so its orientation is not judged")
             continue
         if truth.rate is None:
-            truth, jumps = without_jumps(truth, _fastest(samples))
+            truth, jumps = without_jumps(truth, _fastest(session, name))
             notes += [f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else []
         rows, series[f"orientation_{name}"] = evaluate_sensor(name, sensor, truth, steps)
         orientations += rows
@@ -82,7 +80,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     return Evaluation(session.name, joints, orientations, metrics, outcome, notes, noise, ranges, series)
 
 
-def _fastest(samples: ImuSamples) -> float:
+def _fastest(session: Session, sensor: str) -> float:
     """Largest angular rate that a sensor reported [rad/s]; 0 where it reports none."""
-    rates = np.linalg.norm(samples.gyr, axis=1)
-    return float(np.max(rates[np.isfinite(rates)], initial=0.0))
+    norms = (np.linalg.norm(samples.gyr, axis=1) for samples in session.imu_batches(sensor))
+    return max((float(np.max(norm[np.isfinite(norm)], initial=0.0)) for norm in norms), default=0.0)

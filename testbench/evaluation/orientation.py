@@ -12,6 +12,9 @@ from testbench.records.evaluation import OrientationRow
 from testbench.records.plan import PlannedStep
 from testbench.records.samples import Truth
 
+PIECE = 100_000
+"""Samples that are compared together; bounds the memory."""
+
 
 def judged_rows(steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarray, static: np.ndarray) -> np.ndarray:
     """Which of a sensor's samples count, shape (n,), bool: by the steps, or by the truth's own marks without a protocol."""
@@ -36,13 +39,23 @@ def evaluate_sensor(
     series = {"host_time_ns": time, "judged": judged}
     rows = []
     for key, q in estimate.orientation.items():
-        errors = orientation_errors(q, q_true)
-        series[f"{key}_total_rad"], series[f"{key}_heading_rad"] = errors.total, errors.heading
-        series[f"{key}_inclination_rad"] = errors.inclination
+        errors = _errors(q, q_true)
+        series |= {f"{key}_{part}_rad": error.astype(np.float32) for part, error in errors.items()}
         if not judged.any():
             continue
-        total, heading, inclination = (np.degrees(e[judged]) for e in (errors.total, errors.heading, errors.inclination))
+        total, heading, inclination = (np.degrees(error[judged]) for error in errors.values())
         rows.append(
             OrientationRow(name, key, int(judged.sum()), rms(total), rms(heading), rms(inclination), float(total.max()))
         )
     return rows, series
+
+
+def _errors(q: np.ndarray, q_true: np.ndarray) -> dict[str, np.ndarray]:
+    """Total, heading and inclination error [rad], shape (n,), computed in pieces, for they may be long."""
+    result = {part: np.empty(len(q)) for part in ("total", "heading", "inclination")}
+    for begin in range(0, len(q), PIECE):
+        piece = slice(begin, begin + PIECE)
+        errors = orientation_errors(q[piece], q_true[piece])
+        result["total"][piece], result["heading"][piece] = errors.total, errors.heading
+        result["inclination"][piece] = errors.inclination
+    return result

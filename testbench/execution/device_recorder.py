@@ -340,7 +340,7 @@ def recover_recording(session: Session) -> Session:
     for partial in path.glob("*.partial"):
         partial.unlink()
     for name in session.sensor_names:
-        times = read_parquet(path / f"imu_{name}.parquet")["host_time_ns"]
+        times = read_parquet(path / f"imu_{name}.parquet", ["host_time_ns"])["host_time_ns"]
         last = max(last, int(times.max())) if len(times) else last
     message = f"cut off after {last / NANOSECONDS:.1f} s and recovered"
     with (path / EVENTS).open("a", encoding="utf-8") as events:

@@ -129,6 +129,11 @@ class _Run:
     def _advance(self, until_ns: int) -> None:
         arm = self.arm.read(until_ns)
         self.recorder.samples(arm, {name: imu.read(until_ns) for name, imu in self.imus.items()})
+        self._note_devices()
+
+    def _note_devices(self) -> None:
+        """Put what happened to the sensors, such as a lost connection, among the events of the run."""
+        self.recorder.device_events({name: imu.events() for name, imu in self.imus.items()})
 
     def _close(self, status: RunStatus, message: str) -> Session:
         """Stop everything, keep what there is; a failure here must not hide the first one."""
@@ -141,6 +146,7 @@ class _Run:
             pass
         for imu in self.imus.values():
             imu.stop()
+        self._note_devices()
         self.recorder.event(self.now_ns, f"run_{status}", message=message)
         session = self.recorder.close(status, message)
         self.arm.close()

@@ -89,6 +89,12 @@ class Recorder:
                 details["variables"] = step.variables
             self.event(time, event, **details)
 
+    def device_events(self, events: dict[str, list[Event]]) -> None:
+        """Note what happened to the sensors, by name, in order of time."""
+        named = [Event(own.host_time_ns, own.event, {"sensor": name, **own.details}) for name in events for own in events[name]]
+        for event in sorted(named, key=lambda event: event.host_time_ns):
+            self._writer.event(event)
+
     def samples(self, arm: ArmSamples, imus: dict[str, ImuSamples]) -> None:
         """Append what was read, and sync once a second."""
         self._writer.append(ARM, arm.to_columns())
@@ -102,9 +108,8 @@ class Recorder:
     def close(self, status: RunStatus, message: str = "") -> Session:
         """Compact the streams, add the truth, and finish the manifest."""
         self._writer.compact()
-        table = read_parquet(self.path / f"{ARM}.parquet")
-        samples = ArmSamples.from_columns(table, self.plan.robot.joint_names)
-        write_truth(self.path, self.plan.robot, samples, self.plan.protocol.spec.sensors)
-        duration = (samples.host_time_ns[-1] if len(samples.host_time_ns) else 0) / NANOSECONDS
-        self._writer.close(status, message=message, duration_s=float(duration))
+        write_truth(self.path, self.plan.robot, self.plan.protocol.spec.sensors)
+        times = read_parquet(self.path / f"{ARM}.parquet", ["host_time_ns"])["host_time_ns"]
+        duration = float(times[-1]) / NANOSECONDS if len(times) else 0.0
+        self._writer.close(status, message=message, duration_s=duration)
         return Session(self.path)

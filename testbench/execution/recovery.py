@@ -5,9 +5,9 @@ from __future__ import annotations
 from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.records.session import EVENTS, MANIFEST, Event, RunStatus, Session
+from testbench.records.session import ARM, EVENTS, MANIFEST, Event, RunStatus, Session
 from testbench.records.session_writer import file_hashes
-from testbench.records.storage import compact, write_json
+from testbench.records.storage import compact, read_parquet, write_json
 
 
 def recover(session: Session) -> Session:
@@ -30,11 +30,11 @@ def recover(session: Session) -> Session:
     for partial in path.glob("*.partial"):
         partial.unlink()
     session = Session(path)
-    samples = session.arm()
-    if samples is None or session.robot is None:
+    if not (path / f"{ARM}.parquet").is_file() or session.robot is None:
         raise SessionError(f"{path}: the arm's recording is lost; what the sensors recorded is in imu_*.parquet")
-    write_truth(path, session.robot, samples, session.analysis.sensors)
-    duration = float(samples.host_time_ns[-1]) / NANOSECONDS if len(samples.host_time_ns) else 0.0
+    write_truth(path, session.robot, session.analysis.sensors)
+    times = read_parquet(path / f"{ARM}.parquet", ["host_time_ns"])["host_time_ns"]
+    duration = float(times[-1]) / NANOSECONDS if len(times) else 0.0
     planned = session.manifest["plan"]["check"]["duration_s"]
     message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
     with (path / EVENTS).open("a", encoding="utf-8") as events:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from testbench.clock import Clock
 from testbench.exceptions import FileProblems, Problem, SessionError
@@ -18,7 +17,7 @@ from testbench.records.protocol import Analysis
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import RunStatus, Session
 from testbench.records.session_writer import SessionWriter
-from testbench.records.storage import ROWS_PER_GROUP, replace_synced
+from testbench.records.storage import write_parquet_batches
 
 IMU_NOTES = {
     "content": "imported samples of an inertial sensor, in the sensor frame; NaN: the file does not hold the quantity",
@@ -124,17 +123,20 @@ def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, 
     types = ImuSamples.columns(*shape)
     metadata: Mapping[str, str] = IMU_NOTES
     schema = pa.schema([(name, pa.from_numpy_dtype(dtype)) for name, dtype in types.items()], metadata=metadata)
-    partial = path.with_suffix(".partial")
-    count, last = 0, 0
-    with pq.ParquetWriter(partial, schema, compression="zstd") as file:
+    last = 0
+
+    def batches() -> Iterator[pa.RecordBatch]:
+        nonlocal last
         for chunk in _chain(head, chunks):
             if (chunk.mag is not None, chunk.device_q is not None) != shape:
                 raise ValueError("an importer's chunks must all have the same columns")
             columns = chunk.to_columns()
-            arrays = [pa.array(columns[name], type=schema.field(name).type) for name in schema.names]
-            file.write_table(pa.Table.from_arrays(arrays, schema=schema), row_group_size=ROWS_PER_GROUP)
-            count, last = count + len(chunk), int(chunk.host_time_ns[-1])
-    replace_synced(partial, path)
+            last = int(chunk.host_time_ns[-1])
+            yield pa.record_batch(
+                [pa.array(columns[name], type=schema.field(name).type) for name in schema.names], schema=schema
+            )
+
+    count = write_parquet_batches(path, schema, batches())
     return count, int(head.host_time_ns[0]), last
 
 

@@ -17,6 +17,9 @@ FLICKER = 2 * np.log(2) / np.pi
 FEWEST_DIFFERENCES = 8
 """Averaging times with fewer independent spans than this in the record are left out."""
 
+PIECE = 1_000_000
+"""Differences that are in memory at once."""
+
 
 @dataclass(frozen=True)
 class AllanCurve:
@@ -80,17 +83,26 @@ def allan_deviation(signal: np.ndarray, rate: float, factors: np.ndarray | None 
     if len(signal) < 3:
         raise ValueError(f"an Allan deviation needs at least 3 samples, not {len(signal)}")
     factors = averaging_factors(len(signal)) if factors is None else factors
-    phase = np.concatenate([[0.0], np.cumsum(signal - signal.mean())]) / rate
-    deviation = np.empty(len(factors))
-    for i, m in enumerate(factors):
-        second = phase[2 * m :] - 2 * phase[m:-m] + phase[: -2 * m]
-        deviation[i] = np.sqrt(np.mean(second**2) / 2) * rate / m
+    phase = np.zeros(len(signal) + 1)
+    np.cumsum(signal - signal.mean(), out=phase[1:])
+    phase /= rate
+    deviation = np.array([np.sqrt(_mean_square_of_second_differences(phase, int(m)) / 2) * rate / m for m in factors])
     tau = factors / rate
     slope = _smooth_slope(np.log(tau), np.log(np.maximum(deviation, 1e-300)))
     edf = np.array([_edf(len(phase), int(m), s) for m, s in zip(factors, slope, strict=True)])
     lower = deviation * np.sqrt(edf / chi2.ppf(0.8415, edf))
     upper = deviation * np.sqrt(edf / chi2.ppf(0.1585, edf))
     return AllanCurve(tau, deviation, lower, upper, edf)
+
+
+def _mean_square_of_second_differences(phase: np.ndarray, m: int) -> float:
+    """Mean of (x[i + 2m] - 2 x[i + m] + x[i])^2, in pieces: hours of samples are long."""
+    count, total = len(phase) - 2 * m, 0.0
+    for begin in range(0, count, PIECE):
+        end = min(begin + PIECE, count)
+        second = phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
+        total += float(second @ second)
+    return total / count
 
 
 def fit_noise(curve: AllanCurve) -> NoiseCoefficients:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+from numba import njit
 from scipy.spatial.transform import Rotation
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
@@ -18,15 +19,12 @@ def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Hamilton product p q, shapes (..., 4)."""
     pw, px, py, pz = np.moveaxis(np.asarray(p, float), -1, 0)
     qw, qx, qy, qz = np.moveaxis(np.asarray(q, float), -1, 0)
-    return np.stack(
-        [
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ],
-        axis=-1,
-    )
+    product = np.empty((*np.broadcast_shapes(pw.shape, qw.shape), 4))
+    product[..., 0] = pw * qw - px * qx - py * qy - pz * qz
+    product[..., 1] = pw * qx + px * qw + py * qz - pz * qy
+    product[..., 2] = pw * qy - px * qz + py * qw + pz * qx
+    product[..., 3] = pw * qz + px * qy - py * qx + pz * qw
+    return product
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
@@ -156,19 +154,39 @@ def interpolate(times: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
 
     Returns:
         Shape (m, 4).
+
+    Raises:
+        ValueError: There is nothing to interpolate between.
     """
+    times, at = np.asarray(times), np.asarray(at)
+    if not len(times):
+        raise ValueError("no orientation to interpolate from")
     index = np.clip(np.searchsorted(times, at, side="right") - 1, 0, max(len(times) - 2, 0))
-    following = np.minimum(index + 1, len(times) - 1)
-    span = times[following] - times[index]
-    span = np.where(span > 0, span, 1)
-    u = np.clip((at - times[index]) / span, 0.0, 1.0)
-    start, end = q[index], q[following]
-    dot = np.sum(start * end, axis=-1)
-    end = np.where(dot[:, None] < 0, -end, end)
-    theta = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
-    sin = np.sin(theta)
-    near = sin < 1e-6
-    safe = np.where(near, 1.0, sin)
-    a = np.where(near, 1 - u, np.sin((1 - u) * theta) / safe)
-    b = np.where(near, u, np.sin(u * theta) / safe)
-    return normalise(a[:, None] * start + b[:, None] * end)
+    return _slerp(times, np.ascontiguousarray(q, dtype=float), at, index)
+
+
+@njit(cache=True)
+def _slerp(times: np.ndarray, q: np.ndarray, at: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Between orientation `index` and the following one, for each of the times, shape (m, 4)."""
+    result = np.empty((len(at), 4))
+    for row in range(len(at)):
+        i = index[row]
+        j = min(i + 1, len(times) - 1)
+        span = times[j] - times[i]
+        u = min(max((at[row] - times[i]) / (span if span > 0 else 1), 0.0), 1.0)
+        dot = q[i, 0] * q[j, 0] + q[i, 1] * q[j, 1] + q[i, 2] * q[j, 2] + q[i, 3] * q[j, 3]
+        sign = -1.0 if dot < 0 else 1.0
+        theta = np.arccos(min(abs(dot), 1.0))
+        sin = np.sin(theta)
+        a, b = 1 - u, u
+        if sin >= 1e-6:
+            a, b = np.sin((1 - u) * theta) / sin, np.sin(u * theta) / sin
+        norm = 0.0
+        for k in range(4):
+            value = a * q[i, k] + b * sign * q[j, k]
+            result[row, k] = value
+            norm += value * value
+        norm = np.sqrt(norm)
+        for k in range(4):
+            result[row, k] /= norm
+    return result

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from testbench.exceptions import CollisionError, LimitError, PlanError, SensorRangeError
+from testbench.exceptions import CollisionError, Contact, LimitError, PlanError, SensorRangeError
 from testbench.frames import NANOSECONDS
 from testbench.model.collision import CollisionModel
 from testbench.model.kinematics import Kinematics, Pose
@@ -39,10 +39,12 @@ def check_plan(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: 
     for begin in range(0, len(times), CHUNK):
         chunk = times[begin : begin + CHUNK]
         q, v, a = trajectory.at(chunk)
-        limits.look(chunk, q, v, a)
+        if clearance.contact is None:
+            limits.look(chunk, q, v, a)
         clearance.look(chunk, q)
-        for sensor in sensors:
+        for sensor in sensors if clearance.contact is None else []:  # after a contact only the worst one is looked for
             sensor.look(chunk, q, v, a)
+    clearance.refuse_contact()
     uses = [sensor.use() for sensor in sensors]
     return PlanCheck(trajectory.duration, len(steps), limits.uses(), uses, clearance.smallest, len(times))
 
@@ -109,6 +111,8 @@ class _Clearance:
         self.model, self.locate = CollisionModel(kinematics), locate
         self.margin = kinematics.robot.spec.collision.margin_mm / 1000
         self.smallest: Clearance | None = None
+        self.contact: Contact | None = None
+        self._contact_ns = 0
         self._travelled = 0.0
         self._last: np.ndarray | None = None
         self._known: set[bytes] = set()
@@ -132,11 +136,19 @@ class _Clearance:
         if nearest is None:
             return
         seconds, step = time / NANOSECONDS, self.locate.step(time).name
-        if nearest.distance <= self.margin:
-            error = CollisionError(nearest.first, nearest.second, nearest.distance, self.margin, seconds, step)
-            raise self.locate.placed(error, time)
+        if nearest.distance <= self.margin and self.contact is None:
+            self.contact = Contact(nearest.first, nearest.second, nearest.distance, seconds, step)
+            self._contact_ns = time
         if self.smallest is None or nearest.distance * 1000 < self.smallest.distance_mm:
             self.smallest = Clearance(nearest.first, nearest.second, nearest.distance * 1000, seconds, step)
+
+    def refuse_contact(self) -> None:
+        """Refuse a motion in which bodies come too near: where they do so first, and where most."""
+        if self.contact is None or self.smallest is None:
+            return
+        worst = self.smallest
+        nearest = Contact(worst.first, worst.second, worst.distance_mm / 1000, worst.time_s, worst.step)
+        raise self.locate.placed(CollisionError(self.contact, self.margin, nearest), self._contact_ns)
 
 
 class _SensorRange:

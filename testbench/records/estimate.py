@@ -10,7 +10,7 @@ import numpy as np
 
 from testbench.exceptions import SessionError
 from testbench.records.samples import QUATERNION, join, names, split
-from testbench.records.storage import read_json, read_parquet, write_json, write_parquet
+from testbench.records.storage import read_json, read_parquet, read_stacked, write_json, write_parquet
 
 SCHEMA_VERSION = 1
 FOLDER = "estimate"
@@ -89,6 +89,8 @@ class CalibrationFit:
         self, gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Corrected angular rate [rad/s], specific force [m/s^2] and field [uT], shapes (n, 3)."""
+        if self.method == "none":
+            return gyr, acc, mag
         R = self.R_believed_from_sensor
         corrected = (acc - self.acc_bias) @ self.acc_matrix.T
         rate = (gyr - self.gyr_bias - acc @ self.gyr_g_matrix.T) @ R.T
@@ -150,7 +152,8 @@ class SensorEstimate:
         orientation: q_world_from_sensor by filter, shape (n, 4), aligned. clock, calibration: What was fitted.
         frames: The alignment of each filter. skipped: Filters that could not run, and why. flagged: Samples that the quality
         gates refuse, shape (n,); they are not judged. quality: Number of samples by reason. remarks: What else is odd.
-        timing: Audit of the time stamps. axes: By triad, and "device_q".
+        timing: Audit of the time stamps. every: The estimate holds one of so many samples of the recording, the last of them; 1
+        but for recordings of hours. axes: By triad, and "device_q".
         stored_calibration: Which stored calibration corrected the raw samples first (`calibrated_utc`, `session`, `methods`).
     """
 
@@ -165,6 +168,7 @@ class SensorEstimate:
     quality: dict[str, int] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     timing: TimingAudit = field(default_factory=TimingAudit)
+    every: int = 1
     axes: dict[str, AxisFinding] = field(default_factory=dict)
     stored_calibration: dict[str, Any] | None = None
 
@@ -215,6 +219,7 @@ class Estimate:
                 "quality": sensor.quality,
                 "remarks": sensor.remarks,
                 "timing": asdict(sensor.timing),
+                "every": sensor.every,
                 "axes": {triad: asdict(finding) for triad, finding in sensor.axes.items()},
                 "stored_calibration": sensor.stored_calibration,
             }
@@ -246,8 +251,10 @@ class Estimate:
             raise SessionError(f"{folder} has schema {summary.get('schema_version')}; this version reads {SCHEMA_VERSION}")
         sensors, joints = {}, {}
         for name, data in summary["sensors"].items():
-            table = read_parquet(folder / f"orientation_{name}.parquet")
-            orientation = {key: join(table, names(f"{key}_q_world_from_sensor", "", QUATERNION)) for key in data["filters"]}
+            columns = {key: names(f"{key}_q_world_from_sensor", "", QUATERNION) for key in data["filters"]}
+            single = {key: key for key in ("host_time_ns", "static", "flagged")}
+            table = read_stacked(folder / f"orientation_{name}.parquet", {**single, **columns})
+            orientation = {key: table[key] for key in data["filters"]}
             calibration = {
                 key: np.array(value, dtype=float) if isinstance(value, list) else value
                 for key, value in data["calibration"].items()
@@ -264,6 +271,7 @@ class Estimate:
                 data["quality"],
                 data["remarks"],
                 TimingAudit(**_numbers(data["timing"], keep=("nominal_rate_hz",))),
+                data["every"],
                 {triad: AxisFinding(**finding) for triad, finding in data["axes"].items()},
                 data["stored_calibration"],
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -111,6 +112,21 @@ class ImuSamples:
         if self.device_q is not None:
             result |= split(DEVICE_Q, self.device_q)
         return result | {"saturated": self.saturated}
+
+    @staticmethod
+    def groups(names: Sequence[str]) -> dict[str, str | list[str]]:
+        """Columns on disk by attribute, those that a table with these columns lacks left out."""
+        own: dict[str, str | list[str]] = {"device_time_ns": "device_time_ns", "host_time_ns": "host_time_ns"}
+        own |= {"gyr": GYR, "acc": ACC, "mag": MAG, "device_q": DEVICE_Q, "counter": "counter", "saturated": "saturated"}
+        return {key: group for key, group in own.items() if key not in {"mag", "device_q"} or group[0] in names}
+
+    @staticmethod
+    def from_groups(arrays: Mapping[str, np.ndarray]) -> ImuSamples:
+        """From arrays by attribute; mag and device_q may be missing."""
+        return ImuSamples(
+            arrays["device_time_ns"], arrays["host_time_ns"], arrays["gyr"], arrays["acc"], arrays.get("mag"),
+            arrays.get("device_q"), arrays["counter"], arrays["saturated"],
+        )  # fmt: skip
 
     @staticmethod
     def from_columns(table: dict[str, np.ndarray]) -> ImuSamples:

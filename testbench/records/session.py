@@ -5,12 +5,14 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from testbench.exceptions import NotFoundError, SessionError
@@ -18,7 +20,14 @@ from testbench.records.plan import PlannedStep
 from testbench.records.protocol import Analysis
 from testbench.records.robot import Robot, robot_from_text
 from testbench.records.samples import ArmSamples, ImuSamples, Truth
-from testbench.records.storage import read_json, read_parquet
+from testbench.records.storage import (
+    ROWS_PER_GROUP,
+    parquet_shape,
+    read_json,
+    read_parquet,
+    read_parquet_batches,
+    read_stacked,
+)
 
 SCHEMA_VERSION = 1
 MANIFEST, EVENTS, ARM, PLAN = "manifest.json", "events.jsonl", "arm", "plan.parquet"
@@ -123,15 +132,43 @@ class Session:
         same = original.is_file() and copy.is_file() and original.read_bytes() == copy.read_bytes()
         return robot_from_text(file, original if same else copy)
 
-    def imu(self, sensor: str) -> ImuSamples:
+    def imu(self, sensor: str, begin: int = 0, end: int | None = None, every: int = 1) -> ImuSamples:
         """Raw samples of a sensor.
+
+        Args:
+            sensor: Its name. begin, end: First sample, and the one after the last; to the end if None. every: Only one sample
+            of so many, the last of them.
 
         Raises:
             NotFoundError: No such sensor.
         """
+        path, names = self._samples(sensor)
+        return ImuSamples.from_groups(read_stacked(path, ImuSamples.groups(names), begin, end, every))
+
+    def imu_batches(self, sensor: str, rows: int = ROWS_PER_GROUP) -> Iterator[ImuSamples]:
+        """Raw samples of a sensor in pieces of at most so many, for recordings that do not fit in memory."""
+        path, _ = self._samples(sensor)
+        for columns in read_parquet_batches(path, rows=rows):
+            yield ImuSamples.from_columns(columns)
+
+    def imu_columns(self, sensor: str) -> list[str]:
+        """Names of the columns of a sensor's raw samples."""
+        return self._samples(sensor)[1]
+
+    def imu_column(self, sensor: str, column: str, begin: int = 0, end: int | None = None) -> np.ndarray:
+        """One column of a sensor's raw samples, from sample `begin` to before `end`, shape (n,)."""
+        return read_stacked(self._samples(sensor)[0], {column: column}, begin, end)[column]
+
+    def sample_count(self, sensor: str) -> int:
+        """How many samples of a sensor there are."""
+        return parquet_shape(self._samples(sensor)[0])[0]
+
+    def _samples(self, sensor: str) -> tuple[Path, list[str]]:
+        """File of a sensor's samples, and its columns."""
         self._check(sensor)
         self._check_closed()
-        return ImuSamples.from_columns(read_parquet(self.path / f"imu_{sensor}.parquet"))
+        path = self.path / f"imu_{sensor}.parquet"
+        return path, parquet_shape(path)[1]
 
     def truth(self, sensor: str) -> Truth | None:
         """What the sensor went through, or None where nobody knows."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ import pyarrow.parquet as pq
 from testbench.exceptions import SessionError
 
 ROWS_PER_GROUP = 65_536
+ENCODING: dict[str, Any] = {"compression": "zstd", "use_dictionary": False}
+"""Measured numbers hardly repeat: without dictionaries tables are written in half the time, and are smaller."""
 Columns = Mapping[str, np.ndarray]
 
 
@@ -32,21 +35,147 @@ def to_table(columns: Columns, notes: Mapping[str, str] | None = None) -> pa.Tab
 def write_parquet(path: Path, columns: Columns, notes: Mapping[str, str] | None = None) -> None:
     """Write a Parquet file in one step: under another name, synced, then renamed."""
     partial = path.with_suffix(".partial")
-    pq.write_table(to_table(columns, notes), partial, compression="zstd", row_group_size=ROWS_PER_GROUP)
+    pq.write_table(to_table(columns, notes), partial, row_group_size=ROWS_PER_GROUP, **ENCODING)
     replace_synced(partial, path)
 
 
-def read_parquet(path: Path) -> dict[str, np.ndarray]:
+def write_parquet_batches(path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch | pa.Table]) -> int:
+    """Write a Parquet file from pieces as they come, under another name until it is whole.
+
+    Row groups have `ROWS_PER_GROUP` rows whatever the length of the pieces, so that the same rows give the same bytes.
+
+    Returns:
+        Number of rows.
+    """
+    partial = path.with_suffix(".partial")
+    count = _write_pieces(partial, schema, batches)
+    replace_synced(partial, path)
+    return count
+
+
+def _write_pieces(path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch | pa.Table]) -> int:
+    count = 0
+    with pq.ParquetWriter(path, schema, **ENCODING) as file:
+        for table in _regrouped(schema, batches, ROWS_PER_GROUP):
+            file.write_table(table, row_group_size=ROWS_PER_GROUP)
+            count += table.num_rows
+    return count
+
+
+def _regrouped(schema: pa.Schema, batches: Iterable[pa.RecordBatch | pa.Table], rows: int) -> Iterator[pa.Table]:
+    """The same rows in tables of `rows` rows each, but for the last."""
+    waiting: list[pa.RecordBatch] = []
+    count = 0
+    for piece in batches:
+        for batch in piece.to_batches() if isinstance(piece, pa.Table) else [piece]:
+            start = 0
+            while start < batch.num_rows:
+                taken = batch.slice(start, rows - count)
+                waiting.append(taken)
+                start, count = start + taken.num_rows, count + taken.num_rows
+                if count == rows:
+                    yield pa.Table.from_batches(waiting, schema).combine_chunks()
+                    waiting, count = [], 0
+    if waiting:
+        yield pa.Table.from_batches(waiting, schema).combine_chunks()
+
+
+def read_parquet(path: Path, columns: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """Columns of a Parquet file.
+
+    Args:
+        path: The file. columns: Those to read; all if None.
 
     Raises:
         SessionError: The file is missing or damaged.
     """
     try:
-        table = pq.read_table(path)
+        table = pq.read_table(path, columns=None if columns is None else list(columns))
     except (OSError, pa.ArrowInvalid) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
     return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def read_parquet_batches(
+    path: Path, columns: Sequence[str] | None = None, rows: int = ROWS_PER_GROUP
+) -> Iterator[dict[str, np.ndarray]]:
+    """Columns of a Parquet file, piece by piece; one piece without rows where the file has none.
+
+    Args:
+        path: The file. columns: Those to read; all if None. rows: Most rows of a piece.
+
+    Raises:
+        SessionError: The file is missing or damaged.
+    """
+    try:
+        with pq.ParquetFile(path) as file:
+            wanted = None if columns is None else list(columns)
+            pieces = file.iter_batches(batch_size=rows, columns=wanted) if file.metadata.num_rows else [file.read(wanted)]
+            for piece in pieces:
+                yield {name: _array(piece.column(name)) for name in piece.schema.names}
+    except (OSError, pa.ArrowInvalid) as error:
+        raise SessionError(f"{path} cannot be read: {error}") from None
+
+
+def _array(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
+    return column.to_numpy() if isinstance(column, pa.ChunkedArray) else column.to_numpy(zero_copy_only=False)
+
+
+def read_stacked(
+    path: Path, groups: Mapping[str, str | Sequence[str]], begin: int = 0, end: int | None = None, every: int = 1
+) -> dict[str, np.ndarray]:
+    """Columns of a Parquet file side by side, read in pieces straight to their places: nothing is in memory twice.
+
+    Args:
+        path: The file. groups: By the name of the result, a column, or several that stand side by side in an array (n, k).
+        begin, end: First row, and the row after the last; to the end if None. every: Only one row of so many, the last of them.
+
+    Raises:
+        SessionError: The file is missing or damaged, or lacks a column.
+    """
+    count, names = parquet_shape(path)
+    end = count if end is None else min(end, count)
+    single = [group for group in groups.values() if isinstance(group, str)]
+    wanted = single + [name for group in groups.values() if not isinstance(group, str) for name in group]
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        raise SessionError(f"{path} lacks the column {missing[0]}; it has {', '.join(names)}")
+    rows = max(end - begin, 0) // every
+    result: dict[str, np.ndarray] = {}
+    first = 0
+    for batch in read_parquet_batches(path, wanted):
+        length = len(batch[wanted[0]])
+        start = begin + every - 1 - first  # of the first row that is wanted, seen from this piece
+        start += max(-(start // every), 0) * every
+        place = (first + start - begin) // every
+        taken = slice(start, max(end - first, 0), every)
+        for key, group in groups.items():
+            if isinstance(group, str):
+                values = result.setdefault(key, np.empty(rows, dtype=batch[group].dtype))
+                part = batch[group][taken]
+                values[place : place + len(part)] = part
+            else:
+                matrix = result.setdefault(key, np.empty((rows, len(group)), dtype=batch[group[0]].dtype))
+                for i, name in enumerate(group):
+                    part = batch[name][taken]
+                    matrix[place : place + len(part), i] = part
+        first += length
+        if first >= end:
+            break
+    return result
+
+
+def parquet_shape(path: Path) -> tuple[int, list[str]]:
+    """Number of rows, and names of the columns, of a Parquet file.
+
+    Raises:
+        SessionError: The file is missing or damaged.
+    """
+    try:
+        with pq.ParquetFile(path) as file:
+            return file.metadata.num_rows, list(file.schema_arrow.names)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise SessionError(f"{path} cannot be read: {error}") from None
 
 
 def write_json(path: Path, data: Any) -> None:
@@ -111,27 +240,35 @@ class Journal:
             self._file.close()
 
 
-def journal_batches(path: Path) -> tuple[pa.Schema, list[pa.RecordBatch]]:
-    """The whole batches of a journal, also of one that was cut off in the middle of a batch.
+def journal_batches(path: Path) -> tuple[pa.Schema, Iterator[pa.RecordBatch]]:
+    """The schema of a journal, and its whole batches one by one, also of one that was cut off in the middle of a batch.
 
     Raises:
         SessionError: Not even the schema can be read.
     """
-    batches: list[pa.RecordBatch] = []
-    with pa.memory_map(str(path)) as source:
-        try:
-            reader = pa.ipc.open_stream(source)
-        except (pa.ArrowInvalid, OSError) as error:
-            raise SessionError(f"the journal {path} cannot be read: {error}") from None
+    try:
+        with path.open("rb") as source:
+            schema = pa.ipc.open_stream(source).schema
+    except (pa.ArrowInvalid, OSError) as error:
+        raise SessionError(f"the journal {path} cannot be read: {error}") from None
+    return schema, _whole_batches(path)
+
+
+def _whole_batches(path: Path) -> Iterator[pa.RecordBatch]:
+    with path.open("rb") as source:  # not mapped: a long journal would count as memory of this process
+        reader = pa.ipc.open_stream(source)
         while True:
             try:
-                batches.append(reader.read_next_batch())
+                batch = reader.read_next_batch()
             except (StopIteration, pa.ArrowInvalid, OSError):
-                return reader.schema, batches
+                return
+            yield batch
 
 
 def compact(journal: Path, target: Path) -> int:
     """Turn a journal into a Parquet file, read it back, compare, and only then remove the journal.
+
+    Both are gone through in pieces: the memory does not grow with the length of the recording.
 
     Returns:
         Number of rows.
@@ -141,18 +278,31 @@ def compact(journal: Path, target: Path) -> int:
     """
     schema, batches = journal_batches(journal)
     partial = target.with_suffix(".partial")
-    table = pa.Table.from_batches(batches, schema)
-    pq.write_table(table.combine_chunks(), partial, compression="zstd", row_group_size=ROWS_PER_GROUP)
-    if not _same_values(pq.read_table(partial), table):
+    count = _write_pieces(partial, schema, batches)
+    if not _same_rows(partial, schema, journal_batches(journal)[1]):
         raise SessionError(f"{target} differs from its journal {journal} after writing; the journal is kept")
     replace_synced(partial, target)
     journal.unlink()
-    return table.num_rows
+    return count
+
+
+def _same_rows(path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch]) -> bool:
+    """Whether a Parquet file holds these rows and no others, NaN being equal to NaN."""
+    with pq.ParquetFile(path) as file:
+        if file.schema_arrow.names != schema.names:
+            return False
+        found = (pa.Table.from_batches([batch]) for batch in file.iter_batches(batch_size=ROWS_PER_GROUP))
+        regrouped = _regrouped(schema, found, ROWS_PER_GROUP)  # batches of a file need not all be full
+        expected = _regrouped(schema, batches, ROWS_PER_GROUP)
+        return all(
+            first is not None and second is not None and _same_values(first, second)
+            for first, second in zip_longest(regrouped, expected)
+        )
 
 
 def _same_values(first: pa.Table, second: pa.Table) -> bool:
-    """Whether two tables hold the same, NaN being equal to NaN."""
-    return first.column_names == second.column_names and all(
+    """Whether two tables of the same columns hold the same, NaN being equal to NaN."""
+    return all(
         np.array_equal(first[name].to_numpy(), second[name].to_numpy(), equal_nan=first.schema.field(name).type == pa.float64())
         for name in first.column_names
     )

@@ -46,8 +46,8 @@ def _timing(estimate: Estimate) -> Table:
 def _quality(estimate: Estimate) -> Table:
     reasons = list(dict.fromkeys(reason for sensor in estimate.sensors.values() for reason in sensor.quality))
     rows = [
-        Row([label(name), *(number(sensor.quality.get(reason), 0) for reason in reasons), number(int(sensor.flagged.sum()), 0),
-             number(100 * float(sensor.flagged.mean()), 3)])
+        Row([label(name), *(number(sensor.quality.get(reason), 0) for reason in reasons),
+             number(int(sensor.flagged.sum()) * sensor.every, 0), number(100 * float(sensor.flagged.mean()), 3)])
         for name, sensor in estimate.sensors.items()
     ]  # fmt: skip
     return Table(

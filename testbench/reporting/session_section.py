@@ -204,13 +204,13 @@ def provenance_section(session: Session) -> Section:
 def _quality(session: Session) -> Table:
     rows = []
     for name in session.sensor_names:
-        samples = session.imu(name)
-        n = len(samples)
-        steps = np.diff(samples.counter)
+        n = session.sample_count(name)
+        steps = np.diff(session.imu_column(name, "counter"))
         lost = int(np.sum(steps[steps > 0] - 1)) if n else 0
-        span = (samples.device_time_ns[-1] - samples.device_time_ns[0]) / NANOSECONDS if n > 1 else 0.0
+        ends = [session.imu_column(name, "device_time_ns", row, row + 1) for row in (0, max(n - 1, 0))]
+        span = float(ends[1][0] - ends[0][0]) / NANOSECONDS if n > 1 else 0.0
         rate = float(np.sum(steps[steps > 0])) / span if span > 0 else None
-        saturated = int(samples.saturated.sum())
+        saturated = int(session.imu_column(name, "saturated").sum())
         rows.append(Row([label(name), number(n, 0), number(rate, 3), number(lost, 0), number(100 * lost / max(n + lost, 1), 2),
                          number(saturated, 0)]))  # fmt: skip
     return Table(

@@ -55,3 +55,14 @@ def test_a_recording_is_static_within_the_dwells_of_its_steps_and_nowhere_else(q
     still = np.linalg.norm(truth.rate, axis=1) < np.radians(2.0)  # moves of the other joint leave this sensor nearly at rest
     allowed |= np.interp(time, truth.host_time_ns, still) > 0.5
     assert (static & ~allowed).sum() == 0
+
+
+def test_a_straight_line_over_a_gap_does_not_set_the_measure_of_rest():
+    rng = np.random.default_rng(2)
+    gyr = 0.01 * rng.standard_normal((6000, 3))
+    gyr[2000:3000] += np.linspace(0.5, 1.0, 1000)[:, None]  # turns, then packets are lost until it turns on
+    gyr[3000:4500] = np.linspace(1.0, 0.5, 1500)[:, None]
+    real = np.r_[0:3000, 4500:6000]
+    static = detect_static(gyr, 0.01, real)
+    assert static[100:1900].all() and static[4600:5900].all()
+    assert not static[2050:2950].any()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.evaluation.noise import longest_rest, noise_rows, norm_error_percent
+from testbench.evaluation.noise import Rest, longest_rest, noise_rows, norm_error_percent
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model.imu import TriadModel
 from testbench.records.samples import ImuSamples
@@ -23,11 +23,14 @@ def at_rest(seconds=120.0, seed=0):
     return ImuSamples(time, time, gyr, acc, None, None, np.arange(n), np.zeros(n, dtype=bool))
 
 
+def rest_of(samples):
+    columns = samples.to_columns()
+    return Rest(len(samples), (len(samples) - 1) / RATE, columns, columns.__getitem__)
+
+
 def test_the_data_sheet_that_was_simulated_is_measured_again():
     samples = at_rest()
-    rows = {
-        (row.quantity, row.axis): row for row in noise_rows("dot", samples, samples.device_time_ns, np.ones(len(samples), bool))
-    }
+    rows = {(row.quantity, row.axis): row for row in noise_rows("dot", rest_of(samples))}
     for axis, density in (("x", 120.0), ("y", 120.0), ("z", 200.0)):
         row = rows["acc", axis]
         assert row.noise_density_unit == "ug/sqrt(Hz)"
@@ -42,9 +45,8 @@ def test_the_data_sheet_that_was_simulated_is_measured_again():
 def test_the_mean_norm_is_compared_with_gravity():
     samples = at_rest()
     scaled = ImuSamples(*{**vars(samples), "acc": samples.acc * 0.98}.values())
-    still = np.ones(len(samples), bool)
-    plain = norm_error_percent(samples, samples.device_time_ns, still)
-    assert norm_error_percent(scaled, samples.device_time_ns, still) == pytest.approx(0.98 * (100 + plain) - 100, abs=1e-9)
+    plain = norm_error_percent(rest_of(samples))
+    assert norm_error_percent(rest_of(scaled)) == pytest.approx(0.98 * (100 + plain) - 100, abs=1e-9)
 
 
 def test_the_longest_rest_ends_at_motion_and_at_gaps():
@@ -57,5 +59,15 @@ def test_the_longest_rest_ends_at_motion_and_at_gaps():
 
 
 def test_a_short_rest_gives_no_row():
-    samples = at_rest(seconds=5.0)
-    assert noise_rows("dot", samples, samples.device_time_ns, np.ones(len(samples), bool)) == []
+    time = at_rest(seconds=5.0).device_time_ns
+    assert longest_rest(time, np.ones(len(time), bool)) is None
+    assert noise_rows("dot", None) == [] and norm_error_percent(None) is None
+
+
+def test_a_quantity_that_is_unknown_somewhere_or_never_changes_gives_no_row():
+    samples = at_rest()
+    samples.gyr[100, 1] = np.nan
+    samples.acc[:] = [0.0, 0.0, STANDARD_GRAVITY]
+    assert {row.quantity for row in noise_rows("dot", rest_of(samples))} == {"acc"}  # its axes differ
+    samples.acc[:] = 1.0
+    assert noise_rows("dot", rest_of(samples)) == []

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from testbench.exceptions import SessionError
 from testbench.records.storage import (
+    ROWS_PER_GROUP,
     Journal,
     compact,
     journal_batches,
+    parquet_shape,
     plain_values,
     read_json,
     read_parquet,
+    read_parquet_batches,
+    to_table,
     write_json,
     write_parquet,
+    write_parquet_batches,
 )
 
 COLUMNS = {"host_time_ns": np.int64, "gyr_x_rad_s": np.float64, "saturated": np.bool_}
@@ -52,7 +59,7 @@ def test_a_journal_cut_at_any_byte_gives_back_its_whole_batches_and_never_a_wron
     for length in range(len(whole) + 1):
         cut_file.write_bytes(whole[:length])
         try:
-            _, batches = journal_batches(cut_file)
+            batches = list(journal_batches(cut_file)[1])
         except SessionError:
             counts.append(-1)
             continue
@@ -106,16 +113,37 @@ def test_compaction_of_a_cut_journal_keeps_its_whole_batches(journal, tmp_path):
 
 
 def test_a_table_that_reads_back_differently_is_refused_and_the_journal_kept(journal, tmp_path, monkeypatch):
-    honest = pq.write_table
+    honest = pq.ParquetWriter.write_table
+    for change in (lambda table: table.slice(1), lambda table: pa.concat_tables([table, table]), _one_value_changed):
+        with monkeypatch.context() as patch:
+            patch.setattr(
+                pq.ParquetWriter, "write_table", lambda file, table, change=change, **more: honest(file, change(table), **more)
+            )
+            with pytest.raises(SessionError, match="differs from its journal"):
+                compact(journal, tmp_path / "imu.parquet")
+        assert journal.exists()
+        assert not (tmp_path / "imu.parquet").exists()
 
-    def forgetful(table, *args, **kwargs):
-        honest(table.slice(1), *args, **kwargs)
 
-    monkeypatch.setattr(pq, "write_table", forgetful)
-    with pytest.raises(SessionError, match="differs from its journal"):
-        compact(journal, tmp_path / "imu.parquet")
-    assert journal.exists()
-    assert not (tmp_path / "imu.parquet").exists()
+def _one_value_changed(table):
+    values = table["gyr_x_rad_s"].to_numpy().copy()
+    values[7] += 1e-12
+    return table.set_column(1, table.schema.field(1), pa.array(values))
+
+
+def test_pieces_of_any_length_make_the_same_file_as_the_whole(tmp_path):
+    count = 3 * ROWS_PER_GROUP + 17
+    whole = to_table(rows(0, count), {"content": "test"})
+    cuts = [0, 1, 10, ROWS_PER_GROUP, ROWS_PER_GROUP + 3, 2 * ROWS_PER_GROUP + 9, count]
+    pieces = [whole.slice(begin, end - begin) for begin, end in pairwise(cuts)]
+    assert write_parquet_batches(tmp_path / "pieces.parquet", whole.schema, pieces) == count
+    write_parquet_batches(tmp_path / "whole.parquet", whole.schema, [whole])
+    assert (tmp_path / "pieces.parquet").read_bytes() == (tmp_path / "whole.parquet").read_bytes()
+    read = list(read_parquet_batches(tmp_path / "pieces.parquet", ["host_time_ns", "saturated"], 1000))
+    assert [list(piece) for piece in read[:1]] == [["host_time_ns", "saturated"]]
+    assert max(len(piece["saturated"]) for piece in read) <= 1000
+    np.testing.assert_array_equal(np.concatenate([piece["host_time_ns"] for piece in read]), np.arange(count))
+    assert parquet_shape(tmp_path / "pieces.parquet") == (count, list(COLUMNS))
 
 
 def test_a_journal_that_is_no_journal_is_refused(tmp_path):

@@ -18,12 +18,13 @@ import pytest
 from testbench import execute, plan
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.exceptions import DriverError, NotFoundError, RunInterrupted, SessionError
+from testbench.execution import truth
 from testbench.execution.executor import Progress
 from testbench.execution.recovery import recover
-from testbench.execution.truth import joint_acceleration
+from testbench.execution.truth import Smoothing
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus, Session, list_sessions
-from testbench.records.storage import journal_batches
+from testbench.records.storage import journal_batches, read_parquet
 
 RAW = ["arm.parquet", "imu_hand.parquet", "truth_hand.parquet", "plan.parquet"]
 
@@ -198,14 +199,14 @@ def test_joint_accelerations_are_the_derivative_of_the_rates():
     zero = np.zeros_like(rate)
     samples = ArmSamples(["j"], (t * 1e9).astype(np.int64), zero, zero, rate)
     expected = 2 * np.pi * 0.5 * np.cos(2 * np.pi * 0.5 * t)
-    assert np.abs(joint_acceleration(samples)[:, 0] - expected).max() < 0.01 * np.pi
+    assert np.abs(Smoothing.of(samples.host_time_ns).acceleration(samples.v_measured)[:, 0] - expected).max() < 0.01 * np.pi
 
 
 @pytest.mark.parametrize("count", [0, 1, 4, 5, 6, 13])
 def test_the_truth_of_a_few_samples_is_no_error(count):
     t = np.arange(count)
     zero = np.zeros((count, 2))
-    assert joint_acceleration(ArmSamples(["a", "b"], t * 8_000_000, zero, zero, zero)).shape == (count, 2)
+    assert Smoothing.of(t * 8_000_000).acceleration(zero).shape == (count, 2)
 
 
 def test_a_folder_that_is_no_session_is_refused_in_a_sentence(tmp_path, quick):
@@ -277,3 +278,15 @@ def test_a_recovered_run_equals_the_beginning_of_an_undisturbed_one(killed, tiny
             np.testing.assert_array_equal(column, expected.to_columns()[key][:n])
     assert session.truth("hand") is not None
     assert recover(session).manifest == session.manifest  # a second time changes nothing
+
+
+def test_the_truth_of_a_long_run_is_the_same_in_pieces(quick, tmp_path, monkeypatch):
+    session, folder = quick.session, tmp_path
+    shutil.copy(session.path / "arm.parquet", folder)
+    monkeypatch.setattr(truth, "BLOCK", 500)
+    truth.write_truth(folder, session.robot, session.analysis.sensors)
+    for name in session.sensor_names:
+        pieces, whole = read_parquet(folder / f"truth_{name}.parquet"), read_parquet(session.path / f"truth_{name}.parquet")
+        assert list(pieces) == list(whole)
+        for column, values in whole.items():
+            np.testing.assert_allclose(pieces[column], values, rtol=0, atol=1e-9, err_msg=column)

@@ -6,7 +6,7 @@ import ruckig
 
 from testbench import plan
 from testbench.exceptions import CollisionError, LimitError, NotFoundError, PlanError, SensorRangeError
-from testbench.model.collision import CollisionModel
+from testbench.model.collision import CollisionModel, NearestPair
 from testbench.model.kinematics import Kinematics
 from testbench.planning.expansion import SineCommand
 from testbench.planning.motion import MotionBuilder, faded_sine
@@ -119,6 +119,39 @@ def test_an_arm_that_reaches_into_the_floor_is_refused(planned, robot):
         planned(
             "{name: stretch, move_to_deg: [0, -45, 0, 0, 0, 0]}", "{name: down, move_to_deg: [0, 40, 0, 0, 0, 0]}", robot=robot
         )
+
+
+def test_the_first_contact_and_the_worst_are_both_named(planned, monkeypatch):
+    seen = []
+
+    def nearest(self, q):
+        """Two bodies that touch first, and two others that overlap most, later; a known function of the elbow's angle."""
+        elbow = float(np.degrees(q[2]))
+        gap, other = 0.030 - 0.001 * elbow, 0.080 - 0.0015 * elbow
+        pair = NearestPair("hand", "foot", gap) if gap <= other else NearestPair("head", "wall", other)
+        seen.append(pair)
+        return pair
+
+    monkeypatch.setattr(CollisionModel, "nearest", nearest)
+    with pytest.raises(CollisionError) as caught:
+        planned(
+            "{name: near, move_to_deg: [0, -90, 20, 0, 0, 0]}",
+            "{name: deep, move_to_deg: [0, -90, 150, 0, 0, 0]}",
+            "{name: away, move_to_deg: [0, -90, 0, 0, 0, 0]}",
+        )
+    error = caught.value
+    first = next(pair for pair in seen if pair.distance <= error.margin)
+    worst = min(seen, key=lambda pair: pair.distance)
+    assert (error.first, error.second, error.clearance) == (first.first, first.second, first.distance)
+    assert (error.worst.first, error.worst.second, error.worst.clearance) == (worst.first, worst.second, worst.distance)
+    assert {first.first, worst.first} == {"hand", "head"} and error.worst.clearance == pytest.approx(-0.145)
+    assert error.step == "deep" and error.worst.step in {"deep", "away"} and error.time < error.worst.time
+    said = str(error)
+    assert (
+        f"hand and foot come within {1e3 * first.distance:.1f} mm (margin 5.0 mm) at t = {error.time:.3f} s (step 'deep')"
+        in said
+    )
+    assert f"; at worst head and wall overlap by 145.0 mm, at t = {error.worst.time:.3f} s (step '{error.worst.step}')" in said
 
 
 def test_a_path_that_collides_between_two_free_poses_is_refused(planned):

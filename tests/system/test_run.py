@@ -61,7 +61,7 @@ def wait_for(folder: Path, process: subprocess.Popen[str], seconds: float) -> Pa
         assert process.poll() is None, process.communicate()
         for journal in folder.glob("*/arm.arrows"):
             try:
-                _, batches = journal_batches(journal)
+                batches = list(journal_batches(journal)[1])
             except Exception:  # not even the schema is there yet
                 continue
             if batches and batches[-1]["host_time_ns"][-1].as_py() > seconds * 1e9:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -39,6 +40,10 @@ class UniformSamples:
         return np.vstack([np.zeros((1, 3)), rotation.to_rotation_vector(step) / self.interval])
 
 
+Run = Callable[[UniformSamples], np.ndarray]
+"""Takes the next samples and gives q_earth_from_sensor at each of them, shape (n, 4)."""
+
+
 class OrientationFilter(ABC):
     """Turns samples into orientations.
 
@@ -59,6 +64,14 @@ class OrientationFilter(ABC):
         Returns:
             q_earth_from_sensor, w x y z, shape (n, 4). Earth has z up; its heading is ENU with a magnetometer, else arbitrary.
         """
+
+    def begin(self, interval: float) -> Run | None:
+        """A run that takes samples piece by piece and goes on from piece to piece; None where a filter needs all at once.
+
+        Args:
+            interval: Of the samples [s].
+        """
+        return None
 
     def missing(self, samples: UniformSamples) -> list[str]:
         """What this filter needs and the samples lack."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.filters.base import OrientationFilter, UniformSamples
+from testbench.estimation.filters.base import OrientationFilter, Run, UniformSamples
 
 
 class Device(OrientationFilter):
@@ -16,3 +16,7 @@ class Device(OrientationFilter):
         """See OrientationFilter."""
         assert samples.device_q is not None
         return samples.device_q
+
+    def begin(self, interval: float) -> Run:
+        """See OrientationFilter."""
+        return self.run

@@ -5,7 +5,7 @@ from __future__ import annotations
 import imufusion
 import numpy as np
 
-from testbench.estimation.filters.base import OrientationFilter, UniformSamples
+from testbench.estimation.filters.base import OrientationFilter, Run, UniformSamples
 from testbench.estimation.filters.madgwick import tilt
 from testbench.frames import STANDARD_GRAVITY
 
@@ -19,18 +19,30 @@ class Fusion(OrientationFilter):
 
     def run(self, samples: UniformSamples) -> np.ndarray:
         """See OrientationFilter."""
+        return self.begin(samples.interval)(samples)
+
+    def begin(self, interval: float) -> Run:
+        """See OrientationFilter."""
         settings = imufusion.AhrsSettings()
         settings.convention = imufusion.CONVENTION_ENU
         settings.gain = self.parameters["gain"]
         settings.acceleration_rejection = self.parameters["acceleration_rejection_deg"]
         settings.rejection_timeout = self.parameters["rejection_timeout_s"]
-        settings.sample_rate = 1.0 / samples.interval
+        settings.sample_rate = 1.0 / interval
         ahrs = imufusion.Ahrs()
         ahrs.set_settings(settings)
-        ahrs.set_quaternion(tilt(samples.acc[0]))  # from its own start, the identity, it never leaves an exact headstand
-        q = np.empty((len(samples.gyr), 4))
-        rates, forces = np.degrees(samples.gyr), samples.acc / STANDARD_GRAVITY
-        for i in range(len(q)):
-            ahrs.update_no_magnetometer(rates[i], forces[i])
-            q[i] = ahrs.get_quaternion()
-        return q
+        started = False
+
+        def run(samples: UniformSamples) -> np.ndarray:
+            nonlocal started
+            if not started:
+                ahrs.set_quaternion(tilt(samples.acc[0]))  # from its own start, the identity, it never leaves a headstand
+                started = True
+            q = np.empty((len(samples.gyr), 4))
+            rates, forces = np.degrees(samples.gyr), samples.acc / STANDARD_GRAVITY
+            for i in range(len(q)):
+                ahrs.update_no_magnetometer(rates[i], forces[i])
+                q[i] = ahrs.get_quaternion()
+            return q
+
+        return run

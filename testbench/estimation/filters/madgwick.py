@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from testbench.estimation.filters.base import OrientationFilter, UniformSamples
+from testbench.estimation.filters.base import OrientationFilter, Run, UniformSamples
 
 
 class MadgwickImu(OrientationFilter):
@@ -17,8 +17,20 @@ class MadgwickImu(OrientationFilter):
 
     def run(self, samples: UniformSamples) -> np.ndarray:
         """See OrientationFilter."""
-        gyr, acc = np.ascontiguousarray(samples.gyr, float), np.ascontiguousarray(samples.acc, float)
-        return madgwick_imu(gyr, acc, samples.interval, self.parameters["beta"], tilt(acc[0]))
+        return self.begin(samples.interval)(samples)
+
+    def begin(self, interval: float) -> Run:
+        """See OrientationFilter."""
+        last: np.ndarray | None = None
+
+        def run(samples: UniformSamples) -> np.ndarray:
+            nonlocal last
+            gyr, acc = np.ascontiguousarray(samples.gyr, float), np.ascontiguousarray(samples.acc, float)
+            q = madgwick_imu(gyr, acc, interval, self.parameters["beta"], tilt(acc[0]) if last is None else last)
+            last = q[-1].copy() if len(q) else last
+            return q
+
+        return run
 
 
 @njit(cache=True)

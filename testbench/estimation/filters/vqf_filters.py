@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from vqf import VQF, offlineVQF
 
-from testbench.estimation.filters.base import OrientationFilter, UniformSamples
+from testbench.estimation.filters.base import OrientationFilter, Run, UniformSamples
 
 SOURCE = "Laidig & Seel, VQF: Highly accurate IMU orientation estimation, Information Fusion 91, 2023; package vqf"
 
@@ -21,7 +21,12 @@ class Vqf6D(OrientationFilter):
 
     def run(self, samples: UniformSamples) -> np.ndarray:
         """See OrientationFilter."""
-        return np.asarray(VQF(samples.interval).updateBatch(*_arrays(samples))["quat6D"])
+        return self.begin(samples.interval)(samples)
+
+    def begin(self, interval: float) -> Run:
+        """See OrientationFilter."""
+        state = VQF(interval)
+        return lambda samples: np.asarray(state.updateBatch(*_arrays(samples))["quat6D"])
 
 
 class Vqf9D(OrientationFilter):
@@ -31,9 +36,17 @@ class Vqf9D(OrientationFilter):
 
     def run(self, samples: UniformSamples) -> np.ndarray:
         """See OrientationFilter."""
-        assert samples.mag is not None
-        mag = np.ascontiguousarray(samples.mag)
-        return np.asarray(VQF(samples.interval).updateBatch(*_arrays(samples), mag)["quat9D"])
+        return self.begin(samples.interval)(samples)
+
+    def begin(self, interval: float) -> Run:
+        """See OrientationFilter."""
+        state = VQF(interval)
+
+        def run(samples: UniformSamples) -> np.ndarray:
+            assert samples.mag is not None
+            return np.asarray(state.updateBatch(*_arrays(samples), np.ascontiguousarray(samples.mag))["quat9D"])
+
+        return run
 
 
 class VqfOffline(OrientationFilter):

@@ -44,8 +44,9 @@ class ExportSource:
 
     @cached_property
     def imus(self) -> dict[str, ImuSamples]:
-        """Raw samples by sensor."""
-        return {name: self.session.imu(name) for name in self.session.sensor_names}
+        """Raw samples by sensor; of recordings of hours, those that estimates are kept at."""
+        every = {name: estimated.every for name, estimated in self.estimate.sensors.items()}
+        return {name: self.session.imu(name, every=every.get(name, 1)) for name in self.session.sensor_names}
 
     @cached_property
     def truths(self) -> dict[str, Truth | None]:

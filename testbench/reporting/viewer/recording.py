@@ -59,7 +59,8 @@ def _log(
     )
     colours = filter_colours([name for name in session.analysis.estimate.filters if name in filters] + filters)
     truths = {name: session.truth(name) for name in session.sensor_names}
-    samples = {name: session.imu(name) for name in session.sensor_names}
+    kept = {name: own.every for name, own in estimate.sensors.items()} if estimate else {}
+    samples = {name: session.imu(name, every=kept.get(name, 1)) for name in session.sensor_names}
     columns = max([1, *(1 + len(sensor.orientation) for sensor in estimate.sensors.values())]) if estimate else 1
     magnetometers = {name for name, own in samples.items() if own.mag is not None}
     recording.send_blueprint(layout(session, evaluation, columns, _reach(session, arm), magnetometers))

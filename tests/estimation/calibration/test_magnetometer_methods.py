@@ -108,7 +108,7 @@ def test_the_dip_needs_the_accelerometer():
 
 def test_held_out_figures_are_in_microtesla():
     poses = recording(rng(3))
-    calibration = MAGNETOMETER_METHODS["attitude_aided"].function(poses)
+    calibration = MAGNETOMETER_METHODS["known_field"].function(poses)
     figures = validate(calibration, recording(rng(4)), magnetometer=True)
     assert 0.03 < figures["field_norm_rms_ut"] < 0.3
     assert figures["direction_rms_deg"] < 0.5

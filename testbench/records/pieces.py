@@ -1,0 +1,29 @@
+"""Long tables in pieces that overlap, for whatever looks at neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+
+def overlapping(
+    batches: Iterable[dict[str, np.ndarray]], size: int, margin: int
+) -> Iterator[tuple[dict[str, np.ndarray], slice]]:
+    """A table in pieces of `size` rows with up to `margin` further ones at either end.
+
+    Args:
+        batches: The table in any pieces, at least one. size, margin: Rows.
+
+    Yields:
+        Columns with their margins, and the rows among them that are the piece itself.
+    """
+    held: dict[str, np.ndarray] = {}
+    done = 0  # rows at the beginning of what is held that were given out already
+    for batch in batches:
+        held = {name: np.concatenate([held[name], values]) for name, values in batch.items()} if held else dict(batch)
+        while len(next(iter(held.values()))) >= done + size + margin:
+            yield {name: values[: done + size + margin] for name, values in held.items()}, slice(done, done + size)
+            forget = max(done + size - margin, 0)
+            held, done = {name: values[forget:] for name, values in held.items()}, done + size - forget
+    yield held, slice(done, None)

@@ -1,0 +1,174 @@
+"""Long recordings: memory and speed from a CSV of hours to its report, stage by stage, each in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+from scipy.spatial.transform import Rotation
+
+from tests.benchmarks.timing import Text, duration, show
+
+TRUTH_HZ = 50.0
+OFFSET_S, DRIFT_PPM = 0.35, 40.0
+"""The sensors' clocks against that of the truth."""
+CHUNK = 250_000
+STAGES = ("import", "estimate", "evaluate", "report")
+
+PROGRAM = """
+import json, resource, sys, time
+from pathlib import Path
+stage, folder = sys.argv[1], Path(sys.argv[2])
+path = folder / "session"
+begun = time.perf_counter()
+found = {}
+if stage == "import":
+    from testbench.clock import SystemClock
+    from testbench.formats import import_recording
+    from testbench.formats.options import Options
+    files = sorted(folder.glob("sensor*.csv"))
+    session = import_recording("generic", files, path, SystemClock(), Options(str(folder / "map.yaml")))
+    found = {"duration_s": session.manifest["duration_s"], "samples": sum(session.manifest["samples"].values())}
+else:
+    from testbench.estimation import estimate
+    from testbench.evaluation import evaluate
+    from testbench.records.estimate import Estimate
+    from testbench.records.session import Session
+    session = Session(path)
+    if stage == "estimate":
+        made = estimate(session)
+        made.save(path)
+        found = {"clock": [s.clock.offset_s for s in made.sensors.values()], "drift_ppm": [s.clock.drift_ppm for s in
+                 made.sensors.values()], "frames": [f.method for s in made.sensors.values() for f in s.frames.values()]}
+    elif stage == "evaluate":
+        made = evaluate(session, Estimate.load(path))
+        made.save(path)
+        found = {"errors": {f"{r.sensor} {r.filter}": r.inclination_rmse_deg for r in made.orientation},
+                 "samples": {r.sensor: r.n for r in made.orientation}, "noise": len(made.noise)}
+    else:
+        from testbench.reporting.report import report
+        found = {"report_mb": report(session).stat().st_size / 1e6}
+took = time.perf_counter() - begun
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+print(json.dumps({"took_s": took, "cpu_s": time.process_time(), "peak_mb": peak, **found}))
+"""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One stage: wall-clock time without the start of Python, processor time with it [s], largest resident memory [MB]."""
+
+    took_s: float
+    cpu_s: float
+    peak_mb: float
+    found: dict
+
+
+def orientation(time: np.ndarray, seed: int) -> Rotation:
+    """A hand-held motion about all three axes: twenty seconds of rest, then half a minute of motion, over and over."""
+    rng = np.random.default_rng(seed)
+    angles = np.zeros((len(time), 3))
+    phase = time % 50.0
+    envelope = np.clip((phase - 20) / 3, 0, 1) * np.clip((50 - phase) / 3, 0, 1)
+    envelope = envelope**2 * (3 - 2 * envelope)  # no jerk at the ends
+    for axis in range(3):
+        for frequency in rng.uniform(0.1, 0.5, 3):
+            angles[:, axis] += rng.uniform(0.2, 0.4) * np.sin(2 * np.pi * (frequency * time + rng.random()))
+    return Rotation.from_euler("XYZ", angles * envelope[:, None])
+
+
+def write_sensor(path: Path, seconds: float, rate: float, seed: int) -> None:
+    """A CSV of a sensor with a clock of its own: time in us, rate in deg/s as means over each interval, force in m/s^2."""
+    rng = np.random.default_rng(seed)
+    bias = np.radians([0.3, -0.2, 0.1])
+    total = int(seconds * rate)
+    with path.open("wb") as file:
+        for start in range(0, total, CHUNK):
+            index = np.arange(start, min(start + CHUNK, total))
+            host = (index / rate) / (1 + DRIFT_PPM * 1e-6)
+            before = host - 1 / rate
+            now = orientation(host, seed)
+            gyr = (
+                (orientation(before, seed).inv() * now).as_rotvec() * rate + bias + 0.002 * rng.standard_normal((len(index), 3))
+            )
+            acc = now.inv().apply([0.0, 0.0, 9.80665]) + 0.02 * rng.standard_normal((len(index), 3))
+            columns: dict[str, np.ndarray] = {"time_us": np.round((index / rate + OFFSET_S) * 1e6).astype(np.int64)}
+            columns |= {f"gyr_{axis}": np.round(np.degrees(gyr[:, i]), 5) for i, axis in enumerate("xyz")}
+            columns |= {f"acc_{axis}": np.round(acc[:, i], 5) for i, axis in enumerate("xyz")}
+            csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=start == 0))
+
+
+def write_truth(path: Path, seconds: float, seed: int) -> None:
+    """A CSV of the sensor's true orientation on another clock."""
+    with path.open("wb") as file:
+        total = int(seconds * TRUTH_HZ)
+        for start in range(0, total, CHUNK):
+            time = np.arange(start, min(start + CHUNK, total)) / TRUTH_HZ
+            q = orientation(time, seed).as_quat(scalar_first=True)
+            columns = {"time_s": np.round(time, 6)} | {f"q_{axis}": np.round(q[:, i], 7) for i, axis in enumerate("wxyz")}
+            csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=start == 0))
+
+
+def write_case(folder: Path, sensors: int, seconds: float, rate: float) -> None:
+    """The files of a recording and the mapping that reads them."""
+    lines = ["description: a long recording", "time: {column: time_us, unit: us}", "sensors:"]
+    for i in range(1, sensors + 1):
+        write_sensor(folder / f"sensor{i}.csv", seconds, rate, i)
+        write_truth(folder / f"truth{i}.csv", seconds, i)
+        lines += [
+            f"  imu{i}:",
+            f"    file: sensor{i}.csv",
+            "    gyr: {columns: [gyr_x, gyr_y, gyr_z], unit: deg/s}",
+            "    acc: {columns: [acc_x, acc_y, acc_z], unit: m/s^2}",
+            f"    truth: {{file: truth{i}.csv, columns: [q_w, q_x, q_y, q_z], order: wxyz, time: {{column: time_s, unit: s}}}}",
+        ]
+    (folder / "map.yaml").write_text("\n".join(lines) + "\n")
+
+
+def measure(folder: Path, stage: str) -> Measured:
+    """Run a stage on the case in a folder, in a process of its own."""
+    words = [sys.executable, "-c", PROGRAM, stage, str(folder)]
+    result = subprocess.run(words, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        raise RuntimeError(f"{stage} failed:\n{result.stderr}")
+    found = json.loads(result.stdout)
+    return Measured(found.pop("took_s"), found.pop("cpu_s"), found.pop("peak_mb"), found)
+
+
+def bench_long_recordings(hours_of_one: float = 8.0, hours_of_four: float = 1.0) -> None:
+    """Four sensors at 400 Hz for an hour, and one at 1 kHz for eight; takes some ten minutes and 6 GB of disk."""
+    for sensors, hours, rate in ((4, hours_of_four, 400.0), (1, hours_of_one, 1000.0)):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            write_case(folder, sensors, 3600 * hours, rate)
+            measured = {stage: measure(folder, stage) for stage in STAGES}
+        total = sum(m.took_s for m in measured.values())
+        rows: list[list[str | Text]] = [
+            [Text(stage), duration(m.took_s), f"{3600 * hours / m.took_s:.0f}", f"{m.peak_mb:.0f} MB"]
+            for stage, m in measured.items()
+        ]
+        rows.append(
+            [
+                Text("total"),
+                duration(total),
+                f"{3600 * hours / total:.0f}",
+                f"{max(m.peak_mb for m in measured.values()):.0f} MB",
+            ]
+        )
+        show(
+            f"Long recording: {sensors} x {hours:g} h at {rate:g} Hz, {sensors * hours * 3600 * rate / 1e6:.1f} M samples",
+            ["stage", "time", "times real time", "peak memory"],
+            rows,
+            "target: below 2 GB; more than 100 times real time",
+        )
+
+
+if __name__ == "__main__":
+    bench_long_recordings()
