@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from testbench.evaluation.budgets import Arm, joint_budgets, sensor_budgets
 from testbench.evaluation.euler_ranges import euler_range_rows
-from testbench.evaluation.flexion import evaluate_joint
+from testbench.evaluation.flexion import joint_errors, joint_rows
+from testbench.evaluation.gyroscope_bias import bias_rows
+from testbench.evaluation.joint_summary import summarise_joint
 from testbench.evaluation.judged import judged_steps
 from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
-from testbench.evaluation.orientation import evaluate_sensor
+from testbench.evaluation.orientation import rank_sensor, sensor_errors, sensor_rows, summarise_sensor, sweep_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.truth import without_jumps
 from testbench.records.estimate import Estimate
-from testbench.records.evaluation import (
-    SEVERITY,
-    EulerRangeRow,
-    Evaluation,
-    JointRow,
-    Metric,
-    NoiseRow,
-    OrientationRow,
-    Outcome,
-)
+from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
+from testbench.records.evaluation_rows import Comparison, RankRow
+from testbench.records.plan import PlannedStep
 from testbench.records.session import RunStatus, Session
 
 NORM_MEANING = "error of the mean specific force at rest against standard gravity"
@@ -34,50 +32,85 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         session: The recording. estimate: What `estimate` made of it.
     """
     steps = judged_steps(session.steps) if session.has_protocol else None
-    orientations: list[OrientationRow] = []
-    joints: list[JointRow] = []
-    series: dict[str, dict[str, np.ndarray]] = {}
-    noise: list[NoiseRow] = []
-    ranges: list[EulerRangeRow] = []
-    metrics: list[Metric] = []
-    notes = list(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
+    result = Evaluation(session.name, [], [], [], Outcome.NOT_MEASURED)
+    result.notes.extend(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
     if session.status is not RunStatus.COMPLETED:
-        notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
-    for name, sensor in estimate.sensors.items():
-        notes += [f"{name}: {key} was left out: {why}" for key, why in sensor.skipped.items()]
-        notes += [f"{name}: {count} samples left out: {reason}" for reason, count in sensor.quality.items() if count]
-        notes += [f"{name}: {remark}" for remark in sensor.remarks]
-        rest = Rest.longest(session, name, sensor)
-        noise += noise_rows(name, rest)
-        norm_error = norm_error_percent(rest)
-        if norm_error is not None:
-            metrics.append(Metric(f"{name}.gravity_norm_error_percent", norm_error, "%", None, None, None, NORM_MEANING))
-        truth = session.truth(name)
-        if truth is None:
-            notes.append(f"{name}: no truth, so its orientation is not judged")
-            continue
-        if truth.rate is None:
-            truth, jumps = without_jumps(truth, _fastest(session, name))
-            notes += [f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else []
-        rows, series[f"orientation_{name}"] = evaluate_sensor(name, sensor, truth, steps)
-        orientations += rows
-        ranges += euler_range_rows(name, sensor, truth, session.steps, session.analysis.estimate.euler_ranges)
+        result.notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
+    arm = Arm.of(session)
+    norms = [metric for name in estimate.sensors for metric in _judge_sensor(session, estimate, name, steps, arm, result)]
     if steps is not None and not steps:
-        notes.append("no step of the protocol was finished, so there is nothing to judge")
-    arm = session.arm()
+        result.notes.append("no step of the protocol was finished, so there is nothing to judge")
     for name in estimate.joints:
-        rows_of_joint, columns = evaluate_joint(session, name, estimate, steps or [], arm)
-        joints += rows_of_joint
-        if columns:
-            series[f"joint_{name}"] = columns
-        else:
-            notes.append(f"{name}: no truth, so its angle is not judged")
-    metrics = summarise_metrics(joints, orientations) + metrics
-    metrics, outcome = judge(session.analysis, metrics)
-    notes += [f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED]
+        _judge_joint(session, estimate, name, steps or [], arm, result)
+    metrics, outcome = judge(session.analysis, summarise_metrics(result) + norms)
+    result.notes.extend(
+        f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED
+    )
     if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
-    return Evaluation(session.name, joints, orientations, metrics, outcome, notes, noise, ranges, series)
+    return replace(result, metrics=metrics, outcome=outcome)
+
+
+def _judge_sensor(
+    session: Session, estimate: Estimate, name: str, steps: list[PlannedStep] | None, arm: Arm | None, result: Evaluation
+) -> list[Metric]:
+    """Add a sensor's rows to the result; returns the metric of its accelerometer at rest."""
+    sensor = estimate.sensors[name]
+    result.notes.extend(f"{name}: {key} was left out: {why}" for key, why in sensor.skipped.items())
+    result.notes.extend(f"{name}: {count} samples left out: {reason}" for reason, count in sensor.quality.items() if count)
+    result.notes.extend(f"{name}: {remark}" for remark in sensor.remarks)
+    rest = Rest.longest(session, name, sensor)
+    result.noise.extend(noise_rows(name, rest))
+    norm_error = norm_error_percent(rest)
+    metrics = []
+    if norm_error is not None:
+        metrics.append(Metric(f"{name}.gravity_norm_error_percent", norm_error, "%", None, None, None, NORM_MEANING))
+    if sensor.stored_calibration is None:
+        result.gyroscope_bias.extend(bias_rows(name, sensor, session.imu(name, every=sensor.every), session.steps))
+    truth = session.truth(name)
+    if truth is None:
+        result.notes.append(f"{name}: no truth, so its orientation is not judged")
+        return metrics
+    if truth.rate is None:
+        truth, jumps = without_jumps(truth, _fastest(session, name))
+        result.notes.extend([f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else [])
+    wanted = session.analysis.estimate.euler_ranges
+    result.euler_ranges.extend(euler_range_rows(name, sensor, truth, session.steps, wanted))
+    errors = sensor_errors(name, sensor, truth, steps)
+    result.series[f"orientation_{name}"] = errors.series()
+    result.orientation.extend(sensor_rows(errors))
+    if errors.judged.any():
+        own = sensor_budgets(session, estimate, name, errors.q_true, errors.judged, steps or [], arm)
+        result.uncertainty.extend(own)
+        result.orientation_summary.extend(summarise_sensor(errors, own))
+        result.orientation_sweeps.extend(sweep_rows(errors))
+        _add_ranking(result, *rank_sensor(errors))
+    return metrics
+
+
+def _judge_joint(
+    session: Session, estimate: Estimate, name: str, steps: list[PlannedStep], arm: Arm | None, result: Evaluation
+) -> None:
+    """Add a joint's rows to the result."""
+    errors = joint_errors(session, name, estimate, steps, session.arm())
+    if errors is None:
+        result.notes.append(f"{name}: no truth, so its angle is not judged")
+        return
+    result.series[f"joint_{name}"] = errors.series()
+    stated = estimate.sensors[errors.joint.proximal].clock.offset_sd_s
+    clock_sd = stated if np.isfinite(stated) else 0.0
+    rows = joint_rows(errors, clock_sd)
+    result.joint_angle.extend(rows)
+    own = joint_budgets(session, estimate, errors, arm)
+    result.uncertainty.extend(own)
+    summaries, ranks, comparisons = summarise_joint(errors, rows, own, clock_sd)
+    result.joint_summary.extend(summaries)
+    _add_ranking(result, ranks, comparisons)
+
+
+def _add_ranking(result: Evaluation, ranks: list[RankRow], comparisons: list[Comparison]) -> None:
+    result.ranking.extend(ranks)
+    result.comparisons.extend(comparisons)
 
 
 def _fastest(session: Session, sensor: str) -> float:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
+from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, convergence_times
 from testbench.evaluation.judged import rows_by_step
-from testbench.evaluation.metrics import summarise
+from testbench.evaluation.metrics import correlation, summarise
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
 from testbench.model.truth import WIDEST_GAP_NS, truth_at
@@ -17,42 +20,113 @@ from testbench.records.samples import ArmSamples
 from testbench.records.session import Session
 
 INDEX = {"first": 0, "second": 1, "third": 2}
+Key = tuple[str, str]
+"""Filter and Euler sequence."""
 LEAST_GIMBAL_MARGIN = np.radians(1.0)
 """Nearer to gimbal lock than this the two outer Euler angles are not judged [rad]."""
 
 
-def evaluate_joint(
+@dataclass(frozen=True)
+class JointErrors:
+    """Flexion errors of one joint, and where they count.
+
+    Attributes:
+        name, joint: Of the protocol. time_ns: Of the proximal sensor, shape (n,). reference: True flexion [rad], shape (n,).
+        flexion, error: Estimated, and its error, by filter and Euler sequence [rad], shape (n,) each. true_angles, angles: All
+        three Euler angles, true by sequence and estimated by filter and sequence, shape (n, 3).
+        steps: Judged steps with the rows that count in each, in the order of time; those without any are left out.
+    """
+
+    name: str
+    joint: JointDefinition
+    time_ns: np.ndarray
+    reference: np.ndarray
+    flexion: dict[Key, np.ndarray]
+    error: dict[Key, np.ndarray]
+    true_angles: dict[str, np.ndarray]
+    angles: dict[Key, np.ndarray]
+    steps: list[tuple[PlannedStep, np.ndarray]]
+
+    def sections(self) -> dict[str, list[tuple[PlannedStep, np.ndarray]]]:
+        """Steps by section, in their order."""
+        result: dict[str, list[tuple[PlannedStep, np.ndarray]]] = {}
+        for step, rows in self.steps:
+            result.setdefault(step.section, []).append((step, rows))
+        return result
+
+    def definition(self, sequence: str) -> FlexionAngle:
+        """How a sequence gives the flexion."""
+        return next(item for item in self.joint.definitions() if item.sequence == sequence)
+
+    def series(self) -> dict[str, np.ndarray]:
+        """Columns for figures and the viewer."""
+        judged = np.zeros(len(self.time_ns), dtype=bool)
+        for _, rows in self.steps:
+            judged[rows] = True
+        columns = {"host_time_ns": self.time_ns, "judged": judged, "reference_rad": self.reference}
+        for (key, sequence), flexion in self.flexion.items():
+            columns[f"{key}_{sequence}_flexion_rad"] = flexion
+            columns[f"{key}_{sequence}_error_rad"] = self.error[key, sequence]
+        return columns
+
+
+def joint_errors(
     session: Session, name: str, estimate: Estimate, steps: list[PlannedStep], arm: ArmSamples | None
-) -> tuple[list[JointRow], dict[str, np.ndarray]]:
-    """Rows and error signals of one joint."""
+) -> JointErrors | None:
+    """Errors of one joint; None where nobody knows the true angle."""
     joint, joint_estimate = session.analysis.joints[name], estimate.joints[name]
     time = joint_estimate.host_time_ns
-    static, sound = _both_sensors(estimate, joint, time)
     true_angles = _true_angles(session, joint, time)
-    definitions = joint.definitions()
     if true_angles is None:
-        return [], {}
+        return None
+    static, sound = _both_sensors(estimate, joint, time)
     reference = _reference(joint, true_angles, arm, time)
-    series = {"host_time_ns": time, "judged": np.zeros(len(time), dtype=bool), "reference_rad": reference}
-    errors: dict[tuple[str, str], np.ndarray] = {}
+    flexion, error = {}, {}
     for (key, sequence), angles in joint_estimate.angles.items():
-        definition = next(item for item in definitions if item.sequence == sequence)
-        flexion = definition.sign * angles[:, INDEX[definition.flexion]]
-        errors[key, sequence] = rotation.wrap(flexion - reference)
-        series[f"{key}_{sequence}_flexion_rad"] = flexion
-        series[f"{key}_{sequence}_error_rad"] = errors[key, sequence]
-    rows = []
+        definition = next(item for item in joint.definitions() if item.sequence == sequence)
+        flexion[key, sequence] = definition.sign * angles[:, INDEX[definition.flexion]]
+        error[key, sequence] = rotation.wrap(flexion[key, sequence] - reference)
     finite = np.isfinite(reference) & sound
-    for step, candidates in rows_by_step(steps, time, static):
-        counted = candidates[finite[candidates]]
-        series["judged"][counted] = True
-        if not len(counted):
-            continue
-        for (key, sequence), error in errors.items():
-            definition = next(item for item in definitions if item.sequence == sequence)
-            others = _others(joint_estimate.angles[key, sequence][counted], true_angles[sequence][counted], definition)
-            rows.append(_row(name, key, sequence, step, joint, np.degrees(error[counted]), others))
-    return rows, series
+    counted = [(step, rows[finite[rows]]) for step, rows in rows_by_step(steps, time, static)]
+    judged = [(step, rows) for step, rows in counted if len(rows)]
+    return JointErrors(name, joint, time, reference, flexion, error, true_angles, joint_estimate.angles, judged)
+
+
+def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:
+    """One row for each step, filter and sequence.
+
+    Args:
+        errors: Of the joint. clock_sd: Standard uncertainty of the proximal sensor's time [s], part of that of a delay.
+    """
+    poses = [step for step, _ in errors.steps if step.kind != "sweep"]
+    settled = {key: iter(convergence_times(errors.time_ns, error, poses)) for key, error in errors.error.items()}
+    rows = []
+    for step, counted in errors.steps:
+        for key in errors.error:
+            definition = errors.definition(key[1])
+            others = _others(errors.angles[key][counted], errors.true_angles[key[1]][counted], definition)
+            row = _row(errors, key, step, counted, others)
+            if step.kind == "sweep":
+                row = _with_sweep(row, errors, key, counted, clock_sd)
+            else:
+                time = float(next(settled[key]))
+                row = replace(row, convergence_s=time if np.isfinite(time) else None)
+            rows.append(row)
+    return rows
+
+
+def _with_sweep(row: JointRow, errors: JointErrors, key: Key, rows: np.ndarray, clock_sd: float) -> JointRow:
+    """The row with what is said of sweeps alone."""
+    measured = amplitude_and_frequency(errors.time_ns[rows], errors.reference[rows])
+    delay = angle_delay(errors.time_ns, errors.flexion[key], errors.reference, [rows])
+    return replace(
+        row,
+        flexion_correlation=correlation(errors.flexion[key][rows], errors.reference[rows]),
+        amplitude_deg=None if measured is None else float(np.degrees(measured[0])),
+        frequency_hz=None if measured is None else measured[1],
+        latency_ms=None if delay is None else 1e3 * delay[0],
+        latency_sd_ms=None if delay is None else 1e3 * float(np.hypot(delay[1], clock_sd)),
+    )
 
 
 def _both_sensors(estimate: Estimate, joint: JointDefinition, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -102,14 +176,12 @@ def _others(estimated: np.ndarray, true: np.ndarray, definition: FlexionAngle) -
     return [float(np.degrees(np.abs(rotation.wrap(estimated[~locked, i] - true[~locked, i])).mean())) for i in indices]
 
 
-def _row(
-    name: str, key: str, sequence: str, step: PlannedStep, joint: JointDefinition, error: np.ndarray, others: list[float | None]
-) -> JointRow:
-    summary = summarise(error)
+def _row(errors: JointErrors, key: Key, step: PlannedStep, rows: np.ndarray, others: list[float | None]) -> JointRow:
+    summary, joint = summarise(np.degrees(errors.error[key][rows])), errors.joint
     return JointRow(
-        joint=name,
-        filter=key,
-        sequence=sequence,
+        joint=errors.name,
+        filter=key[0],
+        sequence=key[1],
         section=step.section,
         step=step.index,
         kind=step.kind,
@@ -123,4 +195,7 @@ def _row(
         flexion_rmse_deg=summary.rmse,
         flexion_max_abs_error_deg=summary.max_abs,
         other_mean_abs_error_deg=others,
+        flexion_median_error_deg=summary.median,
+        flexion_iqr_deg=summary.iqr,
+        flexion_p95_abs_error_deg=summary.p95_abs,
     )

@@ -2,18 +2,60 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
+from testbench.evaluation.blocks import ErrorSeries, intervals, sample_series, step_series
+from testbench.evaluation.dynamics import amplitude_and_frequency, convergence_times, orientation_delay, rate_in_world
 from testbench.evaluation.judged import rows_by_step
-from testbench.evaluation.metrics import orientation_errors, rms
+from testbench.evaluation.metrics import OrientationErrors, correlation, orientation_errors, rms, summarise
+from testbench.evaluation.ranking import MEAN_SQUARE, rank_filters
+from testbench.model import rotation
+from testbench.model.noise import random_stream
 from testbench.model.truth import truth_at
 from testbench.records.estimate import SensorEstimate
 from testbench.records.evaluation import OrientationRow
+from testbench.records.evaluation_rows import Comparison, ErrorSummary, OrientationSummary, OrientationSweepRow, RankRow
 from testbench.records.plan import PlannedStep
 from testbench.records.samples import Truth
+from testbench.records.uncertainty import UncertaintyBudget
 
 PIECE = 100_000
 """Samples that are compared together; bounds the memory."""
+
+
+@dataclass(frozen=True)
+class SensorErrors:
+    """Orientation errors of one sensor, and where they count.
+
+    Attributes:
+        name: Of the sensor. estimate: What was judged. q_true: q_world_from_sensor at its instants, shape (n, 4).
+        judged: Which samples count, shape (n,). steps: Judged steps with their rows; None for a recording without a protocol.
+        errors: By filter.
+    """
+
+    name: str
+    estimate: SensorEstimate
+    q_true: np.ndarray
+    judged: np.ndarray
+    steps: list[tuple[PlannedStep, np.ndarray]] | None
+    errors: dict[str, OrientationErrors]
+
+    def series(self) -> dict[str, np.ndarray]:
+        """Columns for figures and the viewer."""
+        columns = {"host_time_ns": self.estimate.host_time_ns, "judged": self.judged}
+        for key, errors in self.errors.items():
+            for part in ("total", "heading", "inclination"):
+                columns[f"{key}_{part}_rad"] = getattr(errors, part).astype(np.float32)
+        return columns
+
+    def by_motion(self) -> dict[str, np.ndarray]:
+        """Judged samples: all, and those at rest and in motion where there are both, shape (n,), bool."""
+        static = self.judged & self.estimate.static
+        dynamic = self.judged & ~self.estimate.static
+        both = {"static": static, "dynamic": dynamic} if static.sum() > 10 and dynamic.sum() > 10 else {}
+        return {"all": self.judged} | both if self.judged.any() else {}
 
 
 def judged_rows(steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarray, static: np.ndarray) -> np.ndarray:
@@ -29,33 +71,166 @@ def judged_rows(steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarr
     return np.asarray(truth.judged[nearest])
 
 
+def sensor_errors(name: str, estimate: SensorEstimate, truth: Truth, steps: list[PlannedStep] | None) -> SensorErrors:
+    """Errors of one sensor by every filter."""
+    time = estimate.host_time_ns
+    q_true = truth_at(truth, time)
+    judged = judged_rows(steps, truth, time, estimate.static) & np.isfinite(q_true[:, 0]) & ~estimate.flagged
+    by_step = None
+    if steps is not None:
+        counted = [(step, rows[judged[rows]]) for step, rows in rows_by_step(steps, time, estimate.static)]
+        by_step = [(step, rows) for step, rows in counted if len(rows)]
+    errors = {key: _errors(q, q_true) for key, q in estimate.orientation.items()}
+    return SensorErrors(name, estimate, q_true, judged, by_step, errors)
+
+
+def _errors(q: np.ndarray, q_true: np.ndarray) -> OrientationErrors:
+    """Errors computed in pieces, for they may be long."""
+    parts = np.empty((3, len(q)))
+    for begin in range(0, len(q), PIECE):
+        piece = slice(begin, begin + PIECE)
+        errors = orientation_errors(q[piece], q_true[piece])
+        parts[:, piece] = errors.total, errors.heading, errors.inclination
+    return OrientationErrors(*parts)
+
+
+def sensor_rows(sensor: SensorErrors) -> list[OrientationRow]:
+    """One row for each filter, over all judged samples."""
+    rows = []
+    for key, errors in sensor.errors.items():
+        if sensor.judged.any():
+            total, heading, inclination = (
+                np.degrees(e[sensor.judged]) for e in (errors.total, errors.heading, errors.inclination)
+            )
+            rows.append(
+                OrientationRow(sensor.name, key, len(total), rms(total), rms(heading), rms(inclination), float(total.max()))
+            )
+    return rows
+
+
 def evaluate_sensor(
     name: str, estimate: SensorEstimate, truth: Truth, steps: list[PlannedStep] | None
 ) -> tuple[list[OrientationRow], dict[str, np.ndarray]]:
     """Rows and error signals of one sensor."""
-    time = estimate.host_time_ns
-    q_true = truth_at(truth, time)
-    judged = judged_rows(steps, truth, time, estimate.static) & np.isfinite(q_true[:, 0]) & ~estimate.flagged
-    series = {"host_time_ns": time, "judged": judged}
-    rows = []
-    for key, q in estimate.orientation.items():
-        errors = _errors(q, q_true)
-        series |= {f"{key}_{part}_rad": error.astype(np.float32) for part, error in errors.items()}
-        if not judged.any():
-            continue
-        total, heading, inclination = (np.degrees(error[judged]) for error in errors.values())
-        rows.append(
-            OrientationRow(name, key, int(judged.sum()), rms(total), rms(heading), rms(inclination), float(total.max()))
-        )
-    return rows, series
+    found = sensor_errors(name, estimate, truth, steps)
+    return sensor_rows(found), found.series()
 
 
-def _errors(q: np.ndarray, q_true: np.ndarray) -> dict[str, np.ndarray]:
-    """Total, heading and inclination error [rad], shape (n,), computed in pieces, for they may be long."""
-    result = {part: np.empty(len(q)) for part in ("total", "heading", "inclination")}
-    for begin in range(0, len(q), PIECE):
-        piece = slice(begin, begin + PIECE)
-        errors = orientation_errors(q[piece], q_true[piece])
-        result["total"][piece], result["heading"][piece] = errors.total, errors.heading
-        result["inclination"][piece] = errors.inclination
+def summarise_sensor(sensor: SensorErrors, budgets: list[UncertaintyBudget]) -> list[OrientationSummary]:
+    """Every part of the error by every filter: over all judged samples, at rest and in motion."""
+    result = []
+    stated = {budget.quantity: budget for budget in budgets if budget.owner == sensor.name}
+    time = sensor.estimate.host_time_ns
+    true = {"heading": rotation.heading_angle(sensor.q_true), "inclination": rotation.inclination_angle(sensor.q_true)}
+    rate = rate_in_world(time, sensor.q_true)
+    for motion, mask in sensor.by_motion().items():
+        for key, errors in sensor.errors.items():
+            own = sensor.estimate.orientation[key]
+            estimated = {"heading": rotation.heading_angle(own), "inclination": rotation.inclination_angle(own)}
+            for part, error in (("total", errors.total), ("heading", errors.heading), ("inclination", errors.inclination)):
+                found = _summary(sensor, key, part, motion, np.degrees(error), mask)
+                if part in true:
+                    found = replace(found, correlation=_correlation(estimated[part][mask], true[part][mask], part))
+                if part == "total" and motion == "dynamic":
+                    delay = orientation_delay(time, own, sensor.q_true, rate, mask)
+                    if delay is not None:
+                        sd = _finite(sensor.estimate.clock.offset_sd_s)
+                        found = replace(found, latency_ms=1e3 * delay[0], latency_sd_ms=1e3 * float(np.hypot(delay[1], sd)))
+                if part == "total" and motion == "all":
+                    found = _with_settling(found, sensor, error)
+                budget = stated.get(part)
+                expanded = (None, None) if budget is None else (budget.expanded_deg, budget.expanded_magnitude_deg)
+                result.append(OrientationSummary(sensor.name, key, motion, part, found, *expanded))
     return result
+
+
+def rank_sensor(sensor: SensorErrors) -> tuple[list[RankRow], list[Comparison]]:
+    """The filters by their RMS total error over all judged samples."""
+    series = {}
+    for key, errors in sensor.errors.items():
+        own = _series(sensor, np.degrees(errors.total), sensor.judged)
+        if own is not None:
+            series[key] = own
+    return rank_filters(sensor.name, None, None, MEAN_SQUARE, series) if len(series) > 1 else ([], [])
+
+
+def sweep_rows(sensor: SensorErrors) -> list[OrientationSweepRow]:
+    """One row for each filter and sweep."""
+    rows = []
+    for step, counted in sensor.steps or []:
+        if step.kind != "sweep":
+            continue
+        turned = rotation.multiply(
+            rotation.conjugate(rotation.mean(sensor.q_true[counted]))[None], sensor.q_true[counted]
+        )  # fmt: skip
+        vectors = rotation.to_rotation_vector(turned)
+        main = np.linalg.svd(vectors - vectors.mean(axis=0), full_matrices=False)[2][0]
+        measured = amplitude_and_frequency(sensor.estimate.host_time_ns[counted], vectors @ main)
+        for key, errors in sensor.errors.items():
+            total, heading, inclination = (
+                rms(np.degrees(e[counted])) for e in (errors.total, errors.heading, errors.inclination)
+            )
+            amplitude = None if measured is None else float(np.degrees(measured[0]))
+            frequency = None if measured is None else measured[1]
+            rows.append(
+                OrientationSweepRow(sensor.name, key, step.section, step.index, step.variables, len(counted), total, heading,
+                                    inclination, amplitude, frequency)
+            )  # fmt: skip
+    return rows
+
+
+def _series(sensor: SensorErrors, error: np.ndarray, mask: np.ndarray) -> ErrorSeries | None:
+    if sensor.steps is None:
+        rows = np.flatnonzero(mask)
+        return sample_series(error[rows]) if len(rows) else None
+    kept = [(step, rows[mask[rows]]) for step, rows in sensor.steps]
+    pieces = [(step, rows) for step, rows in kept if len(rows)]
+    moving = bool(pieces) and all(step.kind == "sweep" for step, _ in pieces)
+    return step_series(error, [rows for _, rows in pieces], moving, equally=False)
+
+
+def _summary(
+    sensor: SensorErrors, key: str, part: str, motion: str, error: np.ndarray, mask: np.ndarray
+) -> ErrorSummary:  # fmt: skip
+    found = summarise(error[mask])
+    steps = 0 if sensor.steps is None else sum(bool(mask[rows].any()) for _, rows in sensor.steps)
+    result = ErrorSummary(
+        found.n, steps, found.mean, found.mean_abs, found.rmse, found.median, found.iqr, found.p95_abs, found.max_abs
+    )  # fmt: skip
+    series = _series(sensor, error, mask)
+    if series is None:
+        return result
+    sure = intervals(series, random_stream(0, sensor.name, key, part, motion, "bootstrap"))
+    return replace(
+        result,
+        mean_error_ci95_deg=sure.mean,
+        mean_abs_error_ci95_deg=sure.absolute,
+        rmse_ci95_deg=sure.rms,
+        blocks=sure.blocks,
+        block_length=sure.length,
+    )
+
+
+def _with_settling(summary: ErrorSummary, sensor: SensorErrors, error: np.ndarray) -> ErrorSummary:
+    poses = [step for step, _ in sensor.steps or [] if step.kind != "sweep"]
+    times = convergence_times(sensor.estimate.host_time_ns, error, poses)
+    settled = times[np.isfinite(times)]
+    if not len(settled):
+        return replace(summary, unsettled=len(poses))
+    return replace(
+        summary,
+        convergence_s=float(np.median(settled)),
+        convergence_max_s=float(settled.max()),
+        unsettled=len(poses) - len(settled),
+    )
+
+
+def _correlation(estimated: np.ndarray, true: np.ndarray, part: str) -> float | None:
+    if part == "heading":  # a heading may pass 180 deg
+        true = np.unwrap(true)
+        estimated = true + rotation.wrap(estimated - true)
+    return correlation(estimated, true)
+
+
+def _finite(value: float) -> float:
+    return value if np.isfinite(value) else 0.0

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
 
-from testbench.records.evaluation import SEVERITY, JointRow, Metric, OrientationRow, Outcome
+from testbench.records.evaluation import SEVERITY, Evaluation, JointRow, Metric, Outcome
+from testbench.records.evaluation_rows import JointSummary
 from testbench.records.protocol import JOINT_METRICS, SENSOR_METRICS, AcceptanceLimit, Analysis
 
 _POOL: dict[str, Callable[[list[JointRow]], float]] = {
@@ -16,24 +18,99 @@ _POOL: dict[str, Callable[[list[JointRow]], float]] = {
     "flexion_rmse_deg": lambda rows: float(np.sqrt(np.mean([row.flexion_rmse_deg**2 for row in rows]))),
     "flexion_max_abs_error_deg": lambda rows: max(row.flexion_max_abs_error_deg for row in rows),
 }
+_OF_ERRORS: dict[str, str] = {
+    "flexion_median_error_deg": "median_error_deg",
+    "flexion_iqr_deg": "iqr_deg",
+    "flexion_p95_abs_error_deg": "p95_abs_error_deg",
+    "flexion_latency_ms": "latency_ms",
+    "flexion_convergence_s": "convergence_s",
+}
+"""Metrics of a joint, and where they stand in the summary of a section."""
+_CONFIDENCE = {
+    "flexion_mean_error_deg": "mean_error_ci95_deg",
+    "flexion_mean_abs_error_deg": "mean_abs_error_ci95_deg",
+    "flexion_rmse_deg": "rmse_ci95_deg",
+}
+_SIGNED = ("flexion_mean_error_deg", "flexion_median_error_deg", "heading_mean_error_deg")
+"""Metrics in which errors of the truth average out as they do in the mean; in all others they add to magnitudes."""
+_OF_PARTS: dict[str, tuple[str, str, str | None]] = {
+    "total_mean_error_deg": ("total", "mean_error_deg", "mean_error_ci95_deg"),
+    "heading_mean_error_deg": ("heading", "mean_error_deg", "mean_error_ci95_deg"),
+    "inclination_mean_error_deg": ("inclination", "mean_error_deg", "mean_error_ci95_deg"),
+    "total_p95_error_deg": ("total", "p95_abs_error_deg", None),
+    "total_rmse_deg": ("total", "rmse_deg", "rmse_ci95_deg"),
+    "heading_rmse_deg": ("heading", "rmse_deg", "rmse_ci95_deg"),
+    "inclination_rmse_deg": ("inclination", "rmse_deg", "rmse_ci95_deg"),
+}
+"""Metrics of a sensor: part of the orientation error, and its value and confidence in the summary."""
 
 
-def summarise_metrics(joints: list[JointRow], orientations: list[OrientationRow]) -> list[Metric]:
+def summarise_metrics(evaluation: Evaluation) -> list[Metric]:
     """Every metric of every filter, without limits; joint metrics give each pose or sweep the same weight."""
+    return _joint_metrics(evaluation) + _sensor_metrics(evaluation)
+
+
+def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
     metrics = []
+    summaries: dict[tuple[str, str, str, str], list[JointSummary]] = {}
+    for item in evaluation.joint_summary:
+        summaries.setdefault((item.joint, item.section, item.filter, item.sequence), []).append(item)
 
     def key(row: JointRow) -> tuple[str, str, str, str]:
         return row.joint, row.section, row.filter, row.sequence
 
-    for (joint, section, name, sequence), group in groupby(sorted(joints, key=key), key=key):
-        rows = list(group)
+    for place, group in groupby(sorted(evaluation.joint_angle, key=key), key=key):
+        rows, own = list(group), summaries.get(place, [])
+        joint, section, name, sequence = place
+        whole = own[0] if len(own) == 1 else next((item for item in own if item.motion == "all"), None)
         for kind, meaning in JOINT_METRICS.items():
-            value = _POOL[kind](rows)
-            metrics.append(Metric(f"{joint}.{kind}", value, "deg", None, None, None, meaning, name, sequence, section))
-    for row in orientations:
-        for kind, meaning in SENSOR_METRICS.items():
-            metrics.append(Metric(f"{row.sensor}.{kind}", getattr(row, kind), "deg", None, None, None, meaning, row.filter))
+            if kind in _POOL:
+                value: float | None = _POOL[kind](rows)
+            else:  # delay belongs to sweeps, settling to poses
+                known = [found for item in own if (found := getattr(item.errors, _OF_ERRORS[kind])) is not None]
+                value = getattr(whole.errors, _OF_ERRORS[kind]) if whole and kind.endswith("_deg") else (known or [None])[0]
+            if value is None:
+                continue
+            expanded = None
+            if own and unit_of(kind) == "deg" and kind != "flexion_iqr_deg":
+                expanded = own[0].expanded_uncertainty_deg if kind in _SIGNED else own[0].expanded_uncertainty_magnitude_deg
+            ci95 = getattr(whole.errors, _CONFIDENCE[kind]) if whole and kind in _CONFIDENCE else None
+            metrics.append(
+                Metric(f"{joint}.{kind}", value, unit_of(kind), None, None, None, meaning, name, sequence, section, expanded,
+                       ci95)
+            )  # fmt: skip
     return metrics
+
+
+def _sensor_metrics(evaluation: Evaluation) -> list[Metric]:
+    metrics = []
+    found = {(item.sensor, item.filter, item.motion, item.part): item for item in evaluation.orientation_summary}
+    for row in evaluation.orientation:
+        for kind, meaning in SENSOR_METRICS.items():
+            name = f"{row.sensor}.{kind}"
+            if kind == "total_latency_ms":
+                moving = found.get((row.sensor, row.filter, "dynamic", "total"))
+                if moving is not None and moving.errors.latency_ms is not None:
+                    metrics.append(Metric(name, moving.errors.latency_ms, "ms", None, None, None, meaning, row.filter))
+                continue
+            part, attribute, confidence = _OF_PARTS[kind]
+            item = found.get((row.sensor, row.filter, "all", part))
+            value = getattr(row, kind, None) if item is None else getattr(item.errors, attribute)
+            if value is None:
+                continue
+            expanded = ci95 = None
+            if item is not None:
+                expanded = item.expanded_uncertainty_deg if kind in _SIGNED else item.expanded_uncertainty_magnitude_deg
+                ci95 = getattr(item.errors, confidence) if confidence else None
+            metrics.append(
+                Metric(name, value, "deg", None, None, None, meaning, row.filter, expanded_uncertainty=expanded, ci95=ci95)
+            )
+    return metrics
+
+
+def unit_of(kind: str) -> str:
+    """The unit of a metric, which its name ends with."""
+    return kind.rpartition("_")[2]
 
 
 def judge(analysis: Analysis, metrics: list[Metric]) -> tuple[list[Metric], Outcome]:
@@ -63,32 +140,30 @@ def _judge_limit(analysis: Analysis, limit: AcceptanceLimit, metrics: list[Metri
     ]
     if not matching:
         meaning = (JOINT_METRICS | SENSOR_METRICS)[kind]
-        return [Metric(limit.metric, None, "deg", limit.min, limit.max, Outcome.NOT_MEASURED, meaning, limit.filter, sequence,
-                       limit.section)]  # fmt: skip
+        absent = Metric(limit.metric, None, unit_of(kind), limit.min, limit.max, Outcome.NOT_MEASURED, meaning)
+        return [replace(absent, filter=limit.filter, sequence=sequence, section=limit.section)]
     return [
-        Metric(
-            m.name,
-            m.value,
-            m.unit,
-            limit.min,
-            limit.max,
-            outcome_of(m.value, limit),
-            m.meaning,
-            m.filter,
-            m.sequence,
-            m.section,
-        )
+        replace(m, lower=limit.min, upper=limit.max, outcome=outcome_of(m.value, limit, m.expanded_uncertainty))
         for m in matching
     ]
 
 
-def outcome_of(value: float | None, limit: AcceptanceLimit) -> Outcome:
-    """Fail beyond a limit; marginal within `marginal_percent` of it; else pass."""
+def outcome_of(value: float | None, limit: AcceptanceLimit, expanded: float | None = None) -> Outcome:
+    """Fail beyond a limit by more than the expanded uncertainty; marginal near it; else pass.
+
+    Near is within the expanded uncertainty on either side, so that no verdict is given which the truth may overturn
+    (guard bands w = U: ILAC-G8:09/2019, 4.2; JCGM 106:2012, 8.3); and on the safe side also within `marginal_percent`.
+
+    Args:
+        value: Of the metric. limit: What it must keep. expanded: Expanded uncertainty of the value, k = 2; None counts as 0.
+    """
     if value is None or not np.isfinite(value):
         return Outcome.NOT_MEASURED
-    part = limit.marginal_percent / 100
-    if (limit.max is not None and value > limit.max) or (limit.min is not None and value < limit.min):
+    guard, part = expanded or 0.0, limit.marginal_percent / 100
+    beyond = [value - limit.max] if limit.max is not None else []
+    beyond += [limit.min - value] if limit.min is not None else []
+    if max(beyond) > guard:
         return Outcome.FAIL
-    near_max = limit.max is not None and value > limit.max - part * abs(limit.max)
-    near_min = limit.min is not None and value < limit.min + part * abs(limit.min)
+    near_max = limit.max is not None and value > limit.max - max(part * abs(limit.max), guard)
+    near_min = limit.min is not None and value < limit.min + max(part * abs(limit.min), guard)
     return Outcome.MARGINAL if near_max or near_min else Outcome.PASS

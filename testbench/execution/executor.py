@@ -59,9 +59,9 @@ def execute(
         DriverError: The arm or a sensor failed; the session is kept and closed as an error.
     """
     clock = clock or SystemClock()
-    arm = SimulatedArm(plan.robot, seed)
-    kinematics = Kinematics(plan.robot)
     spec = plan.protocol.spec
+    arm = SimulatedArm(plan.robot, seed, spec.environment.joint_errors)
+    kinematics = Kinematics(plan.robot)
     imus: dict[str, Imu] = {
         name: SimulatedImu(name, sensor, kinematics, spec.environment, arm.true_state, seed)
         for name, sensor in spec.sensors.items()

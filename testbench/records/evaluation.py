@@ -10,9 +10,19 @@ from typing import Any
 import numpy as np
 
 from testbench.exceptions import SessionError
+from testbench.records.evaluation_rows import (
+    Comparison,
+    ErrorSummary,
+    GyroscopeBiasRow,
+    JointSummary,
+    OrientationSummary,
+    OrientationSweepRow,
+    RankRow,
+)
 from testbench.records.storage import plain_values, read_json, read_parquet, write_json, write_parquet
+from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 FILE, FOLDER = "evaluation.json", "evaluation"
 
 
@@ -37,6 +47,10 @@ class JointRow:
         misalignment_deg, flexion_deg: Commanded, None where the protocol has no such variable. variables: All loop variables.
         n: Samples. flexion_*: Error of the flexion angle. other_*: Mean absolute errors of the two other Euler angles, in their
         order, against the same sequence of the true orientations; None in gimbal lock.
+        flexion_p95_abs_error_deg: 95th percentile of magnitudes. flexion_iqr_deg: Upper less lower quartile.
+        Of sweeps alone, else None: flexion_correlation of estimated and true flexion; amplitude_deg, frequency_hz of the true
+        flexion; latency_ms behind it, with its standard uncertainty. Of poses alone: convergence_s, None where it did not
+        settle.
     """
 
     joint: str
@@ -55,6 +69,15 @@ class JointRow:
     flexion_rmse_deg: float
     flexion_max_abs_error_deg: float
     other_mean_abs_error_deg: list[float | None]
+    flexion_median_error_deg: float | None = None
+    flexion_iqr_deg: float | None = None
+    flexion_p95_abs_error_deg: float | None = None
+    flexion_correlation: float | None = None
+    amplitude_deg: float | None = None
+    frequency_hz: float | None = None
+    latency_ms: float | None = None
+    latency_sd_ms: float | None = None
+    convergence_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -131,6 +154,8 @@ class Metric:
     Attributes:
         name: E.g. elbow.flexion_mean_abs_error_deg. filter, sequence, section: What it belongs to, where that applies.
         lower, upper: Limits, or None. outcome: None where no limit is stated. meaning: A sentence for people.
+        expanded_uncertainty: Of the truth it was judged by (k = 2), in the metric's unit; None where it is not known.
+        ci95: 95 % confidence interval for another run of the same kind, or None.
     """
 
     name: str
@@ -143,6 +168,8 @@ class Metric:
     filter: str | None = None
     sequence: str | None = None
     section: str | None = None
+    expanded_uncertainty: float | None = None
+    ci95: list[float] | None = None
 
 
 @dataclass(frozen=True)
@@ -155,6 +182,9 @@ class Evaluation:
             <filter>_inclination_rad.
             "joint_<joint>": host_time_ns, judged, reference_rad (true flexion), and for each filter and sequence
             <filter>_<sequence>_flexion_rad and <filter>_<sequence>_error_rad.
+        joint_summary, orientation_summary: Errors of whole sections and sessions, static and dynamic, with confidence.
+        ranking, comparisons: Of the filters, with significance. uncertainty: Budgets of the truth. gyroscope_bias: What the
+        calibration left.
     """
 
     session: str
@@ -165,6 +195,13 @@ class Evaluation:
     notes: list[str] = field(default_factory=list)
     noise: list[NoiseRow] = field(default_factory=list)
     euler_ranges: list[EulerRangeRow] = field(default_factory=list)
+    joint_summary: list[JointSummary] = field(default_factory=list)
+    orientation_summary: list[OrientationSummary] = field(default_factory=list)
+    orientation_sweeps: list[OrientationSweepRow] = field(default_factory=list)
+    ranking: list[RankRow] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
+    uncertainty: list[UncertaintyBudget] = field(default_factory=list)
+    gyroscope_bias: list[GyroscopeBiasRow] = field(default_factory=list)
     series: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
@@ -191,7 +228,8 @@ class Evaluation:
         data = read_json(session_folder / FILE)
         if data.get("schema_version") != SCHEMA_VERSION:
             raise SessionError(
-                f"{session_folder / FILE} has schema {data.get('schema_version')}; this version reads {SCHEMA_VERSION}"
+                f"{session_folder / FILE} has schema {data.get('schema_version')}; this version reads {SCHEMA_VERSION}: "
+                "run `testbench evaluate` again"
             )
         try:
             return Evaluation._from_dict(data, session_folder)
@@ -211,5 +249,16 @@ class Evaluation:
             data["notes"],
             [NoiseRow(**row) for row in data["noise"]],
             [EulerRangeRow(**row) for row in data["euler_ranges"]],
+            [JointSummary(**{**row, "errors": ErrorSummary(**row["errors"])}) for row in data["joint_summary"]],
+            [OrientationSummary(**{**row, "errors": ErrorSummary(**row["errors"])}) for row in data["orientation_summary"]],
+            [OrientationSweepRow(**row) for row in data["orientation_sweeps"]],
+            [RankRow(**row) for row in data["ranking"]],
+            [Comparison(**row) for row in data["comparisons"]],
+            [_budget(row) for row in data["uncertainty"]],
+            [GyroscopeBiasRow(**row) for row in data["gyroscope_bias"]],
             series,
         )
+
+
+def _budget(row: dict[str, Any]) -> UncertaintyBudget:
+    return UncertaintyBudget(**{**row, "sources": [UncertaintySource(**source) for source in row["sources"]]})

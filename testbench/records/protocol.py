@@ -88,6 +88,10 @@ class JointDefinition(FlexionAngle):
         description="Joint of the arm whose angle is the true flexion; null: the same Euler angle of the true frames.",
     )
     compare: list[FlexionAngle] = Field(default=[], description="Further Euler sequences to report beside it.")
+    published: Literal["reference_1"] | None = Field(
+        default=None,
+        description="Published results of the same experiment, which the report shows beside this joint's; null: none.",
+    )
     misalignment: Name = Field(default="misalignment_deg", description="Variable that is the misalignment.")
     flexion_variable: Name = Field(default="flexion_deg", description="Variable that is the commanded flexion.")
 
@@ -144,11 +148,21 @@ JOINT_METRICS = {
     "flexion_mean_abs_error_deg": "mean magnitude of the flexion error, every pose or sweep alike",
     "flexion_rmse_deg": "root mean square of the flexion error, every pose or sweep alike",
     "flexion_max_abs_error_deg": "largest magnitude of the flexion error in any sample",
+    "flexion_median_error_deg": "median of the signed flexion error, every sample alike",
+    "flexion_iqr_deg": "upper less lower quartile of the signed flexion error, every sample alike",
+    "flexion_p95_abs_error_deg": "95th percentile of the magnitude of the flexion error, every sample alike",
+    "flexion_latency_ms": "delay of the flexion behind the true one in sweeps, beyond that of the sensor's clock",
+    "flexion_convergence_s": "time from the end of a move until the flexion error stays near its settled value; median",
 }
 SENSOR_METRICS = {
     "total_rmse_deg": "root mean square of the whole orientation error",
     "heading_rmse_deg": "root mean square of the error about the vertical",
     "inclination_rmse_deg": "root mean square of the error against the vertical",
+    "total_mean_error_deg": "mean of the whole orientation error, which has no sign",
+    "heading_mean_error_deg": "signed mean of the error about the vertical",
+    "inclination_mean_error_deg": "mean of the error against the vertical, which has no sign",
+    "total_p95_error_deg": "95th percentile of the whole orientation error",
+    "total_latency_ms": "delay of the orientation behind the true one in motion, beyond that of the sensor's clock",
 }
 
 
@@ -181,13 +195,17 @@ class MagneticDipole(StrictModel):
 
 
 class Environment(StrictModel):
-    """The field the sensors feel."""
+    """The field the sensors feel, and whether the simulated arm's joints have wrong zeros."""
 
     magnetic_field_uT: Angles3 = Field(
         default=[0.0, 24.0, -39.0],
         description="Earth's field in the world [uT]; default: north along y, about that of northern Spain (IGRF-13).",
     )
     dipoles: list[MagneticDipole] = Field(default=[], description="Magnetic disturbance by the arm.")
+    joint_errors: bool = Field(
+        default=False,
+        description="Draw an error of each simulated joint's zero by the robot file's uncertainty; encoders do not see it.",
+    )
 
 
 class Analysis(StrictModel):
@@ -211,7 +229,9 @@ class ProtocolSpec(StrictModel):
         default={}, max_length=MOST_VARIABLES, description="Names for expressions and loops: a number, a list or a range."
     )
     motion: Motion = Field(default_factory=Motion, description="How fast to move, as fractions of the robot's limits.")
-    environment: Environment = Field(default_factory=Environment, description="The field the sensors feel.")
+    environment: Environment = Field(
+        default_factory=Environment, description="The field the sensors feel, and errors of the simulated arm."
+    )
     sections: list[Section] = Field(min_length=1, description="What to do, in order.")
     estimate: Estimation = Field(default_factory=Estimation, description="What to compute from the recordings.")
     accept: list[AcceptanceLimit] = Field(default=[], description="Limits that decide pass or fail.")

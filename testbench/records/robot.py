@@ -67,6 +67,43 @@ class Servo(StrictModel):
     why: str = ""
 
 
+class Uncertainty(StrictModel):
+    """How far the truth that this arm gives may be off; standard uncertainties, for the budget of every reported error.
+
+    The repeatability and the resolution of the encoders are those of `servo`.
+    """
+
+    joint_angle_deg: float | list[float] = Field(
+        default=0.1,
+        description="Of each joint's angle, by the calibration of the kinematics: one number, or one for each joint [deg].",
+    )
+    mounting_deg: float = Field(
+        default=0.5, ge=0, description="Of a sensor's rotation against its mounting as believed, about each axis [deg]."
+    )
+    levelling_deg: float = Field(
+        default=0.1, ge=0, description="Of the base's tilt against the plumb line, about each horizontal axis [deg]."
+    )
+    reliability_percent: float = Field(
+        default=25.0, gt=0, le=100, description="Relative uncertainty of these three numbers; decides their degrees of freedom."
+    )
+    why: str = Field(
+        default="Assumed for an arm with nominal kinematics and sensors fixed by hand; see docs/uncertainty.md.",
+        description="Where these numbers come from.",
+    )
+
+    @model_validator(mode="after")
+    def _not_negative(self) -> Uncertainty:
+        values = self.joint_angle_deg if isinstance(self.joint_angle_deg, list) else [self.joint_angle_deg]
+        if not all(np.isfinite(value) and value >= 0 for value in values):
+            raise ValueError(f"joint_angle_deg {self.joint_angle_deg} must not be negative")
+        return self
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Of the three numbers above (JCGM 100:2008, eq. G.3)."""
+        return 0.5 / (self.reliability_percent / 100) ** 2
+
+
 class Rates(StrictModel):
     """Rates of the controller."""
 
@@ -88,6 +125,7 @@ class RobotSpec(StrictModel):
     floor: Floor | None = None
     collision: Collision = Field(default_factory=Collision)
     servo: Servo = Field(default_factory=Servo)
+    uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     rates: Rates = Field(default_factory=Rates)
     assumptions: list[str] = Field(default=[], description="What was filled in without a source; shown with every plan.")
 
@@ -95,6 +133,13 @@ class RobotSpec(StrictModel):
     def _home_fits(self) -> RobotSpec:
         if len(self.home_deg) != len(self.joints):
             raise ValueError(f"home_deg has {len(self.home_deg)} angles, the arm has {len(self.joints)} joints")
+        return self
+
+    @model_validator(mode="after")
+    def _uncertainty_fits(self) -> RobotSpec:
+        angles = self.uncertainty.joint_angle_deg
+        if isinstance(angles, list) and len(angles) != len(self.joints):
+            raise ValueError(f"uncertainty: joint_angle_deg has {len(angles)} values, the arm has {len(self.joints)} joints")
         return self
 
 
@@ -143,6 +188,11 @@ class Robot:
     def home(self) -> np.ndarray:
         """Shape (n,), [rad]."""
         return np.radians(self.spec.home_deg)
+
+    @property
+    def joint_angle_uncertainty(self) -> np.ndarray:
+        """Standard uncertainty of each joint's angle by the calibration of the kinematics, shape (n,), [rad]."""
+        return np.radians(np.broadcast_to(np.asarray(self.spec.uncertainty.joint_angle_deg, float), len(self.spec.joints)))
 
     @property
     def gravity(self) -> np.ndarray:

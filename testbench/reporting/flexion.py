@@ -97,7 +97,7 @@ class SweepErrors:
 
     Attributes:
         variables: Names of the loop variables, in the order of the protocol. keys: Filters and sequences.
-        errors: By key and by the values of the variables.
+        errors: By key and by the values of the variables. sweeps: The rows of sweeps behind them.
     """
 
     def __init__(self, rows: list[JointRow]):
@@ -108,6 +108,7 @@ class SweepErrors:
             values = tuple(row.variables.get(name) for name in self.variables)
             groups[(row.filter, row.sequence), values].append(row)
         self.errors = {place: pool(group) for place, group in groups.items()}
+        self.sweeps = {place: [row for row in group if row.kind == "sweep"] for place, group in groups.items()}
 
     def values(self, variable: int) -> list[float]:
         """What a variable took, increasing."""
@@ -137,9 +138,13 @@ def by_section(rows: Iterable[JointRow]) -> dict[str, list[JointRow]]:
 
 
 def published_beside(
-    published: PublishedResults, flexions: list[float]
+    published: PublishedResults | None, flexions: list[float]
 ) -> dict[str, list[tuple[FlexionErrors, list[float | None]]]]:
-    """Published rows by sequence, with their values at the given flexions; none where they share fewer than two."""
+    """Published rows by sequence, with their values at the given flexions; none where they share fewer than two, or where the
+    protocol does not say that it repeats the publication.
+    """
+    if published is None:
+        return {}
     columns = [next((i for i, own in enumerate(published.flexion_deg) if abs(own - f) < 1e-6), None) for f in flexions]
     if sum(column is not None for column in columns) < 2:
         return {}

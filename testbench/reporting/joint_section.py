@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.records.evaluation import Evaluation, JointRow
+from testbench.records.evaluation_rows import JointSummary
 from testbench.records.published import PublishedResults
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Curve, Figure, Span, error_curves, heat_map, time_panels
 from testbench.reporting.flexion import Key, PoseErrors, SweepErrors, by_section, published_beside
 from testbench.reporting.page import Block, Figures, Heading, Section, Sentence
 from testbench.reporting.palette import REFERENCE
+from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, with_interval
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
 
 Colours = dict[str, str]
 
 
-def joint_section(evaluation: Evaluation, published: PublishedResults, colours: Colours, spans: list[Span]) -> Section:
-    """Errors of every joint, by pose and over time."""
+def joint_section(
+    evaluation: Evaluation, published: Mapping[str, PublishedResults | None], colours: Colours, spans: list[Span]
+) -> Section:
+    """Errors of every joint, by pose and over time; beside the published ones of a joint whose protocol names some."""
     section = Section("joints", "Joint angles")
     joints = list(dict.fromkeys(row.joint for row in evaluation.joint_angle))
     for joint in joints:
         rows = [row for row in evaluation.joint_angle if row.joint == joint]
         if len(joints) > 1:
             section.blocks.append(Heading(joint))
-        section.blocks.append(_summary(joint, rows, evaluation))
+        section.blocks += _summaries(joint, rows, evaluation)
         for name, own in by_section(rows).items():
+            section.blocks += ranking_blocks(evaluation, joint, name)
             posed = [row for row in own if row.flexion_deg is not None]
             swept = [row for row in own if row.flexion_deg is None]
             if posed:
-                section.blocks += _pose_blocks(joint, name, PoseErrors(posed), published, colours)
+                section.blocks += _pose_blocks(joint, name, PoseErrors(posed), published.get(joint), colours)
             if swept:
                 section.blocks += _sweep_blocks(joint, name, SweepErrors(swept))
         section.blocks += _time_blocks(joint, rows, evaluation, colours, spans)
@@ -39,38 +46,45 @@ def joint_section(evaluation: Evaluation, published: PublishedResults, colours: 
     return section
 
 
-def _summary(joint: str, rows: list[JointRow], evaluation: Evaluation) -> Table:
-    """One row per section, sequence and filter, from the metrics that the verdict rests on."""
-    metrics = {
-        (m.name.partition(".")[2], m.filter, m.sequence, m.section): m.value
-        for m in evaluation.metrics
-        if m.name.startswith(f"{joint}.")
-    }
-    body = []
-    for section, own in by_section(rows).items():
-        keys = sorted({(row.sequence, row.filter) for row in own}, key=[(r.sequence, r.filter) for r in own].index)
-        for sequence, name in keys:
-            mine = [row for row in own if (row.sequence, row.filter) == (sequence, name)]
-            others = [_mean([row.other_mean_abs_error_deg[i] for row in mine]) for i in (0, 1)]
-            kinds = ("flexion_mean_error_deg", "flexion_mean_abs_error_deg", "flexion_rmse_deg", "flexion_max_abs_error_deg")
-            values = [metrics.get((kind, name, sequence, section)) for kind in kinds]
-            body.append(
-                Row([label(name), text(sequence), text(section), number(len(mine), 0), number(sum(row.n for row in mine), 0)]
-                    + [number(value, 3) for value in (*values, *others)])
-            )  # fmt: skip
-    columns = header(
-        "filter", "sequence", "section", "poses or sweeps", "samples", "mean e [deg]", "mean |e| [deg]", "RMS e [deg]",
-        "max |e| [deg]", "other angle 1 [deg]", "other angle 2 [deg]", numbers_from=3,
-    )  # fmt: skip
-    return Table(
-        f"Flexion error e of {joint}, all poses and sweeps",
-        columns,
-        body,
-        "How to read: e is estimated minus true flexion; every pose or sweep counts alike, however long it took. The last "
-        "two columns are the mean absolute errors of the other two Euler angles; a dash means gimbal lock. The middle angle "
-        "of a sequence such as ZXZ is the angle between two axes: it is never negative, so that errors at 0 deg are one-sided, "
-        "and where one of the axes is vertical it does not see heading errors; the other two angles do.",
-    )
+def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list[Block]:
+    """One row per section, motion, sequence and filter: the errors, then their spread, delay and settling."""
+    found = [item for item in evaluation.joint_summary if item.joint == joint]
+    body, spread = [], []
+    for item in found:
+        e = item.errors
+        mine = [r for r in rows if (r.section, r.filter, r.sequence) == (item.section, item.filter, item.sequence)]
+        mine = [r for r in mine if item.motion == "all" or (r.kind == "sweep") == (item.motion == "dynamic")]
+        others = [_mean([row.other_mean_abs_error_deg[i] for row in mine]) for i in (0, 1)]
+        leading = [label(item.filter), text(item.sequence), text(item.section), text(item.motion)]
+        body.append(
+            Row([*leading, number(e.steps, 0), number(e.n, 0), plus_minus(e.mean_error_deg, item.expanded_uncertainty_deg),
+                 with_interval(e.mean_abs_error_deg, e.mean_abs_error_ci95_deg), with_interval(e.rmse_deg, e.rmse_ci95_deg),
+                 *(number(value, 2) for value in others)])
+        )  # fmt: skip
+        spread.append((leading, e))
+    names = ["filter", "sequence", "section", "motion"]
+    return [
+        Table(
+            f"Flexion error e of {joint}, all poses and sweeps",
+            header(*names, "poses or sweeps", "samples", "mean e ± U [deg]", "mean |e| [95 % CI] [deg]",
+                   "RMS e [95 % CI] [deg]", "other angle 1 [deg]", "other angle 2 [deg]", numbers_from=4),
+            body,
+            "How to read: e is estimated minus true flexion; every pose or sweep counts alike, however long it took. ± U is "
+            f"how far the truth itself may be off (k = 2){_of_magnitudes(found)}; it does not shrink with more poses of the "
+            "same arm. In square brackets: the 95 % confidence interval, from this session's own scatter "
+            "over its poses and sweeps; what a new mounting or power-up would change is not in it. The last two columns "
+            "are the mean absolute errors of the other two Euler angles; a dash means gimbal lock. The middle angle of a "
+            "sequence such as ZXZ is the angle between two axes: it is never negative, so that errors at 0 deg are one-sided, "
+            "and where one of the axes is vertical it does not see heading errors; the other two angles do.",
+        ),
+        distribution_table(f"Spread, delay and settling of the flexion error: {joint}", names, spread),
+    ]  # fmt: skip
+
+
+def _of_magnitudes(found: list[JointSummary]) -> str:
+    """U of the columns that carry none of their own."""
+    known = [item.expanded_uncertainty_magnitude_deg for item in found if item.expanded_uncertainty_magnitude_deg is not None]
+    return f", and at most {digits(max(known), 3)} deg for the columns without it" if known else ""
 
 
 def _mean(values: list[float | None]) -> float | None:
@@ -78,7 +92,9 @@ def _mean(values: list[float | None]) -> float | None:
     return float(np.mean(known)) if known else None
 
 
-def _pose_blocks(joint: str, section: str, errors: PoseErrors, published: PublishedResults, colours: Colours) -> list[Block]:
+def _pose_blocks(
+    joint: str, section: str, errors: PoseErrors, published: PublishedResults | None, colours: Colours
+) -> list[Block]:
     where = f"{joint}, section {section}" + (f", misalignment {errors.aligned:g} deg" if errors.aligned is not None else "")
     blocks: list[Block] = [_flexion_table(where, errors, published)]
     if len(errors.flexions) > 1:
@@ -90,9 +106,7 @@ def _pose_blocks(joint: str, section: str, errors: PoseErrors, published: Publis
                 f"Mean |flexion error| over commanded flexion: {where}",
                 figures,
                 "How to read: lower is better. The band is one standard deviation of the samples within a pose, to either "
-                f"side; the grey diamonds are the published values of the same Euler sequence ({published.source}). Click a "
-                "name to hide or to show it; published filters that this session did not run wait greyed out where there is "
-                "a nearer one.",
+                f"side.{_diamonds(published)}",
             )
         )
     if len(errors.flexions) > 1 and len(errors.misalignments) > 1:
@@ -103,7 +117,16 @@ def _pose_blocks(joint: str, section: str, errors: PoseErrors, published: Publis
     return blocks
 
 
-def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults) -> Table:
+def _diamonds(published: PublishedResults | None) -> str:
+    if published is None:
+        return " Click a name to hide or to show it."
+    return (
+        f" The grey diamonds are the published values of the same Euler sequence ({published.source}). Click a name to hide or "
+        "to show it; published filters that this session did not run wait greyed out where there is a nearer one."
+    )
+
+
+def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults | None) -> Table:
     beside = published_beside(published, errors.flexions)
     body: list[Row] = []
     for sequence in [*errors.sequences, *(s for s in beside if s not in errors.sequences)]:
@@ -132,7 +155,7 @@ def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults) 
     ]
     over = [Cell(""), Cell("commanded flexion [deg]", span=len(errors.flexions)), Cell("")]
     how = "How to read: mean absolute error of all samples in a pose; bold is the lowest of ours in its column and sequence."
-    if beside:
+    if published is not None and beside:
         how += (
             f" Rows in italics are published ({published.source}): {published.setup} Each stands under our row of the same "
             "filter and Euler sequence, or at the end of its sequence where this session did not run that filter."
@@ -151,7 +174,7 @@ def _published_row(table: str, what: str, values: list[float | None]) -> Row:
     return Row([Cell(table, what, head=True)] + [number(value) for value in (*values, _mean(values))], "published")
 
 
-def _curves(errors: PoseErrors, sequence: str, published: PublishedResults, colours: Colours) -> Figure:
+def _curves(errors: PoseErrors, sequence: str, published: PublishedResults | None, colours: Colours) -> Figure:
     curves = []
     for name in errors.filters(sequence):
         found = [(flexion, e) for flexion in errors.flexions if (e := errors.at((name, sequence), flexion))]
@@ -193,11 +216,14 @@ def _top(grids: list[np.ndarray]) -> float:
 
 
 def _sweep_blocks(joint: str, section: str, errors: SweepErrors) -> list[Block]:
-    columns = header(*errors.variables, "filter", "sequence", "samples", "mean e [deg]", "mean |e| [deg]", "sd [deg]",
-                     "RMS e [deg]", "max |e| [deg]")  # fmt: skip
+    columns = header(*errors.variables, "filter", "sequence", "true amplitude [deg]", "frequency [Hz]", "samples",
+                     "mean e [deg]", "mean |e| [deg]", "RMS e [deg]", "max |e| [deg]", "correlation",
+                     "delay [ms]")  # fmt: skip
     body = [
-        Row([*(number(v, 2) for v in values), label(key[0]), text(key[1]), number(e.n, 0)]
-            + [number(v, 3) for v in (e.mean, e.mean_abs, e.sd, e.rmse, e.max_abs)])
+        Row([*(number(v, 2) for v in values), label(key[0]), text(key[1]), *_measured(errors.sweeps[key, values], e.n)]
+            + [number(v, 3) for v in (e.mean, e.mean_abs, e.rmse, e.max_abs)]
+            + [number(_mean([row.flexion_correlation for row in errors.sweeps[key, values]]), 4),
+               number(_mean([row.latency_ms for row in errors.sweeps[key, values]]), 1)])
         for (key, values), e in sorted(errors.errors.items(), key=lambda item: tuple(v or 0.0 for v in item[0][1]))
     ]  # fmt: skip
     everything = Table(
@@ -205,12 +231,19 @@ def _sweep_blocks(joint: str, section: str, errors: SweepErrors) -> list[Block]:
         columns,
         body,
         "How to read: e is estimated minus true flexion while the arm moves, all samples of a sweep and of the dwells that "
-        "share its variables.",
+        "share its variables. Amplitude and frequency are those of the true flexion, ramps included; the delay is how far the "
+        "estimate runs behind it, beyond what the fit of the sensor's clock took out (negative: ahead).",
         folded=errors.is_grid,
     )
     if not errors.is_grid:
         return [everything]
     return [_sweep_grid(joint, section, errors), _sweep_maps(joint, section, errors), everything]
+
+
+def _measured(rows: list[JointRow], samples: int) -> list[Cell]:
+    """Amplitude and frequency of sweeps as they were, and the samples."""
+    amplitude, frequency = _mean([row.amplitude_deg for row in rows]), _mean([row.frequency_hz for row in rows])
+    return [number(amplitude, 1), number(frequency, 2), number(samples, 0)]
 
 
 def _sweep_grid(joint: str, section: str, errors: SweepErrors) -> Table:

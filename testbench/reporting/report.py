@@ -23,6 +23,7 @@ from testbench.reporting.recording_section import recording_section
 from testbench.reporting.render import render_page
 from testbench.reporting.session_section import facts, is_simulated, provenance_section, run_section, verdict_section
 from testbench.reporting.tables import digits
+from testbench.reporting.uncertainty_section import uncertainty_section
 
 FILE = "report.html"
 
@@ -82,8 +83,12 @@ def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluatio
         names = [row.filter for row in evaluation.orientation] + [row.filter for row in evaluation.joint_angle]
         colours = filter_colours([name for name in session.analysis.estimate.filters if name in names] + names)
         if session.analysis.joints:
-            sections.append(joint_section(evaluation, load_published(), colours, spans))
-        sections.append(orientation_section(evaluation, colours, spans))
+            published = {
+                name: load_published(joint.published) if joint.published else None
+                for name, joint in session.analysis.joints.items()
+            }
+            sections.append(joint_section(evaluation, published, colours, spans))
+        sections += [orientation_section(evaluation, colours, spans), uncertainty_section(evaluation)]
     if estimate is not None:
         sections += [fit_section(estimate), recording_section(estimate, evaluation)]
         axes = axes_section(estimate, evaluation)
@@ -118,6 +123,8 @@ def _tiles(evaluation: Evaluation | None, sequences: Mapping[str, str]) -> list[
             own = [metric for metric in found if metric.section == section]
             best, worst = (pick(own, key=lambda metric: metric.value or 0.0) for pick in (min, max))
             detail = f"best: {best.filter}, {best.sequence}"
+            if best.expanded_uncertainty is not None:
+                detail += f" (truth ± {digits(best.expanded_uncertainty, 2)} deg)"
             if worst is not best:
                 detail += f"; worst: {worst.filter}, {worst.sequence}, {digits(worst.value, 2)} deg"
             tiles.append(Tile(digits(best.value, 2), "deg", f"mean |flexion error|, {joint}, {section}", detail))

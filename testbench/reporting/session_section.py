@@ -13,6 +13,7 @@ from testbench.records.evaluation import Evaluation, Metric
 from testbench.records.session import Session
 from testbench.records.strict import Placement
 from testbench.reporting.page import Block, Section, Sentence
+from testbench.reporting.ranking_section import plus_minus
 from testbench.reporting.tables import NOTHING, Cell, Row, Table, digits, header, label, number, significant, text, vector
 
 SHOWN = {
@@ -139,8 +140,10 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
             _metrics(
                 "Metrics with limits",
                 judged,
-                "How to read: pass keeps the limit, marginal keeps it but lies near it, fail breaks it, not measured could "
-                "not be taken; the worst of them is the verdict on the sensors. It says nothing about the bench.",
+                "How to read: pass keeps the limit even if the truth is off by U (its expanded uncertainty, k = 2); fail "
+                "breaks it even then; marginal lies between, or keeps it with less to spare than the protocol wants; not "
+                "measured could not be taken. The worst of them is the verdict on the sensors. It says nothing about the "
+                "bench. The 95 % confidence interval comes from this session's own scatter.",
             )
         )
     else:
@@ -159,21 +162,32 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
     rows = []
     for metric in metrics:
         cells = [label(metric.name), *(text(value) for value in (metric.filter, metric.sequence, metric.section))]
-        cells += [number(metric.value, 3), text(metric.unit)]
+        cells += [plus_minus(metric.value, metric.expanded_uncertainty), _interval(metric), text(metric.unit)]
         if limits and metric.outcome is not None:
             outcome = metric.outcome.value
             cells += [text(_limits(metric)), Cell(outcome.replace("_", " "), kind=f"badge {outcome}")]
         rows.append(Row([*cells, text(metric.meaning, kind="wide")]))
     titles = ["metric", "filter", "sequence", "section"]
-    columns = [*(Cell(title) for title in titles), Cell("value", kind="number"), Cell("unit")]
+    columns = [
+        *(Cell(title) for title in titles),
+        Cell("value ± U", kind="number"),
+        Cell("95 % CI", kind="number"),
+        Cell("unit"),
+    ]
     columns += [Cell("limit"), Cell("outcome")] if limits else []
     return Table(caption, [*columns, Cell("meaning")], rows, how, folded=not limits)
 
 
+def _interval(metric: Metric) -> Cell:
+    if metric.ci95 is None:
+        return number(None)
+    return Cell(f"[{digits(metric.ci95[0], 3)}, {digits(metric.ci95[1], 3)}]", kind="number")
+
+
 def _limits(metric: Metric) -> str:
     if metric.lower is not None and metric.upper is not None:
-        return f"{metric.lower:g} to {metric.upper:g} {metric.unit}"
-    return f"at least {metric.lower:g} {metric.unit}" if metric.lower is not None else f"at most {metric.upper:g} {metric.unit}"
+        return f"{metric.lower:g} to {metric.upper:g}"
+    return f"≥ {metric.lower:g}" if metric.lower is not None else f"≤ {metric.upper:g}"
 
 
 def provenance_section(session: Session) -> Section:

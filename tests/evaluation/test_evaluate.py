@@ -129,7 +129,7 @@ def test_evaluation_sections_are_judged_and_calibration_only_where_there_is_noth
 def test_evaluation_json_has_the_keys_that_others_build_on(quick):
     data = json.loads((quick.session.path / "evaluation.json").read_text())
     assert {"schema_version", "session", "joint_angle", "orientation", "metrics", "outcome"} <= set(data)
-    assert data["schema_version"] == 1
+    assert data["schema_version"] == 2
     assert data["session"] == quick.session.name
     assert data["outcome"] in {"pass", "marginal", "fail", "not_measured"}
     for rows, keys in (("joint_angle", JOINT_KEYS), ("orientation", ORIENTATION_KEYS), ("metrics", METRIC_KEYS)):
@@ -137,7 +137,7 @@ def test_evaluation_json_has_the_keys_that_others_build_on(quick):
         for row in data[rows]:
             assert keys <= set(row), rows
     for row in data["metrics"]:
-        assert row["unit"] == "deg" and row["meaning"]
+        assert row["name"].endswith("_" + row["unit"]) and row["meaning"]
         assert row["outcome"] in {None, "pass", "marginal", "fail", "not_measured"}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from testbench.evaluation.verdict import judge, outcome_of, summarise_metrics
-from testbench.records.evaluation import JointRow, OrientationRow, Outcome
+from testbench.records.evaluation import Evaluation, JointRow, OrientationRow, Outcome
 from testbench.records.protocol import AcceptanceLimit, Analysis, JointDefinition
 
 
@@ -23,7 +23,11 @@ def limits(*accept: AcceptanceLimit) -> Analysis:
 
 def verdict(rows: list[JointRow], *accept: AcceptanceLimit) -> tuple[list, Outcome]:
     analysis = limits(*accept)
-    return judge(analysis, summarise_metrics(rows, []))
+    return judge(analysis, summarise_metrics(judged(rows, [])))
+
+
+def judged(rows: list[JointRow], orientation: list[OrientationRow]) -> Evaluation:
+    return Evaluation("session", rows, orientation, [], Outcome.NOT_MEASURED)
 
 
 MEAN = "elbow.flexion_mean_abs_error_deg"
@@ -99,7 +103,7 @@ def test_without_limits_nothing_is_judged():
 def test_sensors_have_metrics_of_their_own():
     row = OrientationRow("arm", "vqf_6d", 10, 1.5, 1.2, 0.9, 2.0)
     analysis = limits(AcceptanceLimit(metric="arm.inclination_rmse_deg", max=0.5))
-    metrics, outcome = judge(analysis, summarise_metrics([], [row]))
+    metrics, outcome = judge(analysis, summarise_metrics(judged([], [row])))
     assert outcome == "fail"
     assert {m.name: m.value for m in metrics} == {
         "arm.total_rmse_deg": 1.5, "arm.heading_rmse_deg": 1.2, "arm.inclination_rmse_deg": 0.9,

@@ -29,11 +29,13 @@ class SimulatedArm(Arm):
     angle, rounded and noisy. `true_state` is what the simulated sensors feel; nothing else may ask for it.
 
     Args:
-        robot: Servo, encoder and rates. seed: Of the run.
+        robot: Servo, encoder and rates. seed: Of the run. joint_errors: Whether the joints' zeros are off as the robot file's
+        uncertainty says; drawn once for the run, felt by the sensors and not seen by the encoders.
     """
 
-    def __init__(self, robot: Robot, seed: int):
+    def __init__(self, robot: Robot, seed: int, joint_errors: bool = False):
         self.robot, self.seed = robot, seed
+        self.zero_errors = draw_zero_errors(robot, seed) if joint_errors else np.zeros(len(robot.joint_names))
         self._period_ns = round(NANOSECONDS / robot.spec.rates.control_hz)
         self._every = max(round(robot.spec.rates.control_hz / robot.spec.rates.record_hz), 1)
         self._noise = random_stream(seed, "arm", "encoder")
@@ -113,7 +115,7 @@ class SimulatedArm(Arm):
         return 2 * np.pi * servo.natural_frequency_hz, servo.damping_ratio
 
     def _repeatability(self, plan: Plan) -> Trajectory:
-        """Error of the true angles: a knot at the start and end of each move, blended smoothly over it."""
+        """Error of the true angles: that of the zeros, and another of each move, blended smoothly over it."""
         sd = np.radians(self.robot.spec.servo.repeatability_deg)
         rng = random_stream(self.seed, "arm", "repeatability")
         joints = len(self.robot.joint_names)
@@ -126,8 +128,13 @@ class SimulatedArm(Arm):
                 times.append(step.settled_ns)
                 errors.append(sd * rng.standard_normal(joints))
         end = max(plan.trajectory.time_ns[-1], times[-1]) + 3600 * NANOSECONDS
-        q = np.array([*errors, errors[-1]])
+        q = np.array([*errors, errors[-1]]) + self.zero_errors
         return Trajectory(np.array([*times, end], dtype=np.int64), q, np.zeros_like(q), np.zeros_like(q))
+
+
+def draw_zero_errors(robot: Robot, seed: int) -> np.ndarray:
+    """How far each joint's true angle lies from what its encoder says, through a whole run, shape (n_joints,) [rad]."""
+    return robot.joint_angle_uncertainty * random_stream(seed, "arm", "zeros").standard_normal(len(robot.joint_names))
 
 
 def _servo_update(robot: Robot, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

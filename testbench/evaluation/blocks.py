@@ -1,0 +1,195 @@
+"""Errors as a series of blocks, and what may be inferred from them although neighbours resemble each other.
+
+Sensor errors last: samples a hundredth of a second apart say nearly the same, and so may neighbouring poses. The series is
+resampled in blocks long enough to hold that memory (Politis & Romano 1992, circular block bootstrap), whose length follows from
+the series' own autocorrelation (Politis & White 2004, as corrected by Patton, Politis & White 2009).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.stats import norm, t
+
+LONGEST_SERIES = 1024
+"""A longer series is first summed over equal runs: errors are far smoother than their sampling [1]."""
+FEWEST_STEPS = 4
+"""Fewer poses than this say too little of other poses; so few sweeps are cut into runs of time instead."""
+FEWEST_BLOCKS = 3
+"""Fewer independent blocks give no interval and no comparison."""
+DRAWS = 1000
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class ErrorSeries:
+    """Sums of errors over blocks in the order of time.
+
+    Attributes:
+        weight: How much each block counts, shape (m,). mean, absolute, square: Weight times the block's mean of e, |e| and e²,
+        shape (m,) each.
+    """
+
+    weight: np.ndarray
+    mean: np.ndarray
+    absolute: np.ndarray
+    square: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.weight)
+
+
+def step_series(errors: np.ndarray, steps: Sequence[np.ndarray], moving: bool, equally: bool) -> ErrorSeries | None:
+    """The series of a protocol's steps.
+
+    Args:
+        errors: Shape (n,), in any unit. steps: Rows of each step, in the order of time. moving: Whether all steps are sweeps.
+        equally: Every step counts alike, else every sample.
+
+    Returns:
+        One block for each step; runs of equal time within the steps where they are few sweeps; None for few poses.
+    """
+    if len(steps) >= FEWEST_STEPS:
+        pieces = list(steps)
+    elif moving and steps:
+        runs = max(min(LONGEST_SERIES // len(steps), min(len(rows) for rows in steps)), 1)
+        pieces = [piece for rows in steps for piece in np.array_split(rows, runs)]
+    else:
+        return None
+    return _sums(errors, pieces, equally)
+
+
+def sample_series(errors: np.ndarray) -> ErrorSeries:
+    """The series of a recording without steps, shape (n,): equal runs of samples."""
+    runs = min(LONGEST_SERIES, len(errors))
+    return _sums(errors, np.array_split(np.arange(len(errors)), runs), False)
+
+
+def _sums(errors: np.ndarray, pieces: Sequence[np.ndarray], equally: bool) -> ErrorSeries:
+    rows = np.concatenate(pieces)
+    sizes = np.array([len(piece) for piece in pieces])
+    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    e = errors[rows]
+    weight = np.ones(len(pieces)) if equally else sizes.astype(float)
+    scale = weight / sizes
+    sums = (np.add.reduceat(values, starts) * scale for values in (e, np.abs(e), e**2))
+    return ErrorSeries(weight, *sums)
+
+
+def block_length(series: np.ndarray) -> int:
+    """Length of the blocks that the circular bootstrap of a mean wants (Patton, Politis & White 2009, eqs 3 to 5).
+
+    Args:
+        series: Shape (n,).
+
+    Returns:
+        From 1 to a third of the series.
+    """
+    n = len(series)
+    longest = int(np.ceil(min(3 * np.sqrt(n), n / 3)))
+    centred = series - series.mean()
+    power = float(np.mean(centred**2))
+    if n < 9 or not power > 1e-24 * max(float(np.mean(series**2)), 1e-300):
+        return 1
+    looked = max(5, int(np.sqrt(np.log10(n))))
+    most = min(int(np.ceil(np.sqrt(n))) + looked, n - 1)
+    covariance = np.array([np.dot(centred[lag:], centred[: n - lag]) / n for lag in range(most + 1)])
+    loud = np.abs(covariance[1:] / covariance[0]) > 2 * np.sqrt(np.log10(n) / n)
+    quiet = np.array([not loud[i : i + looked].any() for i in range(len(loud) - looked + 1)])
+    memory = int(np.argmax(quiet)) if quiet.any() else int(np.flatnonzero(loud)[-1]) + 1
+    bandwidth = min(2 * max(memory, 1), most)
+    lags = np.arange(-bandwidth, bandwidth + 1)
+    share = np.abs(lags) / bandwidth
+    taper = np.where(share <= 0.5, 1.0, 2 * (1 - share))
+    around = covariance[np.abs(lags)]
+    slope, level = float(np.sum(taper * np.abs(lags) * around)), float(np.sum(taper * around))
+    if not level**2 > 0:
+        return longest
+    return int(np.clip(round((2 * slope**2 / (4 / 3 * level**2)) ** (1 / 3) * n ** (1 / 3)), 1, longest))
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """95 % confidence intervals of the signed mean, the mean magnitude and the RMS; and the blocks they rest on."""
+
+    mean: list[float] | None
+    absolute: list[float] | None
+    rms: list[float] | None
+    blocks: int
+    length: int
+
+
+def intervals(series: ErrorSeries, rng: np.random.Generator) -> Intervals:
+    """Confidence intervals by the circular block bootstrap.
+
+    Percentile intervals, widened for the few blocks there are as Student's t widens a normal one (Hesterberg 2015, section 4.3:
+    expanded percentile intervals).
+    """
+    n = len(series)
+    per_weight = [values / series.weight for values in (series.mean, series.absolute)]
+    length = max(block_length(values) for values in per_weight)
+    blocks = n // length
+    if blocks < FEWEST_BLOCKS:
+        return Intervals(None, None, None, blocks, length)
+    columns = np.column_stack([series.weight, series.mean, series.absolute, series.square])
+    starts = rng.integers(0, n, (DRAWS, -(-n // length)))
+    weight, mean, absolute, square = resampled_sums(columns, starts, length).T
+    tail = norm.cdf(np.sqrt(blocks / (blocks - 1)) * t.ppf((1 - CONFIDENCE) / 2, blocks - 1))
+    ends = [tail, 1 - tail]
+
+    def between(values: np.ndarray) -> list[float]:
+        return [float(value) for value in np.quantile(values, ends)]
+
+    return Intervals(
+        between(mean / weight), between(absolute / weight), between(np.sqrt(square / weight)), blocks, length
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def resampled_sums(columns: np.ndarray, starts: np.ndarray, length: int) -> np.ndarray:
+    """Sums over n rows that are drawn in blocks; the series is closed to a circle and the last block cut to fit.
+
+    Args:
+        columns: Shape (n, k). starts: First row of each block, shape (draws, blocks). length: Of a block.
+
+    Returns:
+        Shape (draws, k).
+    """
+    n, k = columns.shape
+    running = np.zeros((2 * n + 1, k))
+    for i in range(2 * n):
+        for j in range(k):
+            running[i + 1, j] = running[i, j] + columns[i % n, j]
+    result = np.zeros((starts.shape[0], k))
+    for draw in range(starts.shape[0]):
+        left = n
+        for block in range(starts.shape[1]):
+            size = min(length, left)
+            begin = starts[draw, block]
+            for j in range(k):
+                result[draw, j] += running[begin + size, j] - running[begin, j]
+            left -= size
+    return result
+
+
+def mean_and_error(values: np.ndarray, weight: np.ndarray) -> tuple[float, float, int]:
+    """Weighted mean of a series, its standard error by blocks, and how many independent blocks there are.
+
+    The standard error is that which the circular block bootstrap would show after infinitely many draws (Politis & Romano
+    1992), with its bias for few blocks taken out.
+
+    Args:
+        values: Sums over the blocks, shape (n,). weight: Of the blocks, shape (n,).
+    """
+    n = len(values)
+    mean = float(values.sum() / weight.sum())
+    deviation = values - mean * weight
+    length = block_length(values / weight)
+    blocks = n // length
+    running = np.concatenate([[0.0], np.cumsum(np.concatenate([deviation, deviation[: length - 1]]))])
+    sums = running[length:] - running[:-length]
+    variance = n / length * float(np.mean(sums**2)) * (blocks / (blocks - 1) if blocks > 1 else np.inf)
+    return mean, float(np.sqrt(variance) / weight.sum()), blocks

@@ -1,0 +1,173 @@
+"""The budgets of a session: for each section of a joint, and for the parts of each sensor's orientation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.evaluation.dynamics import rate_in_world
+from testbench.evaluation.flexion import JointErrors
+from testbench.evaluation.sensitivity import flexion_by_joints, judged_configurations, turning_by_joints
+from testbench.evaluation.uncertainty import (
+    ArmSensitivity,
+    alignment_source,
+    arm_sources,
+    clock_source,
+    combine,
+    levelling_source,
+    mounting_source,
+)
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.model.kinematics import Kinematics
+from testbench.records.estimate import Estimate, SensorEstimate
+from testbench.records.plan import PlannedStep
+from testbench.records.robot import Robot
+from testbench.records.samples import ArmSamples
+from testbench.records.session import Session
+from testbench.records.uncertainty import UncertaintyBudget
+
+UNKNOWN_TRUTH = "the accuracy of the reference system is not known"
+UNKNOWN_TIME = "the sensor's time is not known, and the truth moves"
+PARTS = ("total", "heading", "inclination")
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An arm that gave the truth, with what it reported."""
+
+    robot: Robot
+    kinematics: Kinematics
+    samples: ArmSamples
+
+    @staticmethod
+    def of(session: Session) -> Arm | None:
+        """The arm of a session that the bench ran; None where the truth came from elsewhere."""
+        samples = session.arm()
+        if samples is None or session.robot is None or not session.has_protocol or not len(samples.host_time_ns):
+            return None
+        return Arm(session.robot, Kinematics(session.robot), samples)
+
+    def reference_pose(self, session: Session) -> np.ndarray | None:
+        """Joint angles in which the frames were aligned, shape (1, n_joints) [rad]."""
+        step = next((s for s in session.steps if s.role == "reference" and s.kind != "sweep"), None)
+        found = None if step is None else judged_configurations(self.samples, [step])
+        return None if found is None else found.q
+
+
+def joint_budgets(session: Session, estimate: Estimate, errors: JointErrors, arm: Arm | None) -> list[UncertaintyBudget]:
+    """One budget for each section of a joint."""
+    return [
+        _joint_budget(session, estimate, errors, section, steps, arm) for section, steps in errors.sections().items()
+    ]  # fmt: skip
+
+
+def _joint_budget(
+    session: Session, estimate: Estimate, errors: JointErrors, section: str, judged: list[tuple[PlannedStep, np.ndarray]],
+    arm: Arm | None,
+) -> UncertaintyBudget:  # fmt: skip
+    sensor, aligned = estimate.sensors[errors.joint.proximal], session.analysis.estimate.align
+    seconds = errors.time_ns / NANOSECONDS
+    rate = np.gradient(np.degrees(_unwrapped(errors.reference)), seconds)
+    mean_rate = float(np.mean([np.nanmean(rate[rows]) for _, rows in judged]))
+    rms_rate = float(np.sqrt(np.mean([np.nanmean(rate[rows] ** 2) for _, rows in judged])))
+    clock = clock_source(sensor.clock.offset_sd_s, sensor.clock.method, mean_rate, rms_rate)
+    missing = [UNKNOWN_TIME] if clock is None else []
+    steps = [step for step, _ in judged]
+    configurations = None if arm is None else judged_configurations(arm.samples, steps)
+    if arm is None or configurations is None:
+        ends = [_fitted_sd(estimate.sensors[name]) for name in (errors.joint.proximal, errors.joint.distal)]
+        known = [sd for sd in ends if sd is not None]
+        frames = alignment_source(None, aligned, None, float(np.sqrt(np.sum(np.square(known)))) if known else None)
+        return combine(errors.name, "flexion", section, [clock, frames], [UNKNOWN_TRUTH, *missing])
+    placed, joint = session.analysis.sensors, errors.joint
+    by_joints, by_mounting = flexion_by_joints(arm.kinematics, placed, joint, configurations.q)
+    pose = arm.reference_pose(session)
+    at_reference = None if pose is None else np.abs(flexion_by_joints(arm.kinematics, placed, joint, pose)[0][0])
+    weight = np.full(len(steps), 1 / len(steps))
+    c = ArmSensitivity(by_joints, np.abs(by_joints), configurations.step, weight, at_reference)
+    mounting = ArmSensitivity(by_mounting, np.abs(by_mounting), configurations.step, weight, None).constant()
+    sources = [
+        *arm_sources(arm.robot, arm.samples, steps, c),
+        mounting_source(arm.robot, aligned, *(float(np.sqrt(np.sum(part**2))) for part in mounting)),
+        clock,
+        alignment_source(arm.robot, aligned, c, None),
+    ]
+    return combine(errors.name, "flexion", section, sources, missing)
+
+
+def sensor_budgets(
+    session: Session, estimate: Estimate, name: str, q_true: np.ndarray, judged: np.ndarray, steps: list[PlannedStep],
+    arm: Arm | None,
+) -> list[UncertaintyBudget]:  # fmt: skip
+    """Budgets of a sensor's total, heading and inclination errors.
+
+    Args:
+        q_true: q_world_from_sensor by the truth at the estimate's instants, shape (n, 4). judged: Which count, shape (n,).
+        steps: Judged steps of the protocol.
+    """
+    sensor, aligned = estimate.sensors[name], session.analysis.estimate.align
+    time = sensor.host_time_ns
+    turning = np.degrees(rate_in_world(time, q_true)[judged])
+    turning = turning[np.isfinite(turning).all(axis=1)]
+    counts = np.array([np.sum(judged[slice(*np.searchsorted(time, [s.start_ns, s.end_ns]))]) for s in steps])
+    steps = [step for step, count in zip(steps, counts, strict=True) if count]
+    configurations = None if arm is None else judged_configurations(arm.samples, steps)
+    axes = reference = None
+    if arm is not None and configurations is not None:
+        axes = turning_by_joints(arm.kinematics, session.analysis.sensors[name], configurations.q)
+        pose = arm.reference_pose(session)
+        reference = None if pose is None else turning_by_joints(arm.kinematics, session.analysis.sensors[name], pose)[0]
+    vertical = rotation.to_matrix(q_true[judged])[:, 2, :] if judged.any() else np.zeros((1, 3))
+    budgets = []
+    for part in PARTS:
+        speed = _length(turning, part) if len(turning) else np.zeros(1)
+        mean_rate = float(turning[:, 2].mean()) if part == "heading" and len(turning) else float(speed.mean())
+        clock = clock_source(sensor.clock.offset_sd_s, sensor.clock.method, mean_rate, float(np.sqrt(np.mean(speed**2))))
+        missing = [UNKNOWN_TIME] if clock is None else []
+        if arm is None or axes is None or configurations is None:
+            frames = alignment_source(None, aligned, None, _fitted_sd(sensor))
+            budgets.append(combine(name, part, None, [clock, frames], [UNKNOWN_TRUTH, *missing]))
+            continue
+        size = _length(axes, part)
+        c = ArmSensitivity(
+            axes[:, :, 2] if part == "heading" else size,
+            size,
+            configurations.step,
+            counts[counts > 0] / counts.sum(),
+            None if reference is None else _length(reference, part),
+        )
+        # Axes of the sensor that a mounting error turns it about: all three, the vertical ones, the level ones.
+        mounted = {"total": np.sqrt(3.0), "heading": 1.0, "inclination": np.sqrt(2.0)}[part]
+        lasting = float(np.linalg.norm(vertical.mean(axis=0))) if part == "heading" else mounted
+        sources = [
+            *arm_sources(arm.robot, arm.samples, steps, c),
+            None if part == "heading" else levelling_source(arm.robot, float(np.sqrt(2.0))),
+            mounting_source(arm.robot, aligned, lasting, mounted),
+            clock,
+            alignment_source(arm.robot, aligned, c, None),
+        ]
+        budgets.append(combine(name, part, None, sources, missing))
+    return budgets
+
+
+def _length(vectors: np.ndarray, part: str) -> np.ndarray:
+    """Length of rotations in the world, or of their part about the vertical or a level axis, shape (..., 3) to (...)."""
+    if part == "heading":
+        return np.abs(vectors[..., 2])
+    return np.asarray(np.linalg.norm(vectors if part == "total" else vectors[..., :2], axis=-1))
+
+
+def _unwrapped(angle: np.ndarray) -> np.ndarray:
+    """An angle without jumps of a whole turn; NaN stays [rad]."""
+    result = angle.copy()
+    known = np.isfinite(angle)
+    result[known] = np.unwrap(angle[known])
+    return result
+
+
+def _fitted_sd(sensor: SensorEstimate) -> float | None:
+    """Standard uncertainty of an alignment by motion, about all axes together [deg]; None for other alignments."""
+    stated = [np.linalg.norm(fit.mounting_sd_deg) for fit in sensor.frames.values() if fit.mounting_sd_deg is not None]
+    return float(max(stated)) if stated else None

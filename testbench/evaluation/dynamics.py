@@ -1,0 +1,196 @@
+"""How errors depend on time: delay behind the truth, settling after a move, and what a sweep really was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from scipy.ndimage import uniform_filter1d
+
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.records.plan import PlannedStep
+
+CONVERGENCE_BAND = np.radians(0.1)
+"""An error has settled when it stays this near to its settled value, or within three standard deviations of its noise [rad]."""
+CLUSTER_S = 2.0
+"""Residuals nearer than this count as one when the uncertainty of a delay is stated [s]."""
+SLOW_S = 4.0
+"""Errors of orientation that change more slowly than this are no delay: they are taken out of both sides [s]."""
+LEAST_RATE = np.radians(1.0)
+"""An RMS rate below this says nothing of a delay [rad/s]."""
+_STEP_S = 2e-3
+_LONGEST_S = 0.5
+_ITERATIONS = 10
+
+Delay = tuple[float, float]
+"""Delay behind the truth [s], positive where the estimate is late, and its standard uncertainty [s]."""
+
+
+def angle_delay(time_ns: np.ndarray, estimated: np.ndarray, true: np.ndarray, sweeps: Sequence[np.ndarray]) -> Delay | None:
+    """The delay of an estimated angle behind the true one.
+
+    Least squares of estimated(t) = b + g true(t - delay), with an own b for each sweep, by Gauss-Newton; the uncertainty lets
+    residuals hang together over 2 s (Liang & Zeger 1986).
+
+    Args:
+        time_ns: Increasing, shape (n,). estimated, true: [rad], shape (n,). sweeps: Rows of each sweep.
+
+    Returns:
+        None where the truth hardly moves or the fit finds no delay below half a second.
+    """
+    if not sweeps:
+        return None
+    rows = np.concatenate(sweeps)
+    around = slice(*np.searchsorted(time_ns, [time_ns[rows[0]] - NANOSECONDS, time_ns[rows[-1]] + NANOSECONDS]))
+    known = np.arange(len(time_ns))[around][np.isfinite(true[around])]
+    if len(known) < 10:
+        return None
+    which = np.repeat(np.arange(len(sweeps)), [len(sweep) for sweep in sweeps])
+    time = (time_ns - time_ns[rows[0]]) / NANOSECONDS
+    t, y = time[rows], _centred(estimated[rows], which)
+    known_time, known_angle = time[known], true[known]
+    delay = 0.0
+    for _ in range(_ITERATIONS):
+        late, before, after = (np.interp(t - delay + s, known_time, known_angle) for s in (0.0, -_STEP_S, _STEP_S))
+        rate = (after - before) / (2 * _STEP_S)
+        x = np.column_stack([_centred(late, which), -_centred(rate, which)])
+        if not np.sqrt(np.mean(x[:, 1] ** 2)) > LEAST_RATE:
+            return None
+        gain, step = np.linalg.lstsq(x, y, rcond=None)[0]
+        if not abs(gain) > 0.1:
+            return None
+        delay += float(step / gain)
+        if abs(delay) > _LONGEST_S:
+            return None
+        if abs(step) < 1e-6:
+            break
+    residual = y - x @ np.array([gain, step])
+    return delay, _clustered_sd(x, residual, _runs(np.floor(t / CLUSTER_S) + 1e6 * which)) / abs(float(gain))
+
+
+def orientation_delay(
+    time_ns: np.ndarray, q_estimated: np.ndarray, q_true: np.ndarray, rate_true: np.ndarray, moving: np.ndarray
+) -> Delay | None:
+    """The delay of an estimated orientation behind the true one.
+
+    An estimate that is late by d has the error -d w, with w the true angular rate; d by least squares over all three axes,
+    after slow errors are taken out of both by the same moving average.
+
+    Args:
+        time_ns: Shape (n,). q_estimated, q_true: q_world_from_sensor, shape (n, 4). rate_true: In the world, NaN where
+        unknown, shape (n, 3) [rad/s]. moving: Which samples count, shape (n,).
+
+    Returns:
+        None where the truth hardly turns.
+    """
+    if moving.sum() < 20 or len(time_ns) < 20:
+        return None
+    time = (time_ns - time_ns[0]) / NANOSECONDS
+    known = np.isfinite(q_true[:, 0]) & np.isfinite(q_estimated[:, 0])
+    error = np.zeros((len(time), 3))
+    error[known] = rotation.to_rotation_vector(rotation.multiply(q_estimated[known], rotation.conjugate(q_true[known])))
+    usable = moving & known & np.isfinite(rate_true[:, 0])
+    rate = np.where(np.isfinite(rate_true), rate_true, 0.0)
+    window = max(round(SLOW_S / max(float(np.median(np.diff(time))), 1e-6)), 3)
+    fast_error = (error - uniform_filter1d(error, window, axis=0))[usable]
+    fast_rate = (rate - uniform_filter1d(rate, window, axis=0))[usable]
+    if usable.sum() < 20 or not np.sqrt(np.mean(np.sum(fast_rate**2, axis=1))) > LEAST_RATE:
+        return None
+    x, y = -fast_rate.ravel()[:, None], fast_error.ravel()
+    delay = float(x[:, 0] @ y / (x[:, 0] @ x[:, 0]))
+    if abs(delay) > _LONGEST_S:
+        return None
+    clusters = np.repeat(_runs(np.floor(time[usable] / CLUSTER_S)), 3)
+    return delay, _clustered_sd(x, y - x[:, 0] * delay, clusters)
+
+
+def rate_in_world(time_ns: np.ndarray, q_world_from_sensor: np.ndarray) -> np.ndarray:
+    """Angular rate in the world by differences of orientations, shape (n, 3) [rad/s]; NaN at the ends and beside gaps."""
+    q = q_world_from_sensor
+    rate = np.full((len(q), 3), np.nan)
+    if len(q) > 2:
+        known = np.isfinite(q[2:, 0]) & np.isfinite(q[:-2, 0])
+        turn = rotation.to_rotation_vector(rotation.multiply(q[2:][known], rotation.conjugate(q[:-2][known])))
+        seconds = (time_ns[2:] - time_ns[:-2])[known] / NANOSECONDS
+        rate[1:-1][known] = turn / np.maximum(seconds, 1e-9)[:, None]
+    return rate
+
+
+def _centred(values: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Values less the mean of their sweep."""
+    means = np.bincount(which, values) / np.bincount(which)
+    return np.asarray(values - means[which])
+
+
+def _runs(label: np.ndarray) -> np.ndarray:
+    """Number of the run of equal labels that each belongs to, from 0, shape (n,)."""
+    return np.cumsum(np.diff(label, prepend=label[:1]) != 0)
+
+
+def _clustered_sd(x: np.ndarray, residual: np.ndarray, cluster: np.ndarray) -> float:
+    """Standard uncertainty of the last coefficient of a least-squares fit whose residuals hang together in clusters."""
+    bread = np.linalg.pinv(x.T @ x)
+    scores = np.column_stack([np.bincount(cluster, column * residual) for column in x.T])
+    count = len(scores)
+    covariance = bread @ (scores.T @ scores) @ bread * (count / max(count - 1, 1))
+    return float(np.sqrt(max(covariance[-1, -1], 0.0)))
+
+
+def convergence_times(time_ns: np.ndarray, error: np.ndarray, steps: list[PlannedStep]) -> np.ndarray:
+    """Time from the end of each move until the error stays near its settled value [s], shape (len(steps),).
+
+    The settled value is the mean over the last quarter of the dwell; near is 0.1 deg, or three standard deviations of the last
+    half where the error hisses more than that.
+
+    Args:
+        time_ns: Increasing, shape (n,). error: [rad], shape (n,). steps: Poses, each with a dwell.
+
+    Returns:
+        Infinite where it settles only in the last quarter, NaN where there is nothing to look at.
+    """
+    begins = np.array([step.settled_ns for step in steps], dtype=np.int64)
+    ends = np.array([step.end_ns for step in steps], dtype=np.int64)
+    first, last = np.searchsorted(time_ns, begins), np.searchsorted(time_ns, ends, side="right")
+    return np.asarray(_settled_after(time_ns, error, first, last, begins, float(CONVERGENCE_BAND)))
+
+
+@njit(cache=True)
+def _settled_after(
+    time_ns: np.ndarray, error: np.ndarray, first: np.ndarray, last: np.ndarray, begins: np.ndarray, least_band: float
+) -> np.ndarray:
+    result = np.full(len(first), np.nan)
+    for i in range(len(first)):
+        signal = error[first[i] : last[i]]
+        n = len(signal)
+        if n < 8 or not np.isfinite(signal).all():
+            continue
+        settled = signal[n - n // 4 :].mean()
+        band = max(least_band, 3 * signal[n // 2 :].std())
+        outside = -1
+        for k in range(n):
+            if abs(signal[k] - settled) > band:
+                outside = k
+        if outside >= n - n // 4 - 1:
+            result[i] = np.inf
+        elif outside < 0:
+            result[i] = 0.0
+        else:
+            result[i] = (time_ns[first[i] + outside + 1] - begins[i]) / 1e9
+    return result
+
+
+def amplitude_and_frequency(time_ns: np.ndarray, angle: np.ndarray) -> tuple[float, float] | None:
+    """Half the range of an angle [rad], and the frequency of a sine of the same RMS angle and rate [Hz].
+
+    Args:
+        time_ns: Shape (n,). angle: [rad], shape (n,).
+    """
+    if len(angle) < 5 or not np.isfinite(angle).all():
+        return None
+    rate = np.gradient(angle, (time_ns - time_ns[0]) / NANOSECONDS)
+    spread = float(angle.std())
+    if not spread > 1e-4:
+        return None
+    return float(np.ptp(angle) / 2), float(rate.std() / spread / (2 * np.pi))

@@ -1,0 +1,47 @@
+"""What the calibrated gyroscope still reads at rest: the error of the bias that the calibration estimated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.evaluation.blocks import mean_and_error, sample_series
+from testbench.evaluation.judged import rows_by_step
+from testbench.records.estimate import SensorEstimate
+from testbench.records.evaluation_rows import GyroscopeBiasRow
+from testbench.records.plan import PlannedStep
+from testbench.records.samples import AXES, ImuSamples
+
+FEWEST_SAMPLES = 50
+
+
+def bias_rows(
+    name: str, estimate: SensorEstimate, samples: ImuSamples, steps: list[PlannedStep]
+) -> list[GyroscopeBiasRow]:  # fmt: skip
+    """The mean of the calibrated rate over the dwells in which nothing was calibrated, where the true rate is zero.
+
+    Args:
+        name: Of the sensor. estimate: Its calibration. samples: As recorded, on the same rows. steps: Of the session.
+
+    Returns:
+        One row for each axis; none where nothing was calibrated, or too little was at rest.
+    """
+    fit, time = estimate.calibration, estimate.host_time_ns
+    dwells = [step for step in steps if step.kind != "sweep" and step.role != "calibration"]
+    rest = np.zeros(len(time), dtype=bool)
+    for _, counted in rows_by_step(dwells, time, estimate.static & ~estimate.flagged):
+        rest[counted] = True
+    if fit.method == "none" or rest.sum() < FEWEST_SAMPLES:
+        return []
+    rate, _, _ = fit.apply(samples.gyr[rest], samples.acc[rest], None)
+    rows = []
+    for i, axis in enumerate(AXES):
+        series = sample_series(np.degrees(rate[:, i]))
+        mean, error, _ = mean_and_error(series.mean, series.weight)
+        sd = float(np.degrees(fit.gyr_bias_sd[i]))
+        rows.append(
+            GyroscopeBiasRow(
+                name, axis, float(np.degrees(fit.gyr_bias[i])), sd if np.isfinite(sd) else None, mean,
+                error if np.isfinite(error) else None, int(rest.sum()),
+            )
+        )  # fmt: skip
+    return rows

@@ -1,0 +1,119 @@
+"""How the truth answers to the angles of the arm's joints: sensitivity coefficients by finite differences of the kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.evaluation.flexion import INDEX
+from testbench.evaluation.judged import window
+from testbench.model import rotation
+from testbench.model.joint_angle import joint_angles, segment_from_sensor, segment_orientation
+from testbench.model.kinematics import Kinematics, Pose
+from testbench.records.plan import PlannedStep
+from testbench.records.protocol import JointDefinition, Sensor
+from testbench.records.samples import ArmSamples
+
+STEP = 1e-4
+"""Of the differences [rad]: far above rounding, far below the angles over which the answer bends."""
+MOST_CONFIGURATIONS = 32
+"""A sweep is looked at in so many of its configurations."""
+
+
+@dataclass(frozen=True)
+class Configurations:
+    """Joint angles in which the truth was used, and the step each belongs to.
+
+    Attributes:
+        q: Shape (m, n_joints) [rad]. step: Index into the list of steps, shape (m,).
+    """
+
+    q: np.ndarray
+    step: np.ndarray
+
+
+def judged_configurations(arm: ArmSamples, steps: list[PlannedStep]) -> Configurations | None:
+    """Measured joint angles in the judged windows: the mean of a pose, several of a sweep; None where there are none."""
+    angles, which = [], []
+    for i, step in enumerate(steps):
+        begin, end = window(step)
+        first, last = np.searchsorted(arm.host_time_ns, [begin, end])
+        if last <= first:
+            continue
+        rows = np.unique(np.linspace(first, last - 1, MOST_CONFIGURATIONS).astype(int))
+        own = arm.q_measured[rows] if step.kind == "sweep" else arm.q_measured[first:last].mean(axis=0)[None]
+        angles.append(own)
+        which += [i] * len(own)
+    return Configurations(np.concatenate(angles), np.array(which)) if angles else None
+
+
+def flexion_by_joints(
+    kinematics: Kinematics, sensors: dict[str, Sensor], joint: JointDefinition, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Change of the true flexion with each joint's angle, and with each sensor's mounting.
+
+    Args:
+        kinematics: Of the arm. sensors: As placed by the protocol. joint: Whose flexion. q: Shape (m, n_joints) [rad].
+
+    Returns:
+        By joint angles, shape (m, n_joints) [1]; by rotations of the proximal and the distal sensor about their axes, shape
+        (m, 6) [1]. Where the angle has a kink (the middle angle of a symmetric sequence at 0), the larger one-sided change.
+    """
+    m, n = q.shape
+    proximal, distal = sensors[joint.proximal], sensors[joint.distal]
+    definition = joint.definitions()[0]
+
+    def flexion(q_proximal: np.ndarray, q_distal: np.ndarray) -> np.ndarray:
+        angles = joint_angles(q_proximal, q_distal, definition.sequence)
+        return np.asarray(definition.sign * angles[:, INDEX[definition.flexion]])
+
+    def segments(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        first, second = (
+            segment_orientation(_sensor_orientation(kinematics, sensor, at), sensor) for sensor in (proximal, distal)
+        )
+        return first, second
+
+    base = segments(q)
+    middle = flexion(*base)
+    by_joints = np.zeros((m, n))
+    if joint.reference_joint in kinematics.robot.joint_names:
+        by_joints[:, kinematics.robot.joint_names.index(joint.reference_joint)] = 1.0
+    else:
+        for i in range(n):
+            shift = STEP * np.eye(n)[i]
+            by_joints[:, i] = _larger(middle, flexion(*segments(q + shift)), flexion(*segments(q - shift)))
+    by_mounting = np.zeros((m, 6))
+    for place, sensor in enumerate((proximal, distal)):
+        to_segment = rotation.rotate(segment_from_sensor(sensor)[None], np.eye(3))
+        for axis in range(3):
+            moved = []
+            for sign in (1, -1):
+                turn = rotation.from_rotation_vector(sign * STEP * to_segment[axis])
+                pair = [base[0], base[1]]
+                pair[place] = rotation.multiply(pair[place], turn)
+                moved.append(flexion(*pair))
+            by_mounting[:, 3 * place + axis] = _larger(middle, *moved)
+    return by_joints, by_mounting
+
+
+def _larger(middle: np.ndarray, ahead: np.ndarray, behind: np.ndarray) -> np.ndarray:
+    """Of the two one-sided differences the larger, shape (m,)."""
+    forward, backward = rotation.wrap(ahead - middle) / STEP, rotation.wrap(middle - behind) / STEP
+    smooth = (forward + backward) / 2
+    kinked = np.abs(forward - backward) > 0.1
+    return np.where(kinked, np.where(np.abs(forward) > np.abs(backward), forward, backward), smooth)
+
+
+def turning_by_joints(kinematics: Kinematics, sensor: Sensor, q: np.ndarray) -> np.ndarray:
+    """Rotation of a sensor in the world for each joint's angle: the joints' axes, shape (m, n_joints, 3) [1]."""
+    base = rotation.conjugate(_sensor_orientation(kinematics, sensor, q))
+    axes = np.zeros((*q.shape, 3))
+    for i in range(q.shape[1]):
+        moved = _sensor_orientation(kinematics, sensor, q + STEP * np.eye(q.shape[1])[i])
+        axes[:, i] = rotation.to_rotation_vector(rotation.multiply(moved, base)) / STEP
+    return axes
+
+
+def _sensor_orientation(kinematics: Kinematics, sensor: Sensor, q: np.ndarray) -> np.ndarray:
+    return kinematics.frame_motion(sensor.link, q, offset=Pose.from_placement(sensor.mounting)).q_world_from_frame

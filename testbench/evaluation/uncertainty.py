@@ -1,0 +1,206 @@
+"""Uncertainty of the truth: a budget behind every reported mean error (JCGM 100:2008; docs/uncertainty.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.evaluation.judged import window
+from testbench.records.plan import PlannedStep
+from testbench.records.robot import Robot
+from testbench.records.samples import ArmSamples
+from testbench.records.uncertainty import COVERAGE_FACTOR, UncertaintyBudget, UncertaintySource
+
+LEAST_SENSITIVITY = 1e-6
+"""Joints that move the truth less than this are left out of the table."""
+SLOW_DEG_S = 0.01
+"""Where the truth turns more slowly than this, an unknown time does no harm [deg/s]."""
+
+
+@dataclass(frozen=True)
+class ArmSensitivity:
+    """How one reported angle answers to the arm, by judged configuration.
+
+    Attributes:
+        signed: Change of the angle with each joint, shape (m, n_joints), for errors that keep their sign; size: the same for
+        magnitudes (for a rotation: its length about the axes that count). step: Step of each configuration, shape (m,).
+        weight: Of each step, shape (steps,), summing to 1. reference: `size` in the pose that the frames were aligned in, shape
+        (n_joints,), or None without one.
+    """
+
+    signed: np.ndarray
+    size: np.ndarray
+    step: np.ndarray
+    weight: np.ndarray
+    reference: np.ndarray | None
+
+    def constant(self) -> tuple[np.ndarray, np.ndarray]:
+        """For an error that lasts all session: of the mean, and of magnitudes, shape (n_joints,) each."""
+        signed, square = self._by_step(self.signed), self._by_step(self.size**2)
+        return np.abs(self.weight @ signed), np.sqrt(self.weight @ square)
+
+    def redrawn(self) -> tuple[float, float]:
+        """For an equal error of every joint that is drawn anew for each step: of the mean, and of magnitudes."""
+        signed, square = self._by_step(self.signed), self._by_step(self.size**2)
+        return float(np.sqrt(np.sum((self.weight[:, None] * signed) ** 2))), float(np.sqrt(np.sum(self.weight @ square)))
+
+    def _by_step(self, values: np.ndarray) -> np.ndarray:
+        count = len(self.weight)
+        sums = np.stack([np.bincount(self.step, column, count) for column in values.T], axis=1)
+        return np.asarray(sums / np.maximum(np.bincount(self.step, minlength=count), 1)[:, None])
+
+
+def arm_sources(robot: Robot, arm: ArmSamples, steps: Sequence[PlannedStep], c: ArmSensitivity) -> list[UncertaintySource]:
+    """What the arm itself contributes."""
+    spec, servo = robot.spec.uncertainty, robot.spec.servo
+    calibrated = np.degrees(robot.joint_angle_uncertainty)
+    result = []
+    for name, value, mean, size in zip(robot.joint_names, calibrated, *c.constant(), strict=True):
+        if max(mean, size) > LEAST_SENSITIVITY:
+            result.append(_source(f"kinematic calibration, {name}", "B", value, "deg", "normal", mean, size,
+                                  spec.degrees_of_freedom, f"robot file: {spec.why.strip()}"))  # fmt: skip
+    mean, size = c.redrawn()
+    result.append(
+        _source("repeatability of the arm", "B", servo.repeatability_deg, "deg", "normal", mean, size, None,
+                "robot file (servo): of each joint, drawn anew by each move, so that it averages over poses")
+    )  # fmt: skip
+    result.append(
+        _source("resolution of the encoders", "B", servo.encoder_resolution_deg / 2, "deg", "rectangular", mean, size, None,
+                "robot file (servo): half a count, another part of it in each pose")
+    )  # fmt: skip
+    scatter = _scatter(arm, steps)
+    if scatter is not None:
+        result.append(
+            _source("static averaging of the readings", "A", scatter[0], "deg", "normal", mean, size, scatter[1],
+                    "standard deviation of a pose's mean reading, by the scatter of its readings")
+        )  # fmt: skip
+    result.append(
+        _source("tracking of the controller", "A", _tracking(arm, steps), "deg", "normal", 0.0, 0.0, None,
+                "RMS of commanded less measured angles; the truth is what the encoders measured, so it does not enter")
+    )  # fmt: skip
+    return result
+
+
+def _scatter(arm: ArmSamples, steps: Sequence[PlannedStep]) -> tuple[float, float] | None:
+    """Standard deviation of the mean reading of a joint in a pose [deg], RMS over joints and poses; degrees of freedom."""
+    variances, freedom = [], 0
+    for step in steps:
+        if step.kind == "sweep":
+            continue
+        first, last = np.searchsorted(arm.host_time_ns, window(step))
+        n = int(last - first)
+        if n > 1:
+            variances.append(arm.q_measured[first:last].var(axis=0, ddof=1) / n)
+            freedom += (n - 1) * arm.q_measured.shape[1]
+    return (float(np.degrees(np.sqrt(np.mean(variances)))), float(freedom)) if variances else None
+
+
+def _tracking(arm: ArmSamples, steps: Sequence[PlannedStep]) -> float:
+    """RMS of commanded less measured angles over the judged windows and all joints [deg]."""
+    difference = arm.q_sent - arm.q_measured
+    squares = [0.0]
+    for step in steps:
+        first, last = np.searchsorted(arm.host_time_ns, window(step))
+        if last > first:
+            squares.append(float(np.mean(difference[first:last] ** 2)))
+    return float(np.degrees(np.sqrt(np.mean(squares[1:] or squares))))
+
+
+def clock_source(sd_s: float, method: str, mean_rate: float, rms_rate: float) -> UncertaintySource | None:
+    """What the sensor's time contributes: its uncertainty times the true rate.
+
+    Args:
+        sd_s: Standard uncertainty of the time [s]. method: Of the clock's fit. mean_rate, rms_rate: Of the true angle where it
+        is judged [deg/s].
+
+    Returns:
+        None where the time is unknown and the truth moves.
+    """
+    if not np.isfinite(sd_s):
+        if method != "none" and rms_rate > SLOW_DEG_S:
+            return None
+        why = "taken to be on the host's clock" if method == "none" else "not known, and of no effect at rest"
+        return _source("clock alignment", "B", 0.0, "ms", "normal", mean_rate * 1e-3, rms_rate * 1e-3, None, why)
+    return _source("clock alignment", "A", 1e3 * sd_s, "ms", "normal", abs(mean_rate) * 1e-3, rms_rate * 1e-3, None,
+                   "the clock's fit; the sensitivity is the true angular rate while it is judged")  # fmt: skip
+
+
+def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> UncertaintySource:
+    """What the mounting contributes where no alignment takes it out."""
+    spec = robot.spec.uncertainty
+    why = f"robot file: {spec.why.strip()}"
+    if aligned in ("reference_pose", "motion"):
+        mean = size = 0.0
+        why = f"the alignment ({aligned}) takes it out; what that leaves is the line 'frame alignment'"
+    return _source("mounting of the sensors", "B", spec.mounting_deg, "deg", "normal", mean, size, spec.degrees_of_freedom, why)
+
+
+def alignment_source(
+    robot: Robot | None, aligned: str, c: ArmSensitivity | None, fitted_sd: float | None
+) -> UncertaintySource | None:
+    """What the alignment of the frames leaves.
+
+    Args:
+        robot, c: Of an arm. aligned: Method of the alignment. fitted_sd: Stated by an alignment by motion [deg], or None.
+    """
+    if aligned == "none":
+        return None
+    if fitted_sd is not None:
+        return _source("frame alignment", "A", fitted_sd, "deg", "normal", 1.0, 1.0, None, "stated by the fit of the frames")
+    if robot is None or c is None or c.reference is None:
+        return None
+    size = float(np.sqrt(np.sum(c.reference**2)))
+    return _source("frame alignment", "B", robot.spec.servo.repeatability_deg, "deg", "normal", size, size, None,
+                   "it rests on one pose, which the arm repeats only so well")  # fmt: skip
+
+
+def levelling_source(robot: Robot, size: float) -> UncertaintySource:
+    """What the tilt of the arm's base contributes to an orientation against the vertical."""
+    spec = robot.spec.uncertainty
+    return _source("levelling of the base", "B", spec.levelling_deg, "deg", "normal", size, size, spec.degrees_of_freedom,
+                   f"robot file: {spec.why.strip()}")  # fmt: skip
+
+
+def combine(
+    owner: str, quantity: str, section: str | None, sources: Sequence[UncertaintySource | None], missing: Sequence[str]
+) -> UncertaintyBudget:
+    """The budget of independent sources (JCGM 100:2008, eq. 10; degrees of freedom: eq. G.2b).
+
+    Args:
+        owner, quantity, section: As in the budget. sources: None are passed over. missing: What is not known; with any of it
+        nothing is combined.
+    """
+    lines = [source for source in sources if source is not None]
+    if missing:
+        return UncertaintyBudget(
+            owner, quantity, section, lines, False, None, None, None, COVERAGE_FACTOR, None, None, list(missing)
+        )
+    squares = np.array([source.contribution_deg**2 for source in lines])
+    combined = float(np.sqrt(squares.sum()))
+    size = float(np.sqrt(sum(source.magnitude_deg**2 for source in lines)))
+    loss = sum(
+        source.contribution_deg**4 / source.degrees_of_freedom for source in lines if source.degrees_of_freedom is not None
+    )
+    freedom = combined**4 / loss if loss > 0 else None
+    return UncertaintyBudget(
+        owner, quantity, section, lines, True, combined, size, freedom, COVERAGE_FACTOR, COVERAGE_FACTOR * combined,
+        COVERAGE_FACTOR * size,
+    )  # fmt: skip
+
+
+_DIVISORS = {"normal": 1.0, "rectangular": float(np.sqrt(3.0))}
+"""From half-width or standard deviation to standard uncertainty (JCGM 100:2008, 4.3.7)."""
+
+
+def _source(
+    source: str, kind: str, value: float, unit: str, distribution: str, mean: float, size: float, freedom: float | None,
+    why: str,
+) -> UncertaintySource:  # fmt: skip
+    divisor = _DIVISORS[distribution]
+    standard = float(value) / divisor
+    return UncertaintySource(
+        source, "A" if kind == "A" else "B", float(value), unit, distribution, divisor, standard, float(mean),
+        abs(float(mean)) * standard, abs(float(size)) * standard, freedom, why,
+    )  # fmt: skip

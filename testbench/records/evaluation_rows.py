@@ -1,0 +1,162 @@
+"""Rows of an evaluation that sum up many poses, sweeps or samples, and those that compare filters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+Interval = list[float] | None
+"""Lower and upper end of a 95 % confidence interval, or None where too few independent blocks were judged."""
+
+
+@dataclass(frozen=True)
+class ErrorSummary:
+    """What a set of errors comes to; degrees.
+
+    Attributes:
+        n: Samples. steps: Poses or sweeps; 0 for a recording without a protocol.
+        mean_error, mean_abs_error, rmse: Every pose or sweep alike for a joint, every sample alike for a sensor.
+        median_error, iqr, p95_abs_error, max_abs_error: Of all samples together; the 95th percentile and the largest are of
+        magnitudes. correlation: Of estimated and true angle (Pearson); None where the true one hardly changes.
+        *_ci95: From a circular block bootstrap. blocks, block_length: Independent blocks it rests on, and their length in
+        poses, sweeps or equal runs of samples.
+        latency_ms, latency_sd_ms: Delay behind the truth by least squares, and its standard uncertainty with that of the clock;
+        None without motion.
+        convergence_s, convergence_max_s: Time from the end of a move until the error stays near its settled value: median and
+        longest; None where no pose settled. unsettled: Poses in which it did not.
+    """
+
+    n: int
+    steps: int
+    mean_error_deg: float
+    mean_abs_error_deg: float
+    rmse_deg: float
+    median_error_deg: float
+    iqr_deg: float
+    p95_abs_error_deg: float
+    max_abs_error_deg: float
+    correlation: float | None = None
+    mean_error_ci95_deg: Interval = None
+    mean_abs_error_ci95_deg: Interval = None
+    rmse_ci95_deg: Interval = None
+    blocks: int = 0
+    block_length: int = 0
+    latency_ms: float | None = None
+    latency_sd_ms: float | None = None
+    convergence_s: float | None = None
+    convergence_max_s: float | None = None
+    unsettled: int = 0
+
+
+@dataclass(frozen=True)
+class JointSummary:
+    """Flexion errors of one joint, filter and Euler sequence in one section: `motion` is static, dynamic or, of both, all."""
+
+    joint: str
+    filter: str
+    sequence: str
+    section: str
+    motion: str
+    errors: ErrorSummary
+    expanded_uncertainty_deg: float | None = None
+    expanded_uncertainty_magnitude_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class OrientationSummary:
+    """Orientation errors of one sensor and filter over the session.
+
+    Attributes:
+        motion: "all", "static" or "dynamic". part: "total", "heading" (signed) or "inclination".
+        expanded_uncertainty_deg: Of the signed mean heading error. expanded_uncertainty_magnitude_deg: Of magnitudes and RMS.
+    """
+
+    sensor: str
+    filter: str
+    motion: str
+    part: str
+    errors: ErrorSummary
+    expanded_uncertainty_deg: float | None = None
+    expanded_uncertainty_magnitude_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class OrientationSweepRow:
+    """Orientation errors of one sensor and filter in one sweep; degrees.
+
+    Attributes:
+        amplitude_deg, frequency_hz: Of the sensor's true turning in the sweep: half the largest angle between two orientations
+        about the mean, and that of a sine of the same RMS angle and rate.
+    """
+
+    sensor: str
+    filter: str
+    section: str
+    step: int
+    variables: dict[str, float]
+    n: int
+    total_rmse_deg: float
+    heading_rmse_deg: float
+    inclination_rmse_deg: float
+    amplitude_deg: float | None
+    frequency_hz: float | None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two filters on the same blocks.
+
+    Attributes:
+        owner: Joint or sensor. section, sequence: Of a joint. criterion: What is compared.
+        difference: Mean of the criterion by `first` less that by `second`; negative where `first` is better.
+        p, p_holm: Of a paired test over blocks, alone and after Holm's correction. blocks: Independent ones.
+    """
+
+    owner: str
+    section: str | None
+    sequence: str | None
+    criterion: str
+    first: str
+    second: str
+    difference: float
+    p: float
+    p_holm: float
+    blocks: int
+
+
+@dataclass(frozen=True)
+class RankRow:
+    """The place of a filter among those of a joint or sensor.
+
+    Attributes:
+        value: Of the criterion [deg]. best_rank, worst_rank: Places that the comparisons leave open. group: Letters; filters
+        that share a letter were not shown to differ. no_difference: Those it was not shown to differ from.
+    """
+
+    owner: str
+    section: str | None
+    sequence: str | None
+    criterion: str
+    filter: str
+    value: float
+    best_rank: int
+    worst_rank: int
+    group: str
+    no_difference: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class GyroscopeBiasRow:
+    """What a calibrated gyroscope still reads at rest: the error of the estimated bias; deg/s, one axis.
+
+    Attributes:
+        estimated, estimated_sd: Bias by the calibration, and its standard uncertainty. error, error_sd: Mean of the calibrated
+        rate at rest in the judged steps, and its standard uncertainty by blocks. samples: At rest.
+    """
+
+    sensor: str
+    axis: str
+    estimated_deg_s: float
+    estimated_sd_deg_s: float | None
+    error_deg_s: float
+    error_sd_deg_s: float | None
+    samples: int

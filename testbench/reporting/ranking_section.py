@@ -1,0 +1,93 @@
+"""Tables and figure of the ranking of filters, for a joint or a sensor."""
+
+from __future__ import annotations
+
+from testbench.records.evaluation import Evaluation
+from testbench.records.evaluation_rows import ErrorSummary, Interval
+from testbench.reporting.page import Block, Sentence
+from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
+
+
+def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = None) -> list[Block]:
+    """The ranking of one joint's section or of one sensor; a sentence where the filters could not be compared."""
+    rows = [row for row in evaluation.ranking if (row.owner, row.section) == (owner, section)]
+    where = owner if section is None else f"{owner}, section {section}"
+    if not rows:
+        several = {row.filter for row in evaluation.orientation} | {row.filter for row in evaluation.joint_angle}
+        reason = "only one filter ran" if len(several) < 2 else "too few independent poses, sweeps or stretches of time"
+        return [Sentence(f"The filters are not ranked for {where}: {reason}.")]
+    compared = [c for c in evaluation.comparisons if (c.owner, c.section) == (owner, section)]
+    clearest = {
+        row.filter: min((c.p_holm for c in compared if row.filter in (c.first, c.second)), default=1.0) for row in rows
+    }  # fmt: skip
+    blocks = min((c.blocks for c in compared), default=0)
+    body = []
+    for row in rows:
+        rank = f"{row.best_rank}" if row.best_rank == row.worst_rank else f"{row.best_rank} to {row.worst_rank}"
+        alike = ", ".join(row.no_difference)
+        body.append(
+            Row([label(row.filter), Cell(rank, kind="number"), text(row.group), number(row.value, 3),
+                 _p_value(clearest[row.filter]), text(alike, kind="wide")])
+        )  # fmt: skip
+    criterion = rows[0].criterion + (f" ({rows[0].sequence})" if rows[0].sequence else "")
+    return [
+        Table(
+            f"Ranking of the filters by {criterion}: {where}",
+            [Cell("filter"), Cell("rank", kind="number"), Cell("group"), Cell(f"{rows[0].criterion} [deg]", kind="number"),
+             Cell("smallest p", kind="number"), Cell("no difference shown from")],
+            body,
+            "How to read: filters that share a letter were not shown to differ by more than 0.01 deg, which does not say that "
+            "they are equal; the rank gives every place that this leaves open. Pairs are compared on the same samples, block "
+            f"by block (from {blocks} independent blocks), at a level of 5 % for all pairs together; the smallest p is that of "
+            "the clearest difference from any other filter, after Holm's correction. The truth is the same for all, so its "
+            "uncertainty does not count here.",
+        )
+    ]  # fmt: skip
+
+
+def _p_value(p: float) -> Cell:
+    return Cell("< 0.001" if p < 0.001 else digits(p, 3), kind="number")
+
+
+def plus_minus(value: float | None, expanded: float | None, decimals: int = 3) -> Cell:
+    """A value with its expanded uncertainty."""
+    shown = digits(value, decimals)
+    return Cell(shown if expanded is None else f"{shown} ± {digits(expanded, decimals)}", kind="number")
+
+
+def with_interval(value: float | None, interval: Interval, decimals: int = 3) -> Cell:
+    """A value with its confidence interval."""
+    if interval is None:
+        return number(value, decimals)
+    ends = f"{digits(interval[0], decimals)}, {digits(interval[1], decimals)}"
+    return Cell(f"{digits(value, decimals)} [{ends}]", kind="number")
+
+
+def distribution_table(caption: str, names: list[str], rows: list[tuple[list[Cell], ErrorSummary]], how: str = "") -> Table:
+    """How errors are spread, how late they are and how they settle.
+
+    Args:
+        names: Titles of the leading columns. rows: Their cells, and the errors. how: More to read it by.
+    """
+    body = []
+    for leading, e in rows:
+        late = digits(e.latency_ms, 1) + (f" ± {digits(2 * e.latency_sd_ms, 1)}" if e.latency_sd_ms is not None else "")
+        settling = digits(e.convergence_s, 2)
+        if e.convergence_max_s is not None:
+            settling += f" ({digits(e.convergence_max_s, 2)})"
+        body.append(
+            Row([*leading, number(e.median_error_deg, 3), number(e.iqr_deg, 3), number(e.p95_abs_error_deg, 3),
+                 number(e.max_abs_error_deg, 3), number(e.correlation, 4), Cell(late, kind="number"),
+                 Cell(settling, kind="number"), number(e.unsettled, 0)])
+        )  # fmt: skip
+    return Table(
+        caption,
+        header(*names, "median e [deg]", "quartile range of e [deg]", "95 % of |e| below [deg]", "max |e| [deg]",
+               "correlation", "delay [ms]", "settling time (longest) [s]", "poses unsettled", numbers_from=len(names)),
+        body,
+        "How to read: of all samples together. The correlation is that of estimated and true angle, and given where the true "
+        "one changes. The delay is how far the estimate runs behind the truth in motion, ± twice its standard uncertainty, "
+        "beyond what the fit of the sensor's clock took out; negative is ahead. The settling time runs from the end of a move "
+        f"until the error stays within 0.1 deg of its settled value, median over the poses that settle.{how}",
+        folded=True,
+    )  # fmt: skip
