@@ -1,8 +1,8 @@
 """Twelve parameters from poses whose orientation the arm knows: reading = response x expected + bias.
 
-Linear in all twelve, so one weighted least-squares step is the answer (the multi-position test of IEEE Std 1293-2018, annex on
-calibration, with the arm in the place of the dividing head). Each pose gives three numbers, where the norm alone gives one. The
-weights know that an error of the arm's direction lies across the expected vector.
+Linear in all twelve, so one weighted least-squares step is the answer (the multi-position tumble test of IEEE Std 1293-2018,
+with the arm in the place of the dividing head). Each pose gives three numbers, where the norm alone gives one. The weights know
+that an error of the arm's direction lies across the expected vector.
 
 Gauge: none. The mounting of the sensor on the arm is part of the response, and the correction turns it into the axes as
 believed.

@@ -1,7 +1,7 @@
 """How a magnetometer's axes sit against the accelerometer's: the field makes the same angle with the vertical in all poses.
 
 Vertical u and field m, each in its own axes: u . R m = -|m| sin(dip) whatever the pose, which the heading does not enter (Kok &
-Schon, Magnetometer calibration using inertial sensors, IEEE Sensors Journal 16(14), 2016, section V, in its static form). The
+Schon, Magnetometer calibration using inertial sensors, IEEE Sensors Journal 16(14), 2016, in its static form). The
 dip is found too; it is positive where the field points down.
 """
 
@@ -46,13 +46,13 @@ def align_axes(field: np.ndarray, vertical: np.ndarray, angle_sd: float | None =
     turned = m @ R.T
 
     def residuals(theta: np.ndarray) -> np.ndarray:
-        now = rotation.rotate(rotation.from_rotation_vector(theta[:3]), turned)
+        now = turned @ _turn(theta[:3])[0].T
         return np.asarray((np.sum(u * now, axis=1) + np.sin(theta[3])) / scale)
 
     fit = solve(
         residuals, parameters, known_scatter=angle_sd is not None, residual_unit="1", residual_scale=scale, advice=ADVICE
     )
-    return rotation.to_matrix(rotation.from_rotation_vector(fit.values[:3])) @ R, fit
+    return _turn(fit.values[:3])[0] @ R, fit
 
 
 def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> TriadCalibration:
@@ -136,11 +136,10 @@ def _covariance(poses: StaticPoses, A: np.ndarray, bias: np.ndarray, dip: float)
     return np.asarray(covariance)
 
 
-def _left_jacobian(w: np.ndarray) -> np.ndarray:
-    """J with exp(w + d) = exp(J d) exp(w) to first order, shape (3, 3) (Barfoot, State Estimation for Robotics, eq. 7.77)."""
+def _turn(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """exp(w) and J with exp(w + d) = exp(J d) exp(w) to first order (Barfoot, State Estimation for Robotics, ch. 7)."""
     x, y, z = w
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     t = float(np.linalg.norm(w))
-    if t < 1e-6:
-        return np.eye(3) + K / 2
-    return np.asarray(np.eye(3) + (1 - np.cos(t)) / t**2 * K + (t - np.sin(t)) / t**3 * K @ K)
+    a, b, c = (np.sin(t) / t, (1 - np.cos(t)) / t**2, (t - np.sin(t)) / t**3) if t > 1e-4 else (1 - t**2 / 6, 0.5, 1 / 6)
+    return np.eye(3) + a * K + b * K @ K, np.eye(3) + b * K + c * K @ K
