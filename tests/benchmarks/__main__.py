@@ -10,6 +10,7 @@ from tests.benchmarks.filters import bench_filters
 from tests.benchmarks.physics import bench_physics
 from tests.benchmarks.pipeline import bench_pipeline
 from tests.benchmarks.startup import bench_startup
+from tests.benchmarks.static_calibration import bench_static_calibration
 
 
 def main() -> None:
@@ -19,6 +20,7 @@ def main() -> None:
     print("Times are the shortest of a few repeats after one that does not count, unless a title says otherwise.")
     bench_pipeline()
     bench_filters()
+    bench_static_calibration()
     bench_physics()
     bench_startup()
     print(f"\n{time.perf_counter() - begin:.0f} s in all")

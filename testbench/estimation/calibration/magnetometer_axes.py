@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.calibration.ellipsoid import ellipsoid, with_magnitude
-from testbench.estimation.calibration.least_squares import Parameter, solve
-from testbench.estimation.calibration.linear import whitening
+from testbench.estimation.calibration.ellipsoid import symmetric, symmetric_root, with_magnitude
+from testbench.estimation.calibration.least_squares import Parameter, covariance_of, solve
+from testbench.estimation.calibration.linear import whitening, widened_by_misfit
+from testbench.estimation.calibration.norm_fit import ellipsoid_through
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import AXES, MAGNETOMETER, Tolerance, bias_parameters, response_parameters
 from testbench.exceptions import InputError
@@ -74,15 +75,16 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
     poses, unknown = with_magnitude(poses)
     u, F, x = poses.vertical, poses.magnitude, poses.mean
     assert u is not None
-    first = ellipsoid(poses, tolerance)
-    R, dip = _start((x - first.bias) @ first.matrix.T / F, u)
-    inverse = np.linalg.inv(R @ first.matrix)
+    guess = ellipsoid_through(x)
+    bias, A = (np.zeros(3), np.eye(3)) if guess is None else (guess[0], symmetric(symmetric_root(F**2 * guess[1])))
+    R, dip = _start((x - bias) @ A.T / F, u)
+    begin = np.linalg.inv(R @ A).reshape(-1)
     parameters = [
         Parameter(item.name, item.unit, float(value), item.size)
-        for item, value in zip(response_parameters(tolerance), inverse.reshape(-1), strict=True)
+        for item, value in zip(response_parameters(tolerance), begin, strict=True)
     ]
-    parameters += [*bias_parameters(tolerance, first.bias), Parameter("dip", "rad", dip, CROOKED)]
-    whiten = whitening(_covariance(poses, R @ first.matrix, first.bias, dip))
+    parameters += [*bias_parameters(tolerance, bias), Parameter("dip", "rad", dip, CROOKED)]
+    whiten = whitening(_covariance(poses, R @ A, bias, dip))
 
     def split(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         A = np.linalg.inv(theta[:9].reshape(3, 3))
@@ -103,7 +105,12 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
         J[:, 1, 12] = F * np.cos(theta[12])
         return np.asarray((whiten @ J).reshape(-1, 13))
 
-    fit = solve(residuals, parameters, jacobian=jacobian, residual_unit="standard deviations", advice=ADVICE)
+    if guess is None:  # ask before the search runs away along what is not seen
+        at, size = (np.array([getattr(item, key) for item in parameters]) for key in ("start", "size"))
+        covariance_of(jacobian(at) * size, 1.0, [item.name for item in parameters], ADVICE)
+    fit = widened_by_misfit(
+        solve(residuals, parameters, jacobian=jacobian, known_scatter=True, residual_unit="standard deviations", advice=ADVICE)
+    )
     matrix = np.linalg.inv(fit.values[:9].reshape(3, 3))
     remarks: tuple[str, ...] = (f"the field dips by {np.degrees(fit['dip']):.2f} deg",)
     if unknown:
