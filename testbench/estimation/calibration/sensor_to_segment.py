@@ -106,7 +106,7 @@ def from_arm_kinematics(
         raise PoorExcitation(NAMES, 1 / max(found.observability, 1e-12), ADVICE)
     mounting = found.q_body_from_sensor
     R = rotation.to_matrix(mounting)
-    covariance = R @ np.diag(found.mounting_sd**2) @ R.T
+    covariance = R @ found.mounting_covariance @ R.T
     dof = 3 * float(independent or len(q_world_from_segment)) - 6
     return _mounting(mounting, covariance, dof, 1 / found.observability, np.array([found.residual]), "arm_kinematics")
 
