@@ -6,9 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbench.estimation.calibration import ACCELEROMETER_METHODS, StaticPoses, static_poses, validate
 from testbench.estimation.calibration.axis_model import orthogonality
+from testbench.estimation.calibration.hinge_axis import axis_of_turn, hinge_axes
+from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.sensor_to_segment import from_arm_kinematics, from_rates
 from testbench.estimation.static_intervals import between_peaks, by_events, by_gyroscope, by_variance, compare
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
@@ -125,3 +129,65 @@ def test_the_orthogonality_protocol_turns_two_axes_and_finds_the_angle_between_t
     assert abs(found.angle - true) < 2 * found.angle_half_width
     np.testing.assert_allclose(found.scale, np.linalg.norm(rows, axis=1), atol=2e-3)
     assert Path(result.session.path).is_dir()
+
+
+@pytest.fixture(scope="module")
+def crooked(altered_protocol, run_protocol) -> tuple[Result, Rotation]:
+    """An elbow that flexes, after the calibration poses; the forearm's sensor sits 8 deg off its mounting as believed."""
+    error = Rotation.from_euler("XYZ", [5, -4, 5], degrees=True)  # believed from sensor
+
+    def change(content: dict) -> None:
+        content["variables"] = {"amplitude_deg": [30], "frequency_hz": [0.5]}
+        content["estimate"] = {"filters": ["vqf_6d"], "align": "none", "calibrate": "none"}
+        content["sensors"]["forearm"]["mounting_error"] = {"rotation_deg": {"XYZ": [5, -4, 5]}}
+
+    return run_protocol(altered_protocol("elbow_dynamic", change), seed=6), error
+
+
+def seconds(result: Result) -> np.ndarray:
+    return result.estimate.sensors["forearm"].host_time_ns / NANOSECONDS
+
+
+def in_steps(result: Result, chosen: list) -> np.ndarray:
+    time = result.estimate.sensors["forearm"].host_time_ns
+    return np.any([(time >= step.start_ns) & (time <= step.end_ns) for step in chosen], axis=0)
+
+
+def still_rate(result: Result) -> np.ndarray:
+    """Rate of the forearm's gyroscope without its bias, which the static samples show."""
+    gyr = result.session.imu("forearm").gyr
+    return gyr - np.median(gyr[result.estimate.sensors["forearm"].static], axis=0)
+
+
+def test_a_flexing_elbow_shows_its_axis_in_a_crooked_sensor(crooked):
+    result, error = crooked
+    sweeps = in_steps(result, [step for step in result.session.steps if step.kind == "sweep"])
+    rate = still_rate(result)[sweeps]
+    truth = result.session.truth("forearm")
+    true_rate = np.column_stack([np.interp(seconds(result)[sweeps], truth.host_time_ns / 1e9, r) for r in truth.rate.T])
+    believed = axis_of_turn(true_rate).values  # the joint's, in the axes as believed
+    seen = axis_of_turn(rate, independent=20).values
+    axis = error.inv().apply(believed)
+    off = np.degrees(np.arccos(abs(seen @ axis)))
+    assert off < 1.0  # cross-axis errors of the gyroscope
+    assert np.degrees(np.arccos(abs(seen @ believed))) > 4
+    with pytest.raises(PoorExcitation):  # the upper arm rests meanwhile: of its own axis there is nothing to see
+        hinge_axes(0 * rate, rate)
+
+
+def test_rates_and_orientations_of_the_arm_show_how_a_sensor_sits(crooked):
+    result, error = crooked
+    poses = in_steps(result, [step for step in result.session.steps if step.role == "calibration"])
+    truth, time = result.session.truth("forearm"), seconds(result)[poses]
+    rate = np.column_stack([np.interp(time, truth.host_time_ns / 1e9, r) for r in truth.rate.T])
+    q_world = rotation.interpolate(truth.host_time_ns, truth.q_world_from_sensor, (time * 1e9).astype(np.int64))
+    q_earth = result.estimate.sensors["forearm"].orientation["vqf_6d"][poses]
+    every = slice(None, None, 10)
+    for found in (
+        from_rates(still_rate(result)[poses], rate, independent=50),
+        from_arm_kinematics(q_world[every], q_earth[every], independent=20),
+    ):
+        left = error * Rotation.from_quat(found.q_segment_from_sensor, scalar_first=True).inv()
+        assert np.degrees(left.magnitude()) < 1.0, found.method
+        assert np.degrees(error.magnitude()) > 7
+        assert (left.as_rotvec() < 5 * found.fit.sd + np.radians(0.5)).all(), found.method
