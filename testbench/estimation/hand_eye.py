@@ -27,6 +27,7 @@ class HandEye:
         world_sd, mounting_sd: Standard uncertainties about each axis, shape (3,) [rad].
         observability: RMS sine of the motion about the least moved axis [1].
         blind_axis: In the sensor frame, the axis about which least can be told, shape (3,).
+        mounting_covariance: Of a small rotation about the axes of the sensor, shape (3, 3) [rad^2].
     """
 
     q_world_from_earth: np.ndarray
@@ -36,6 +37,7 @@ class HandEye:
     mounting_sd: np.ndarray
     observability: float
     blind_axis: np.ndarray
+    mounting_covariance: np.ndarray
 
     @property
     def trusted(self) -> bool:
@@ -100,7 +102,8 @@ def _with_uncertainty(z: np.ndarray, x: np.ndarray, residual: float, sensor: np.
     blind = vectors[:3, 0]
     norm = np.linalg.norm(blind)
     blind = blind / norm if norm > 0 else blind
-    return HandEye(z, x, residual, sd[3:], sd[:3], observability, blind * (1 if blind[np.argmax(np.abs(blind))] > 0 else -1))
+    blind = blind * (1 if blind[np.argmax(np.abs(blind))] > 0 else -1)
+    return HandEye(z, x, residual, sd[3:], sd[:3], observability, blind, covariance[:3, :3])
 
 
 def _principal(rows: np.ndarray) -> np.ndarray:

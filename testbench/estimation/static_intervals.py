@@ -140,7 +140,7 @@ def _norm_residual(acc: np.ndarray, intervals: np.ndarray, interval: float, grav
     except PoorExcitation:
         return float("nan")
     left = np.linalg.norm(calibration.apply(poses.mean), axis=1) - gravity
-    return float(np.sqrt(left @ left / calibration.fits[0].dof))
+    return float(np.sqrt(left @ left / (len(poses) - 9)))
 
 
 def by_events(settled: np.ndarray, ended: np.ndarray, times: np.ndarray, settling_s: float = SETTLING_S) -> np.ndarray:

@@ -11,6 +11,7 @@ from tests.benchmarks.gyroscopes import bench_gyroscopes
 from tests.benchmarks.physics import bench_physics
 from tests.benchmarks.pipeline import bench_pipeline
 from tests.benchmarks.startup import bench_startup
+from tests.benchmarks.static_calibration import bench_static_calibration
 
 
 def main() -> None:
@@ -21,6 +22,7 @@ def main() -> None:
     bench_pipeline()
     bench_filters()
     bench_gyroscopes()
+    bench_static_calibration()
     bench_physics()
     bench_startup()
     print(f"\n{time.perf_counter() - begin:.0f} s in all")

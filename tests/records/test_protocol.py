@@ -46,9 +46,15 @@ def test_a_shipped_protocol_is_named_like_its_file_and_says_what_it_is_for(file)
 
 
 def test_the_protocols_of_the_reference_ship():
-    assert {"calibration_2d", "calibration_3d", "elbow_dynamic", "elbow_flexion", "quick", "static_noise"} <= set(
-        list_protocols()
-    )
+    assert {
+        "calibration_2d",
+        "calibration_3d",
+        "elbow_dynamic",
+        "elbow_flexion",
+        "orthogonality",
+        "quick",
+        "static_noise",
+    } <= set(list_protocols())
 
 
 def test_every_file_that_makes_up_a_protocol_is_kept():

@@ -212,7 +212,7 @@ def test_a_motion_that_would_saturate_a_gyroscope_is_refused_by_sensor(altered_p
 
 
 @pytest.mark.parametrize(
-    "name", ["calibration_2d", "calibration_3d", "elbow_dynamic", "elbow_flexion", "quick", "static_noise"]
+    "name", ["calibration_2d", "calibration_3d", "elbow_dynamic", "elbow_flexion", "orthogonality", "quick", "static_noise"]
 )
 def test_every_shipped_protocol_passes_its_checks(name):
     check = plan(name).check

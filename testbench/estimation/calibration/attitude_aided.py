@@ -1,8 +1,8 @@
 """Twelve parameters from poses whose orientation the arm knows: reading = response x expected + bias.
 
-Linear in all twelve, so one weighted least-squares step is the answer (the multi-position test of IEEE Std 1293-2018, annex on
-calibration, with the arm in the place of the dividing head). Each pose gives three numbers, where the norm alone gives one. The
-weights know that an error of the arm's direction lies across the expected vector.
+Linear in all twelve, so one weighted least-squares step is the answer (the multi-position tumble test of IEEE Std 1293-2018,
+with the arm in the place of the dividing head). Each pose gives three numbers, where the norm alone gives one. The weights know
+that an error of the arm's direction lies across the expected vector.
 
 Gauge: none. The mounting of the sensor on the arm is part of the response, and the correction turns it into the axes as
 believed.
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.calibration.linear import solve_linear, whitening
+from testbench.estimation.calibration.linear import solve_linear, whitening, widened_by_misfit
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import (
     ACCELEROMETER,
@@ -47,10 +47,11 @@ def attitude_aided(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> 
         (whiten @ design).reshape(-1, len(parameters)),
         np.einsum("mij,mj->mi", whiten, poses.mean).reshape(-1),
         parameters,
+        known_scatter=True,
         residual_unit="standard deviations",
         advice="poses that turn the sensor about two axes at least, each face up and down, are needed",
     )
-    return calibration_of(fit, "attitude_aided", reference)
+    return calibration_of(widened_by_misfit(fit), "attitude_aided", reference)
 
 
 def triad_design(expected: np.ndarray) -> np.ndarray:

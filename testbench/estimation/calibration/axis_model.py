@@ -9,10 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t as student
 
 from testbench.estimation.calibration.least_squares import Parameter
 from testbench.estimation.calibration.linear import solve_linear
 from testbench.estimation.calibration.poses import StaticPoses
+from testbench.estimation.calibration.rotational import axes_in_plane
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance, bias_parameters, response_parameters
 from testbench.records.calibration import TriadCalibration
 from testbench.records.fit import Fit
@@ -58,44 +60,49 @@ class Orthogonality:
     """Two axes in the plane of a turn.
 
     Attributes:
-        fits: Of each axis: s u (2) [1] and o [unit]. scale: s of each, shape (2,) [1]. angle: From the first axis to the
-        second [rad]; a quarter turn, of a good sensor. angle_sd: Its standard uncertainty [rad].
-        theta: s u of both axes and one common offset over gravity, shape (5,); [1, 0, 0, 1, 0] of a good sensor.
+        axes: Their names. fits: Of each: s u (2) as response [1], and o as bias [m/s^2]. scale: s of each, shape (2,) [1].
+        angle: From the first axis to the second [rad]; a quarter turn, of a good sensor. angle_sd: Standard uncertainty [rad].
+        angle_half_width: Half of the 95 % interval of the angle [rad].
+        theta: s u of both axes, and one common offset over gravity, shape (5,); [1, 0, 0, 1, 0] of a good sensor.
     """
 
+    axes: tuple[str, str]
     fits: tuple[Fit, Fit]
     scale: np.ndarray
     angle: float
     angle_sd: float
+    angle_half_width: float
     theta: np.ndarray
 
 
-def orthogonality(turned: np.ndarray, readings: np.ndarray, magnitude: float) -> Orthogonality:
-    """Check two axes by turning them in the vertical plane that they span, say by 0, 60, ... 300 deg.
+def orthogonality(poses: StaticPoses) -> Orthogonality:
+    """Check the two axes that turn through the vertical, say by 0, 60, ... 300 deg about the third.
 
     Args:
-        turned: Angle of each pose [rad], shape (m,): at 0 the first axis is up, at a quarter turn the second.
-        readings: Of the two axes, shape (m, 2). magnitude: Of gravity, in their unit.
+        poses: With expected forces in the plane of two axes.
 
     Raises:
-        PoorExcitation: Fewer than three different angles.
+        InputError: No expected forces, or not in such a plane. PoorExcitation: Fewer than three different angles.
     """
-    force = magnitude * np.column_stack([np.cos(turned), np.sin(turned)])
-    design = np.column_stack([force, np.ones(len(turned))])
-    found = []
-    for i in range(2):
-        parameters = [Parameter(f"response_{AXES[i]}{j}", "1", float(AXES[i] == j), ACCELEROMETER.response) for j in "xy"]
-        parameters.append(Parameter(f"bias_{AXES[i]}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias))
-        found.append(solve_linear(design, readings[:, i], parameters, residual_unit=ACCELEROMETER.unit, advice=ADVICE))
+    plane = axes_in_plane(poses, "orthogonality")
+    expected = poses.need_expected("orthogonality")[:, plane]
+    names = (AXES[plane[0]], AXES[plane[1]])
+    design = np.column_stack([expected, np.ones(len(poses))])
+    found, variance = [], 0.0
+    for axis, name in zip(plane, names, strict=True):
+        parameters = [Parameter(f"response_{name}{j}", "1", float(name == j), ACCELEROMETER.response) for j in names]
+        parameters.append(Parameter(f"bias_{name}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias))
+        fit = solve_linear(design, poses.mean[:, axis], parameters, residual_unit=ACCELEROMETER.unit, advice=ADVICE)
+        su = fit.values[:2]
+        slope = np.array([-su[1], su[0]]) / (su @ su)  # of the axis's direction
+        variance += float(slope @ fit.covariance[:2, :2] @ slope)
+        found.append(fit)
     first, second = (fit.values[:2] for fit in found)
     angle = float(np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second))
-    variance = 0.0
-    for fit in found:
-        su = fit.values[:2]
-        slope = np.array([-su[1], su[0]]) / (su @ su)  # of an axis's direction
-        variance += float(slope @ fit.covariance[:2, :2] @ slope)
-    both = np.zeros((2 * len(turned), 5))
-    both[: len(turned), :2], both[len(turned) :, 2:4], both[:, 4] = force, force, magnitude
-    theta = np.linalg.lstsq(both, readings.T.reshape(-1), rcond=None)[0]
+    both = np.zeros((2 * len(poses), 5))
+    both[: len(poses), :2], both[len(poses) :, 2:4], both[:, 4] = expected, expected, poses.magnitude
+    theta = np.linalg.lstsq(both, poses.mean[:, plane].T.reshape(-1), rcond=None)[0]
     scale = np.array([np.linalg.norm(first), np.linalg.norm(second)])
-    return Orthogonality((found[0], found[1]), scale, angle, float(np.sqrt(variance)), theta)
+    sd = float(np.sqrt(variance))
+    width = sd * float(student.ppf(0.975, found[0].dof + found[1].dof))
+    return Orthogonality(names, (found[0], found[1]), scale, angle, sd, width, theta)

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, covariance_of
 from testbench.records.fit import Fit
+
+SURPRISING = 0.95
+"""Residuals beyond this quantile are put to model errors."""
 
 
 def solve_linear(
@@ -53,6 +58,24 @@ def axis_by_axis(regressors: np.ndarray, axes: int) -> np.ndarray:
     for i in range(axes):
         design[:, i, q * i : q * i + q] = regressors
     return design.reshape(m * axes, axes * q)
+
+
+def widened_by_misfit(fit: Fit) -> Fit:
+    """The fit with its covariance widened where residuals are larger than the noise that is known.
+
+    Noise is taken from the samples and the arm's data; model errors come on top of it. Where the residuals exceed what such
+    noise does in 95 of 100 cases, the covariance is multiplied by chi^2 / dof (Birge, Phys. Rev. 40, 1932) and its degrees of
+    freedom are those of the residuals. It is never narrowed: that residuals across the expected direction are small says
+    nothing of the noise along it.
+
+    Args:
+        fit: With known scatter, its residuals in standard deviations.
+    """
+    dof = fit.residuals.size - len(fit.names)
+    squares = float(np.sum(np.square(fit.residuals)))
+    if dof < 1 or squares <= chi2.ppf(SURPRISING, dof):
+        return fit
+    return replace(fit, covariance=fit.covariance * squares / dof, dof=float(dof))
 
 
 def whitening(covariance: np.ndarray) -> np.ndarray:

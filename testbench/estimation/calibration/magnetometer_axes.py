@@ -1,7 +1,7 @@
 """How a magnetometer's axes sit against the accelerometer's: the field makes the same angle with the vertical in all poses.
 
 Vertical u and field m, each in its own axes: u . R m = -|m| sin(dip) whatever the pose, which the heading does not enter (Kok &
-Schon, Magnetometer calibration using inertial sensors, IEEE Sensors Journal 16(14), 2016, section V, in its static form). The
+Schon, Magnetometer calibration using inertial sensors, IEEE Sensors Journal 16(14), 2016, in its static form). The
 dip is found too; it is positive where the field points down.
 """
 
@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.calibration.ellipsoid import ellipsoid, with_magnitude
-from testbench.estimation.calibration.least_squares import Parameter, solve
-from testbench.estimation.calibration.linear import whitening
+from testbench.estimation.calibration.ellipsoid import symmetric, symmetric_root, with_magnitude
+from testbench.estimation.calibration.least_squares import Parameter, covariance_of, solve
+from testbench.estimation.calibration.linear import whitening, widened_by_misfit
+from testbench.estimation.calibration.norm_fit import ellipsoid_through
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import AXES, MAGNETOMETER, Tolerance, bias_parameters, response_parameters
 from testbench.exceptions import InputError
@@ -46,13 +47,13 @@ def align_axes(field: np.ndarray, vertical: np.ndarray, angle_sd: float | None =
     turned = m @ R.T
 
     def residuals(theta: np.ndarray) -> np.ndarray:
-        now = rotation.rotate(rotation.from_rotation_vector(theta[:3]), turned)
+        now = turned @ _turn(theta[:3])[0].T
         return np.asarray((np.sum(u * now, axis=1) + np.sin(theta[3])) / scale)
 
     fit = solve(
         residuals, parameters, known_scatter=angle_sd is not None, residual_unit="1", residual_scale=scale, advice=ADVICE
     )
-    return rotation.to_matrix(rotation.from_rotation_vector(fit.values[:3])) @ R, fit
+    return _turn(fit.values[:3])[0] @ R, fit
 
 
 def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> TriadCalibration:
@@ -74,15 +75,16 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
     poses, unknown = with_magnitude(poses)
     u, F, x = poses.vertical, poses.magnitude, poses.mean
     assert u is not None
-    first = ellipsoid(poses, tolerance)
-    R, dip = _start((x - first.bias) @ first.matrix.T / F, u)
-    inverse = np.linalg.inv(R @ first.matrix)
+    guess = ellipsoid_through(x)
+    bias, A = (np.zeros(3), np.eye(3)) if guess is None else (guess[0], symmetric(symmetric_root(F**2 * guess[1])))
+    R, dip = _start((x - bias) @ A.T / F, u)
+    begin = np.linalg.inv(R @ A).reshape(-1)
     parameters = [
         Parameter(item.name, item.unit, float(value), item.size)
-        for item, value in zip(response_parameters(tolerance), inverse.reshape(-1), strict=True)
+        for item, value in zip(response_parameters(tolerance), begin, strict=True)
     ]
-    parameters += [*bias_parameters(tolerance, first.bias), Parameter("dip", "rad", dip, CROOKED)]
-    whiten = whitening(_covariance(poses, R @ first.matrix, first.bias, dip))
+    parameters += [*bias_parameters(tolerance, bias), Parameter("dip", "rad", dip, CROOKED)]
+    whiten = whitening(_covariance(poses, R @ A, bias, dip))
 
     def split(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         A = np.linalg.inv(theta[:9].reshape(3, 3))
@@ -103,7 +105,12 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
         J[:, 1, 12] = F * np.cos(theta[12])
         return np.asarray((whiten @ J).reshape(-1, 13))
 
-    fit = solve(residuals, parameters, jacobian=jacobian, residual_unit="standard deviations", advice=ADVICE)
+    if guess is None:  # ask before the search runs away along what is not seen
+        at, size = (np.array([getattr(item, key) for item in parameters]) for key in ("start", "size"))
+        covariance_of(jacobian(at) * size, 1.0, [item.name for item in parameters], ADVICE)
+    fit = widened_by_misfit(
+        solve(residuals, parameters, jacobian=jacobian, known_scatter=True, residual_unit="standard deviations", advice=ADVICE)
+    )
     matrix = np.linalg.inv(fit.values[:9].reshape(3, 3))
     remarks: tuple[str, ...] = (f"the field dips by {np.degrees(fit['dip']):.2f} deg",)
     if unknown:
@@ -136,11 +143,10 @@ def _covariance(poses: StaticPoses, A: np.ndarray, bias: np.ndarray, dip: float)
     return np.asarray(covariance)
 
 
-def _left_jacobian(w: np.ndarray) -> np.ndarray:
-    """J with exp(w + d) = exp(J d) exp(w) to first order, shape (3, 3) (Barfoot, State Estimation for Robotics, eq. 7.77)."""
+def _turn(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """exp(w) and J with exp(w + d) = exp(J d) exp(w) to first order (Barfoot, State Estimation for Robotics, ch. 7)."""
     x, y, z = w
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     t = float(np.linalg.norm(w))
-    if t < 1e-6:
-        return np.eye(3) + K / 2
-    return np.asarray(np.eye(3) + (1 - np.cos(t)) / t**2 * K + (t - np.sin(t)) / t**3 * K @ K)
+    a, b, c = (np.sin(t) / t, (1 - np.cos(t)) / t**2, (t - np.sin(t)) / t**3) if t > 1e-4 else (1 - t**2 / 6, 0.5, 1 / 6)
+    return np.eye(3) + a * K + b * K @ K, np.eye(3) + b * K + c * K @ K

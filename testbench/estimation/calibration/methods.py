@@ -52,7 +52,7 @@ def _by_name(*methods: Method) -> dict[str, Method]:
 ACCELEROMETER_METHODS = _by_name(
     Method("attitude_aided", "4 known poses, not in a plane", "IEEE Std 1293, multi-position test", attitude_aided, True),
     Method("norm_only", "9 poses in any orientation", "Tedaldi, Pretto & Menegatti 2014", norm_only),
-    Method("six_position", "each face up once", "Titterton & Weston 2004, section 8.3.3", six_position),
+    Method("six_position", "each face up once", "Titterton & Weston 2004, chapter 8", six_position),
     Method("ferraris", "each face up once, exactly level", "Ferraris, Grimaldi & Parvis 1995", ferraris),
     Method("axis_model", "4 known poses, not in a plane", THESIS, axis_model, True),
     Method("rotational_3d", "3 known poses, not in a plane", f"{THESIS}, R = A' pinv(B')", rotational_3d, True),

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, covariance_of, solve
+from testbench.estimation.calibration.linear import widened_by_misfit
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import Tolerance, bias_parameters, drift_parameters, warming
 from testbench.records.calibration import TriadCalibration
@@ -101,9 +102,8 @@ def fit_norm(
     if guess is None:  # ask before the search runs away along what is not seen
         at, size = (np.array([getattr(item, key) for item in parameters]) for key in ("start", "size"))
         covariance_of(jacobian(at) * size, 1.0, [item.name for item in parameters], ADVICE)
-    known = len(x) == len(parameters)
-    fit = solve(
-        residuals, parameters, jacobian=jacobian, known_scatter=known, residual_unit="standard deviations", advice=ADVICE
+    fit = widened_by_misfit(
+        solve(residuals, parameters, jacobian=jacobian, known_scatter=True, residual_unit="standard deviations", advice=ADVICE)
     )
     drift = fit.values[k + 3 :] if warm is not None else np.zeros(3)
     return TriadCalibration(

@@ -60,6 +60,25 @@ def likeness(matrix: np.ndarray) -> Likeness:
     )
 
 
+def axes_in_plane(poses: StaticPoses, method: str) -> list[int]:
+    """The two axes of the sensor whose plane holds all expected forces.
+
+    Raises:
+        InputError: No expected forces, or they do not lie in such a plane. PoorExcitation: They lie along one axis.
+    """
+    expected = poses.need_expected(method)
+    share = np.abs(expected / np.linalg.norm(expected, axis=1, keepdims=True)).max(axis=0)
+    plane = np.flatnonzero(share > IN_PLANE)
+    if len(plane) < 2:
+        raise PoorExcitation(["rotation"], float("inf"), "forces along one axis only; poses along a second are needed")
+    if len(plane) > 2:
+        raise InputError(
+            f"{method} needs forces in the plane of two axes of the sensor; these poses have them along all three; "
+            "use a method in three dimensions"
+        )
+    return [int(i) for i in plane]
+
+
 def rotational_3d(poses: StaticPoses) -> TriadCalibration:
     """The general map as printed, without a bias.
 
@@ -75,17 +94,7 @@ def rotational_2d(poses: StaticPoses) -> TriadCalibration:
     Raises:
         InputError: No expected forces, or they do not lie in a plane of two axes of the sensor. PoorExcitation: On a line.
     """
-    expected = poses.need_expected("rotational_2d")
-    share = np.abs(expected / np.linalg.norm(expected, axis=1, keepdims=True)).max(axis=0)
-    plane = np.flatnonzero(share > IN_PLANE)
-    if len(plane) < 2:
-        raise PoorExcitation(["rotation"], float("inf"), "forces along one axis only; poses along a second are needed")
-    if len(plane) != 2:
-        raise InputError(
-            f"rotational_2d needs forces in the plane of two axes of the sensor; these poses have them along "
-            f"{', '.join(AXES[i] for i in plane)}; use rotational_3d"
-        )
-    return _mapped(poses, plane.tolist(), "rotational_2d")
+    return _mapped(poses, axes_in_plane(poses, "rotational_2d"), "rotational_2d")
 
 
 def rotational_nearest(poses: StaticPoses) -> TriadCalibration:

@@ -1,6 +1,6 @@
 """Bias and scale of each axis from the six faces up: half the sum and half the difference of opposite readings.
 
-Titterton & Weston, Strapdown Inertial Navigation Technology, 2004, section 8.3.3. A tilt of a face by t changes a reading by
+Titterton & Weston, Strapdown Inertial Navigation Technology, 2004, chapter 8. A tilt of a face by t changes a reading by
 the factor cos t only, so hand-held poses do; cross-axis errors are not seen at all.
 """
 

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from scipy.stats import t as student
 
 from testbench.estimation.calibration import ACCELEROMETER_METHODS, StaticPoses
 from testbench.estimation.calibration.attitude_aided import attitude_aided
@@ -91,6 +90,7 @@ def test_95_percent_intervals_hold_the_truth_95_times_of_100(name):
     share = covered(
         lambda draw: ACCELEROMETER_METHODS[name].function(poses_of(forces, response, bias, NOISE, draw, crooked)),
         truth_for(name, response, bias),
+        1000 if name == "norm_only" else 4000,  # where it is cheap: by chance one of 100 parameters is off by 2 % in 1,000
     )
     assert (share >= 0.93).all(), share
     assert (share <= 0.97).all(), share
@@ -125,7 +125,11 @@ def test_drift_with_temperature_is_found_where_the_temperature_varied(name):
     assert calibration.reference == pytest.approx(temperature.mean())
     lengths = np.linalg.norm(calibration.apply(heated().mean, temperature=temperature), axis=1)
     np.testing.assert_allclose(lengths, GRAVITY, atol=1e-8)
-    share = covered(lambda draw: function(heated(draw)), np.concatenate([truth_of(name, response, bias), drift]))
+    share = covered(
+        lambda draw: function(heated(draw)),
+        np.concatenate([truth_of(name, response, bias), drift]),
+        1000 if name == "norm_only" else 4000,
+    )
     assert ((share >= 0.93) & (share <= 0.97)).all(), share
     steady = function(replace(heated(), temperature=20 + 0.1 * warm / 16))
     assert not steady.drift.any()
@@ -150,14 +154,12 @@ def test_the_arms_orientation_is_worth_what_its_covariance_says():
 
 
 def test_a_vague_direction_costs_nothing_against_the_norm_alone():
-    """With a mounting known to ten degrees only, what is left is what the norm says."""
+    """Where the arm hardly knows the direction, what is left is what the norm says."""
     forces, (response, bias) = turned(UP, 30), part()
     poses = poses_of(forces, response, bias, NOISE, rng(1))
-    vague = attitude_aided(replace(poses, direction_sd=np.radians(0.3))).fits[0]
+    vague = attitude_aided(replace(poses, direction_sd=np.radians(0.5))).fits[0]
     blind = norm_only(poses).fits[0]
-    assert (
-        vague.sd[9:] / np.sqrt(np.mean(vague.residuals**2)) < 1.2 * blind.sd[6:] / np.sqrt(np.mean(blind.residuals**2))
-    ).all()
+    np.testing.assert_allclose(vague.sd[9:], blind.sd[6:], rtol=0.02)
 
 
 @given(st.integers(0, 10_000))
@@ -205,22 +207,21 @@ def test_the_worked_example_of_the_thesis():
 
 def test_orthogonality_by_six_turns_of_60_degrees():
     turns = np.radians(np.arange(0, 360, 60))
-    good = orthogonality(turns, GRAVITY * np.column_stack([np.cos(turns), np.sin(turns)]), GRAVITY)
+    forces = GRAVITY * np.column_stack([np.cos(turns), np.zeros(6), np.sin(turns)])
+    good = orthogonality(poses_of(forces, np.eye(3), np.zeros(3)))
     np.testing.assert_allclose(good.theta, [1, 0, 0, 1, 0], atol=1e-12)
+    assert good.axes == ("x", "z")
     assert good.angle == pytest.approx(np.pi / 2, abs=1e-12)
-    draw, inside = rng(1), 0
-    off, scale = np.radians(0.6), 1.02
+    draw, inside, off = rng(1), 0, np.radians(0.6)
+    response = np.array([[1, 0, 0], [0, 1, 0], [1.02 * np.sin(off), 0, 1.02 * np.cos(off)]])
     for _ in range(1000):
-        x = GRAVITY * np.cos(turns) + 0.05
-        y = GRAVITY * scale * np.sin(turns + off) - 0.02
-        found = orthogonality(turns, np.column_stack([x, y]) + NOISE * draw.standard_normal((6, 2)), GRAVITY)
-        dof = 6  # three of each axis
-        inside += abs(found.angle - (np.pi / 2 - off)) <= student.ppf(0.975, dof) * found.angle_sd
+        found = orthogonality(poses_of(forces, response, np.array([0.05, 0, -0.02]), NOISE, draw))
+        inside += abs(found.angle - (np.pi / 2 - off)) <= found.angle_half_width
     assert 930 <= inside <= 970
-    assert found.scale[1] == pytest.approx(scale, abs=1e-3)
+    assert found.scale[1] == pytest.approx(1.02, abs=1e-3)
     assert found.fits[0]["bias_x"] == pytest.approx(0.05, abs=5e-3)
     with pytest.raises(PoorExcitation, match="response_x"):
-        orthogonality(turns[:2].repeat(3), np.zeros((6, 2)), GRAVITY)
+        orthogonality(poses_of(forces[:2].repeat(3, axis=0), np.eye(3), np.zeros(3)))
 
 
 @pytest.mark.parametrize("name", ["six_position", "ferraris"])
