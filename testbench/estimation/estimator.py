@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from testbench.estimation.calibration.static_poses import fit_static_poses
-from testbench.estimation.filters import UniformSamples, get_filter
+from testbench.estimation.filters import OrientationFilter, UniformSamples, choose_filters
 from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion
 from testbench.estimation.quality import assess
 from testbench.estimation.segmentation import detect_static
@@ -26,26 +28,26 @@ from testbench.records.session import Session
 STANDARD_DOWN = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
 
-def estimate(session: Session, filters: list[str] | None = None) -> Estimate:
+def estimate(session: Session, filters: Sequence[str | OrientationFilter] | None = None) -> Estimate:
     """Compute what the sensors, filters and joint angles say.
 
     Args:
-        session: A recording. filters: Names of the filters to run; those of the protocol if None.
+        session: A recording. filters: Those to run, by name (with the parameters that the protocol gives them) or as they are;
+        those of the protocol if None.
 
     Raises:
-        NotFoundError: An unknown filter.
+        NotFoundError: An unknown filter or parameter. InputError: A parameter's value is not allowed.
         SessionError: The session holds no samples.
     """
     settings = session.analysis.estimate
-    names = list(filters or settings.filters)
-    for name in names:
-        get_filter(name)
-    sensors = {name: _estimate_sensor(session, name, names, settings) for name in session.sensor_names}
+    chosen = choose_filters(filters or settings.filters, settings.filter_parameters)
+    sensors = {name: _estimate_sensor(session, name, chosen, settings) for name in session.sensor_names}
     joints = {name: _estimate_joint(session, name, sensors) for name in session.analysis.joints}
-    return Estimate(session.name, session.fingerprint, sensors, joints)
+    used = {kind.name: kind.parameters for kind in chosen}
+    return Estimate(session.name, session.fingerprint, sensors, joints, used)
 
 
-def _estimate_sensor(session: Session, name: str, filters: list[str], settings: Estimation) -> SensorEstimate:
+def _estimate_sensor(session: Session, name: str, filters: list[OrientationFilter], settings: Estimation) -> SensorEstimate:
     samples, truth = session.imu(name), session.truth(name)
     if len(samples) < 10:
         raise SessionError(f"{session.path}: sensor '{name}' has {len(samples)} samples; nothing can be estimated")
@@ -69,9 +71,8 @@ def _estimate_sensor(session: Session, name: str, filters: list[str], settings: 
     planned = sum(step.role == "calibration" and step.kind != "sweep" for step in session.steps)
     if calibration.method == "static_poses" and calibration.poses < planned:
         remarks.append(f"{planned - calibration.poses} of {planned} calibration poses were not at rest and were left out")
-    for key in filters:
-        kind = get_filter(key)
-        missing = kind.missing(corrected)
+    for kind in filters:
+        key, missing = kind.name, kind.missing(corrected)
         if missing:
             skipped[key] = f"the sensor gives no {' and no '.join(missing)}"
             continue
