@@ -15,7 +15,7 @@ from testbench.clock import Clock, SystemClock
 from testbench.estimation import estimate
 from testbench.estimation.calibration.prepared import Segmentation
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
-from testbench.estimation.filters import get_filter
+from testbench.estimation.filters import OrientationFilter, choose_filters, get_filter
 from testbench.evaluation import evaluate
 from testbench.exceptions import InputError, SessionError
 from testbench.execution import execute
@@ -59,7 +59,7 @@ def run(
     seed: int = 0,
     speed: Literal["fast", "realtime"] = "fast",
     logs: str | Path = "logs",
-    filters: list[str] | None = None,
+    filters: Sequence[str | OrientationFilter] | None = None,
     with_report: bool = True,
     clock: Clock | None = None,
     progress: Callable[[Progress], None] | None = None,
@@ -85,7 +85,7 @@ def run(
 
 def analyse(
     session: Session,
-    filters: list[str] | None = None,
+    filters: Sequence[str | OrientationFilter] | None = None,
     with_report: bool = True,
     the_plan: Plan | None = None,
     calibrations: Path | None = None,
@@ -108,7 +108,9 @@ def analyse(
     return Result(the_plan, session, estimated, evaluated, path)
 
 
-def load_or_estimate(session: Session, filters: list[str] | None = None, calibrations: Path | None = None) -> Estimate:
+def load_or_estimate(
+    session: Session, filters: Sequence[str | OrientationFilter] | None = None, calibrations: Path | None = None
+) -> Estimate:
     """The estimate on disk if it was made from this very recording, with these filters where some are named; else a new one.
 
     With calibrations it is always made anew.
@@ -125,13 +127,19 @@ def load_or_estimate(session: Session, filters: list[str] | None = None, calibra
     return estimated
 
 
-def _has_filters(stored: Estimate, filters: list[str] | None) -> bool:
+def _has_filters(stored: Estimate, filters: Sequence[str | OrientationFilter] | None) -> bool:
+    """Whether an estimate was made with these filters; one that is given as it is may have changed since."""
     if filters is None:
         return True
-    return all(set(sensor.orientation) | set(sensor.skipped) == set(filters) for sensor in stored.sensors.values())
+    names = {entry for entry in filters if isinstance(entry, str)}
+    if len(names) < len(filters):
+        return False
+    return all(set(sensor.orientation) | set(sensor.skipped) == names for sensor in stored.sensors.values())
 
 
-def judge_again(session: Session, filters: list[str] | None = None, calibrations: Path | None = None) -> Evaluation:
+def judge_again(
+    session: Session, filters: Sequence[str | OrientationFilter] | None = None, calibrations: Path | None = None
+) -> Evaluation:
     """Evaluate what is estimated; a report that exists already is written anew, so that it never contradicts the session."""
     estimated = load_or_estimate(session, filters, calibrations)
     evaluated = evaluate(session, estimated)
@@ -143,15 +151,22 @@ def judge_again(session: Session, filters: list[str] | None = None, calibrations
     return evaluated
 
 
-def make_plan(protocol: Protocol | str | Path, robot: str | Path | None = None, filters: list[str] | None = None) -> Plan:
+def make_plan(
+    protocol: Protocol | str | Path, robot: str | Path | None = None, filters: Sequence[str | OrientationFilter] | None = None
+) -> Plan:
     """Plan a protocol, and refuse filters that this version lacks.
 
     Raises:
-        NotFoundError: A filter is reserved but not there yet; lists those that are.
+        NotFoundError: An unknown filter. FileProblems: The protocol gives a filter parameters that it does not take.
     """
     the_plan = plan(protocol, robot)
-    for name in filters or the_plan.protocol.spec.estimate.filters:
-        get_filter(name)
+    document = the_plan.protocol.document
+    for name, parameters in document.value.estimate.filter_parameters.items():
+        try:
+            get_filter(name, parameters)
+        except InputError as error:
+            raise document.problem(str(error), "estimate", "filter_parameters", name) from None
+    choose_filters(filters or document.value.estimate.filters)
     return the_plan
 
 

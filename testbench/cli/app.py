@@ -11,6 +11,7 @@ import typer
 from testbench.cli.calibrating import CalibrationOption, calibrate, calibrations
 from testbench.cli.designing import design
 from testbench.cli.exporting import export
+from testbench.cli.filtering import FiltersOption, JsonOption, filters, parse_filters
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
 from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
@@ -59,8 +60,6 @@ RobotOption = Annotated[
     str | None,
     typer.Option("--robot", help="Robot name, robot.yaml or URDF, in place of the protocol's.", autocompletion=_complete_robot),
 ]
-FiltersOption = Annotated[str | None, typer.Option("--filters", help="Orientation filters, separated by commas.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")]
 SessionArgument = Annotated[Path, typer.Argument(help="Folder of a session.")]
 
 
@@ -142,7 +141,7 @@ def run(
     """Run a protocol: plan, check, move, record, estimate, evaluate, report."""
     from testbench.pipeline import run as run_protocol
 
-    names = _filter_names(filters)
+    names = parse_filters(filters)
     with progress_bar(not json) as progress:
         result = run_protocol(
             protocol,
@@ -185,7 +184,7 @@ def estimate(
 
     opened = _open(session)
     stored = None if calibration is None else load_calibrations(calibration)
-    result = make_estimate(opened, _filter_names(filters), stored)
+    result = make_estimate(opened, parse_filters(filters), stored)
     result.save(opened.path)
     rows = [
         [name, s.clock.method, 1e3 * s.clock.offset_s, s.clock.drift_ppm, s.clock.residual_deg_s, s.calibration.poses]
@@ -207,7 +206,7 @@ def evaluate(
     from testbench.pipeline import judge_again
 
     opened = _open(session)
-    result = judge_again(opened, _filter_names(filters), calibration)
+    result = judge_again(opened, parse_filters(filters), calibration)
     if json:
         say_json(result.to_dict())
     else:
@@ -222,7 +221,7 @@ def report(
     """Estimate, evaluate and write report.html anew."""
     from testbench.pipeline import analyse
 
-    result = analyse(_open(session), _filter_names(filters), calibrations=calibration)
+    result = analyse(_open(session), parse_filters(filters), calibrations=calibration)
     if json:
         say_json(result.to_dict())
     else:
@@ -275,20 +274,7 @@ def protocols(
 app.command()(formats)
 
 
-@app.command()
-def filters(json: JsonOption = False) -> None:
-    """List the orientation filters."""
-    from testbench.estimation.filters import FILTERS
-
-    entries: list[dict[str, Any]] = [
-        {"name": name, "needs": list(kind.needs), "parameters": kind.parameters, "source": kind.source}
-        for name, kind in FILTERS.items()
-    ]
-    if json:
-        say_json({"filters": entries})
-    else:
-        rows = [[e["name"], ", ".join(e["needs"]), _settings(e["parameters"]), e["source"]] for e in entries]
-        say_table("Filters", ["name", "needs", "parameters", "source"], rows)
+app.command()(filters)
 
 
 @app.command()
@@ -342,21 +328,6 @@ def _open(path: Path) -> Session:
     return Session(path)
 
 
-def _filter_names(text: str | None) -> list[str] | None:
-    """Names of a comma-separated list, checked before anything moves."""
-    if text is None:
-        return None
-    from testbench.estimation.filters import get_filter
-    from testbench.exceptions import InputError
-
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    if not names:
-        raise InputError("--filters names no filter")
-    for name in names:
-        get_filter(name)
-    return names
-
-
 def _exit_code(evaluation: Any) -> int:
     """0 pass or no limits, 1 when a limit was broken or what it limits could not be measured."""
     limited = any(metric.outcome is not None for metric in evaluation.metrics)
@@ -368,7 +339,3 @@ def _listing(key: str, title: str, entries: dict[str, str], json: bool) -> None:
         say_json({key: [{"name": name, "description": text} for name, text in entries.items()]})
     else:
         say_table(title, ["name", "description"], [[name, text] for name, text in entries.items()])
-
-
-def _settings(parameters: dict[str, float]) -> str:
-    return ", ".join(f"{name} {value:g}" for name, value in parameters.items()) or "defaults"

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from testbench.estimation.filters import OrientationFilter, UniformSamples
+from testbench.estimation.filters.base import FilterState, RecursiveFilter
 from testbench.estimation.quality import STUCK_SAMPLES, AfterGaps, Quality, Traits, assess, remarks_on, sample_flags
 from testbench.estimation.timing import Intervals, arrival_jitter, asynchrony, audit_timing, usual_interval
 from testbench.estimation.uniform import MOST_FILLING, fill_gaps, fill_rows
@@ -50,7 +51,6 @@ def open_samples(session: Session, sensor: str, stored: Change | None = None) ->
     Args:
         session: The recording. sensor: Its name. stored: A stored calibration, applied to all that is read.
     """
-    change = stored or _unchanged
     own = session.sample_count(sensor)
     together = sum(session.sample_count(name) for name in session.sensor_names)
     every = max(-(-own // MOST_KEPT), -(-together // MOST_KEPT_IN_ALL), 1)
@@ -97,7 +97,7 @@ class SampleAccess(ABC):
 class WholeRecording(SampleAccess):
     """All samples at once."""
 
-    def __init__(self, session: Session, sensor: str, change: Change):
+    def __init__(self, session: Session, sensor: str, change: Change = _unchanged):
         self.samples, self.every = change(session.imu(sensor)), 1
         self._regular: tuple[ClockFit, tuple[UniformSamples, np.ndarray]] | None = None
 
@@ -132,7 +132,7 @@ class WholeRecording(SampleAccess):
 class PiecewiseRecording(SampleAccess):
     """Samples in pieces; of `every` of them the last is kept."""
 
-    def __init__(self, session: Session, sensor: str, every: int, change: Change):
+    def __init__(self, session: Session, sensor: str, every: int, change: Change = _unchanged):
         self._session, self._sensor, self.every, self._change = session, sensor, every, change
         self._count = session.sample_count(sensor)
         self.samples = change(session.imu(sensor, every=every))
@@ -186,7 +186,7 @@ class PiecewiseRecording(SampleAccess):
 
     def refuses(self, kind: OrientationFilter) -> str | None:
         """See SampleAccess."""
-        if kind.begin(self._usual) is None:
+        if not isinstance(kind, RecursiveFilter):
             return f"it needs all {self._count} samples at once; recordings of more than {MOST_KEPT} go through in pieces"
         return None
 
@@ -195,8 +195,8 @@ class PiecewiseRecording(SampleAccess):
     ) -> Iterator[tuple[str, np.ndarray]]:
         """See SampleAccess."""
         interval = self._span / max(self._grid - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
-        runs = {name: run for name, kind in filters.items() if (run := kind.begin(interval)) is not None}
-        results = {name: np.empty((len(self.samples), 4)) for name in runs}
+        states: dict[str, FilterState | None] = dict.fromkeys(filters)
+        results = {name: np.empty((len(self.samples), 4)) for name in filters}
         done, origin = 0, None
         held: tuple[ImuSamples, int] | None = None
         for piece, counted in self._pieces():
@@ -218,8 +218,9 @@ class PiecewiseRecording(SampleAccess):
                 corrected = correct(fill_rows(piece, row, np.arange(start - before, stop), interval, whole))
                 given = corrected if not before else _without_first(corrected)
                 here = (wanted_rows >= start) & (wanted_rows < stop)
-                for name, run in runs.items():
-                    results[name][(wanted[here] + 1) // self.every - 1] = run(given)[wanted_rows[here] - start]
+                for name, kind in filters.items():
+                    q, states[name] = kind.advance(given, states[name])
+                    results[name][(wanted[here] + 1) // self.every - 1] = q[wanted_rows[here] - start]
             done += number
         for name in list(results):
             yield name, results.pop(name)

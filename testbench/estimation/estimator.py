@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
 from functools import partial
@@ -14,7 +14,7 @@ from testbench.estimation.access import open_samples
 from testbench.estimation.axes import identify_axes, true_rates
 from testbench.estimation.axes import remarks_on as axes_remarks
 from testbench.estimation.calibration.static_poses import fit_static_poses
-from testbench.estimation.filters import OrientationFilter, UniformSamples, get_filter
+from testbench.estimation.filters import OrientationFilter, UniformSamples, choose_filters
 from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion, fit_frames_by_vectors
 from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
@@ -37,26 +37,28 @@ MOST_COMPARED = 200_000
 
 
 def estimate(
-    session: Session, filters: list[str] | None = None, calibrations: list[SensorCalibration] | None = None
+    session: Session,
+    filters: Sequence[str | OrientationFilter] | None = None,
+    calibrations: list[SensorCalibration] | None = None,
 ) -> Estimate:
     """Compute what the sensors, filters and joint angles say.
 
     Args:
-        session: A recording. filters: Names of the filters to run; those of the protocol if None.
+        session: A recording. filters: Those to run, by name (with the parameters that the protocol gives them) or as they are;
+        those of the protocol if None.
         calibrations: To correct the raw samples with first; each sensor takes its own that is nearest in time.
 
     Raises:
-        NotFoundError: An unknown filter.
+        NotFoundError: An unknown filter or parameter. InputError: A parameter's value is not allowed.
         SessionError: The session holds no samples.
     """
     settings = session.analysis.estimate
-    names = list(filters or settings.filters)
-    for name in names:
-        get_filter(name)
+    chosen = choose_filters(filters or settings.filters, settings.filter_parameters)
     stored = {name: _stored(session, name, calibrations or []) for name in session.sensor_names}
-    sensors = {name: _estimate_sensor(session, name, names, settings, stored[name]) for name in session.sensor_names}
+    sensors = {name: _estimate_sensor(session, name, chosen, settings, stored[name]) for name in session.sensor_names}
     joints = {name: _estimate_joint(session, name, sensors) for name in session.analysis.joints}
-    return Estimate(session.name, session.fingerprint, sensors, joints)
+    used = {kind.name: kind.parameters for kind in chosen}
+    return Estimate(session.name, session.fingerprint, sensors, joints, used)
 
 
 def _stored(session: Session, name: str, calibrations: list[SensorCalibration]) -> SensorCalibration | None:
@@ -75,7 +77,7 @@ def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
 
 
 def _estimate_sensor(
-    session: Session, name: str, filters: list[str], settings: Estimation, stored: SensorCalibration | None
+    session: Session, name: str, filters: list[OrientationFilter], settings: Estimation, stored: SensorCalibration | None
 ) -> SensorEstimate:
     if session.sample_count(name) < 10:
         count = session.sample_count(name)
@@ -111,9 +113,8 @@ def _estimate_sensor(
     if access.every > 1:
         remarks.append(f"a long recording: its estimates are kept, and judged, at one of {access.every} samples")
     running: dict[str, OrientationFilter] = {}
-    for key in filters:
-        kind = get_filter(key)
-        missing, refusal = kind.missing(uniform), access.refuses(kind)
+    for kind in filters:
+        key, missing, refusal = kind.name, kind.missing(uniform), access.refuses(kind)
         if missing:
             skipped[key] = f"the sensor gives no {' and no '.join(missing)}"
         elif refusal:

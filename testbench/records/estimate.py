@@ -192,19 +192,21 @@ class Estimate:
 
     Attributes:
         session: Its name. fingerprint: Of the recording they were made from. sensors, joints: By name.
+        filter_parameters: Those each filter ran with.
     """
 
     session: str
     fingerprint: str
     sensors: dict[str, SensorEstimate]
     joints: dict[str, JointEstimate]
+    filter_parameters: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session."""
         folder = session_folder / FOLDER
         folder.mkdir(exist_ok=True)
         summary: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "session": self.session}
-        summary |= {"fingerprint": self.fingerprint, "sensors": {}, "joints": {}}
+        summary |= {"fingerprint": self.fingerprint, "filter_parameters": self.filter_parameters, "sensors": {}, "joints": {}}
         for name, sensor in self.sensors.items():
             columns = {"host_time_ns": sensor.host_time_ns, "static": sensor.static, "flagged": sensor.flagged}
             for key, q in sensor.orientation.items():
@@ -281,7 +283,7 @@ class Estimate:
                 (row["filter"], row["sequence"]): join(table, _angle_columns(row["filter"], row["sequence"])) for row in rows
             }
             joints[name] = JointEstimate(table["host_time_ns"], angles)
-        return Estimate(summary["session"], summary["fingerprint"], sensors, joints)
+        return Estimate(summary["session"], summary["fingerprint"], sensors, joints, summary["filter_parameters"])
 
 
 def _angle_columns(key: str, sequence: str) -> list[str]:

@@ -17,11 +17,12 @@ RESERVED_NAMES = ("pi", "abs", "min", "max", "round", "sqrt")
 """Words of the expression language, which no variable may be called."""
 
 FILTER_NAMES = (
-    "device", "vqf_6d", "vqf_9d", "vqf_offline", "madgwick_imu", "madgwick_marg", "mahony_imu", "mahony_marg", "fusion",
-    "ecompass", "triad", "imufilter", "ahrsfilter", "complementary", "ekf", "mekf", "euler_ekf_simple", "euler_ekf", "gyro",
-    "tilt",
+    "device", "gyro", "tilt", "ecompass", "triad", "quest", "complementary", "complementary_marg", "mahony_imu", "mahony_marg",
+    "madgwick_imu", "madgwick_marg", "madgwick_zeta_as_printed", "imufilter", "ahrsfilter", "euler_ekf_simple", "euler_ekf",
+    "euler_ekf_simple_as_printed", "euler_ekf_as_printed", "ekf_imu", "ekf", "mekf_imu", "mekf", "vqf_6d", "vqf_9d",
+    "vqf_offline", "fusion", "fusion_9d",
 )  # fmt: skip
-"""Names that are reserved for orientation filters; `testbench filters` lists those this version has."""
+"""Orientation filters that a protocol may name; `testbench filters` lists them with their parameters."""
 
 
 class Segment(StrictModel):
@@ -119,6 +120,10 @@ class Estimation(StrictModel):
         min_length=1,
         description="Orientation filters to run; see `testbench filters`.",
     )
+    filter_parameters: dict[Literal[FILTER_NAMES], dict[str, float]] = Field(  # type: ignore[valid-type]
+        default={},
+        description="Parameters of filters that differ from their defaults, by filter and parameter; see `testbench filters`.",
+    )
     align: Literal["none", "heading", "reference_pose", "motion", "rates"] = Field(
         default="reference_pose",
         description="none: the filter's earth is the world; heading: one rotation about the vertical, from the reference "
@@ -140,6 +145,9 @@ class Estimation(StrictModel):
         twice = sorted({name for name in self.filters if self.filters.count(name) > 1})
         if twice:
             raise ValueError(f"filters: {', '.join(twice)} stands more than once")
+        idle = sorted(set(self.filter_parameters) - set(self.filters))
+        if idle:
+            raise ValueError(f"filter_parameters: {', '.join(idle)} is not among filters")
         return self
 
 

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.filters.base import OrientationFilter, Run, UniformSamples
+from testbench.estimation.filters.base import FilterState, RecursiveFilter, UniformSamples
 
 
-class Device(OrientationFilter):
+class Device(RecursiveFilter):
     """The orientation that the sensor itself reports."""
 
     name, needs, source = "device", ("device_q",), "the sensor's firmware"
+    sampling = "memoryless"
+    behaviour = "A black box; its settings are those of the device."
 
-    def run(self, samples: UniformSamples) -> np.ndarray:
+    def advance(self, samples: UniformSamples, state: FilterState | None = None) -> tuple[np.ndarray, FilterState]:
         """See OrientationFilter."""
         assert samples.device_q is not None
-        return samples.device_q
-
-    def begin(self, interval: float) -> Run:
-        """See OrientationFilter."""
-        return self.run
+        return samples.device_q, {"filter": self.name}

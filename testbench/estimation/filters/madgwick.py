@@ -5,93 +5,132 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from testbench.estimation.filters.base import OrientationFilter, Run, UniformSamples
+from testbench.estimation.filters.base import Parameter
+from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
+from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.maths import begin, field_deviates, length, to_earth, usable_force
 
-
-class MadgwickImu(OrientationFilter):
-    """Madgwick's filter without magnetometer: arbitrary heading, no gyroscope bias state."""
-
-    name, needs = "madgwick_imu", ("gyr", "acc")
-    source = "Madgwick, Harrison & Vaidyanathan, ICORR 2011, eqs 12 to 33 with the accelerometer alone; beta from its section V"
-    parameters = {"beta": 0.033}
-
-    def run(self, samples: UniformSamples) -> np.ndarray:
-        """See OrientationFilter."""
-        return self.begin(samples.interval)(samples)
-
-    def begin(self, interval: float) -> Run:
-        """See OrientationFilter."""
-        last: np.ndarray | None = None
-
-        def run(samples: UniformSamples) -> np.ndarray:
-            nonlocal last
-            gyr, acc = np.ascontiguousarray(samples.gyr, float), np.ascontiguousarray(samples.acc, float)
-            q = madgwick_imu(gyr, acc, interval, self.parameters["beta"], tilt(acc[0]) if last is None else last)
-            last = q[-1].copy() if len(q) else last
-            return q
-
-        return run
+PAPER = "Madgwick, Harrison & Vaidyanathan, ICORR 2011"
+REPORT = "Madgwick, An efficient orientation filter for inertial and inertial/magnetic sensor arrays, 2010"
+ZETA = Parameter(
+    "zeta",
+    0.0,
+    "rad/s^2",
+    "rate at which a gyroscope bias is removed; 0: none",
+    f"off; {REPORT}, eq. 50, gives sqrt(3/4) of the bias's rate of change",
+    1e-5,
+    0.05,
+)
+BETA = "gain: rate at which the gyroscope's error is corrected"
 
 
 @njit(cache=True)
-def tilt(acc: np.ndarray) -> np.ndarray:
-    """q_earth_from_sensor of least rotation that turns a specific force, shape (3,), upwards."""
-    norm = np.sqrt(acc[0] ** 2 + acc[1] ** 2 + acc[2] ** 2)
-    q = np.array([1.0, 0.0, 0.0, 0.0])
-    if norm == 0.0:
-        return q
-    x, y, z = acc / norm
-    if z < -1.0 + 1e-12:
-        return np.array([0.0, 1.0, 0.0, 0.0])
-    w = np.sqrt((1.0 + z) / 2.0)
-    q[0], q[1], q[2] = w, y / (2.0 * w), -x / (2.0 * w)
-    return q
+def madgwick(
+    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, use_mag: bool,
+    as_printed: bool,
+) -> np.ndarray:  # fmt: skip
+    """Madgwick's update: the gyroscope's rate of change of q, less beta times the unit gradient of the misfit.
 
-
-@njit(cache=True)
-def madgwick_imu(gyr: np.ndarray, acc: np.ndarray, interval: float, beta: float, start: np.ndarray) -> np.ndarray:
-    """Madgwick's update with gyroscope and accelerometer.
+    Equations of the 2010 report: f and J for gravity (25, 26) and for the field (29, 30), b from the measured field (45, 46),
+    normalised gradient (44), bias (47 to 49), step (42, 43).
 
     Args:
-        gyr: Shape (n, 3) [rad/s]. acc: Shape (n, 3), any unit. interval: [s]. beta: Gain [rad/s]. start: First
-        q_earth_from_sensor, before the first sample, shape (4,).
-
-    Returns:
-        q_earth_from_sensor after each sample, shape (n, 4).
+        p: beta, zeta, gate of the accelerometer [m/s^2], gate of the magnetometer. state: begin, q, bias, field of reference.
+        use_mag: Whether to use the magnetometer. as_printed: zeta as in the "zeta" form without a bias state.
     """
+    beta, zeta = p[0], p[1]
     n = gyr.shape[0]
     out = np.empty((n, 4))
-    w, x, y, z = start
     for i in range(n):
-        gx, gy, gz = gyr[i]
-        dw = 0.5 * (-x * gx - y * gy - z * gz)
-        dx = 0.5 * (w * gx + y * gz - z * gy)
-        dy = 0.5 * (w * gy - x * gz + z * gx)
-        dz = 0.5 * (w * gz + x * gy - y * gx)
-        norm = np.sqrt(acc[i, 0] ** 2 + acc[i, 1] ** 2 + acc[i, 2] ** 2)
-        if norm > 0.0:
+        if state[0] == 0.0:
+            begin(state, acc[i], mag[i], use_mag, out[i])
+            continue
+        w, x, y, z = state[1], state[2], state[3], state[4]
+        sw = sx = sy = sz = 0.0
+        a = length(acc[i])
+        if usable_force(a, p[2]):
             # residual of the upward direction in the sensor frame, and J' f
-            f1 = 2.0 * (x * z - w * y) - acc[i, 0] / norm
-            f2 = 2.0 * (w * x + y * z) - acc[i, 1] / norm
-            f3 = 1.0 - 2.0 * (x * x + y * y) - acc[i, 2] / norm
+            f1 = 2.0 * (x * z - w * y) - acc[i, 0] / a
+            f2 = 2.0 * (w * x + y * z) - acc[i, 1] / a
+            f3 = 1.0 - 2.0 * (x * x + y * y) - acc[i, 2] / a
             sw = -2.0 * y * f1 + 2.0 * x * f2
             sx = 2.0 * z * f1 + 2.0 * w * f2 - 4.0 * x * f3
             sy = -2.0 * w * f1 + 2.0 * z * f2 - 4.0 * y * f3
             sz = 2.0 * x * f1 + 2.0 * y * f2
-            step = np.sqrt(sw * sw + sx * sx + sy * sy + sz * sz)
-            if step > 0.0:
-                dw -= beta * sw / step
-                dx -= beta * sx / step
-                dy -= beta * sy / step
-                dz -= beta * sz / step
-        w += dw * interval
-        x += dx * interval
-        y += dy * interval
-        z += dz * interval
-        length = np.sqrt(w * w + x * x + y * y + z * z)
-        w /= length
-        x /= length
-        y /= length
-        z /= length
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = w, x, y, z
+        m = length(mag[i]) if use_mag else 0.0
+        if m > 0.0 and not field_deviates(w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[3], state[8:10]):
+            mx, my, mz = mag[i, 0] / m, mag[i, 1] / m, mag[i, 2] / m
+            hx, hy, bz = to_earth(w, x, y, z, mx, my, mz)
+            b = np.sqrt(hx * hx + hy * hy)
+            # the paper has the field in the plane of x and z; here north is y: (0, b, bz)
+            g1 = 2.0 * b * (x * y + w * z) + 2.0 * bz * (x * z - w * y) - mx
+            g2 = b * (1.0 - 2.0 * (x * x + z * z)) + 2.0 * bz * (w * x + y * z) - my
+            g3 = 2.0 * b * (y * z - w * x) + bz * (1.0 - 2.0 * (x * x + y * y)) - mz
+            sw += (2.0 * b * z - 2.0 * bz * y) * g1 + 2.0 * bz * x * g2 - 2.0 * b * x * g3
+            sx += (2.0 * b * y + 2.0 * bz * z) * g1 + (-4.0 * b * x + 2.0 * bz * w) * g2 + (-2.0 * b * w - 4.0 * bz * x) * g3
+            sy += (2.0 * b * x - 2.0 * bz * w) * g1 + 2.0 * bz * z * g2 + (2.0 * b * z - 4.0 * bz * y) * g3
+            sz += (2.0 * b * w + 2.0 * bz * x) * g1 + (-4.0 * b * z + 2.0 * bz * y) * g2 + 2.0 * b * y * g3
+        step = np.sqrt(sw * sw + sx * sx + sy * sy + sz * sz)
+        gx, gy, gz = gyr[i]
+        if step > 0.0:
+            sw, sx, sy, sz = sw / step, sx / step, sy / step, sz / step
+            if zeta > 0.0:
+                # error of the rate, 2 q* s
+                ex = 2.0 * (w * sx - x * sw - y * sz + z * sy)
+                ey = 2.0 * (w * sy + x * sz - y * sw - z * sx)
+                ez = 2.0 * (w * sz - x * sy + y * sx - z * sw)
+                if as_printed:
+                    gx, gy, gz = gx - dt[i] * zeta * ex, gy - dt[i] * zeta * ey, gz - dt[i] * zeta * ez
+                else:
+                    state[5] += zeta * ex * dt[i]
+                    state[6] += zeta * ey * dt[i]
+                    state[7] += zeta * ez * dt[i]
+        gx, gy, gz = gx - state[5], gy - state[6], gz - state[7]
+        w2 = w + dt[i] * (0.5 * (-x * gx - y * gy - z * gz) - beta * sw)
+        x2 = x + dt[i] * (0.5 * (w * gx + y * gz - z * gy) - beta * sx)
+        y2 = y + dt[i] * (0.5 * (w * gy - x * gz + z * gx) - beta * sy)
+        z2 = z + dt[i] * (0.5 * (w * gz + x * gy - y * gx) - beta * sz)
+        k = 1.0 / np.sqrt(w2 * w2 + x2 * x2 + y2 * y2 + z2 * z2)
+        state[1], state[2], state[3], state[4] = w2 * k, x2 * k, y2 * k, z2 * k
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = state[1], state[2], state[3], state[4]
     return out
+
+
+class MadgwickImu(KernelFilter):
+    """Madgwick's filter without magnetometer: arbitrary heading."""
+
+    name, needs = "madgwick_imu", ("gyr", "acc")
+    source = f"{PAPER}, eqs 12 to 33 with the accelerometer alone; bias: {REPORT}, eqs 47 to 49"
+    PARAMETERS = (Parameter("beta", 0.033, "rad/s", BETA, f"{PAPER}, section V", 0.003, 0.5), ZETA, ACC_GATE)
+    layout = (("started", 1), ("q", 4), ("gyr_bias_rad_s", 3), ("field", 2))
+    behaviour = "Its correction has a fixed size: it trembles by beta times the interval, and large errors take long to go."
+
+    kernel, options = staticmethod(madgwick), (False, False)
+
+
+class MadgwickMarg(KernelFilter):
+    """Madgwick's filter with magnetometer."""
+
+    name, needs = "madgwick_marg", ("gyr", "acc", "mag")
+    source = f"{PAPER}, eqs 12 to 33; bias: {REPORT}, eqs 47 to 49"
+    PARAMETERS = (Parameter("beta", 0.041, "rad/s", BETA, f"{PAPER}, section V", 0.003, 0.5), ZETA, ACC_GATE, MAG_GATE)
+    layout = MadgwickImu.layout
+    behaviour = "As madgwick_imu; one gradient for gravity and field, so that a disturbed field tilts it, too."
+
+    kernel, options = staticmethod(madgwick), (True, False)
+
+
+class MadgwickZetaAsPrinted(MadgwickMarg):
+    """Madgwick's filter with zeta applied to the rate of the same sample, without a bias state: beta + interval * zeta."""
+
+    name = "madgwick_zeta_as_printed"
+    source = "de Miguel Pueyo, thesis, Universidad Rey Juan Carlos, 2024, eqs 22 to 37; gains from its section on noise at rest"
+    PARAMETERS = (
+        Parameter("beta", 0.35, "rad/s", BETA, "the thesis's final results", 0.003, 0.5),
+        Parameter("zeta", 0.07, "rad/s^2", "adds interval * zeta to beta", "the thesis's final results", 1e-3, 1.0),
+        ACC_GATE,
+        MAG_GATE,
+    )
+    behaviour = "Exactly madgwick_marg with beta + interval * zeta and no bias: its zeta removes no drift."
+
+    kernel, options = staticmethod(madgwick), (True, True)

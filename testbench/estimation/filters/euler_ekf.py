@@ -1,0 +1,214 @@
+"""The Euler-angle Kalman filters of Cabezuelo 2019: simple and improved prediction, corrected and as printed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from testbench.estimation.filters.base import Parameter
+from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.maths import GRAVITY, Three, length
+
+LOCK = 1e-3
+"""Cosine of pitch [1] below which roll and yaw are not told apart."""
+
+
+@njit(cache=True)
+def wrapped(angle: float) -> float:
+    """An angle [rad] brought into [-pi, pi)."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+@njit(cache=True)
+def put(out: np.ndarray, roll: float, pitch: float, yaw: float) -> None:
+    """q_earth_from_sensor of the intrinsic ZYX angles [rad]."""
+    cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
+    cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
+    out[0] = cy * cp * cr + sy * sp * sr
+    out[1] = cy * cp * sr - sy * sp * cr
+    out[2] = cy * sp * cr + sy * cp * sr
+    out[3] = sy * cp * cr - cy * sp * sr
+
+
+@njit(cache=True)
+def predicted(state: np.ndarray, g: np.ndarray, h: float, f: np.ndarray, simple: bool, printed: bool) -> Three:
+    """Roll, pitch and yaw a step later, and F, shape (3, 3)."""
+    roll, pitch, yaw = state[1], state[2], state[3]
+    f[:, :] = 0.0
+    f[0, 0], f[1, 1] = 1.0, 1.0
+    if simple:
+        f[2, 2] = 0.0 if printed else 1.0  # eq. 2.22 has diag(1, 1, 0)
+        return roll + h * g[0], pitch + h * g[1], yaw + h * g[2]
+    sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
+    if not printed and abs(cp) < LOCK:
+        cp = LOCK if cp >= 0.0 else -LOCK
+    tan, sec = sp / cp, 1.0 / cp
+    along, across = g[1] * sr + g[2] * cr, g[1] * cr - g[2] * sr
+    f[0, 0], f[0, 1] = 1.0 + h * across * tan, h * along * sec * sec
+    f[1, 0] = -h * along
+    f[2, 0], f[2, 1], f[2, 2] = h * across * sec, h * along * sec * tan, 1.0
+    rolled = g[0] + (g[1] * sr + g[2] * np.cos(pitch)) * tan if printed else g[0] + along * tan
+    return roll + h * rolled, pitch + h * across, yaw + h * along * sec
+
+
+@njit(cache=True)
+def innovation(ax: float, ay: float, az: float, roll: float, pitch: float, printed: bool) -> tuple[float, float]:
+    """Roll and pitch of a specific force, less the predicted ones."""
+    level = np.sqrt(ay * ay + az * az)
+    if printed:
+        measured = np.arctan(ay / az) if az != 0.0 else np.copysign(0.5 * np.pi, ay)
+        return measured - roll, np.arctan2(-ax, level) - pitch
+    # a force along x says nothing of roll
+    v0 = wrapped(np.arctan2(ay, az) - roll) if level > LOCK * abs(ax) else 0.0
+    return v0, np.arctan2(-ax, level) - pitch
+
+
+@njit(cache=True)
+def correct(cov: np.ndarray, half: np.ndarray, f: np.ndarray, v0: float, v1: float, var0: float, var1: float) -> Three:
+    """What the innovation v of the first two angles adds to all three; P <- P - K S K'."""
+    s00, s01, s11 = cov[0, 0] + var0, cov[0, 1], cov[1, 1] + var1
+    det = s00 * s11 - s01 * s01
+    for r in range(3):
+        half[r, 0] = (cov[r, 0] * s11 - cov[r, 1] * s01) / det
+        half[r, 1] = (cov[r, 1] * s00 - cov[r, 0] * s01) / det
+        f[r, 0], f[r, 1] = half[r, 0] * s00 + half[r, 1] * s01, half[r, 0] * s01 + half[r, 1] * s11
+    for r in range(3):
+        for c in range(3):
+            cov[r, c] -= f[r, 0] * half[c, 0] + f[r, 1] * half[c, 1]
+    return half[0, 0] * v0 + half[0, 1] * v1, half[1, 0] * v0 + half[1, 1] * v1, half[2, 0] * v0 + half[2, 1] * v1
+
+
+@njit(cache=True)
+def propagate(cov: np.ndarray, half: np.ndarray, f: np.ndarray, noise: float) -> None:
+    """P <- F P F' + noise I."""
+    for r in range(3):
+        for c in range(3):
+            half[r, c] = f[r, 0] * cov[0, c] + f[r, 1] * cov[1, c] + f[r, 2] * cov[2, c]
+    for r in range(3):
+        for c in range(3):
+            cov[r, c] = half[r, 0] * f[c, 0] + half[r, 1] * f[c, 1] + half[r, 2] * f[c, 2]
+        cov[r, r] += noise
+
+
+@njit(cache=True)
+def first(state: np.ndarray, acc: np.ndarray, p: np.ndarray, printed: bool) -> None:
+    """Start at zero with the process variance, or from the first force with the variances of what it says."""
+    if printed:
+        state[0], state[4], state[8], state[12] = 1.0, p[0] * p[0], p[0] * p[0], p[0] * p[0]
+    elif length(acc) > 0.0:
+        state[0], state[4], state[8] = 1.0, p[1] * p[1], p[2] * p[2]
+        state[1], state[2] = np.arctan2(acc[1], acc[2]), np.arctan2(-acc[0], np.sqrt(acc[1] * acc[1] + acc[2] * acc[2]))
+
+
+@njit(cache=True)
+def euler_ekf(
+    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, simple: bool,
+    printed: bool,
+) -> np.ndarray:  # fmt: skip
+    """Kalman filter of roll, pitch and yaw; the accelerometer corrects roll and pitch while its size is gravity's.
+
+    Printed: starts at zero, takes roll from the arctangent of a ratio, does not wrap the innovation, keeps P still while the
+    gate is closed, has a process variance per sample, and cos(pitch) for cos(roll) in eq. 4.4. Corrected: starts from the first
+    sample, takes roll from both signs, wraps, propagates P always, has a noise density, and keeps pitch within a right angle.
+
+    Args:
+        p: Process noise [rad] or [rad/sqrt(s)], sd of roll and of pitch [rad], gate [m/s^2]. state: started, roll, pitch, yaw,
+        P (9). simple: Whether each angle is the integral of its own axis (eq. 4.7) instead of eqs 4.4 to 4.6.
+        printed: With the errors of the publication.
+    """
+    out = np.empty((gyr.shape[0], 4))
+    cov = state[4:13].reshape(3, 3)
+    f, half = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(gyr.shape[0]):
+        if state[0] == 0.0:
+            first(state, acc[i], p, printed)
+            put(out[i], state[1], state[2], state[3])
+            continue
+        roll, pitch, yaw = predicted(state, gyr[i], dt[i], f, simple, printed)
+        if not printed and abs(pitch) > 0.5 * np.pi:  # over the top: the same orientation with a pitch within a right angle
+            pitch, roll, yaw = (np.pi if pitch > 0.0 else -np.pi) - pitch, roll + np.pi, yaw + np.pi
+        roll, pitch, yaw = wrapped(roll), wrapped(pitch), wrapped(yaw)
+        a = length(acc[i])
+        gated = abs(a - GRAVITY) < p[3] or (p[3] == 0.0 and a > 0.0)
+        if gated or not printed:
+            propagate(cov, half, f, p[0] * p[0] * (1.0 if printed else dt[i]))
+        if gated:
+            v0, v1 = innovation(acc[i, 0], acc[i, 1], acc[i, 2], roll, pitch, printed)
+            d0, d1, d2 = correct(cov, half, f, v0, v1, p[1] * p[1], p[2] * p[2])
+            roll, pitch, yaw = roll + d0, pitch + d1, yaw + d2
+        state[1], state[2], state[3] = roll, pitch, yaw
+        put(out[i], roll, pitch, yaw)
+    return out
+
+
+THESIS = "Cabezuelo 2019: BNO055 at rest, long cable"
+SOURCE = "Cabezuelo Gutiérrez, thesis, Universidad de Alcalá, 2019"
+ROLL = Parameter(
+    "roll_sd_rad", 0.0014, "rad", "standard deviation of roll from the accelerometer", THESIS, 1e-4, 0.1, least=1e-9
+)
+PITCH = Parameter(
+    "pitch_sd_rad", 0.0014, "rad", "standard deviation of pitch from the accelerometer", THESIS, 1e-4, 0.1, least=1e-9
+)
+GATE = Parameter(
+    "acc_gate_m_s2",
+    0.1,
+    "m/s^2",
+    "the accelerometer corrects while its size is this near to gravity; 0: always",
+    "Cabezuelo 2019, listing; its text has 1",
+    0.05,
+    5.0,
+)
+DENSITY = Parameter(
+    "process_rad_sqrts",
+    1.56e-3,
+    "rad/sqrt(s)",
+    "noise density of the angles",
+    "Cabezuelo 2019: 1.56e-4 rad a sample, at 100 Hz",
+    1e-4,
+    0.1,
+)
+PER_SAMPLE = Parameter(
+    "process_rad", 1.56e-4, "rad", "standard deviation of the angles' step in a sample", "Cabezuelo 2019: BNO055", 1e-5, 0.01
+)
+LAYOUT = (("started", 1), ("roll_pitch_yaw_rad", 3), ("covariance", 9))
+
+
+class EulerEkf(KernelFilter):
+    """Euler-angle EKF with the improved prediction, corrected: arbitrary heading."""
+
+    name, needs, source = "euler_ekf", ("gyr", "acc"), f"{SOURCE}, eqs 2.9 to 2.25 and 4.4 to 4.6, errors corrected"
+    PARAMETERS = (DENSITY, ROLL, PITCH, GATE)
+    layout = LAYOUT
+    kernel, options = staticmethod(euler_ekf), (False, False)
+    behaviour = "Yaw is never corrected; near a pitch of a right angle roll and yaw are lost to one another."
+
+
+class EulerEkfSimple(EulerEkf):
+    """Euler-angle EKF whose angles are each the integral of one gyroscope axis, otherwise corrected."""
+
+    name = "euler_ekf_simple"
+    source = f"{SOURCE}, eqs 2.9 to 2.25 and 4.7, errors corrected but for the prediction"
+    options = (True, False)
+    behaviour = "Yaw drifts under coupled rotation even with a perfect gyroscope."
+    known_faults = (
+        "it takes each axis of the gyroscope for the rate of an Euler angle, which is right about one axis at a time only"
+    )
+
+
+class EulerEkfAsPrinted(EulerEkf):
+    """Euler-angle EKF with the improved prediction, with the errors of the publication."""
+
+    name, source = "euler_ekf_as_printed", f"{SOURCE}, eqs 2.9 to 2.25 and 4.4 to 4.6, as printed"
+    PARAMETERS = (PER_SAMPLE, ROLL, PITCH, GATE)
+    options = (False, True)
+    behaviour = "Works near level only; tuning depends on the sampling rate."
+    known_faults = "it starts at zero, knows roll within a right angle only, and has a misprint in the rate of roll"
+
+
+class EulerEkfSimpleAsPrinted(EulerEkfAsPrinted):
+    """Euler-angle EKF with the simple prediction, with the errors of the publication."""
+
+    name, source = "euler_ekf_simple_as_printed", f"{SOURCE}, eqs 2.9 to 2.25 and 4.7, as printed"
+    options = (True, True)
+    behaviour = "As euler_ekf_as_printed; yaw drifts under coupled rotation."
+    known_faults = "it starts at zero, knows roll within a right angle only, and takes rates of axes for rates of angles"

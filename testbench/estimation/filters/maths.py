@@ -1,0 +1,189 @@
+"""Compiled arithmetic that the kernels share: quaternions w x y z, vectors as three numbers, no arrays made in loops.
+
+Numba inlines these into the kernels and stores the result on disk; after a change here the kernels' stored code is only made
+anew once their own files are touched too, or the __pycache__ folder is gone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from testbench.frames import STANDARD_GRAVITY
+
+GRAVITY = STANDARD_GRAVITY
+Three = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+
+
+@njit(cache=True)
+def turned(w: float, x: float, y: float, z: float, rx: float, ry: float, rz: float) -> Four:
+    """The quaternion after a turn by the rotation vector r [rad] about axes of the sensor: q exp(r / 2)."""
+    angle2 = rx * rx + ry * ry + rz * rz
+    if angle2 > 1e-8:
+        angle = np.sqrt(angle2)
+        c, s = np.cos(0.5 * angle), np.sin(0.5 * angle) / angle
+    else:
+        c, s = 1.0 - angle2 / 8.0, 0.5 - angle2 / 48.0
+    dx, dy, dz = s * rx, s * ry, s * rz
+    nw = w * c - x * dx - y * dy - z * dz
+    nx = w * dx + x * c + y * dz - z * dy
+    ny = w * dy - x * dz + y * c + z * dx
+    nz = w * dz + x * dy - y * dx + z * c
+    k = 1.0 / np.sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
+    return nw * k, nx * k, ny * k, nz * k
+
+
+@njit(cache=True)
+def to_earth(w: float, x: float, y: float, z: float, vx: float, vy: float, vz: float) -> Three:
+    """A vector of the sensor frame seen in the earth frame: R v."""
+    tx = 2.0 * (y * vz - z * vy)
+    ty = 2.0 * (z * vx - x * vz)
+    tz = 2.0 * (x * vy - y * vx)
+    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+
+
+@njit(cache=True)
+def up_in_sensor(w: float, x: float, y: float, z: float) -> Three:
+    """The upward unit vector seen in the sensor frame: the third row of R."""
+    return 2.0 * (x * z - w * y), 2.0 * (w * x + y * z), w * w - x * x - y * y + z * z
+
+
+@njit(cache=True)
+def levelled(ax: float, ay: float, az: float) -> Four:
+    """q_earth_from_sensor of least rotation that turns the unit vector a upwards."""
+    if az < -1.0 + 1e-12:
+        return 0.0, 1.0, 0.0, 0.0
+    w = np.sqrt((1.0 + az) / 2.0)
+    return w, ay / (2.0 * w), -ax / (2.0 * w), 0.0
+
+
+@njit(cache=True)
+def to_sensor(w: float, x: float, y: float, z: float, vx: float, vy: float, vz: float) -> Three:
+    """A vector of the earth frame seen in the sensor frame: R' v."""
+    return to_earth(w, -x, -y, -z, vx, vy, vz)
+
+
+@njit(cache=True)
+def tilt(acc: np.ndarray) -> np.ndarray:
+    """q_earth_from_sensor of least rotation that turns a specific force, shape (3,), upwards; identity without a force."""
+    norm = np.sqrt(acc[0] ** 2 + acc[1] ** 2 + acc[2] ** 2)
+    if not norm > 0.0:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    return np.array(levelled(acc[0] / norm, acc[1] / norm, acc[2] / norm))
+
+
+@njit(cache=True)
+def length(v: np.ndarray) -> float:
+    """Length of a vector of three; NaN if it holds one."""
+    return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+@njit(cache=True)
+def usable_force(a: float, gate: float) -> bool:
+    """Whether a specific force of this size [m/s^2] is near enough to gravity; a gate of 0 takes any that is not zero."""
+    return a > 0.0 and (not gate > 0.0 or abs(a - GRAVITY) <= gate)
+
+
+@njit(cache=True)
+def with_north(ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> tuple[float, float, float, float, bool]:
+    """q_enu_from_sensor that turns a upwards and the horizontal part of m northwards, and whether there is such a part.
+
+    The columns of R_sensor_from_enu are m x a, a x (m x a), a, scaled to unit length.
+    """
+    ex, ey, ez = my * az - mz * ay, mz * ax - mx * az, mx * ay - my * ax
+    e = np.sqrt(ex * ex + ey * ey + ez * ez)
+    if not e > 1e-9 * np.sqrt(mx * mx + my * my + mz * mz):
+        return 1.0, 0.0, 0.0, 0.0, False
+    ex, ey, ez = ex / e, ey / e, ez / e
+    nx, ny, nz = ay * ez - az * ey, az * ex - ax * ez, ax * ey - ay * ex
+    # rows of R_enu_from_sensor are east, north, up; the largest component first (Shepperd 1978)
+    trace = ex + ny + az
+    if trace >= ex and trace >= ny and trace >= az:
+        w, x, y, z = 1.0 + trace, ay - nz, ez - ax, nx - ey
+    elif ex >= ny and ex >= az:
+        w, x, y, z = ay - nz, 1.0 + ex - ny - az, ey + nx, ez + ax
+    elif ny >= az:
+        w, x, y, z = ez - ax, ey + nx, 1.0 - ex + ny - az, nz + ay
+    else:
+        w, x, y, z = nx - ey, ez + ax, nz + ay, 1.0 - ex - ny + az
+    k = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
+    return w * k, x * k, y * k, z * k, True
+
+
+@njit(cache=True)
+def started(state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool) -> bool:
+    """Start from the first usable accelerometer (and magnetometer) sample; state[0] is 1 and state[1:5] the quaternion then."""
+    a = np.sqrt(acc[0] ** 2 + acc[1] ** 2 + acc[2] ** 2)
+    if not a > 0.0:
+        return False
+    if use_mag:
+        m = np.sqrt(mag[0] ** 2 + mag[1] ** 2 + mag[2] ** 2)
+        if not m > 0.0:
+            return False
+        w, x, y, z, ok = with_north(acc[0] / a, acc[1] / a, acc[2] / a, mag[0] / m, mag[1] / m, mag[2] / m)
+        if not ok:
+            return False
+    else:
+        w, x, y, z = levelled(acc[0] / a, acc[1] / a, acc[2] / a)
+    state[0] = 1.0
+    state[1], state[2], state[3], state[4] = w, x, y, z
+    return True
+
+
+@njit(cache=True)
+def begin(state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool, out: np.ndarray) -> bool:
+    """Start if this sample allows it, and write the orientation, shape (4,): the start, or the identity while there is none."""
+    begun = started(state, acc, mag, use_mag)
+    out[0] = 1.0
+    out[1] = out[2] = out[3] = 0.0
+    if begun:
+        out[0], out[1], out[2], out[3] = state[1], state[2], state[3], state[4]
+    return begun
+
+
+@njit(cache=True)
+def field_deviates(
+    w: float, x: float, y: float, z: float, mx: float, my: float, mz: float, gate: float, reference: np.ndarray
+) -> bool:
+    """Whether the field differs from the reference by more than a fraction `gate` of it; 0 switches the gate off.
+
+    Compared are the horizontal and the vertical part, so that both strength and dip count. `reference` holds them; a zero
+    reference is set to this sample's.
+    """
+    if not gate > 0.0:
+        return False
+    hx, hy, hz = to_earth(w, x, y, z, mx, my, mz)
+    h = np.sqrt(hx * hx + hy * hy)
+    if reference[0] == 0.0 and reference[1] == 0.0:
+        reference[0], reference[1] = h, hz
+        return False
+    size2 = reference[0] ** 2 + reference[1] ** 2
+    return (h - reference[0]) ** 2 + (hz - reference[1]) ** 2 > gate * gate * size2
+
+
+@njit(cache=True)
+def solve_in_place(s: np.ndarray, b: np.ndarray, n: int, columns: int) -> None:
+    """Replace b by S^-1 b for the symmetric positive S, shape (n, n), and b, shape (n, columns), by Cholesky; S is lost."""
+    for j in range(n):
+        d = s[j, j]
+        for k in range(j):
+            d -= s[j, k] * s[j, k]
+        d = np.sqrt(d)
+        s[j, j] = d
+        for i in range(j + 1, n):
+            t = s[i, j]
+            for k in range(j):
+                t -= s[i, k] * s[j, k]
+            s[i, j] = t / d
+    for c in range(columns):
+        for i in range(n):
+            t = b[i, c]
+            for k in range(i):
+                t -= s[i, k] * b[k, c]
+            b[i, c] = t / s[i, i]
+        for i in range(n - 1, -1, -1):
+            t = b[i, c]
+            for k in range(i + 1, n):
+                t -= s[k, i] * b[k, c]
+            b[i, c] = t / s[i, i]

@@ -1,0 +1,156 @@
+"""Multiplicative extended Kalman filter with gyroscope bias."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from testbench.estimation.filters.base import Parameter
+from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
+from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.maths import (
+    GRAVITY,
+    begin,
+    field_deviates,
+    length,
+    to_earth,
+    to_sensor,
+    turned,
+    usable_force,
+)
+
+
+@njit(cache=True)
+def correct(e: np.ndarray, cov: np.ndarray, v: np.ndarray, h: np.ndarray, var: float) -> None:
+    """Correct the error (turn, bias) by one direction, measured v and expected h in the sensor: v = h + h x turn.
+
+    One component after the other, all linearised at the prediction.
+    """
+    ph = np.empty(6)
+    for row in range(3):
+        if row == 0:
+            h0, h1, h2 = 0.0, -h[2], h[1]
+        elif row == 1:
+            h0, h1, h2 = h[2], 0.0, -h[0]
+        else:
+            h0, h1, h2 = -h[1], h[0], 0.0
+        for j in range(6):
+            ph[j] = cov[j, 0] * h0 + cov[j, 1] * h1 + cov[j, 2] * h2
+        s = 1.0 / (h0 * ph[0] + h1 * ph[1] + h2 * ph[2] + var)
+        gain = s * (v[row] - h[row] - h0 * e[0] - h1 * e[1] - h2 * e[2])
+        for j in range(6):
+            e[j] += ph[j] * gain
+            for k in range(j + 1):
+                cov[j, k] -= ph[j] * ph[k] * s
+                cov[k, j] = cov[j, k]
+
+
+@njit(cache=True)
+def predict(cov: np.ndarray, half: np.ndarray, rx: float, ry: float, rz: float, h: float, noise: float, walk: float) -> None:
+    """P <- F P F' + Q, F = [[I - r x, -h I], [0, I]] for the turn r [rad] in h seconds; Q as Farrenkopf 1978."""
+    for j in range(6):
+        half[0, j] = cov[0, j] + rz * cov[1, j] - ry * cov[2, j] - h * cov[3, j]
+        half[1, j] = cov[1, j] - rz * cov[0, j] + rx * cov[2, j] - h * cov[4, j]
+        half[2, j] = cov[2, j] + ry * cov[0, j] - rx * cov[1, j] - h * cov[5, j]
+        half[3, j], half[4, j], half[5, j] = cov[3, j], cov[4, j], cov[5, j]
+    for j in range(6):
+        cov[j, 0] = half[j, 0] + rz * half[j, 1] - ry * half[j, 2] - h * half[j, 3]
+        cov[j, 1] = half[j, 1] - rz * half[j, 0] + rx * half[j, 2] - h * half[j, 4]
+        cov[j, 2] = half[j, 2] + ry * half[j, 0] - rx * half[j, 1] - h * half[j, 5]
+        cov[j, 3], cov[j, 4], cov[j, 5] = half[j, 3], half[j, 4], half[j, 5]
+    for j in range(3):
+        cov[j, j] += noise * noise * h + walk * walk * h * h * h / 3.0
+        cov[j, j + 3] -= 0.5 * walk * walk * h * h
+        cov[j + 3, j] -= 0.5 * walk * walk * h * h
+        cov[j + 3, j + 3] += walk * walk * h
+
+
+@njit(cache=True)
+def mekf(
+    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, use_mag: bool
+) -> np.ndarray:
+    """MEKF: the quaternion is integrated with the corrected rate; the Kalman filter estimates its error and the bias.
+
+    Args:
+        p: Noise density [rad/s/sqrt(Hz)], bias walk [rad/s^2/sqrt(Hz)], first sd of the bias [rad/s], sd of the force [m/s^2],
+        its gate [m/s^2], sd of the field's direction, its gate. state: begin, q, bias, covariance (36), direction of the field
+        (north, up), field of reference. use_mag: Whether to use the magnetometer.
+    """
+    n = gyr.shape[0]
+    out = np.empty((n, 4))
+    cov, half = state[8:44].reshape(6, 6), np.empty((6, 6))
+    e, v, h = np.empty(6), np.empty(3), np.empty(3)
+    for i in range(n):
+        if state[0] == 0.0:
+            if begin(state, acc[i], mag[i], use_mag, out[i]):
+                for j in range(3):
+                    cov[j, j] = (p[3] / GRAVITY) ** 2 if j < 2 or not use_mag else p[5] ** 2
+                    cov[j + 3, j + 3] = p[2] * p[2]
+                if use_mag:
+                    _, hy, hz = to_earth(state[1], state[2], state[3], state[4], mag[i, 0], mag[i, 1], mag[i, 2])
+                    state[44], state[45] = hy / length(mag[i]), hz / length(mag[i])
+            continue
+        rx, ry, rz = (gyr[i, 0] - state[5]) * dt[i], (gyr[i, 1] - state[6]) * dt[i], (gyr[i, 2] - state[7]) * dt[i]
+        w, x, y, z = turned(state[1], state[2], state[3], state[4], rx, ry, rz)
+        predict(cov, half, rx, ry, rz, dt[i], p[0], p[1])
+        for j in range(6):
+            e[j] = 0.0
+        if usable_force(length(acc[i]), p[4]):
+            h[0], h[1], h[2] = to_sensor(w, x, y, z, 0.0, 0.0, GRAVITY)
+            correct(e, cov, acc[i], h, p[3] * p[3])
+        m = length(mag[i]) if use_mag else 0.0
+        if m > 0.0 and not field_deviates(w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[6], state[46:48]):
+            h[0], h[1], h[2] = to_sensor(w, x, y, z, 0.0, state[44], state[45])
+            for j in range(3):
+                v[j] = mag[i, j] / m
+            correct(e, cov, v, h, p[5] * p[5])
+        state[1], state[2], state[3], state[4] = turned(w, x, y, z, e[0], e[1], e[2])
+        state[5] += e[3]
+        state[6] += e[4]
+        state[7] += e[5]
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = state[1], state[2], state[3], state[4]
+    return out
+
+
+SOURCE = "Lefferts, Markley & Shuster, J. Guidance 5(5), 1982; Markley & Crassidis 2014, ch. 6; noise as Farrenkopf 1978"
+MEMS = "typical of the small sensors the bench has presets for"
+GYR = Parameter(
+    "gyr_noise_rad_s_sqrthz", 2e-3, "rad/s/sqrt(Hz)", "noise density of the gyroscope", MEMS, 1e-4, 0.05, least=1e-9
+)
+WALK = Parameter("bias_walk_rad_s2_sqrthz", 2e-5, "rad/s^2/sqrt(Hz)", "random walk of its bias", MEMS, 1e-7, 1e-2)
+BIAS = Parameter("bias_sd_rad_s", 0.01, "rad/s", "standard deviation of the bias at the start; 0: none", MEMS, 1e-4, 0.1)
+ACC = Parameter(
+    "acc_sd_m_s2",
+    2.0,
+    "m/s^2",
+    "standard deviation of force less gravity, motion included",
+    "an arm's accelerations",
+    0.05,
+    20.0,
+    least=1e-9,
+)
+MAG = Parameter(
+    "mag_sd", 0.3, "1", "standard deviation of the field's direction, of a unit vector", "indoors", 0.01, 5, least=1e-9
+)
+
+
+class MekfImu(KernelFilter):
+    """MEKF without magnetometer: arbitrary heading."""
+
+    name, needs, source = "mekf_imu", ("gyr", "acc"), SOURCE
+    PARAMETERS = (GYR, WALK, BIAS, ACC, ACC_GATE)
+    layout = (
+        ("started", 1), ("q", 4), ("gyr_bias_rad_s", 3), ("covariance", 36), ("field_direction", 2), ("field", 2)
+    )  # fmt: skip
+    kernel, options = staticmethod(mekf), (False,)
+    behaviour = "Finds the bias across the vertical only; about the vertical it keeps what it last knew."
+
+
+class Mekf(KernelFilter):
+    """MEKF with magnetometer; the dip of the field is that of the first sample."""
+
+    name, needs, source = "mekf", ("gyr", "acc", "mag"), SOURCE
+    PARAMETERS = (GYR, WALK, BIAS, ACC, ACC_GATE, MAG, MAG_GATE)
+    layout = MekfImu.layout
+    kernel, options = staticmethod(mekf), (True,)
+    behaviour = "Finds all three biases; a disturbed field that stays is taken for one."
