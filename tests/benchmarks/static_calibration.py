@@ -54,7 +54,7 @@ def _poses(method: Method, vector: np.ndarray) -> StaticPoses:
     length = float(np.linalg.norm(vector))
     if method.name in ("six_position", "ferraris"):
         expected = length * np.kron(np.eye(3), [[1.0], [-1.0]])
-    elif method.name == "rotational_2d":
+    elif method.name.startswith("rotational_2d"):
         expected = length * np.array([[0.0, 0, 1], [1, 0, 0], [-1, 0, 0], [0.6, 0, 0.8]])
     response = np.eye(3) + 0.01 * rng.standard_normal((3, 3))
     mean = expected @ response.T + 0.02 * length * rng.standard_normal(3)

@@ -36,13 +36,15 @@ def axis_model(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> Tria
     """
     expected = poses.need_expected("axis_model")
     design = np.column_stack([expected, np.ones(len(poses))])
+    sd = poses.typical_sd()
     responses, biases = response_parameters(tolerance), bias_parameters(tolerance)
     fits = tuple(
         solve_linear(
-            design,
-            poses.mean[:, i],
+            design / sd,
+            poses.mean[:, i] / sd,
             [*responses[3 * i : 3 * i + 3], biases[i]],
             residual_unit=tolerance.unit,
+            residual_scale=sd,
             advice=ADVICE,
         )
         for i in range(3)
@@ -88,11 +90,18 @@ def orthogonality(poses: StaticPoses) -> Orthogonality:
     expected = poses.need_expected("orthogonality")[:, plane]
     names = (AXES[plane[0]], AXES[plane[1]])
     design = np.column_stack([expected, np.ones(len(poses))])
-    found, variance = [], 0.0
+    sd, found, variance = poses.typical_sd(), [], 0.0
     for axis, name in zip(plane, names, strict=True):
         parameters = [Parameter(f"response_{name}{j}", "1", float(name == j), ACCELEROMETER.response) for j in names]
         parameters.append(Parameter(f"bias_{name}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias))
-        fit = solve_linear(design, poses.mean[:, axis], parameters, residual_unit=ACCELEROMETER.unit, advice=ADVICE)
+        fit = solve_linear(
+            design / sd,
+            poses.mean[:, axis] / sd,
+            parameters,
+            residual_unit=ACCELEROMETER.unit,
+            residual_scale=sd,
+            advice=ADVICE,
+        )
         su = fit.values[:2]
         slope = np.array([-su[1], su[0]]) / (su @ su)  # of the axis's direction
         variance += float(slope @ fit.covariance[:2, :2] @ slope)
@@ -103,6 +112,6 @@ def orthogonality(poses: StaticPoses) -> Orthogonality:
     both[: len(poses), :2], both[len(poses) :, 2:4], both[:, 4] = expected, expected, poses.magnitude
     theta = np.linalg.lstsq(both, poses.mean[:, plane].T.reshape(-1), rcond=None)[0]
     scale = np.array([np.linalg.norm(first), np.linalg.norm(second)])
-    sd = float(np.sqrt(variance))
-    width = sd * float(student.ppf(0.975, found[0].dof + found[1].dof))
-    return Orthogonality(names, (found[0], found[1]), scale, angle, sd, width, theta)
+    angle_sd = float(np.sqrt(variance))
+    width = angle_sd * float(student.ppf(0.975, found[0].dof + found[1].dof))
+    return Orthogonality(names, (found[0], found[1]), scale, angle, angle_sd, width, theta)

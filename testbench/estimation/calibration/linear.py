@@ -25,7 +25,9 @@ def solve_linear(
     residual_scale: float = 1.0,
     advice: str = "more poses or motions about other axes are needed",
 ) -> Fit:
-    """Fit observed = design @ values, rows divided by their standard deviations, or all by the same number.
+    """Fit observed = design @ values, rows divided by their standard deviations, or by a typical one.
+
+    With as many observations as parameters nothing is left to tell the scatter from, and the standard deviations are believed.
 
     Args:
         design: Shape (m, p). observed: Shape (m,). parameters: Their `start` is not used.
@@ -41,7 +43,7 @@ def solve_linear(
     size = np.array([item.size for item in parameters])
     values = np.linalg.lstsq(design * size, observed, rcond=None)[0]
     left = design @ (size * values) - observed
-    known = known_scatter or m == p  # no residual is left to estimate it from
+    known = known_scatter or m == p
     dof = float("inf") if known else float(m - p)
     variance = 1.0 if known else float(left @ left / dof)
     covariance, condition = covariance_of(design * size, variance, names, advice)

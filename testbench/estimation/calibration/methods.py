@@ -15,6 +15,7 @@ from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.rotational import (
     rotational_2d,
+    rotational_2d_bias,
     rotational_3d,
     rotational_3d_bias,
     rotational_nearest,
@@ -57,6 +58,7 @@ ACCELEROMETER_METHODS = _by_name(
     Method("axis_model", "4 known poses, not in a plane", THESIS, axis_model, True),
     Method("rotational_3d", "3 known poses, not in a plane", f"{THESIS}, R = A' pinv(B')", rotational_3d, True),
     Method("rotational_2d", "2 known poses in the plane of two axes", f"{THESIS}, R = A' pinv(B')", rotational_2d, True),
+    Method("rotational_2d_bias", "3 known poses in the plane of two axes", f"{THESIS}, with a bias", rotational_2d_bias, True),
     Method("rotational_3d_bias", "4 known poses, not in a plane", f"{THESIS}, with a bias", rotational_3d_bias, True),
     Method("rotational_nearest", "2 known poses", "Markley 1988", rotational_nearest, True),
     Method("rotational_nearest_bias", "3 known poses", "Markley 1988, with a bias", rotational_nearest_bias, True),

@@ -29,6 +29,9 @@ class StaticPoses:
         vertical: Upward unit vector in the sensor axes, by the calibrated accelerometer, shape (m, 3), or None; for a
         magnetometer. vertical_sd: Standard deviation of its direction [rad]. temperature: Shape (m,) [deg C], or None.
         start, end: When each pose began and ended, shape (m,) [s]. count: Samples of each, shape (m,).
+
+    Raises:
+        InputError: A variance is not above 0. ValueError: Shapes do not fit.
     """
 
     mean: np.ndarray
@@ -50,6 +53,8 @@ class StaticPoses:
             array = getattr(self, name)
             if array is not None and array.shape != shapes.get(name, (m,)):
                 raise ValueError(f"{m} poses cannot have {name} of shape {array.shape}")
+        if not (self.variance > 0).all():
+            raise InputError("a pose whose samples are all the same has no variance; give a floor above 0")
 
     def __len__(self) -> int:
         return len(self.mean)
@@ -82,6 +87,10 @@ class StaticPoses:
         across = (length * self.direction_sd) ** 2 * (np.eye(3) - u[:, :, None] * u[:, None, :])
         return np.asarray(across + np.eye(3) * self.variance[:, None, :])
 
+    def typical_sd(self) -> float:
+        """Standard deviation of a mean reading, RMS over poses and axes; for methods by which all poses count alike."""
+        return float(np.sqrt(np.trace(self.covariance(), axis1=1, axis2=2).mean() / 3))
+
 
 def static_poses(
     samples: np.ndarray,
@@ -105,7 +114,7 @@ def static_poses(
         temperature: Of the samples, shape (n,) [deg C]; NaN where unknown.
 
     Raises:
-        InputError: No interval holds two samples.
+        InputError: No interval holds two samples, or samples do not vary and the floor is 0.
     """
     known = np.isfinite(samples).all(axis=1)
     rows = [first + np.flatnonzero(known[first:last]) for first, last in np.asarray(intervals, int)]

@@ -121,33 +121,43 @@ def rotational_3d_bias(poses: StaticPoses) -> TriadCalibration:
     Raises:
         InputError: No expected forces. PoorExcitation: Fewer than four poses, or all in a plane.
     """
-    expected = poses.need_expected("rotational_3d_bias")
-    parameters: list[Parameter] = []
-    for i in AXES:
-        parameters += [Parameter(f"map_{i}{j}", "1", float(i == j), 1.0) for j in AXES]
-        parameters.append(Parameter(f"offset_{i}", ACCELEROMETER.unit, 0.0, poses.magnitude))
-    design = axis_by_axis(np.column_stack([poses.mean, np.ones(len(poses))]), 3)
-    fit = solve_linear(design, expected.reshape(-1), parameters, residual_unit=ACCELEROMETER.unit, advice=ADVICE)
-    R = fit.block("map_").reshape(3, 3)
-    bias = -np.linalg.solve(R, fit.block("offset_"))
-    return TriadCalibration("rotational_3d_bias", R, bias, fits=(fit,), remarks=_describe(R))
+    return _mapped(poses, [0, 1, 2], "rotational_3d_bias", with_bias=True)
 
 
-def _mapped(poses: StaticPoses, axes: list[int], method: str) -> TriadCalibration:
+def rotational_2d_bias(poses: StaticPoses) -> TriadCalibration:
+    """The same by the two axes of the plane that the poses lie in; the third is left as it is.
+
+    Raises:
+        InputError: No expected forces, or not in such a plane. PoorExcitation: Fewer than three poses, or all on a line.
+    """
+    return _mapped(poses, axes_in_plane(poses, "rotational_2d_bias"), "rotational_2d_bias", with_bias=True)
+
+
+def _mapped(poses: StaticPoses, axes: list[int], method: str, *, with_bias: bool = False) -> TriadCalibration:
+    """Least squares on force = R reading (+ offset), axis by axis."""
     expected = poses.need_expected(method)[:, axes]
     readings, k = poses.mean[:, axes], len(axes)
+    regressors = np.column_stack([readings, np.ones(len(poses))]) if with_bias else readings
     names = [AXES[i] for i in axes]
-    parameters = [Parameter(f"map_{i}{j}", "1", float(i == j), 1.0) for i in names for j in names]
+    parameters: list[Parameter] = []
+    for i in names:
+        parameters += [Parameter(f"map_{i}{j}", "1", float(i == j), 1.0) for j in names]
+        parameters += [Parameter(f"offset_{i}", ACCELEROMETER.unit, 0.0, poses.magnitude)] * with_bias
+    sd = poses.typical_sd()
     fit = solve_linear(
-        axis_by_axis(readings, k), expected.reshape(-1), parameters, residual_unit=ACCELEROMETER.unit, advice=ADVICE
-    )
-    R = fit.values.reshape(k, k)
-    matrix = np.eye(3)
+        axis_by_axis(regressors, k) / sd, expected.reshape(-1) / sd, parameters, residual_unit=ACCELEROMETER.unit,
+        residual_scale=sd, advice=ADVICE,
+    )  # fmt: skip
+    R, bias, matrix = fit.block("map_").reshape(k, k), np.zeros(3), np.eye(3)
     matrix[np.ix_(axes, axes)] = R
-    left = () if k == 3 else (f"the axis {next(a for a in AXES if a not in names)} is out of the plane and left as it is",)
-    return TriadCalibration(
-        method, matrix, fits=(fit,), remarks=(*_describe(R), *left, "a bias is taken for part of the map, or left")
-    )
+    remarks = list(_describe(R))
+    if with_bias:
+        bias[axes] = -np.linalg.solve(R, fit.block("offset_"))
+    else:
+        remarks.append("a bias is taken for part of the map, or left")
+    if k == 2:
+        remarks.append(f"the axis {next(a for a in AXES if a not in names)} is out of the plane and left as it is")
+    return TriadCalibration(method, matrix, bias, fits=(fit,), remarks=tuple(remarks))
 
 
 def _rotated(poses: StaticPoses, with_bias: bool, method: str) -> TriadCalibration:

@@ -20,7 +20,7 @@ from testbench.estimation.calibration.triad_model import ACCELEROMETER
 from testbench.exceptions import InputError
 from tests.estimation.calibration.simulated import GRAVITY, SIX, UP, all_of, covered, part, poses_of, rng, truth_of, turned
 
-PLANE = GRAVITY * np.array([[0.0, 0, 1], [1, 0, 0], [-1, 0, 0], [0.6, 0, 0.8]])
+PLANE = GRAVITY * np.array([[np.cos(a), 0, np.sin(a)] for a in np.linspace(0, 5, 8)])
 NOISE = 2e-3
 """Of a mean [m/s^2]: 120 ug/sqrt(Hz) at 60 Hz over two seconds is 0.6 mm/s^2."""
 
@@ -34,16 +34,18 @@ def set_up(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return SIX, response, bias
     if name == "rotational_3d":
         return turned(UP, 20), response, np.zeros(3)
-    if name == "rotational_2d":
-        return PLANE, np.array([[1.01, 0, 0.02], [0, 1, 0], [-0.03, 0, 0.98]]), np.zeros(3)
+    if name.startswith("rotational_2d"):
+        response = np.array([[1.01, 0, 0.02], [0, 1, 0], [-0.03, 0, 0.98]])
+        return PLANE, response, np.array([0.1, 0, -0.05]) * name.endswith("bias")
     if name.startswith("rotational_nearest"):
         return turned(UP, 20), Rotation.from_rotvec([0.3, -0.2, 1.1]).as_matrix(), bias * name.endswith("bias")
     return turned(UP, 20), response, bias
 
 
 def truth_for(name: str, response: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    if name == "rotational_2d":
-        return np.linalg.inv(response[np.ix_([0, 2], [0, 2])]).reshape(-1)
+    if name.startswith("rotational_2d"):
+        A = np.linalg.inv(response[np.ix_([0, 2], [0, 2])])
+        return np.column_stack([A, -A @ bias[[0, 2]]]).reshape(-1) if name.endswith("bias") else A.reshape(-1)
     if name.startswith("rotational_nearest"):
         vector = Rotation.from_matrix(response).as_rotvec()
         return np.concatenate([vector, bias]) if name.endswith("bias") else vector
@@ -84,8 +86,6 @@ def test_the_known_errors_lie_within_the_stated_uncertainty(name):
 @pytest.mark.parametrize("name", [name for name in ACCELEROMETER_METHODS if not name.startswith("rotational_nearest")])
 def test_95_percent_intervals_hold_the_truth_95_times_of_100(name):
     forces, response, bias = set_up(name)
-    if name == "rotational_2d":
-        forces = GRAVITY * np.array([[np.cos(a), 0, np.sin(a)] for a in np.linspace(0, 5, 8)])
     crooked = 5e-4 if name in ("attitude_aided", "ferraris") else 0.0
     share = covered(
         lambda draw: ACCELEROMETER_METHODS[name].function(poses_of(forces, response, bias, NOISE, draw, crooked)),
@@ -246,6 +246,20 @@ def test_poses_about_one_axis_are_refused_and_the_blind_parameters_named(name, n
         ACCELEROMETER_METHODS[name].function(poses)
     assert any(parameter.endswith("z") for parameter in caught.value.parameters)
     assert "bias_x" not in caught.value.parameters
+
+
+@pytest.mark.parametrize(
+    ("name", "poses"), [("rotational_3d", 3), ("axis_model", 4), ("rotational_3d_bias", 4), ("attitude_aided", 4)]
+)
+def test_with_no_residual_left_the_known_noise_is_believed(name, poses):
+    _, response, bias = set_up(name)
+    forces = turned(UP, 20)[[0, 5, 9, 13]][:poses]
+    share = covered(
+        lambda draw: ACCELEROMETER_METHODS[name].function(poses_of(forces, response, bias, NOISE, draw)),
+        truth_for(name, response, bias),
+        4000,
+    )
+    assert ((share >= 0.93) & (share <= 0.97)).all(), share
 
 
 def test_too_few_poses_are_refused():

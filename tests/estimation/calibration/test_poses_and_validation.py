@@ -33,6 +33,8 @@ def test_means_variances_and_times_are_those_of_the_samples():
     np.testing.assert_allclose([*poses.start, *poses.end], [1.0, 6.0, 1.99, 9.99])
     with pytest.raises(InputError, match="no static pose"):
         static_poses(samples, np.array([[5, 6]]), times=times)
+    with pytest.raises(InputError, match="floor above 0"):
+        static_poses(np.ones((50, 3)), np.array([[0, 50]]), times=times, floor=0.0)
     with pytest.raises(ValueError, match="shape"):
         StaticPoses(np.zeros((2, 3)), np.zeros((3, 3)))
 
