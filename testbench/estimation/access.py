@@ -51,6 +51,7 @@ def open_samples(session: Session, sensor: str, stored: Change | None = None) ->
     Args:
         session: The recording. sensor: Its name. stored: A stored calibration, applied to all that is read.
     """
+    change = stored or _unchanged
     own = session.sample_count(sensor)
     together = sum(session.sample_count(name) for name in session.sensor_names)
     every = max(-(-own // MOST_KEPT), -(-together // MOST_KEPT_IN_ALL), 1)
