@@ -80,12 +80,13 @@ class Case:
         return abs(self.reported - self.true) <= self.expanded
 
 
-def cases(seeds: Iterable[int]) -> list[Case]:
-    """Run a session for each seed."""
+def cases(seeds: Iterable[int], joint_errors: bool = True) -> list[Case]:
+    """Run a session for each seed, of an arm with wrong joint zeros or with right ones."""
     result = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "known_truth.yaml"
-        file.write_text(PROTOCOL, encoding="utf-8")
+        text = PROTOCOL if joint_errors else PROTOCOL.replace("joint_errors: true", "joint_errors: false")
+        file.write_text(text, encoding="utf-8")
         the_plan = plan(file)
         for seed in seeds:
             session = execute(the_plan, folder, seed, session_name=f"seed_{seed}")
@@ -121,7 +122,7 @@ def judged_cases(the_plan: Plan, session: Session, evaluation: Evaluation, seed:
 def actual_flexion(the_plan: Plan, session: Session, joint: str, seed: int) -> np.ndarray:
     """What the links really did at the samples of the proximal sensor [rad], shape (n,)."""
     spec, definition = the_plan.protocol.spec, session.analysis.joints[joint]
-    arm, kinematics = SimulatedArm(the_plan.robot, seed, joint_errors=True), Kinematics(the_plan.robot)
+    arm, kinematics = SimulatedArm(the_plan.robot, seed, spec.environment.joint_errors), Kinematics(the_plan.robot)
     arm.prepare(the_plan)
     arm.kickoff()
     end = int(the_plan.trajectory.time_ns[-1]) + TAIL_NS

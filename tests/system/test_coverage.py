@@ -36,3 +36,8 @@ def test_the_uncertainty_is_twice_the_scatter_of_the_differences(found):
         difference = np.array([case.reported - case.true for case in own])
         assert 2 * difference.std(ddof=1) == pytest.approx(np.mean([case.expanded for case in own]), rel=0.3)
         assert abs(difference.mean()) < 4 * difference.std() / np.sqrt(SESSIONS)
+
+
+def test_an_arm_with_right_zeros_reports_the_true_errors_to_its_repeatability():
+    for case in cases([5], joint_errors=False):
+        assert abs(case.reported - case.true) < 0.006, case
