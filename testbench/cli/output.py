@@ -110,17 +110,26 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
     if judged:
         say_table(
             "Verdict",
-            ["metric", "filter", "section", "value", "lower", "upper", "outcome"],
-            [[m.name, m.filter or "", m.section or "", m.value, m.lower, m.upper, m.outcome] for m in judged],
+            ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome"],
+            [
+                [m.name, m.filter or "", m.section or "", m.value, m.expanded_uncertainty, m.lower, m.upper, m.outcome]
+                for m in judged
+            ],
         )
     keys = sorted({(r.joint, r.section, r.filter, r.sequence) for r in evaluation.joint_angle})
     if keys:
         wanted = ("flexion_mean_error_deg", "flexion_mean_abs_error_deg", "flexion_rmse_deg", "flexion_max_abs_error_deg")
         values = {(m.name, m.section, m.filter, m.sequence): m.value for m in evaluation.metrics}
+        expanded = {(b.owner, b.section): b.expanded_deg for b in evaluation.uncertainty}
+        groups = {(r.owner, r.section, r.filter, r.sequence): r.group for r in evaluation.ranking}
         say_table(
-            "Flexion error [deg]",
-            ["joint", "section", "filter", "sequence", "mean", "mean |e|", "RMSE", "max |e|"],
-            [[j, s, f, e, *[values.get((f"{j}.{kind}", s, f, e)) for kind in wanted]] for j, s, f, e in keys],
+            "Flexion error [deg]; U: of the truth (k = 2); filters that share a letter were not shown to differ",
+            ["joint", "section", "filter", "sequence", "mean", "U", "mean |e|", "RMSE", "max |e|", "group"],
+            [
+                [j, s, f, e, mean, expanded.get((j, s)), *rest, groups.get((j, s, f, e), "")]
+                for j, s, f, e in keys
+                for mean, *rest in [[values.get((f"{j}.{kind}", s, f, e)) for kind in wanted]]
+            ],
         )
     if evaluation.orientation:
         say_table(

@@ -142,7 +142,7 @@ def convergence_times(time_ns: np.ndarray, error: np.ndarray, steps: list[Planne
     """Time from the end of each move until the error stays near its settled value [s], shape (len(steps),).
 
     The settled value is the mean over the last quarter of the dwell; near is 0.1 deg, or three standard deviations of the last
-    half where the error hisses more than that.
+    half (about a straight line) where the error hisses more than that.
 
     Args:
         time_ns: Increasing, shape (n,). error: [rad], shape (n,). steps: Poses, each with a dwell.
@@ -157,6 +157,16 @@ def convergence_times(time_ns: np.ndarray, error: np.ndarray, steps: list[Planne
 
 
 @njit(cache=True)
+def _noise(signal: np.ndarray) -> float:
+    """Standard deviation about a straight line, so that a drift is not taken for noise."""
+    n = len(signal)
+    place = np.arange(n) - (n - 1) / 2
+    level = signal.mean()
+    slope = np.sum(place * (signal - level)) / np.sum(place**2)
+    return np.sqrt(np.mean((signal - level - slope * place) ** 2))
+
+
+@njit(cache=True)
 def _settled_after(
     time_ns: np.ndarray, error: np.ndarray, first: np.ndarray, last: np.ndarray, begins: np.ndarray, least_band: float
 ) -> np.ndarray:
@@ -167,7 +177,7 @@ def _settled_after(
         if n < 8 or not np.isfinite(signal).all():
             continue
         settled = signal[n - n // 4 :].mean()
-        band = max(least_band, 3 * signal[n // 2 :].std())
+        band = max(least_band, 3 * _noise(signal[n // 2 :]))
         outside = -1
         for k in range(n):
             if abs(signal[k] - settled) > band:

@@ -51,11 +51,14 @@ class SensorErrors:
         return columns
 
     def by_motion(self) -> dict[str, np.ndarray]:
-        """Judged samples: all, and those at rest and in motion where there are both, shape (n,), bool."""
+        """Judged samples: all, those in motion, and where there are both, those at rest, shape (n,), bool."""
         static = self.judged & self.estimate.static
         dynamic = self.judged & ~self.estimate.static
-        both = {"static": static, "dynamic": dynamic} if static.sum() > 10 and dynamic.sum() > 10 else {}
-        return {"all": self.judged} | both if self.judged.any() else {}
+        if not self.judged.any():
+            return {}
+        moving = {"dynamic": dynamic} if dynamic.sum() > 10 else {}
+        resting = {"static": static} if moving and static.sum() > 10 else {}
+        return {"all": self.judged} | resting | moving
 
 
 def judged_rows(steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarray, static: np.ndarray) -> np.ndarray:

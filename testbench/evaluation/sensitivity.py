@@ -68,51 +68,50 @@ def flexion_by_joints(
         angles = joint_angles(q_proximal, q_distal, definition.sequence)
         return np.asarray(definition.sign * angles[:, INDEX[definition.flexion]])
 
-    def segments(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        first, second = (
-            segment_orientation(_sensor_orientation(kinematics, sensor, at), sensor) for sensor in (proximal, distal)
-        )
-        return first, second
-
-    base = segments(q)
-    middle = flexion(*base)
-    by_joints = np.zeros((m, n))
+    shifts = STEP * np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])
     if joint.reference_joint in kinematics.robot.joint_names:
-        by_joints[:, kinematics.robot.joint_names.index(joint.reference_joint)] = 1.0
+        shifts = shifts[:1]
+    moved_q = (q + shifts[:, None, :]).reshape(-1, n)  # all configurations at once: as they are, then each joint either way
+    first, second = (
+        segment_orientation(_sensor_orientation(kinematics, sensor, moved_q), sensor) for sensor in (proximal, distal)
+    )
+    middle, *moved = flexion(first, second).reshape(-1, m)
+    by_joints = np.zeros((m, n))
+    if moved:
+        by_joints = np.stack([_larger(middle, moved[i], moved[n + i]) for i in range(n)], axis=1)
     else:
-        for i in range(n):
-            shift = STEP * np.eye(n)[i]
-            by_joints[:, i] = _larger(middle, flexion(*segments(q + shift)), flexion(*segments(q - shift)))
+        by_joints[:, kinematics.robot.joint_names.index(str(joint.reference_joint))] = 1.0
+    base = (first[:m], second[:m])
     by_mounting = np.zeros((m, 6))
     for place, sensor in enumerate((proximal, distal)):
         to_segment = rotation.rotate(segment_from_sensor(sensor)[None], np.eye(3))
         for axis in range(3):
-            moved = []
+            either_way = []
             for sign in (1, -1):
                 turn = rotation.from_rotation_vector(sign * STEP * to_segment[axis])
                 pair = [base[0], base[1]]
                 pair[place] = rotation.multiply(pair[place], turn)
-                moved.append(flexion(*pair))
-            by_mounting[:, 3 * place + axis] = _larger(middle, *moved)
+                either_way.append(flexion(*pair))
+            by_mounting[:, 3 * place + axis] = _larger(middle, *either_way)
     return by_joints, by_mounting
 
 
 def _larger(middle: np.ndarray, ahead: np.ndarray, behind: np.ndarray) -> np.ndarray:
-    """Of the two one-sided differences the larger, shape (m,)."""
+    """Derivatives, shape (m,); at a kink the larger one-sided one, with the sign it has elsewhere, so that nothing cancels."""
     forward, backward = rotation.wrap(ahead - middle) / STEP, rotation.wrap(middle - behind) / STEP
     smooth = (forward + backward) / 2
     kinked = np.abs(forward - backward) > 0.1
-    return np.where(kinked, np.where(np.abs(forward) > np.abs(backward), forward, backward), smooth)
+    sign = -1.0 if (~kinked).any() and smooth[~kinked].mean() < 0 else 1.0
+    return np.where(kinked, sign * np.maximum(np.abs(forward), np.abs(backward)), smooth)
 
 
 def turning_by_joints(kinematics: Kinematics, sensor: Sensor, q: np.ndarray) -> np.ndarray:
     """Rotation of a sensor in the world for each joint's angle: the joints' axes, shape (m, n_joints, 3) [1]."""
-    base = rotation.conjugate(_sensor_orientation(kinematics, sensor, q))
-    axes = np.zeros((*q.shape, 3))
-    for i in range(q.shape[1]):
-        moved = _sensor_orientation(kinematics, sensor, q + STEP * np.eye(q.shape[1])[i])
-        axes[:, i] = rotation.to_rotation_vector(rotation.multiply(moved, base)) / STEP
-    return axes
+    m, n = q.shape
+    shifted = (q + STEP * np.vstack([np.zeros(n), np.eye(n)])[:, None, :]).reshape(-1, n)
+    turned = _sensor_orientation(kinematics, sensor, shifted).reshape(n + 1, m, 4)
+    turns = rotation.to_rotation_vector(rotation.multiply(turned[1:], rotation.conjugate(turned[0])))
+    return np.asarray(np.swapaxes(turns, 0, 1) / STEP)
 
 
 def _sensor_orientation(kinematics: Kinematics, sensor: Sensor, q: np.ndarray) -> np.ndarray:

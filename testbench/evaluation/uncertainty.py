@@ -15,6 +15,7 @@ from testbench.records.uncertainty import COVERAGE_FACTOR, UncertaintyBudget, Un
 
 LEAST_SENSITIVITY = 1e-6
 """Joints that move the truth less than this are left out of the table."""
+OF_THE_ROBOT_FILE = "robot file (uncertainty), which says why"
 SLOW_DEG_S = 0.01
 """Where the truth turns more slowly than this, an unknown time does no harm [deg/s]."""
 
@@ -60,7 +61,7 @@ def arm_sources(robot: Robot, arm: ArmSamples, steps: Sequence[PlannedStep], c: 
     for name, value, mean, size in zip(robot.joint_names, calibrated, *c.constant(), strict=True):
         if max(mean, size) > LEAST_SENSITIVITY:
             result.append(_source(f"kinematic calibration, {name}", "B", value, "deg", "normal", mean, size,
-                                  spec.degrees_of_freedom, f"robot file: {spec.why.strip()}"))  # fmt: skip
+                                  spec.degrees_of_freedom, OF_THE_ROBOT_FILE))  # fmt: skip
     mean, size = c.redrawn()
     result.append(
         _source("repeatability of the arm", "B", servo.repeatability_deg, "deg", "normal", mean, size, None,
@@ -130,7 +131,7 @@ def clock_source(sd_s: float, method: str, mean_rate: float, rms_rate: float) ->
 def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> UncertaintySource:
     """What the mounting contributes where no alignment takes it out."""
     spec = robot.spec.uncertainty
-    why = f"robot file: {spec.why.strip()}"
+    why = OF_THE_ROBOT_FILE
     if aligned in ("reference_pose", "motion"):
         mean = size = 0.0
         why = f"the alignment ({aligned}) takes it out; what that leaves is the line 'frame alignment'"
@@ -160,7 +161,7 @@ def levelling_source(robot: Robot, size: float) -> UncertaintySource:
     """What the tilt of the arm's base contributes to an orientation against the vertical."""
     spec = robot.spec.uncertainty
     return _source("levelling of the base", "B", spec.levelling_deg, "deg", "normal", size, size, spec.degrees_of_freedom,
-                   f"robot file: {spec.why.strip()}")  # fmt: skip
+                   OF_THE_ROBOT_FILE)  # fmt: skip
 
 
 def combine(

@@ -71,7 +71,7 @@ def _tables(evaluation: Evaluation) -> list[Block]:
             for motion in ("static", "dynamic"):
                 parts = [found.get((sensor, row.filter, motion, part)) for part in _PARTS]
                 known = [item for item in parts if item is not None]
-                if len(known) == len(_PARTS):
+                if len(known) == len(_PARTS) and (sensor, row.filter, "static", "total") in found:
                     cells = [with_interval(item.errors.rmse_deg, item.errors.rmse_ci95_deg, 2) for item in known]
                     apart.append(Row([label(row.filter), text(sensor), text(motion), *cells, number(known[0].errors.n, 0)]))
     for item in evaluation.orientation_summary:

@@ -88,7 +88,7 @@ def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluatio
                 for name, joint in session.analysis.joints.items()
             }
             sections.append(joint_section(evaluation, published, colours, spans))
-        sections += [orientation_section(evaluation, colours, spans), uncertainty_section(evaluation)]
+        sections += [orientation_section(evaluation, colours, spans), uncertainty_section(evaluation, session)]
     if estimate is not None:
         sections += [fit_section(estimate), recording_section(estimate, evaluation)]
         axes = axes_section(estimate, evaluation)

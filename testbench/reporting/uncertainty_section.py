@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from testbench.records.evaluation import Evaluation
+from testbench.records.session import Session
 from testbench.records.uncertainty import UncertaintyBudget
 from testbench.reporting.page import Section, Sentence
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, significant, text
 
 
-def uncertainty_section(evaluation: Evaluation) -> Section:
+def uncertainty_section(evaluation: Evaluation, session: Session) -> Section:
     """What every U of the page is made of."""
     section = Section("uncertainty", "Uncertainty of the truth")
     if not evaluation.uncertainty:
         section.blocks.append(Sentence("Nothing was judged against a truth, so there is no uncertainty to state."))
         return section
-    section.blocks.append(_overview(evaluation.uncertainty))
-    section.blocks += [_budget(budget) for budget in evaluation.uncertainty]
+    budgets = sorted(evaluation.uncertainty, key=lambda budget: budget.quantity != "flexion")
+    section.blocks.append(_overview(budgets))
+    if session.robot is not None:
+        section.blocks.append(Sentence(f"What the robot file says of its values: {session.robot.spec.uncertainty.why.strip()}"))
+    section.blocks += [_budget(budget) for budget in budgets]
     return section
 
 
@@ -25,8 +29,8 @@ def _overview(budgets: list[UncertaintyBudget]) -> Table:
         largest = max(b.sources, key=lambda source: source.magnitude_deg, default=None)
         said = "; ".join(b.notes) if b.notes else (largest.source if largest is not None else None)
         rows.append(
-            Row([label(b.owner), text(b.quantity), text(b.section), significant(b.combined_deg, 2), _freedom(b),
-                 significant(b.expanded_deg, 2), significant(b.expanded_magnitude_deg, 2), text(said, kind="wide")])
+            Row([label(b.owner), text(b.quantity), text(b.section), number(b.combined_deg, 3), _freedom(b),
+                 number(b.expanded_deg, 3), number(b.expanded_magnitude_deg, 3), text(said, kind="wide")])
         )  # fmt: skip
     return Table(
         "Expanded uncertainty of the truth",
@@ -37,29 +41,29 @@ def _overview(budgets: list[UncertaintyBudget]) -> Table:
         "How to read: the true mean error lies within the reported one ± U (k = 2, about 95 %). U of magnitudes, an upper "
         "bound, goes with mean magnitudes, RMS and percentiles, in which errors of the truth do not cancel over poses. A dash: "
         "nobody stated how good the reference is, so no U can be given. U does not hold the scatter of this session: the "
-        "confidence intervals in square brackets do.",
+        "confidence intervals in square brackets do. With few degrees of freedom k = 2 covers less: 92 % with 8.",
     )  # fmt: skip
 
 
 def _budget(b: UncertaintyBudget) -> Table:
     rows = [
-        Row([label(s.source), text(s.kind), significant(s.value, 3), text(s.unit), text(s.distribution),
-             significant(s.divisor, 3), significant(s.sensitivity, 3), significant(s.contribution_deg, 2),
+        Row([label(s.source), text(s.kind), Cell(f"{significant(s.value).text} {s.unit}", kind="number"),
+             text(f"{s.distribution}, {_divisor(s.divisor)}"), significant(s.sensitivity), significant(s.contribution_deg, 2),
              significant(s.magnitude_deg, 2), _infinite(s.degrees_of_freedom), text(s.why, kind="wide")])
         for s in b.sources
     ]  # fmt: skip
     if b.complete:
         rows.append(
-            Row([label("combined"), *[text(None)] * 6, significant(b.combined_deg, 2), significant(b.combined_magnitude_deg, 2),
+            Row([label("combined"), Cell("", span=4), significant(b.combined_deg, 2), significant(b.combined_magnitude_deg, 2),
                  _freedom(b), text(f"k = {b.coverage_factor:g}: U = {digits(b.expanded_deg, 3)} deg, of magnitudes "
-                                   f"{digits(b.expanded_magnitude_deg, 3)} deg", kind="wide")], "group")
+                                   f"{digits(b.expanded_magnitude_deg, 3)} deg", kind="wide")])
         )  # fmt: skip
     where = b.owner if b.section is None else f"{b.owner}, section {b.section}"
     return Table(
         f"Budget of the {b.quantity} error: {where}",
-        [Cell("source"), Cell("type"), Cell("value", kind="number"), Cell("unit"), Cell("distribution"),
-         *header("divisor", "sensitivity [deg/unit]", "contribution [deg]", "to magnitudes [deg]", "degrees of freedom",
-                 numbers_from=0), Cell("where from")],
+        [Cell("source"), Cell("type"), Cell("value", kind="number"), Cell("distribution, divisor"),
+         *header("sensitivity [deg/unit]", "contribution [deg]", "to magnitudes [deg]", "degrees of freedom", numbers_from=0),
+         Cell("where from")],
         rows,
         "How to read: value over divisor is a standard uncertainty; times the sensitivity it is the contribution to the mean "
         "error, and the root of the sum of squares is the combined one (JCGM 100:2008). Type A comes from this recording's own "
@@ -70,6 +74,10 @@ def _budget(b: UncertaintyBudget) -> Table:
 
 def _freedom(budget: UncertaintyBudget) -> Cell:
     return _infinite(budget.degrees_of_freedom) if budget.complete else number(None)
+
+
+def _divisor(divisor: float) -> str:
+    return "√3" if abs(divisor - 3**0.5) < 1e-9 else f"{divisor:g}"
 
 
 def _infinite(freedom: float | None) -> Cell:

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import TransferFunction, lsim
 
 from testbench import plan
-from testbench.drivers.arms.simulated import SimulatedArm
+from testbench.drivers.arms.simulated import SimulatedArm, draw_zero_errors
 from testbench.exceptions import DriverError
 from testbench.records.plan import Plan
 from testbench.records.robot import Robot
@@ -216,3 +216,28 @@ def test_a_stopped_arm_stays_within_its_repeatability(quick_plan):
     arm.read(when + 8 * SECOND)
     q, _, _ = arm.true_state(np.arange(when + 3 * SECOND, when + 8 * SECOND, 2_000_000))
     assert np.degrees(np.abs(q - rest)).max() < 6 * sd
+
+
+def test_wrong_zeros_are_felt_all_through_a_run_and_not_seen_by_the_encoders(quick_plan):
+    blind, exact = (SimulatedArm(quick_plan.robot, 3, joint_errors=wrong) for wrong in (True, False))
+    readings, states = [], []
+    for arm in (blind, exact):
+        arm.prepare(quick_plan)
+        arm.kickoff()
+        readings.append(arm.read(6 * SECOND))
+        states.append(arm.true_state(np.arange(0, 6 * SECOND, SECOND // 7)))
+    np.testing.assert_array_equal(readings[0].q_measured, readings[1].q_measured)
+    offsets = states[0][0] - states[1][0]
+    np.testing.assert_allclose(offsets, np.tile(draw_zero_errors(quick_plan.robot, 3), (len(offsets), 1)), atol=1e-12)
+    np.testing.assert_allclose(states[0][1], states[1][1], atol=1e-12)
+
+
+def test_wrong_zeros_scatter_over_seeds_as_the_robot_file_says(quick_plan):
+    each = [0.0, 0.01, 0.02, 0.05, 0.1, 0.3]
+    spec = quick_plan.robot.spec
+    changed = spec.model_copy(update={"uncertainty": spec.uncertainty.model_copy(update={"joint_angle_deg": each})})
+    robot = Robot(changed, quick_plan.robot.urdf, quick_plan.robot.text)
+    drawn = np.degrees([draw_zero_errors(robot, seed) for seed in range(600)])
+    np.testing.assert_allclose(drawn.std(axis=0), each, rtol=0.12)
+    assert np.abs(drawn.mean(axis=0)).max() < 0.05
+    np.testing.assert_array_equal(draw_zero_errors(robot, 7), draw_zero_errors(robot, 7))

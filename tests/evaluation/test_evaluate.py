@@ -12,7 +12,7 @@ from testbench.evaluation import evaluate
 from testbench.evaluation.judged import SETTLING_NS, judged_steps, window
 from testbench.exceptions import SessionError
 from testbench.model import rotation
-from testbench.records.estimate import Estimate, JointEstimate
+from testbench.records.estimate import CalibrationFit, Estimate, JointEstimate
 from testbench.records.evaluation import Evaluation, Outcome
 from testbench.records.plan import PlannedStep
 
@@ -201,3 +201,74 @@ def test_an_evaluation_of_another_schema_is_refused(tmp_path):
     (tmp_path / "evaluation.json").write_text('{"schema_version": 99}')
     with pytest.raises(SessionError, match="schema 99"):
         Evaluation.load(tmp_path)
+
+
+def test_the_summary_of_a_section_gives_every_pose_the_same_weight(quick):
+    for summary in quick.evaluation.joint_summary:
+        rows = [
+            row for row in quick.evaluation.joint_angle
+            if (row.filter, row.sequence, row.section) == (summary.filter, summary.sequence, summary.section)
+            and (row.kind == "sweep") == (summary.motion == "dynamic")
+        ]  # fmt: skip
+        if summary.motion == "all":
+            continue
+        e = summary.errors
+        assert (e.steps, e.n) == (len(rows), sum(row.n for row in rows))
+        assert e.mean_error_deg == pytest.approx(np.mean([row.flexion_mean_error_deg for row in rows]))
+        assert e.rmse_deg == pytest.approx(np.sqrt(np.mean([row.flexion_rmse_deg**2 for row in rows])))
+        for value, interval in ((e.mean_abs_error_deg, e.mean_abs_error_ci95_deg), (e.rmse_deg, e.rmse_ci95_deg)):
+            assert interval is None or interval[0] <= value <= interval[1]
+
+
+def test_a_sweep_says_what_it_was_and_a_delay_put_into_it_is_found(quick):
+    joint, arm = quick.estimate.joints["elbow"], quick.session.arm()
+    late = 0.015
+    delayed = np.interp(joint.host_time_ns - late * 1e9, arm.host_time_ns, arm.q_measured[:, 5])
+    evaluation = evaluate(quick.session, with_flexion(quick, delayed))
+    (row,) = [row for row in evaluation.joint_angle if row.kind == "sweep"]
+    assert row.amplitude_deg == pytest.approx(20, abs=0.5)  # as the protocol commands it
+    assert row.frequency_hz == pytest.approx(0.5, rel=0.15)  # the ramps are slower
+    assert row.latency_ms == pytest.approx(1e3 * late, abs=0.3)
+    assert row.flexion_correlation == pytest.approx(np.cos(2 * np.pi * row.frequency_hz * late), abs=3e-4)
+    summary = next(s for s in evaluation.joint_summary if s.section == "sweep")
+    assert summary.errors.latency_ms == pytest.approx(1e3 * late, abs=0.3)
+
+
+def test_an_error_that_decays_after_each_move_is_seen_to_settle(quick):
+    joint = quick.estimate.joints["elbow"]
+    error, tau = np.zeros(len(joint.host_time_ns)), 0.1
+    poses = [step for step in judged_steps(quick.session.steps) if step.section == "static"]
+    for step in poses:
+        since = (joint.host_time_ns - step.settled_ns) / 1e9
+        error = np.where((since >= 0) & (joint.host_time_ns <= step.end_ns), np.radians(1.0) * np.exp(-since / tau), error)
+    rows = evaluate(quick.session, with_flexion(quick, true_flexion(quick) + error)).joint_angle
+    times = [row.convergence_s for row in rows if row.section == "static"]
+    assert times == pytest.approx([tau * np.log(10)] * len(poses), abs=0.04)
+
+
+def test_filters_are_ranked_for_every_section_and_sensor(quick):
+    owners = {(row.owner, row.section) for row in quick.evaluation.ranking}
+    assert owners == {("arm", None), ("forearm", None), ("elbow", "static"), ("elbow", "sweep")}
+    for owner, section in owners:
+        rows = [row for row in quick.evaluation.ranking if (row.owner, row.section) == (owner, section)]
+        assert [row.value for row in rows] == sorted(row.value for row in rows)
+        assert {row.filter for row in rows} == {"device", "vqf_6d", "vqf_9d", "fusion"}
+        assert all(row.best_rank <= place <= row.worst_rank for place, row in enumerate(rows, start=1))
+
+
+def test_an_error_put_into_the_calibrated_bias_is_reported_as_such(quick):
+    wrong = np.radians([0.5, 0.0, -0.2])
+
+    def evaluated(bias: np.ndarray):
+        sensors = {
+            name: dataclasses.replace(sensor, calibration=CalibrationFit(gyr_bias=bias, method="static_poses"))
+            for name, sensor in quick.estimate.sensors.items()
+        }
+        return evaluate(quick.session, dataclasses.replace(quick.estimate, sensors=sensors)).gyroscope_bias
+
+    assert quick.evaluation.gyroscope_bias == []  # nothing was calibrated
+    right, off = evaluated(np.zeros(3)), evaluated(wrong)
+    assert len(right) == len(off) == 6
+    shifts = [after.error_deg_s - before.error_deg_s for before, after in zip(right, off, strict=True)]
+    assert shifts == pytest.approx([-0.5, 0.0, 0.2] * 2, abs=1e-9)
+    assert all(0 < row.error_sd_deg_s < 0.05 for row in right)

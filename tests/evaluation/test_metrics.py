@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from testbench.evaluation.metrics import orientation_errors, rms, summarise
+from testbench.evaluation.metrics import correlation, orientation_errors, rms, summarise
 from testbench.evaluation.orientation import evaluate_sensor, judged_rows, truth_at
 from testbench.model import rotation
 from testbench.records.estimate import CalibrationFit, ClockFit, SensorEstimate
@@ -114,3 +116,26 @@ def test_a_summary_of_errors_has_the_textbook_numbers():
 def test_one_error_has_no_spread():
     summary = summarise(np.array([-2.0]))
     assert (summary.mean, summary.mean_abs, summary.sd, summary.rmse) == (-2.0, 2.0, 0.0, 2.0)
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=50))
+def test_a_summary_is_what_numpy_says(values):
+    errors = np.array(values)
+    found = summarise(errors)
+    low, middle, high = np.quantile(errors, [0.25, 0.5, 0.75])
+    wanted = {
+        "mean": errors.mean(), "mean_abs": np.abs(errors).mean(), "rmse": np.sqrt(np.mean(errors**2)), "median": middle,
+        "iqr": high - low, "p95_abs": np.quantile(np.abs(errors), 0.95), "max_abs": np.abs(errors).max(),
+        "sd": errors.std(ddof=1) if len(errors) > 1 else 0.0,
+    }  # fmt: skip
+    for name, value in wanted.items():
+        assert getattr(found, name) == pytest.approx(value, rel=1e-9, abs=1e-9), name
+
+
+def test_a_correlation_is_pearsons_and_none_where_the_truth_rests():
+    rng = np.random.default_rng(0)
+    true = rng.normal(0, 0.3, 400)
+    estimated = 0.8 * true + rng.normal(0, 0.1, 400)
+    assert correlation(estimated, true) == pytest.approx(np.corrcoef(estimated, true)[0, 1])
+    assert correlation(true, true) == pytest.approx(1)
+    assert correlation(estimated, np.full(400, 0.3)) is None

@@ -43,6 +43,19 @@ def test_beyond_a_limit_is_a_failure_and_near_it_is_marginal(value, outcome):
 
 
 @pytest.mark.parametrize(
+    ("value", "expanded", "outcome"),
+    [
+        (0.25, 0.2, "pass"), (0.31, 0.2, "marginal"), (0.5, 0.2, "marginal"), (0.69, 0.2, "marginal"), (0.71, 0.2, "fail"),
+        (0.44, 0.01, "pass"), (0.46, 0.01, "marginal"), (0.505, 0.01, "marginal"), (0.52, 0.01, "fail"),
+        (0.0, 0.6, "marginal"), (0.52, None, "fail"),
+    ],
+)  # fmt: skip
+def test_within_its_uncertainty_of_a_limit_a_value_is_marginal_on_either_side(value, expanded, outcome):
+    assert outcome_of(value, AcceptanceLimit(metric=MEAN, max=0.5), expanded) == outcome
+    assert outcome_of(-value, AcceptanceLimit(metric=MEAN, min=-0.5), expanded) == outcome
+
+
+@pytest.mark.parametrize(
     ("value", "outcome"),
     [(-1.01, "fail"), (-1.0, "marginal"), (-0.85, "marginal"), (-0.7, "pass"), (0.9, "pass"), (2.0, "fail")],
 )
@@ -108,3 +121,19 @@ def test_sensors_have_metrics_of_their_own():
     assert {m.name: m.value for m in metrics} == {
         "arm.total_rmse_deg": 1.5, "arm.heading_rmse_deg": 1.2, "arm.inclination_rmse_deg": 0.9,
     }  # fmt: skip
+
+
+def test_a_limit_may_be_set_on_a_delay(quick):
+    analysis = limits(AcceptanceLimit(metric="elbow.flexion_latency_ms", filter="vqf_6d", section="sweep", max=0.001))
+    metrics, outcome = judge(analysis, summarise_metrics(quick.evaluation))
+    assert outcome in {"pass", "fail"}
+    assert metrics[0].unit == "ms" and metrics[0].value is not None
+
+
+def test_the_uncertainty_of_the_metric_reaches_the_verdict(quick):
+    found = {(m.name, m.filter, m.section, m.sequence): m for m in quick.evaluation.metrics}
+    metric = found[MEAN, "device", "static", "ZXZ"]
+    near = metric.value - metric.expanded_uncertainty / 2
+    analysis = limits(AcceptanceLimit(metric=MEAN, filter="device", section="static", max=near))
+    _, outcome = judge(analysis, summarise_metrics(quick.evaluation))
+    assert outcome == "marginal"  # above the limit, but by less than its U

@@ -280,6 +280,8 @@ def test_a_missing_urdf_is_reported_at_its_line(tmp_path):
     [
         (("[-360, 360]", "[360, -360]"), "must be ordered"),
         (("home_deg: [0, ", "home_deg: ["), "home_deg has 5 angles, the arm has 6 joints"),
+        (("joint_angle_deg: 0.1", "joint_angle_deg: [0.1, 0.1]"), "joint_angle_deg has 2 values, the arm has 6 joints"),
+        (("joint_angle_deg: 0.1", "joint_angle_deg: -0.1"), "must not be negative"),
     ],
 )
 def test_limits_out_of_order_and_a_home_of_the_wrong_length_are_refused(tmp_path, change, message):
@@ -287,3 +289,16 @@ def test_limits_out_of_order_and_a_home_of_the_wrong_length_are_refused(tmp_path
     (tmp_path / "robot.yaml").write_text((shipped_folder("robots") / "ur5e" / "robot.yaml").read_text().replace(*change, 1))
     with pytest.raises(FileProblems, match=message):
         load_robot(tmp_path)
+
+
+def test_the_uncertainty_of_the_kinematics_is_one_number_or_one_for_each_joint(tmp_path):
+    shutil.copy(load_robot("ur5e").urdf, tmp_path)
+    text = (shipped_folder("robots") / "ur5e" / "robot.yaml").read_text()
+    np.testing.assert_allclose(load_robot("ur5e").joint_angle_uncertainty, np.radians([0.1] * 6))
+    each = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
+    (tmp_path / "robot.yaml").write_text(text.replace("joint_angle_deg: 0.1", f"joint_angle_deg: {each}", 1))
+    np.testing.assert_allclose(load_robot(tmp_path).joint_angle_uncertainty, np.radians(each))
+
+
+def test_numbers_known_to_a_quarter_have_eight_degrees_of_freedom():
+    assert load_robot("ur3e").spec.uncertainty.degrees_of_freedom == pytest.approx(8)  # JCGM 100:2008, G.4.2

@@ -37,3 +37,7 @@ def test_a_session_that_shares_no_flexions_gets_no_published_rows() -> None:
 def test_an_unknown_publication_is_refused_with_those_that_exist() -> None:
     with pytest.raises(NotFoundError, match="known: reference_1"):
         load_published("reference_99")
+
+
+def test_published_numbers_stand_only_beside_a_joint_that_names_them() -> None:
+    assert published_beside(None, load_published().flexion_deg) == {}

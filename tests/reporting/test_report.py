@@ -237,3 +237,37 @@ def test_a_browser_draws_the_figures_without_complaint(quick: Judged, tmp_path: 
     assert (pixels == paper).all(axis=1).mean() > 0.5
     for colour in COLOURS[:4]:
         assert (pixels == rgb(colour)).all(axis=1).sum() > 40, colour
+
+
+def test_every_mean_error_has_its_uncertainty_and_every_source_its_line(quick_page: Page, quick: Judged) -> None:
+    text = re.sub(r"\s+", " ", quick_page.words)
+    for summary in quick.evaluation.joint_summary:
+        assert summary.expanded_uncertainty_deg is not None
+        shown = f"{summary.errors.mean_error_deg:.3f} ± {summary.expanded_uncertainty_deg:.3f}".replace("-", "−")
+        assert shown.removeprefix("−") in text
+    for budget in quick.evaluation.uncertainty:
+        assert f"Budget of the {budget.quantity} error" in text
+        assert all(source.source in text for source in budget.sources)
+
+
+def test_the_ranking_says_where_no_difference_is_shown(quick_page: Page, quick: Judged) -> None:
+    captions = {f"Ranking of the filters by {row.criterion}" for row in quick.evaluation.ranking}
+    assert captions and all(caption in quick_page.words for caption in captions)
+    assert "no difference shown from" in quick_page.words
+
+
+def test_a_joint_that_names_no_publication_gets_none_beside_it(quick: Judged, tmp_path: Path) -> None:
+    folder = copy_of(quick.session, tmp_path)
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    manifest["analysis"]["joints"]["elbow"]["published"] = None
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    text = report(Session(folder), quick.estimate, quick.evaluation).read_text(encoding="utf-8")
+    assert "Table 5." not in text and "published" not in Page(text).words.lower()
+
+
+def test_an_optical_truth_of_unknown_accuracy_is_said_to_be_so(imported: Judged) -> None:
+    text = Page(report(imported.session, imported.estimate, imported.evaluation).read_text(encoding="utf-8")).words
+    assert "the accuracy of the reference system is not known" in text
+    assert "±" not in text[text.index("Orientation error of each sensor") : text.index("Spread, delay")].replace(
+        "mean heading ± U", ""
+    )

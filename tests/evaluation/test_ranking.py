@@ -1,0 +1,93 @@
+"""Which filter is better, and where no difference is shown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from testbench.evaluation.blocks import sample_series
+from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, group_letters, holm, rank_filters
+
+
+def test_holm_corrects_as_the_textbook_does():
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.5, 0.9]) == [1.0, 1.0]
+    assert holm([]) == []
+
+
+NAMES = ["p", "q", "r", "s", "t", "u"]
+PAIRS = [frozenset((a, b)) for i, a in enumerate(NAMES) for b in NAMES[i + 1 :]]
+
+
+@given(st.sets(st.sampled_from(PAIRS)))
+def test_filters_share_a_letter_exactly_where_they_do_not_differ(apart):
+    letters = group_letters(NAMES, apart)
+    assert all(letters.values())
+    for pair in PAIRS:
+        first, second = pair
+        assert bool(set(letters[first]) & set(letters[second])) == (pair not in apart)
+    assert "a" in letters["p"]
+
+
+def errors(bias: float, seed: int, n: int = 600, memory: float = 0.5) -> np.ndarray:
+    noise = np.random.default_rng(seed).standard_normal(n)
+    return bias + 0.2 * lfilter([1.0], [1.0, -memory], noise)
+
+
+@pytest.mark.parametrize("criterion", [MEAN_MAGNITUDE, MEAN_SQUARE])
+def test_a_filter_that_is_worse_is_shown_to_be_and_equal_ones_are_not_parted(criterion):
+    series = {
+        "good": sample_series(errors(0.0, 1)),
+        "as_good": sample_series(errors(0.0, 2)),
+        "bad": sample_series(errors(1.0, 3)),
+    }
+    rows, comparisons = rank_filters("elbow", "static", "ZXZ", criterion, series)
+    by_name = {row.filter: row for row in rows}
+    assert [row.filter for row in rows][-1] == "bad"
+    assert by_name["bad"].best_rank == by_name["bad"].worst_rank == 3
+    for name in ("good", "as_good"):
+        assert (by_name[name].best_rank, by_name[name].worst_rank, by_name[name].group) == (1, 2, "a")
+    assert by_name["good"].no_difference == ["as_good"]
+    assert by_name["bad"].no_difference == []
+    assert len(comparisons) == 3
+    assert all(c.p_holm >= c.p for c in comparisons)
+    worst = next(c for c in comparisons if {c.first, c.second} == {"good", "bad"})
+    assert worst.p_holm < 1e-3 and worst.difference < 0  # the first of a pair is the better one
+
+
+def test_the_value_of_a_row_is_that_of_the_criterion():
+    signal = errors(0.3, 4)
+    series = {"one": sample_series(signal), "two": sample_series(2 * signal)}
+    means, _ = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series)
+    squares, _ = rank_filters("arm", None, None, MEAN_SQUARE, series)
+    assert means[0].value == pytest.approx(np.abs(signal).mean())
+    assert squares[1].value == pytest.approx(2 * np.sqrt(np.mean(signal**2)))
+
+
+def test_a_difference_below_a_hundredth_of_a_degree_is_none_however_sure():
+    signal = errors(0.5, 5)
+    series = {"one": sample_series(signal), "two": sample_series(signal + 0.005)}
+    rows, comparisons = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series)
+    assert comparisons[0].p == 1.0 and {row.group for row in rows} == {"a"}
+    shown, _ = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series | {"three": sample_series(signal + 0.1)})
+    assert shown[-1].filter == "three" and shown[-1].group == "b"
+
+
+def test_slow_errors_alone_seldom_part_filters_that_are_alike():
+    parted = 0
+    for seed in range(200):
+        series = {name: sample_series(errors(0.5, 1000 * i + seed, 400, 0.9)) for i, name in enumerate(("one", "two"))}
+        _, comparisons = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series)
+        parted += comparisons[0].p_holm < 0.05
+    assert parted < 0.12 * 200
+
+
+def test_too_few_blocks_show_nothing():
+    drift = np.linspace(0, 1, 8)
+    series = {"one": sample_series(drift[:2]), "two": sample_series(5 + drift[:2])}
+    rows, comparisons = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series)
+    assert comparisons[0].p == 1.0
+    assert [(row.best_rank, row.worst_rank) for row in rows] == [(1, 2), (1, 2)]

@@ -1,0 +1,199 @@
+"""The budget of the truth: against hand calculation and closed forms; what it must and must not depend on."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from testbench.evaluation import evaluate
+from testbench.evaluation.budgets import UNKNOWN_TIME, UNKNOWN_TRUTH
+from testbench.evaluation.sensitivity import flexion_by_joints, turning_by_joints
+from testbench.evaluation.uncertainty import ArmSensitivity, clock_source, combine
+from testbench.model.kinematics import Kinematics
+from testbench.planning import plan
+from testbench.records.protocol import JointDefinition
+from testbench.records.robot import Robot
+from testbench.records.session import Session
+
+WRIST_2, WRIST_3 = 4, 5
+
+
+@pytest.fixture(scope="module")
+def elbow():
+    the_plan = plan("quick")
+    return Kinematics(the_plan.robot), the_plan.protocol.spec
+
+
+def pose(d: float, f: float) -> np.ndarray:
+    return np.radians([[180 + d, -90, -90, 0, 90 - d, f]])
+
+
+@pytest.mark.parametrize(("d", "f"), [(0, 30), (20, 30), (15, 60), (-10, 45)])
+def test_sensitivities_of_an_euler_angle_are_those_of_its_closed_form(elbow, d, f):
+    # The middle YXZ angle of this elbow is -asin(sin f cos d) (Castellanos Alonso 2023); wrist 2 turns by 90 deg - d.
+    kinematics, spec = elbow
+    joint = JointDefinition(proximal="arm", distal="forearm", sequence="YXZ", flexion="second", sign=-1)
+    found, _ = flexion_by_joints(kinematics, spec.sensors, joint, pose(d, f))
+    d, f = np.radians(d), np.radians(f)
+    root = np.sqrt(1 - (np.sin(f) * np.cos(d)) ** 2)
+    wanted = np.zeros(6)
+    wanted[WRIST_3], wanted[WRIST_2] = np.cos(f) * np.cos(d) / root, np.sin(f) * np.sin(d) / root
+    np.testing.assert_allclose(found[0], wanted, atol=1e-6)
+
+
+def test_the_joint_that_is_the_truth_has_a_sensitivity_of_one_and_the_others_none(elbow):
+    kinematics, spec = elbow
+    found, _ = flexion_by_joints(kinematics, spec.sensors, spec.joints["elbow"], pose(20, 0))
+    np.testing.assert_array_equal(found[0], [0, 0, 0, 0, 0, 1])
+
+
+def test_at_a_kink_the_larger_change_counts(elbow):
+    kinematics, spec = elbow
+    joint = JointDefinition(proximal="arm", distal="forearm", sequence="ZXZ", flexion="second")
+    found, _ = flexion_by_joints(kinematics, spec.sensors, joint, pose(0, 0))  # the middle angle is |f| there
+    assert abs(found[0][WRIST_3]) == pytest.approx(1, abs=1e-3)
+
+
+def test_a_mounting_error_about_the_flexion_axis_is_a_flexion_error_of_its_size(elbow):
+    kinematics, spec = elbow
+    joint = JointDefinition(proximal="arm", distal="forearm", sequence="ZXZ", flexion="second")
+    _, by_mounting = flexion_by_joints(kinematics, spec.sensors, joint, pose(0, 40))
+    for sensor in (by_mounting[0, :3], by_mounting[0, 3:]):
+        assert np.linalg.norm(sensor) == pytest.approx(1, abs=1e-3)
+
+
+def test_joints_turn_a_sensor_about_their_axes(elbow):
+    kinematics, spec = elbow
+    axes = turning_by_joints(kinematics, spec.sensors["forearm"], pose(10, 30))[0]
+    np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1, atol=1e-6)
+    np.testing.assert_allclose(axes[0], [0, 0, 1], atol=1e-6)  # the arm stands upright
+    beyond = turning_by_joints(kinematics, spec.sensors["arm"], pose(10, 30))[0]
+    np.testing.assert_allclose(beyond[[WRIST_2, WRIST_3]], 0, atol=1e-9)  # they move nothing before them
+
+
+def test_what_lasts_does_not_average_out_and_what_is_redrawn_does():
+    signed = np.array([[1.0, 0.5], [1.0, -0.5], [1.0, 0.5], [1.0, -0.5]])
+    c = ArmSensitivity(signed, np.abs(signed), np.arange(4), np.full(4, 0.25), None)
+    mean, size = c.constant()
+    np.testing.assert_allclose(mean, [1, 0], atol=1e-12)
+    np.testing.assert_allclose(size, [1, 0.5])
+    redrawn = c.redrawn()
+    assert redrawn[0] == pytest.approx(np.sqrt(4 * (0.25**2 + 0.125**2)))
+    assert redrawn[1] == pytest.approx(np.sqrt(1.25))
+
+
+def test_sources_add_as_squares_and_their_freedom_by_welch_and_satterthwaite():
+    lines = [clock_source(1e-3, "angular_rate", 30.0, 40.0), clock_source(1e-3, "angular_rate", -40.0, 50.0)]
+    lines = [dataclasses.replace(line, degrees_of_freedom=8.0) for line in lines]
+    budget = combine("elbow", "flexion", "s", lines, [])
+    assert budget.combined_deg == pytest.approx(0.05)
+    assert budget.expanded_deg == pytest.approx(0.1)
+    assert budget.combined_magnitude_deg == pytest.approx(np.hypot(0.04, 0.05))
+    assert budget.degrees_of_freedom == pytest.approx(0.05**4 / ((0.03**4 + 0.04**4) / 8))
+
+
+def test_a_time_that_nobody_knows_forbids_a_statement_only_where_the_truth_moves():
+    assert clock_source(float("nan"), "arrival", 0.0, 20.0) is None
+    assert clock_source(float("nan"), "arrival", 0.0, 0.001).contribution_deg == 0
+    assert clock_source(float("nan"), "none", 0.0, 20.0).standard_uncertainty == 0
+    budget = combine("elbow", "flexion", "s", [], [UNKNOWN_TIME])
+    assert not budget.complete and budget.expanded_deg is None and budget.notes == [UNKNOWN_TIME]
+
+
+def of(evaluation, owner, quantity, section=None):
+    return next(b for b in evaluation.uncertainty if (b.owner, b.quantity, b.section) == (owner, quantity, section))
+
+
+def line(budget, name):
+    return next(source for source in budget.sources if source.source.startswith(name))
+
+
+def test_the_budget_of_a_run_is_what_a_hand_calculation_gives(quick):
+    budget = of(quick.evaluation, "elbow", "flexion", "static")
+    spec = quick.session.robot.spec
+    calibration = line(budget, "kinematic calibration, wrist_3_joint")
+    assert calibration.contribution_deg == pytest.approx(spec.uncertainty.joint_angle_deg)
+    assert sum(source.source.startswith("kinematic") for source in budget.sources) == 1  # the truth is that joint alone
+    poses = 6
+    assert line(budget, "repeatability").contribution_deg == pytest.approx(spec.servo.repeatability_deg / np.sqrt(poses))
+    resolution = spec.servo.encoder_resolution_deg / 2 / np.sqrt(3) / np.sqrt(poses)
+    assert line(budget, "resolution").contribution_deg == pytest.approx(resolution)
+    # the scatter of one reading: rounding and noise of the servo block; about a hundred readings in each pose
+    reading = np.hypot(spec.servo.encoder_noise_deg, spec.servo.encoder_resolution_deg / np.sqrt(12))
+    assert 0.1 * reading / 2 < line(budget, "static averaging").value < 0.1 * reading * 2
+    assert line(budget, "tracking").contribution_deg == 0 and line(budget, "tracking").value > 0
+    assert line(budget, "mounting").contribution_deg == 0  # the reference pose takes it out
+    total = np.sqrt(sum(source.contribution_deg**2 for source in budget.sources))
+    assert budget.expanded_deg == pytest.approx(2 * total)
+    assert 8 <= budget.degrees_of_freedom < 8.1  # one source of 25 % reliability makes nearly all of it
+
+
+def test_the_uncertainty_stands_beside_every_mean_error(quick):
+    for summary in quick.evaluation.joint_summary:
+        budget = of(quick.evaluation, summary.joint, "flexion", summary.section)
+        assert summary.expanded_uncertainty_deg == budget.expanded_deg > 0.19
+    for summary in quick.evaluation.orientation_summary:
+        assert summary.expanded_uncertainty_magnitude_deg > 0.19
+    means = [m for m in quick.evaluation.metrics if m.unit == "deg" and not m.name.endswith("iqr_deg")]
+    assert len(means) > 40 and all(m.expanded_uncertainty is not None for m in means)
+
+
+def test_a_heading_does_not_mind_a_tilted_base_and_an_inclination_does(quick):
+    heading, inclination = (of(quick.evaluation, "arm", part) for part in ("heading", "inclination"))
+    assert not any(source.source.startswith("levelling") for source in heading.sources)
+    assert line(inclination, "levelling").contribution_deg == pytest.approx(np.sqrt(2) * 0.1)
+    assert {s.source for s in heading.sources if s.source.startswith("kinematic")} == {
+        "kinematic calibration, shoulder_pan_joint"
+    }
+
+
+def with_uncertainty(session: Session, **changes) -> Session:
+    """The session as if its robot file had said something else."""
+    copy = Session(session.path)
+    spec = session.robot.spec
+    changed = spec.model_copy(update={"uncertainty": spec.uncertainty.model_copy(update=changes)})
+    copy.__dict__["robot"] = Robot(changed, session.robot.urdf, session.robot.text)
+    return copy
+
+
+def test_the_robot_file_decides_how_sure_the_truth_is(quick):
+    exact = evaluate(with_uncertainty(quick.session, joint_angle_deg=0.0), quick.estimate)
+    assert of(exact, "elbow", "flexion", "static").expanded_deg < 0.005
+    each = [0.5, 0.5, 0.5, 0.5, 0.5, 0.02]
+    own = evaluate(with_uncertainty(quick.session, joint_angle_deg=each), quick.estimate)
+    assert of(own, "elbow", "flexion", "static").expanded_deg == pytest.approx(0.04, rel=0.02)
+
+
+def test_without_an_alignment_the_mounting_counts(quick):
+    session = Session(quick.session.path)
+    aligned = session.analysis.model_copy(
+        update={"estimate": session.analysis.estimate.model_copy(update={"align": "heading"})}
+    )
+    session.__dict__["analysis"] = aligned
+    evaluation = evaluate(session, quick.estimate)
+    # each sensor about the flexion axis; at no flexion, where the angle has a kink, about any axis across the forearm
+    assert 0.99 * np.sqrt(2) < line(of(evaluation, "elbow", "flexion", "static"), "mounting").sensitivity < 2
+    assert line(of(evaluation, "arm", "inclination"), "mounting").magnitude_deg == pytest.approx(0.5 * np.sqrt(2))
+
+
+def test_a_clock_that_is_less_sure_makes_sweeps_less_sure_and_leaves_poses_alone(quick):
+    def slower(sensor):
+        return dataclasses.replace(sensor, clock=dataclasses.replace(sensor.clock, offset_sd_s=0.02))
+
+    sensors = {name: slower(sensor) for name, sensor in quick.estimate.sensors.items()}
+    evaluation = evaluate(quick.session, dataclasses.replace(quick.estimate, sensors=sensors))
+    for section, moves in (("static", False), ("sweep", True)):
+        clock = line(of(evaluation, "elbow", "flexion", section), "clock")
+        # a sine of 20 deg at 0.5 Hz turns at 44 deg/s RMS where it has its full size; the ramps take some of it
+        assert (clock.magnitude_deg > 0.5) == moves
+        assert clock.contribution_deg < 0.05  # there and back: the mean hardly notices
+
+
+def test_a_truth_that_did_not_come_from_the_arm_has_no_stated_uncertainty(quick, tmp_path):
+    session = Session(quick.session.path)
+    session.__dict__["robot"] = None
+    evaluation = evaluate(session, quick.estimate)
+    assert all(not b.complete and UNKNOWN_TRUTH in b.notes for b in evaluation.uncertainty)
+    assert all(m.expanded_uncertainty is None for m in evaluation.metrics)

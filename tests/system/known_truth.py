@@ -1,0 +1,142 @@
+"""Short sessions of a simulated arm with wrong joint zeros, and what their mean flexion errors would be if those were known.
+
+The estimators and the evaluation see the encoders. What the links really did is rebuilt here from the seed, at the instants at
+which the samples were really taken, and nothing of it is written into the session.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from testbench.drivers.arms.simulated import SimulatedArm
+from testbench.drivers.imus.simulated import SimulatedImu
+from testbench.estimation import estimate
+from testbench.evaluation import evaluate
+from testbench.evaluation.judged import judged_steps, window
+from testbench.execution import execute
+from testbench.execution.executor import TAIL_NS
+from testbench.model import rotation
+from testbench.model.joint_angle import joint_angles, segment_orientation
+from testbench.model.kinematics import Kinematics, Pose
+from testbench.planning import plan
+from testbench.records.evaluation import Evaluation
+from testbench.records.plan import Plan
+from testbench.records.session import Session
+
+FILTER = "vqf_6d"
+PROTOCOL = """\
+name: known_truth
+purpose: Poses and a sweep of an arm whose joint zeros are off by what its file says of their uncertainty
+robot: ur3e
+sensors:
+  arm:
+    preset: xsens_dot
+    link: wrist_1_link
+    segment: {name: upper_arm, rotation_deg: {XYZ: [90, 0, 0]}}
+    mounting: {rotation_deg: {XYZ: [90, 0, 0]}, position_mm: [0, 45, 0]}
+  forearm:
+    preset: xsens_dot
+    link: wrist_3_link
+    segment: {name: forearm, rotation_deg: {XYZ: [90, 0, 0]}}
+    mounting: {rotation_deg: {XYZ: [90, 90, 0]}, position_mm: [0, 0, 10]}
+joints:
+  by_joint: {proximal: arm, distal: forearm, sequence: ZXZ, flexion: second, reference_joint: wrist_3_joint}
+  by_frames: {proximal: arm, distal: forearm, sequence: YXZ, flexion: second, sign: -1} # several joints of the arm enter
+variables: {flexion_deg: [15, 30, 45, 60]}
+motion: {speed: 0.8, acceleration: 0.8, jerk: 0.8}
+environment: {joint_errors: true}
+sections:
+  - name: reference
+    role: reference
+    steps: [{move_to_deg: [180, -90, -90, 0, 90, 0], dwell_s: 2}]
+  - name: static
+    for_each: [flexion_deg]
+    steps: [{move_to_deg: [195, -90, -90, 0, 75, flexion_deg], dwell_s: 0.6}]
+  - name: sweep
+    steps: [{sweep: {wrist_3_joint: {sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}}, dwell_s: 0.4}]
+estimate: {filters: [vqf_6d], align: reference_pose, calibrate: none}
+"""
+PLACES = [(joint, section) for joint in ("by_joint", "by_frames") for section in ("static", "sweep")]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One reported mean flexion error, its expanded uncertainty, and what it really is [deg]."""
+
+    seed: int
+    joint: str
+    section: str
+    reported: float
+    expanded: float
+    true: float
+
+    @property
+    def covered(self) -> bool:
+        return abs(self.reported - self.true) <= self.expanded
+
+
+def cases(seeds: Iterable[int], joint_errors: bool = True) -> list[Case]:
+    """Run a session for each seed, of an arm with wrong joint zeros or with right ones."""
+    result = []
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "known_truth.yaml"
+        text = PROTOCOL if joint_errors else PROTOCOL.replace("joint_errors: true", "joint_errors: false")
+        file.write_text(text, encoding="utf-8")
+        the_plan = plan(file)
+        for seed in seeds:
+            session = execute(the_plan, folder, seed, session_name=f"seed_{seed}")
+            result += judged_cases(the_plan, session, evaluate(session, estimate(session)), seed)
+    return result
+
+
+def judged_cases(the_plan: Plan, session: Session, evaluation: Evaluation, seed: int) -> list[Case]:
+    """What was reported of each joint and section beside what is true."""
+    result = []
+    actual = {joint: actual_flexion(the_plan, session, joint, seed) for joint in session.analysis.joints}
+    for joint, section in PLACES:
+        summary = next(s for s in evaluation.joint_summary if (s.joint, s.section) == (joint, section))
+        definition = session.analysis.joints[joint]
+        series = evaluation.series[f"joint_{joint}"]
+        time, estimated = series["host_time_ns"], series[f"{FILTER}_{definition.sequence}_flexion_rad"]
+        means, again = [], []
+        for step in judged_steps(session.steps):
+            begin, end = window(step)
+            rows = series["judged"] & (time >= begin) & (time <= end)
+            if step.section == section:
+                means.append(np.degrees(rotation.wrap(estimated[rows] - actual[joint][rows])).mean())
+                again.append(np.degrees(rotation.wrap(estimated[rows] - series["reference_rad"][rows])).mean())
+        reported = summary.errors.mean_error_deg
+        assert abs(np.mean(again) - reported) < 1e-9  # the same samples count here and there
+        assert summary.expanded_uncertainty_deg is not None
+        result.append(
+            Case(seed, joint, section, reported, summary.expanded_uncertainty_deg, float(np.mean(means)))
+        )  # fmt: skip
+    return result
+
+
+def actual_flexion(the_plan: Plan, session: Session, joint: str, seed: int) -> np.ndarray:
+    """What the links really did at the samples of the proximal sensor [rad], shape (n,)."""
+    spec, definition = the_plan.protocol.spec, session.analysis.joints[joint]
+    arm, kinematics = SimulatedArm(the_plan.robot, seed, spec.environment.joint_errors), Kinematics(the_plan.robot)
+    arm.prepare(the_plan)
+    arm.kickoff()
+    end = int(the_plan.trajectory.time_ns[-1]) + TAIL_NS
+    arm.read(end)
+    imu = SimulatedImu(
+        definition.proximal, spec.sensors[definition.proximal], kinematics, spec.environment, arm.true_state, seed
+    )  # fmt: skip
+    taken, _, counter = imu._sampling(end)
+    q, _, _ = arm.true_state(taken[np.searchsorted(counter, session.imu(definition.proximal).counter)])
+    if definition.reference_joint is not None:
+        return q[:, the_plan.robot.joint_names.index(definition.reference_joint)]
+    segments = []
+    for name in (definition.proximal, definition.distal):
+        sensor = spec.sensors[name]
+        motion = kinematics.frame_motion(sensor.link, q, offset=Pose.from_placement(sensor.mounting))
+        segments.append(segment_orientation(motion.q_world_from_frame, sensor))
+    return definition.sign * joint_angles(segments[0], segments[1], definition.sequence)[:, 1]
