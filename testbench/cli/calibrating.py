@@ -31,10 +31,12 @@ def _list(asked: bool) -> None:
         return
     from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
     from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
+    from testbench.estimation.calibration.session_mounting import MOUNTING_NEEDS
 
     rows: list[list[Any]] = []
     for triad, methods in (("accelerometer", ACCELEROMETER_METHODS), ("magnetometer", MAGNETOMETER_METHODS)):
         rows += [[triad, method.name, method.needs, method.source] for method in methods.values()]
+    rows += [["mounting", name, needs, source] for name, (needs, source) in MOUNTING_NEEDS.items()]
     rows += [["gyroscope", m.name, ", ".join(m.needs), m.source] for m in GYROSCOPE_METHODS.values()]
     say_table("Calibration methods", ["triad", "method", "needs", "source"], rows)
     raise typer.Exit
@@ -97,6 +99,14 @@ def calibrate(
                 for name, value, sd, width, unit in zip(fit.names, fit.values, fit.sd, half, fit.units, strict=True)
             ]
     say_table("Parameters", ["triad", "parameter", "value", "sd", "95 % ±", "unit"], rows)
+    mounting = result.calibration.mounting
+    if mounting is not None:
+        turned, sd = np.degrees(mounting.fit.values), np.degrees(mounting.fit.sd)
+        half_deg = np.degrees(mounting.fit.half_width())
+        rows += [
+            ["mounting", n, float(v), float(s), float(h), "deg"]
+            for n, v, s, h in zip(mounting.fit.names, turned, sd, half_deg, strict=True)
+        ]
     figures = [
         [triad, name, value] for triad, found in result.calibration.triads.items() for name, value in found.validation.items()
     ]

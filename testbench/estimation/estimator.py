@@ -71,7 +71,10 @@ def _stored(session: Session, name: str, calibrations: list[SensorCalibration]) 
 def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
     def correct(samples: ImuSamples) -> ImuSamples:
         gyr, acc, mag = stored.apply(samples.gyr, samples.acc, samples.mag)
-        return replace(samples, gyr=gyr, acc=acc, mag=mag)
+        q = samples.device_q
+        if q is not None and stored.mounting is not None:
+            q = rotation.multiply(q, rotation.from_matrix(stored.mounting.R_believed_from_sensor.T))
+        return replace(samples, gyr=gyr, acc=acc, mag=mag, device_q=q)
 
     return correct
 

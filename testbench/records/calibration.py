@@ -45,3 +45,18 @@ class TriadCalibration:
         if force is not None and self.g_matrix.any():
             bias = bias + force @ self.g_matrix.T
         return (raw - bias) @ self.matrix.T
+
+
+@dataclass(frozen=True)
+class MountingCalibration:
+    """How a sensor really sits against its mounting as believed.
+
+    Attributes:
+        method: As `testbench calibrate` spells it. R_believed_from_sensor: Shape (3, 3). fit: Its rotation vector [rad].
+        remarks: What a user must know of it, as sentences.
+    """
+
+    method: str
+    R_believed_from_sensor: np.ndarray
+    fit: Fit
+    remarks: tuple[str, ...] = ()

@@ -12,7 +12,7 @@ import yaml
 from pydantic import AfterValidator, Field
 
 from testbench.exceptions import InputError
-from testbench.records.calibration import TriadCalibration
+from testbench.records.calibration import MountingCalibration, TriadCalibration
 from testbench.records.fit import Fit
 from testbench.records.strict import Angles3, Name, StrictModel
 from testbench.records.yaml_file import load_yaml
@@ -88,6 +88,16 @@ class MagnetometerEntry(_TriadEntry):
     drift_uT_k: Angles3 = Field(default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [uT/K].")
 
 
+class MountingEntry(StrictModel):
+    """How the sensor really sits against its mounting as believed."""
+
+    method: str = Field(min_length=1, description="As `testbench calibrate` spells it.")
+    matrix: Rows = Field(description="R_believed_from_sensor, 3 by 3, rows; a rotation.")
+    rotation_deg: Angles3 = Field(description="The same as a rotation vector, for people [deg].")
+    fit: FitEntry = Field(description="The same in rad, with its covariance.")
+    remarks: list[str] = Field(default=[], description="What a user must know.")
+
+
 class CalibrationEntry(StrictModel):
     """The content of a calibration file."""
 
@@ -102,6 +112,7 @@ class CalibrationEntry(StrictModel):
     accelerometer: AccelerometerEntry | None = Field(default=None, description="null: not calibrated.")
     gyroscope: GyroscopeEntry | None = Field(default=None, description="null: not calibrated.")
     magnetometer: MagnetometerEntry | None = Field(default=None, description="null: not calibrated.")
+    mounting: MountingEntry | None = Field(default=None, description="null: as believed.")
 
 
 @dataclass(frozen=True)
@@ -111,7 +122,7 @@ class SensorCalibration:
     Attributes:
         sensor, device, session, fingerprint, software: As in the file. calibrated: When, with its zone.
         temperature: Of the part [deg C], or None. triads: By "accelerometer", "gyroscope", "magnetometer"; those calibrated.
-        file: Where it was read from, or None.
+        file: Where it was read from, or None. mounting: Of the corrected triads, or None for as believed.
     """
 
     sensor: str
@@ -123,6 +134,7 @@ class SensorCalibration:
     temperature: float | None
     triads: dict[str, TriadCalibration]
     file: Path | None = None
+    mounting: MountingCalibration | None = None
 
     def apply(
         self, gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray | None
@@ -135,11 +147,15 @@ class SensorCalibration:
         force = acc if accelerometer is None else accelerometer.apply(acc)
         rate = gyr if gyroscope is None else gyroscope.apply(gyr, force)
         field = mag if magnetometer is None or mag is None else magnetometer.apply(mag)
-        return rate, force, field
+        if self.mounting is None:
+            return rate, force, field
+        R = self.mounting.R_believed_from_sensor
+        return rate @ R.T, force @ R.T, None if field is None else field @ R.T
 
     def summary(self) -> dict[str, Any]:
         """For the record of an estimate."""
         methods = {triad: found.method for triad, found in self.triads.items()}
+        methods |= {} if self.mounting is None else {"mounting": self.mounting.method}
         return {"calibrated_utc": self.calibrated.isoformat(), "session": self.session, "methods": methods}
 
 
@@ -162,6 +178,15 @@ def save_calibration(file: Path, calibration: SensorCalibration) -> None:
         "temperature_deg_c": calibration.temperature,
     }
     data |= {triad: _entry(triad, found) for triad, found in calibration.triads.items()}
+    if calibration.mounting is not None:
+        mounting = calibration.mounting
+        data["mounting"] = {
+            "method": mounting.method,
+            "matrix": mounting.R_believed_from_sensor.tolist(),
+            "rotation_deg": np.degrees(mounting.fit.values).tolist(),
+            "fit": _fit_entry(mounting.fit),
+            "remarks": list(mounting.remarks),
+        }
     text = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
     try:
         with file.open("x", encoding="utf-8") as stream:
@@ -180,18 +205,22 @@ def load_calibration(file: Path) -> SensorCalibration:
     """
     document = load_yaml(file, CalibrationEntry)
     entry = document.value
-    for triad in TRIADS:
-        found = getattr(entry, triad)
-        for i, fit in enumerate(found.fits if found is not None else []):
-            p = len(fit.names)
-            if not p == len(fit.units) == len(fit.values) == len(fit.sd) == len(fit.covariance) or any(
-                len(row) != p for row in fit.covariance
-            ):
-                raise document.problem(f"names, units, values, sd and covariance must all be of size {p}", triad, "fits", i)
+    placed = [((triad, "fits", i), fit) for triad in TRIADS for i, fit in enumerate(getattr(getattr(entry, triad), "fits", []))]
+    placed += [] if entry.mounting is None else [(("mounting", "fit", 0), entry.mounting.fit)]
+    for place, fit in placed:
+        p = len(fit.names)
+        sizes: list[int] = [len(part) for part in (fit.units, fit.values, fit.sd, fit.covariance, *fit.covariance)]
+        if any(size != p for size in sizes):
+            raise document.problem(f"names, units, values, sd and covariance must all be of size {p}", *place)
+    if entry.mounting is not None:
+        R = np.array(entry.mounting.matrix)
+        if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
+            raise document.problem("the matrix is no rotation", "mounting", "matrix")
     return SensorCalibration(
         entry.sensor, entry.device, datetime.fromisoformat(entry.calibrated_utc), entry.session, entry.fingerprint,
         entry.software, entry.temperature_deg_c,
         {triad: _triad(triad, found) for triad in TRIADS if (found := getattr(entry, triad)) is not None}, file,
+        None if entry.mounting is None else _mounting(entry.mounting),
     )  # fmt: skip
 
 
@@ -262,6 +291,10 @@ def _triad(triad: str, entry: Any) -> TriadCalibration:
         np.zeros((3, 3)) if g_matrix is None else np.array(g_matrix), np.array(getattr(entry, f"drift_{unit}_k")),
         entry.reference_deg_c, tuple(fit.fit() for fit in entry.fits), dict(entry.validation), tuple(entry.remarks),
     )  # fmt: skip
+
+
+def _mounting(entry: MountingEntry) -> MountingCalibration:
+    return MountingCalibration(entry.method, np.array(entry.matrix), entry.fit.fit(), tuple(entry.remarks))
 
 
 class _Dumper(yaml.SafeDumper):

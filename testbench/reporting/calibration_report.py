@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.frames import STANDARD_GRAVITY
-from testbench.records.calibration import TriadCalibration
+from testbench.records.calibration import MountingCalibration, TriadCalibration
 from testbench.records.calibration_result import CalibrationResult
 from testbench.records.fit import Fit
 from testbench.records.published import load_published
@@ -41,6 +41,8 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
     ]
     sections = [_held_out(result)]
     sections += [_triad(triad, found) for triad, found in calibration.triads.items()]
+    if calibration.mounting is not None:
+        sections.append(_mounting(calibration.mounting))
     sections += [_poses(result), _segmentation(result)]
     html = render_page(
         title=f"Calibration of {calibration.sensor}", purpose=methods, facts=[fact for fact in facts if fact[1]],
@@ -194,6 +196,23 @@ def _correlation(fit: Fit) -> list[Block]:
             "How to read: 0 are told apart, 1 are not; a bright cell off the diagonal names what the poses confuse.",
         )
     ]
+
+
+def _mounting(found: MountingCalibration) -> Section:
+    rows = [
+        Row([label(name), number(value, 4), number(sd, 4), number(half, 4)])
+        for name, value, sd, half in zip(
+            "xyz", np.degrees(found.fit.values), np.degrees(found.fit.sd), np.degrees(found.fit.half_width()), strict=True
+        )
+    ]
+    table = Table(
+        f"Mounting by {found.method}",
+        header("about", "rotation [deg]", "standard uncertainty [deg]", "95 % ± [deg]"),
+        rows,
+        "How to read: the rotation vector that takes what the sensor reads into the axes in which it was believed to sit; all "
+        "triads and the device's orientation are turned by it, after their own corrections.",
+    )
+    return Section("mounting", "Mounting", [table, *(Sentence(f"{remark}.") for remark in found.remarks)])
 
 
 def _poses(result: CalibrationResult) -> Section:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbench.cli import main
 from testbench.drivers.imus.simulated import SimulatedImu
@@ -219,3 +220,34 @@ def test_names_are_checked(sessions):
         calibrate(sessions("calibration_3d"), None, [], Path(__file__))
     with pytest.raises(InputError, match="no such calibration"):
         load_calibrations(Path(__file__).parent / "nowhere")
+
+
+CROOKED_DEG = [5.0, -8.0, 3.0]
+
+
+@pytest.mark.parametrize("method", ["mounting_rates", "mounting_orientations", "mounting_hinge"])
+def test_a_crooked_mounting_is_found_kept_and_applied(altered_protocol, tmp_path, method):
+    """The accelerometer is corrected by the length of gravity alone, so that it keeps the sensor's own axes."""
+
+    def turn(data):
+        data["sensors"]["forearm"]["mounting_error"] = {"rotation_deg": {"XYZ": CROOKED_DEG}}
+
+    session = run(altered_protocol("calibration_optimal", turn), seed=5, logs=tmp_path, with_report=False).session
+    made = calibrate(session, None, ["norm_only", method], tmp_path / "sensor.yaml")
+    found = load_calibration(made.file).mounting
+    real = Rotation.from_euler("XYZ", CROOKED_DEG, degrees=True)
+    left = np.degrees((Rotation.from_matrix(found.R_believed_from_sensor) * real.inv()).magnitude())
+    assert left < 0.6  # the part's own cross-axis errors, 0.2 % for each, stay in it
+    assert np.degrees(found.fit.sd).max() < 0.3
+    after = analyse(session, ["device", "vqf_6d"], with_report=False, calibrations=made.file)
+    assert after.estimate.sensors["forearm"].axes["gyr"].crooked_deg < 0.8
+    assert after.estimate.sensors["forearm"].stored_calibration["methods"]["mounting"] == method
+    rows = {row.filter: row.inclination_rmse_deg for row in after.evaluation.orientation}
+    assert max(rows.values()) < 1.0
+
+
+def test_two_axes_through_the_vertical_tell_their_angle(run_protocol):
+    session = run_protocol("orthogonality", seed=3, filters=["vqf_6d"]).session
+    result = calibrate_sensor(session, "forearm")
+    assert result.calibration.triads["accelerometer"].method == "rotational_2d_bias"
+    assert any("deg apart, their scales" in remark for remark in result.remarks)

@@ -8,11 +8,13 @@ from datetime import datetime
 
 import numpy as np
 
+from testbench.estimation.calibration.axis_model import orthogonality
 from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
 from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.prepared import Prepared, Segmentation, prepare
+from testbench.estimation.calibration.session_mounting import MOUNTING_METHODS, find_mounting
 from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.exceptions import InputError, NotFoundError
 from testbench.records.calibration import TriadCalibration
@@ -24,8 +26,9 @@ METHODS: dict[str, str] = (
     dict.fromkeys(ACCELEROMETER_METHODS, "accelerometer")
     | dict.fromkeys(GYROSCOPE_METHODS, "gyroscope")
     | dict.fromkeys(MAGNETOMETER_METHODS, "magnetometer")
+    | dict.fromkeys(MOUNTING_METHODS, "mounting")
 )
-"""Which triad each method calibrates."""
+"""What each method calibrates: a triad, or the mounting of all."""
 
 
 def calibrate(
@@ -52,19 +55,23 @@ def calibrate(
     accelerometer = _accelerometer(prepared, others, chosen.get("accelerometer"), not methods, remarks)
     if accelerometer is not None:
         triads["accelerometer"] = accelerometer
+    remarks += _orthogonality(prepared.poses)
     gyroscope = _gyroscope(prepared, accelerometer, chosen.get("gyroscope"), not methods, remarks)
     if gyroscope is not None:
         triads["gyroscope"] = gyroscope
     magnetometer = _magnetometer(prepared, others, accelerometer, chosen.get("magnetometer"), not methods, remarks, field)
     if magnetometer is not None:
         triads["magnetometer"] = magnetometer
-    if not triads:
+    if not triads and "mounting" not in chosen:
         raise InputError(f"{session.path}: nothing could be calibrated: {'; '.join(remarks) or 'no method fits the recording'}")
     device = session.manifest["sensors"][sensor].get("device_tag")
     calibration = SensorCalibration(
         sensor, str(device) if device else None, datetime.fromisoformat(session.manifest["started_utc"]), session.name,
         session.fingerprint, software, prepared.temperature, triads,
     )  # fmt: skip
+    if "mounting" in chosen:
+        sweeps = [step for step in session.steps if step.kind == "sweep"]
+        calibration = replace(calibration, mounting=find_mounting(chosen["mounting"], prepared, calibration, sweeps))
     where = "cross-validation" if not others else "poses of " + ", ".join(other.name for other in held_out)
     poses = prepared.calibration_poses(accelerometer)
     return CalibrationResult(calibration, poses, prepared.segmentation, prepared.agreements, where, remarks)
@@ -87,7 +94,8 @@ def _accelerometer(
 ) -> TriadCalibration | None:
     if name is None and not free:
         return None
-    wanted = [name] if name else ["attitude_aided", "norm_only"] if prepared.poses.expected is not None else ["norm_only"]
+    aided = ["attitude_aided", "norm_only", "rotational_2d_bias"]
+    wanted = [name] if name else aided if prepared.poses.expected is not None else ["norm_only"]
     for candidate in wanted:
         method = ACCELEROMETER_METHODS[candidate]
         try:
@@ -100,6 +108,19 @@ def _accelerometer(
         figures = _held_out_poses(found, others)
         return replace(found, validation=figures or cross_validate(method.function, prepared.poses))
     return None
+
+
+def _orthogonality(poses: StaticPoses) -> list[str]:
+    """What poses that turn two axes through the vertical say of the angle between these; nothing of other poses."""
+    try:
+        found = orthogonality(poses)
+    except InputError:
+        return []
+    first, second = found.axes
+    theta = ", ".join(f"{value:.5f}" for value in found.theta)
+    angle = f"{np.degrees(found.angle):.3f} ± {np.degrees(found.angle_sd):.3f} deg"
+    scales = f"{found.scale[0]:.5f} and {found.scale[1]:.5f}"
+    return [f"the accelerometer's axes {first} and {second} are {angle} apart, their scales {scales}; theta = [{theta}]"]
 
 
 def _held_out_poses(found: TriadCalibration, others: list[Prepared]) -> dict[str, float]:

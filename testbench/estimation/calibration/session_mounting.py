@@ -1,0 +1,136 @@
+"""How a sensor really sits against its mounting as believed, from a session: by rates, by orientations, or by a hinge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.estimation.axes import true_rates
+from testbench.estimation.calibration.hinge_axis import axis_of_turn
+from testbench.estimation.calibration.prepared import Prepared
+from testbench.estimation.calibration.sensor_to_segment import (
+    SegmentMounting,
+    from_arm_kinematics,
+    from_directions,
+)
+from testbench.estimation.filters import get_filter
+from testbench.estimation.vector_mounting import mounting_from_vectors
+from testbench.exceptions import InputError
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.model.truth import truth_at
+from testbench.records.calibration import MountingCalibration
+from testbench.records.calibration_file import SensorCalibration
+from testbench.records.fit import Fit
+from testbench.records.plan import PlannedStep
+
+GRAVITY_SD = np.radians(0.1)
+"""Of gravity's direction in a rest, by a calibrated accelerometer and the arm [rad]."""
+NAMES = ("rotation_x", "rotation_y", "rotation_z")
+
+
+def find_mounting(
+    name: str, prepared: Prepared, calibration: SensorCalibration, sweeps: list[PlannedStep]
+) -> MountingCalibration:
+    """The mounting that is left once the triads are corrected.
+
+    Args:
+        name: Of `MOUNTING_METHODS`. prepared: The recording. calibration: Of the triads. sweeps: Of the session, for a hinge.
+
+    Raises:
+        InputError: Nobody knows how the sensor moved. PoorExcitation: The motion does not determine the mounting.
+    """
+    if prepared.truth is None:
+        raise InputError(f"the method {name} compares the sensor with the arm; this recording has no truth")
+    samples = prepared.samples
+    gyr, acc, mag = calibration.apply(samples.gyr, samples.acc, samples.mag)
+    rest = np.zeros(len(gyr), bool)
+    for begin, end in prepared.rests:
+        rest[begin:end] = True
+    if "gyroscope" not in calibration.triads:
+        gyr = gyr - gyr[rest].mean(axis=0)
+    corrected = replace(prepared, samples=replace(samples, gyr=gyr, acc=acc, mag=mag))
+    return MOUNTING_METHODS[name](corrected, rest, sweeps)
+
+
+def _by_rates(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]) -> MountingCalibration:
+    assert prepared.truth is not None
+    samples, seconds = prepared.samples, prepared.samples.interval
+    rate, sound = true_rates(prepared.truth, prepared.time_ns - round(prepared.rate_delay * NANOSECONDS))
+    moving = sound & ~rest
+    q = truth_at(prepared.truth, prepared.time_ns)
+    still = rest & np.isfinite(q[:, 0])
+    force = rotation.rotate(rotation.conjugate(q[still]), -prepared.gravity)
+    found = mounting_from_vectors(
+        [
+            (rate[moving], samples.gyr[moving], max(moving.sum() * seconds, 1.0)),
+            (force, samples.acc[still], float(len(prepared.rests))),  # a rest says one thing
+        ]
+    )
+    if not found.trusted:
+        raise InputError(f"mounting_rates: {found.warning()}")
+    warning = found.warning()
+    vector = rotation.to_rotation_vector(found.q_body_from_sensor)
+    fit = Fit(NAMES, ("rad",) * 3, vector, np.diag(found.sd**2), condition=1 / found.observability)
+    return MountingCalibration(
+        "mounting_rates", rotation.to_matrix(found.q_body_from_sensor), fit, (warning,) if warning else ()
+    )
+
+
+def _by_orientations(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]) -> MountingCalibration:
+    assert prepared.truth is not None
+    q_true = truth_at(prepared.truth, prepared.time_ns)
+    q = get_filter("vqf_6d").run(prepared.samples)
+    known = np.isfinite(q_true[:, 0])
+    seconds = float(known.sum()) * prepared.samples.interval
+    found = from_arm_kinematics(q_true[known], q[known], max(seconds, 3.0))
+    return _calibration("mounting_orientations", found)
+
+
+def _by_hinge(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]) -> MountingCalibration:
+    """Gravity at rest, and the axis of the sweep that turned most."""
+    assert prepared.truth is not None
+    time = prepared.time_ns
+    rate, sound = true_rates(prepared.truth, time - round(prepared.rate_delay * NANOSECONDS))
+    best: tuple[float, np.ndarray] | None = None
+    for step in sweeps:
+        within = (time >= step.start_ns) & (time <= step.settled_ns) & sound
+        power = float(np.sum(rate[within] ** 2))
+        if within.sum() > 10 and (best is None or power > best[0]):
+            best = power, within
+    if best is None:
+        raise InputError("mounting_hinge needs a sweep of one joint; the session has none")
+    turning = best[1]
+    seconds = max(float(turning.sum()) * prepared.samples.interval, 2.0)
+    own, arms = axis_of_turn(prepared.samples.gyr[turning], seconds), axis_of_turn(rate[turning], seconds)
+    same = float(np.sum(prepared.samples.gyr[turning] @ own.values * (rate[turning] @ arms.values)))
+    axis = own.values * np.sign(same)
+    q = truth_at(prepared.truth, time[prepared.rests.mean(axis=1).astype(int)])
+    known = np.isfinite(q[:, 0])
+    up = rotation.rotate(rotation.conjugate(q[known]), -prepared.gravity)
+    felt = np.array([prepared.samples.acc[begin:end].mean(axis=0) for begin, end in prepared.rests[known]])
+    axis_sd = float(np.sqrt(np.trace(own.covariance + arms.covariance) / 2))
+    sd = np.append(np.full(len(up), GRAVITY_SD), axis_sd)
+    found = from_directions(np.vstack([felt, axis]), np.vstack([up, arms.values]), sd)
+    return _calibration("mounting_hinge", found)
+
+
+def _calibration(name: str, found: SegmentMounting) -> MountingCalibration:
+    return MountingCalibration(name, rotation.to_matrix(found.q_segment_from_sensor), found.fit, found.remarks)
+
+
+Method = Callable[[Prepared, np.ndarray, list[PlannedStep]], MountingCalibration]
+MOUNTING_METHODS: dict[str, Method] = {
+    "mounting_rates": _by_rates,
+    "mounting_orientations": _by_orientations,
+    "mounting_hinge": _by_hinge,
+}
+"""By name, as `testbench calibrate` spells them."""
+MOUNTING_NEEDS = {
+    "mounting_rates": ("turns about two axes, or one and rests", "Wahba's problem by SVD, Markley 1988"),
+    "mounting_orientations": ("turns about two axes", "AX = ZB on orientations of vqf_6d"),
+    "mounting_hinge": ("a sweep of one joint, and a rest", "hinge axis and gravity, Shuster & Oh 1981"),
+}
+"""What each needs, and its source."""
