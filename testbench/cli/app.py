@@ -12,6 +12,7 @@ from testbench.cli.exporting import export
 from testbench.cli.importing import formats, import_files
 from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
 from testbench.cli.recording import record
+from testbench.cli.studying import study
 
 if TYPE_CHECKING:
     from testbench.records.session import Session
@@ -156,6 +157,7 @@ app.command()(record)
 
 app.command("import")(import_files)
 app.command()(export)
+app.command()(study)
 
 
 @app.command()

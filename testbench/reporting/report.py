@@ -68,7 +68,7 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
     sections = _sections(session, estimate, evaluation)
     protocol = session.manifest.get("protocol")
     described = protocol if isinstance(protocol, dict) else {}
-    return _template().render(
+    return page_template().render(
         title=described.get("name") or session.name,
         purpose=described.get("purpose") or "",
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
@@ -134,7 +134,8 @@ def _tiles(evaluation: Evaluation | None, sequences: Mapping[str, str]) -> list[
 
 
 @cache
-def _template() -> jinja2.Template:
+def page_template() -> jinja2.Template:
+    """The template of every page."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,

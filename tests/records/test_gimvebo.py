@@ -86,7 +86,7 @@ def test_the_protocol_has_ten_moves_to_fit_and_ten_to_judge_each_within_two_hund
     roles = {step.section: step.role for step in calibration_plan.steps}
     assert roles == {
         "poses": "calibration", "fit_start": "calibration", "fit": "calibration",
-        "held_out_start": "evaluation", "held_out": "evaluation",
+        "held_out_start": "reference", "held_out": "evaluation",
     }  # fmt: skip
 
 
