@@ -16,6 +16,7 @@ from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
 from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
 from testbench.cli.recording import record
+from testbench.cli.studying import study
 
 if TYPE_CHECKING:
     from testbench.records.session import Session
@@ -172,6 +173,7 @@ app.command()(noise)
 app.command()(calibrate)
 app.command()(calibrations)
 app.command()(design)
+app.command()(study)
 
 
 @app.command()

@@ -46,7 +46,8 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
     sections += [_poses(result), _segmentation(result)]
     html = render_page(
         title=f"Calibration of {calibration.sensor}", purpose=methods, facts=[fact for fact in facts if fact[1]],
-        tiles=_tiles(result), sections=sections,
+        tiles=_tiles(result), sections=sections, kind="calibration",
+        footer="Rows in italics are published values. All uncertainties are standard uncertainties unless a column says 95 %.",
     )  # fmt: skip
     path.write_text(html, encoding="utf-8")
     return path

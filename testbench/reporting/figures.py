@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from testbench.records.study import BoxNumbers
 from testbench.reporting.palette import REFERENCE, translucent
 
 Figure = dict[str, Any]
@@ -133,6 +134,54 @@ def _few_ticks(values: Sequence[float] | Sequence[str]) -> Figure:
         return {"nticks": 8}
     kind = {"type": "category"} if isinstance(values[0], str) else {}
     return {"tickmode": "array", "tickvals": _places(values), **kind}
+
+
+def box_plots(boxes: Mapping[str, BoxNumbers], colours: Mapping[str, str], x_title: str, logarithmic: bool = False) -> Figure:
+    """Lying box plots, one above the other, from their numbers.
+
+    Args:
+        boxes: By name, the uppermost first. colours: By name. x_title: Of the axis of values. logarithmic: That axis.
+    """
+    data: list[Figure] = []
+    for name, box in boxes.items():
+        data.append(
+            {
+                "type": "box",
+                "orientation": "h",
+                "name": _text(name),
+                "y": [_text(name)],
+                "q1": _rounded([box.q1]),
+                "median": _rounded([box.median]),
+                "q3": _rounded([box.q3]),
+                "lowerfence": _rounded([box.lower]),
+                "upperfence": _rounded([box.upper]),
+                "line": {"color": colours[name], "width": 1.6},
+                "fillcolor": translucent(colours[name], 0.25),
+                "showlegend": False,
+            }
+        )
+        if box.outliers:
+            data.append(
+                {
+                    "type": "scatter",
+                    "mode": "markers",
+                    "name": _text(name),
+                    "x": _rounded(box.outliers),
+                    "y": [_text(name)] * len(box.outliers),
+                    "marker": {"size": 6, "symbol": "circle-open", "color": colours[name]},
+                    "showlegend": False,
+                    "hovertemplate": "%{x:.3f}",
+                }
+            )
+    layout = _layout(110 + 30 * len(boxes))
+    layout["xaxis"] = _axis(x_title) | ({"type": "log", "zeroline": False, "dtick": 1} if logarithmic else {})
+    layout["yaxis"] = _axis("") | {"type": "category", "categoryorder": "array", "categoryarray": _reversed(boxes)}
+    return {"data": data, "layout": layout}
+
+
+def _reversed(names: Iterable[str]) -> list[str]:
+    """From the bottom to the top."""
+    return [_text(name) for name in names][::-1]
 
 
 @dataclass(frozen=True)

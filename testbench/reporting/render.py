@@ -14,6 +14,10 @@ from testbench.reporting.figures import plotly_script
 from testbench.reporting.page import Figures, Heading, Section, Tile
 from testbench.reporting.tables import Table
 
+ERRORS = (
+    "Errors are estimated minus true; e is an error, |e| its magnitude. Angles in degrees, times in seconds since the start of "
+    "the session."
+)
 TEMPLATES = Path(__file__).resolve().parent / "templates"
 
 
@@ -26,18 +30,23 @@ def render_page(
     sections: Sequence[Section],
     outcome: str | None = None,
     simulated: bool = False,
+    kind: str = "report",
+    footer: str = ERRORS,
 ) -> str:
     """A page that works offline.
 
     Args:
         title, purpose: Its head. facts: Names and values below it. tiles: Numbers worth seeing first. sections: The body.
         outcome: Badge beside the title, or None. simulated: Whether to say that the samples come from models.
+        kind: What the page is, for the window's title. footer: Its last line.
     """
     return _template().render(
         title=title,
         purpose=purpose,
         outcome=outcome,
         simulated=simulated,
+        kind=kind,
+        footer=footer,
         facts=facts,
         tiles=tiles,
         sections=sections,

@@ -13,7 +13,7 @@ from testbench.formats import import_recording
 from testbench.formats.imu_tk import COUNTS_PER_RAD_S, LOCAL_GRAVITY
 from testbench.frames import NANOSECONDS
 from testbench.model.integrators import INTEGRATORS
-from tests.estimation.calibration.norm_only import calibrated_force
+from testbench.studies.accelerometer import calibrate_by_norm
 
 pytestmark = pytest.mark.data
 INTERVAL = 0.01
@@ -39,7 +39,8 @@ def recording(data, tmp_path_factory) -> GyroscopeRecording:
     regular = np.arange(time[0], time[-1], INTERVAL)
     acc, gyr = (np.column_stack([np.interp(regular, time, x[:, i]) for i in range(3)]) for x in (samples.acc, samples.gyr))
     rests = rests_of(acc)
-    return turns_between_rests(gyr, INTERVAL, rests, calibrated_force(acc, rests, LOCAL_GRAVITY), up_sd=2e-4)
+    accelerometer = calibrate_by_norm([acc[begin:end] for begin, end in rests], LOCAL_GRAVITY)
+    return turns_between_rests(gyr, INTERVAL, rests, accelerometer.apply(acc), up_sd=2e-4)
 
 
 def test_the_recording_has_its_known_rests(recording):

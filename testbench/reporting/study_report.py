@@ -1,0 +1,110 @@
+"""The report of a study: one HTML file that works offline, in the style of a session's report."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+
+from testbench.records.study import StudyBoxes, StudyRecord, StudyTable, Value
+from testbench.reporting.figures import box_plots
+from testbench.reporting.page import Block, Figures, Section, Sentence
+from testbench.reporting.palette import COLOURS, REFERENCE
+from testbench.reporting.render import render_page
+from testbench.reporting.tables import Cell, Row, Table, label, number, significant, text
+
+FILE = "report.html"
+SMALLEST_FIXED = 1e-3
+"""Numbers below this, of a column with enough decimals to lose them, are shown with significant digits."""
+
+
+def study_report(study: StudyRecord, folder: Path) -> Path:
+    """Write report.html into the study's folder, and return its path."""
+    path = folder / FILE
+    partial = path.with_suffix(".partial")
+    partial.write_text(render_study(study), encoding="utf-8")
+    partial.replace(path)
+    return path
+
+
+def render_study(study: StudyRecord) -> str:
+    """The report as HTML."""
+    sections = [_answer(study)]
+    for i, table in enumerate(study.tables):
+        blocks: list[Block] = [_table(table)]
+        sections.append(Section(f"table{i}", table.title, blocks + ([Sentence(table.why)] if table.why else [])))
+    sections.append(_provenance(study))
+    return render_page(
+        kind="study",
+        title=study.title,
+        purpose=study.question,
+        facts=_facts(study),
+        tiles=[],
+        sections=sections,
+        footer=f"Rows in italics: {study.source}, as printed. Ratio: ours divided by the published value.",
+    )
+
+
+def _facts(study: StudyRecord) -> list[tuple[str, str]]:
+    started = datetime.fromisoformat(study.started_utc)
+    settings = [(key.replace("_", " ").capitalize(), str(value)) for key, value in study.settings.items() if "hash" not in key]
+    return [("Study", study.name), ("Beside", study.source), ("Started", f"{started:%Y-%m-%d %H:%M:%S} UTC"), *settings]
+
+
+def _answer(study: StudyRecord) -> Section:
+    blocks: list[Block] = [Sentence(finding) for finding in study.findings]
+    blocks.append(Sentence("Ours are simulated: models of the arm and of the sensor, with errors drawn from the data sheet."))
+    blocks += [_figure(figure) for figure in study.figures]
+    return Section("answer", "Answer", blocks)
+
+
+def _figure(figure: StudyBoxes) -> Figures:
+    families = list(dict.fromkeys(name.split(",")[0] for name in figure.boxes))
+    colours = {name: COLOURS[families.index(name.split(",")[0]) % len(COLOURS)] for name in figure.boxes}
+    colours |= dict.fromkeys(figure.published, REFERENCE)
+    drawn = box_plots(figure.boxes | figure.published, colours, figure.axis, figure.logarithmic)
+    return Figures(figure.caption, {figure.caption: drawn}, figure.how)
+
+
+def _table(table: StudyTable) -> Table:
+    ratio = table.ratio_column
+    rows = []
+    for row in table.rows:
+        ours = [] if ratio is None else [significant(row.ratio(ratio), 2)]
+        rows.append(Row([label(row.label, row.note), *_cells(table, row.values), *ours]))
+        if row.published:
+            rows.append(
+                Row([label("published"), *map(_as_printed, row.published), *(Cell("") for _ in ours)], kind="published")
+            )
+    columns = [Cell("")]
+    for i, title in enumerate(table.columns):
+        words = all(isinstance(row.values[i], str | None) for row in table.rows)
+        columns.append(Cell(title, kind="" if words else "number"))
+    if ratio is not None:
+        columns.append(Cell(f"ratio, {table.columns[ratio].split(' [')[0]}", kind="number"))
+    caption = f"{table.caption} (beside table {table.table})" if table.table else table.caption
+    return Table(caption, columns, rows, table.how)
+
+
+def _as_printed(value: Value) -> Cell:
+    return Cell(f"{value:.7g}", kind="number") if isinstance(value, int | float) else text(value)
+
+
+def _cells(table: StudyTable, values: tuple[Value, ...]) -> list[Cell]:
+    cells = []
+    for i, value in enumerate(values):
+        if isinstance(value, int | float):
+            decimals = table.decimals[i] if i < len(table.decimals) else 3
+            tiny = 0 < abs(value) < SMALLEST_FIXED and decimals > 5
+            cells.append(significant(value, 3) if tiny else number(value, decimals))
+        else:
+            cells.append(text(value))
+    return cells
+
+
+def _provenance(study: StudyRecord) -> Section:
+    entries = [(f"session {i}", path) for i, path in enumerate(study.sessions, 1)]
+    entries += [(key, str(value)) for key, value in study.settings.items()]
+    entries += [(f"version of {name}", version) for name, version in study.software.items()]
+    rows = [Row([label(name), Cell(value, kind="code")]) for name, value in entries]
+    how = "How to read: every number of ours comes from these sessions; the first one is that of all tables but the last."
+    return Section("provenance", "Provenance", [Table("Sessions and versions", [Cell("entry"), Cell("value")], rows, how)])

@@ -1,0 +1,60 @@
+"""The command `study`, as people and programs call it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from testbench.exceptions import InputError
+from testbench.records.study import StudyRecord
+from testbench.studies.folder import new_folder
+
+
+def call(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    program = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).resolve().parents[2])!r})\nfrom testbench.cli import main\nmain()"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", program, *arguments], cwd=cwd, capture_output=True, text=True, check=False, timeout=120
+    )
+
+
+def test_studies_are_listed(tmp_path):
+    assert "gimvebo" in call("study", "--list", cwd=tmp_path).stdout
+    listed = json.loads(call("study", "--list", "--json", cwd=tmp_path).stdout)
+    assert [entry["name"] for entry in listed["studies"]] == ["gimvebo"]
+
+
+def test_an_unknown_study_is_refused_before_anything_runs(tmp_path):
+    for arguments in (["study", "bode"], ["study"]):
+        result = call(*arguments, cwd=tmp_path)
+        assert result.returncode == 2
+        assert "known: gimvebo" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_a_study_keeps_its_sessions_its_tables_and_its_report(tmp_path):
+    result = call("study", "gimvebo", "--logs", "kept", "--seed", "2", "--parts", "1", "--json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    said = json.loads(result.stdout)
+    folder = tmp_path / said["study"]
+    record = StudyRecord.load(folder)
+    assert (folder / "report.html").is_file() and record.settings["seed"] == 2
+    assert said["tables"][2]["rows"][0]["ratio"] < 0.05
+    (session,) = record.sessions
+    assert (tmp_path / session / "evaluation.json").is_file()
+    sessions = json.loads(call("sessions", "--logs", "kept", "--json", cwd=tmp_path).stdout)["sessions"]
+    assert [entry["session"] for entry in sessions] == [Path(session).name]  # the study's own folder is no session
+
+
+def test_a_folder_for_a_study_is_new_and_an_impossible_one_is_refused(tmp_path, clock):
+    first, second = new_folder(tmp_path, "gimvebo", clock), new_folder(tmp_path, "gimvebo", clock)
+    assert first.name == "20260102T030405Z_study_gimvebo" and second.name == f"{first.name}_2"
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be made"):
+        new_folder(tmp_path / "file", "gimvebo", clock)
