@@ -68,7 +68,11 @@ def test_the_second_example_compares_a_gyroscope_with_the_arm(folder: Path, firs
 
 
 def test_every_example_is_run_here() -> None:
-    assert [path.name for path in EXAMPLES] == ["01_run_a_protocol.py", "02_open_a_session_in_pandas.py", "03_a_filter_of_your_own.py"]
+    assert [path.name for path in EXAMPLES] == [
+        "01_run_a_protocol.py",
+        "02_open_a_session_in_pandas.py",
+        "03_a_filter_of_your_own.py",
+    ]
 
 
 def test_the_protocol_in_the_readme_passes_every_check(tmp_path: Path) -> None:
