@@ -52,6 +52,10 @@ def test_the_first_example_runs_a_protocol_and_prints_errors(folder: Path, first
     assert session.name.endswith("_quick")
 
 
+def test_the_third_example_is_a_filter_that_passes_the_self_test(folder: Path) -> None:
+    assert run_example("03_a_filter_of_your_own.py", folder).splitlines()[-1] == "pass"
+
+
 def test_the_second_example_compares_a_gyroscope_with_the_arm(folder: Path, first_output: str) -> None:
     (session,) = (folder / "logs").iterdir()
     subprocess.run([sys.executable, "-m", "testbench", "estimate", str(session)], cwd=ROOT, check=True, capture_output=True)
@@ -64,7 +68,11 @@ def test_the_second_example_compares_a_gyroscope_with_the_arm(folder: Path, firs
 
 
 def test_every_example_is_run_here() -> None:
-    assert [path.name for path in EXAMPLES] == ["01_run_a_protocol.py", "02_open_a_session_in_pandas.py"]
+    assert [path.name for path in EXAMPLES] == [
+        "01_run_a_protocol.py",
+        "02_open_a_session_in_pandas.py",
+        "03_a_filter_of_your_own.py",
+    ]
 
 
 def test_the_protocol_in_the_readme_passes_every_check(tmp_path: Path) -> None:

@@ -29,15 +29,75 @@ def parse_filters(text: str | None) -> list[str | OrientationFilter] | None:
     entries = [entry.strip() for entry in text.split(",") if entry.strip()]
     if not entries:
         raise InputError("--filters names no filter")
-    chosen = [entry if entry in FILTERS else find_filter(entry) for entry in entries]
+    chosen = [entry if entry in FILTERS else _sound(find_filter(entry)) for entry in entries]
     choose_filters(chosen)
     return chosen
 
 
+def _sound(kind: OrientationFilter) -> OrientationFilter:
+    """A user's own filter, once it has passed the self-test: one with a wrong unit or sign is not ranked beside the others."""
+    from testbench.estimation.filters.self_test import self_test
+    from testbench.exceptions import InputError
+
+    result = self_test(kind)
+    if not result.passed:
+        raise InputError(f"the filter {kind.name} fails the self-test: {result.reason}")
+    return kind
+
+
 def filters(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Filters to test: names, or path/to/file.py:ClassName; all if none is given.")
+    ] = None,
+    self_test: Annotated[bool, typer.Option("--self-test", help="Test the filters in motions that are known.")] = False,
     json: JsonOption = False,
 ) -> None:
-    """List the orientation filters."""
+    """List the orientation filters, or test that they keep the conventions."""
+    from testbench.exceptions import InputError
+
+    if self_test:
+        _self_test(names or [], json)
+    elif names:
+        raise InputError("names of filters go with --self-test; without it, all filters are listed")
+    else:
+        _list(json)
+
+
+def _self_test(names: list[str], json: bool) -> None:
+    """Test filters and print a table; exit with 1 if one fails that is not known to."""
+    from testbench.estimation.filters import FILTERS
+    from testbench.estimation.filters.plugins import find_filter, installed_filters
+    from testbench.estimation.filters.self_test import self_test
+
+    everything = [name for name, kind in FILTERS.items() if kind.needs != ("device_q",)] + list(installed_filters())
+    results = [self_test(find_filter(name)) for name in names or everything]
+    failed = [result for result in results if not result.passed and not (result.known and not names)]
+    if json:
+        say_json({"passed": not failed, "filters": [result.to_dict() for result in results]})
+    else:
+        for result in results if names else failed:
+            rows = [
+                [
+                    check.name,
+                    "-" if check.worst_deg is None else check.worst_deg,
+                    check.limit_deg,
+                    _outcome(check.passed),
+                    check.where,
+                ]
+                for check in result.checks
+            ]
+            say_table(f"Self-test of {result.filter}", ["check", "worst [deg]", "limit [deg]", "outcome", "worst in"], rows)
+        rows = [[r.filter, _outcome(r.passed), ("known: " if r.known and not r.passed else "") + r.reason] for r in results]
+        say_table("Self-test", ["filter", "outcome", "reason"], rows)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _outcome(passed: bool) -> str:
+    return "pass" if passed else "fail"
+
+
+def _list(json: bool) -> None:
     from testbench.estimation.filters import FILTERS
     from testbench.estimation.filters.plugins import installed_filters
 

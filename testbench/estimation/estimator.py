@@ -155,7 +155,7 @@ def _corrected(uniform: UniformSamples, calibration: CalibrationFit, sampling: s
     device_q = uniform.device_q
     if device_q is not None:
         device_q = rotation.multiply(device_q, rotation.from_matrix(calibration.R_believed_from_sensor.T))
-    return UniformSamples(uniform.interval, gyr, acc, mag, device_q)
+    return replace(uniform, gyr=gyr, acc=acc, mag=mag, device_q=device_q)
 
 
 def _calibrate(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from testbench.estimation.filters.base import UniformSamples
@@ -10,6 +12,13 @@ from testbench.model import rotation
 from testbench.records.estimate import ClockFit
 from testbench.records.samples import ImuSamples
 
+LEAST_JITTER, SHORTEST, LONGEST = 0.05, 0.2, 10.0
+"""Standard deviation of the intervals above which they count as irregular, the shortest and the longest, in median ones.
+
+Below the first they are regular but for the resolution of the stamps. Intervals shorter than the second are stamps of packets
+that came together: the sampling behind them is regular, and the stamps say nothing of it. Over a pause longer than the third
+nobody knows the rate: the next sample's is not held for all of it.
+"""
 MOST_FILLING = 10
 """Gaps that would make the grid this many times longer than the recording are not filled; the counter is then not trusted."""
 
@@ -29,9 +38,10 @@ def fill_gaps(samples: ImuSamples, clock: ClockFit) -> tuple[UniformSamples, np.
     count = int(rows[-1]) + 1
     span = (samples.device_time_ns[-1] - samples.device_time_ns[0]) / NANOSECONDS
     interval = span / max(count - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
+    intervals = _irregular(samples.device_time_ns, rows, clock)
     if count == len(samples) and whole_samples(samples).all():
-        return UniformSamples(interval, samples.gyr, samples.acc, samples.mag, samples.device_q), rows
-    return fill_rows(samples, rows, np.arange(count), interval), rows
+        return UniformSamples(interval, samples.gyr, samples.acc, samples.mag, samples.device_q, intervals), rows
+    return replace(fill_rows(samples, rows, np.arange(count), interval), intervals=intervals), rows
 
 
 def fill_rows(
@@ -58,6 +68,18 @@ def fill_rows(
     mag = None if samples.mag is None else fill(samples.mag)
     device_q = None if samples.device_q is None else rotation.interpolate(sources, samples.device_q[whole], grid)
     return UniformSamples(interval, fill(samples.gyr), fill(samples.acc), mag, device_q)
+
+
+def _irregular(device_time_ns: np.ndarray, rows: np.ndarray, clock: ClockFit) -> np.ndarray | None:
+    """Time before each sample of the grid, shape (m,) [s], where the stamps are irregular and can be believed; else None."""
+    if len(rows) < 3:
+        return None
+    stamps = np.interp(np.arange(rows[-1] + 1), rows, (device_time_ns - device_time_ns[0]) / NANOSECONDS)
+    steps = np.diff(stamps) / (1 + 1e-6 * clock.drift_ppm)
+    median = float(np.median(steps))
+    if steps.min() <= SHORTEST * median or steps.std() <= LEAST_JITTER * median:
+        return None
+    return np.minimum(np.concatenate([[median], steps]), LONGEST * median)
 
 
 def whole_samples(samples: ImuSamples) -> np.ndarray:

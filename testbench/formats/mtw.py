@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
-from testbench.formats.earths import Q_ENU_FROM
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
@@ -33,6 +32,7 @@ from testbench.formats.tables.text_table import TextTable, find_table
 from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.earths import Q_ENU_FROM
 
 SETS = {
     "acc": ["Acc_X", "Acc_Y", "Acc_Z"],

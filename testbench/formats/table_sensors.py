@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.formats.earths import Q_ENU_FROM
 from testbench.formats.options import Options
 from testbench.formats.plausibility import Evidence, decide_unit, gather
 from testbench.formats.recording import ImportedSensor
@@ -17,6 +16,7 @@ from testbench.formats.tables.source import Columns, Kind, Source
 from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
 from testbench.formats.units import QUANTITIES, TimeUnit, known_unit
 from testbench.model import rotation
+from testbench.model.earths import Q_ENU_FROM
 
 
 @dataclass(frozen=True)

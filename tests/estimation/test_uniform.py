@@ -62,3 +62,28 @@ def test_a_sensor_without_magnetometer_and_orientation_has_none_afterwards():
     uniform, _ = fill_gaps(ImuSamples(**{**vars(good), "mag": None, "device_q": None}), ClockFit())
     assert uniform.mag is None and uniform.device_q is None
     assert len(uniform.gyr) == 100
+
+
+def stamped(offsets_ns: np.ndarray) -> ImuSamples:
+    good = samples(np.arange(100))
+    return ImuSamples(**{**vars(good), "device_time_ns": good.device_time_ns + offsets_ns})
+
+
+def test_intervals_that_the_stamps_show_to_differ_are_passed_on_and_others_are_not():
+    rng = np.random.default_rng(0)
+    uneven = stamped(rng.integers(-3_000_000, 3_000_000, 100))
+    uniform, _ = fill_gaps(uneven, ClockFit(drift_ppm=1000.0))
+    assert uniform.intervals is not None
+    np.testing.assert_allclose(uniform.intervals[1:], np.diff(uneven.device_time_ns) / 1e9 / 1.001, rtol=1e-9)
+    assert fill_gaps(stamped(rng.integers(-100_000, 100_000, 100)), ClockFit())[0].intervals is None
+    bursts = stamped(-10_000_000 * (np.arange(100) % 4))  # four at a time
+    assert fill_gaps(bursts, ClockFit())[0].intervals is None
+
+
+def test_a_lost_packet_that_the_counter_hides_is_a_longer_interval_and_a_pause_is_not_held():
+    late = stamped(np.where(np.arange(100) > 50, 10_000_000, 0))
+    uniform, _ = fill_gaps(late, ClockFit())
+    assert uniform.intervals is not None and uniform.intervals[51] == pytest.approx(0.02)
+    paused = stamped(np.where(np.arange(100) > 50, 10**12, 0))
+    uniform, _ = fill_gaps(paused, ClockFit())
+    assert uniform.intervals is not None and uniform.intervals[51] == pytest.approx(0.1)

@@ -179,7 +179,7 @@ FAULTS = {
     "a sensor of nothing": Fault(
         "    preset: ideal\n    link: wrist_3", "    link: wrist_3", "needs a preset or parameters", "forearm:"
     ),
-    "an unknown filter": Fault("vqf_6d]", "vqf_7d]", "must be 'device', 'vqf_6d'"),
+    "an unknown filter": Fault("vqf_6d]", "vqf_7d]", "must be 'device', 'gyro'"),
     "a filter twice": Fault("vqf_6d]", "device]", "device stands more than once"),
     "an unknown metric": Fault(
         "elbow.flexion_rmse_deg", "elbow.flexion_rmse", "unknown metric 'elbow.flexion_rmse'; known: elb"

@@ -7,84 +7,94 @@ from numba import njit
 
 from testbench.estimation.filters.base import Parameter
 from testbench.estimation.filters.kernel_filter import KernelFilter
-from testbench.estimation.filters.maths import GRAVITY, begin, length, solve_in_place, to_earth, to_sensor, turned
+from testbench.estimation.filters.maths import (
+    GRAVITY,
+    backwards,
+    begin,
+    factorise,
+    forwards,
+    length,
+    to_earth,
+    to_sensor,
+    turned,
+)
 
 
 @njit(cache=True)
-def skew(v: np.ndarray, row: int, column: int) -> float:
-    """An entry of the matrix [v x]."""
-    if row == column:
-        return 0.0
-    third = 3 - row - column
-    return v[third] if (column + 1) % 3 == row else -v[third]
-
-
-@njit(cache=True)
-def build(state: np.ndarray, p: np.ndarray, k: float, cross: np.ndarray, s: np.ndarray, b: np.ndarray, used: int) -> None:
-    """S = H P H' + R, shape (used, used), and H P', shape (used, 12): turn, offset, acceleration, disturbance."""
-    rate = k * k * (p[1] + p[2])
+def weigh(
+    state: np.ndarray, p: np.ndarray, k: float, g: np.ndarray, z: np.ndarray, s: np.ndarray, y: np.ndarray, used: int
+) -> None:
+    """The factor of S = H P H' + R into s, and S^-1 z into y; g holds [g x] above [m x], shape (6, 3)."""
     for r in range(used):
-        for j in range(3):
-            c = skew(cross[r // 3], r % 3, j)
-            b[r, j] = c * (state[11 + j] - k * state[23 + j])
-            b[r, 3 + j] = c * (state[23 + j] - k * state[14 + j])
-            b[r, 6 + j] = b[r, 9 + j] = 0.0
-        b[r, 6 + r] = state[17 + r] if r < 3 else -state[17 + r]
-    for r in range(used):
-        for c in range(used):
+        for c in range(r + 1):
             s[r, c] = 0.0
             for j in range(3):
-                s[r, c] += skew(cross[r // 3], r % 3, j) * (b[c, j] - k * b[c, 3 + j])
-        s[r, r] += state[17 + r] + rate + (p[0] + p[3] if r < 3 else p[5] + p[6])
+                s[r, c] += g[r, j] * g[c, j] * (state[11 + j] - 2.0 * k * state[23 + j] + k * k * state[14 + j])
+        s[r, r] += state[17 + r] + k * k * (p[1] + p[2]) + (p[0] + p[3] if r < 3 else p[5] + p[6])
+        y[r] = z[r]
+    factorise(s, used)
+    forwards(s, y, used, 0)
+    backwards(s, y, used)
 
 
 @njit(cache=True)
-def solve(
-    state: np.ndarray, p: np.ndarray, k: float, cross: np.ndarray, z: np.ndarray, hp: np.ndarray, s: np.ndarray, b: np.ndarray,
-    used: int,
-) -> int:  # fmt: skip
-    """Put S^-1 [H P', z] into b, shape (6, 13), and H P' into hp; the number of rows used, 0 if the force is not a number.
+def choose(
+    state: np.ndarray, p: np.ndarray, k: float, g: np.ndarray, z: np.ndarray, s: np.ndarray, y: np.ndarray, used: int
+) -> int:
+    """Weigh what can be used: the number of rows, 0 if the force is not a number.
 
-    The field is left out where it is not a number, or disturbed by twice its size or more.
+    The field is left out where it is not a number, or disturbed by more than twice its size.
     """
     if not np.isfinite(z[0] + z[1] + z[2]):
         return 0
-    if used == 6 and not np.isfinite(z[3] + z[4] + z[5]):
-        used = 3
-    while True:
-        build(state, p, k, cross, s, b, used)
-        for r in range(used):
-            for j in range(12):
-                hp[r, j] = b[r, j]
-            b[r, 12] = z[r]
-        solve_in_place(s, b, used, 13)
-        if used == 3:
-            return used
+    if used == 6 and np.isfinite(z[3] + z[4] + z[5]):
+        weigh(state, p, k, g, z, s, y, 6)
         disturbance2 = 0.0
         for j in range(3):
-            disturbance2 += (state[20 + j] * b[3 + j, 12]) ** 2
-        if disturbance2 <= 4.0 * (cross[1, 0] ** 2 + cross[1, 1] ** 2 + cross[1, 2] ** 2):
-            return used
-        used = 3
+            disturbance2 += (state[20 + j] * y[3 + j]) ** 2
+        if disturbance2 <= 4.0 * (state[26] * state[26] + state[27] * state[27]):
+            return 6
+    weigh(state, p, k, g, z, s, y, 3)
+    return 3
 
 
 @njit(cache=True)
-def renew(state: np.ndarray, p: np.ndarray, k: float, hp: np.ndarray, b: np.ndarray, e: np.ndarray, used: int) -> None:
-    """The error e = K z, shape (12,), and Q for the next sample from the diagonal of P+ = P - K H P."""
-    loss = np.zeros(12)
-    for j in range(12):
-        e[j] = 0.0
-        for r in range(used):
-            e[j] += hp[r, j] * b[r, 12]
-            loss[j] += hp[r, j] * b[r, j]
+def renew(
+    state: np.ndarray,
+    p: np.ndarray,
+    k: float,
+    g: np.ndarray,
+    s: np.ndarray,
+    y: np.ndarray,
+    e: np.ndarray,
+    b: np.ndarray,
+    used: int,
+) -> None:
+    """The error e = K z, shape (12,), and Q for the next sample from the diagonal of P+ = P - K H P.
+
+    The columns of H P are those of g times a number for turn and offset, and those of the identity for acceleration and
+    disturbance, so that the diagonal of P H' S^-1 H P needs forward substitution only.
+    """
     for j in range(3):
-        offset = state[14 + j] - loss[3 + j] + p[2]
-        state[11 + j] += k * k * (offset + p[1]) - loss[j]
-        state[14 + j] = offset
-        state[23 + j] = -k * offset
-        state[17 + j] = p[4] * p[4] * (state[17 + j] - loss[6 + j]) + p[3]
-        if p.shape[0] > 5:
-            state[20 + j] = p[7] * p[7] * (state[20 + j] - loss[9 + j]) + p[6]
+        turn, offset = state[11 + j] - k * state[23 + j], state[23 + j] - k * state[14 + j]
+        along = 0.0
+        for r in range(used):
+            b[r] = g[r, j]
+            along += g[r, j] * y[r]
+        length2 = forwards(s, b, used, 0)
+        e[j], e[3 + j] = turn * along, offset * along
+        drifting = state[14 + j] - offset * offset * length2 + p[2]
+        state[11 + j] += k * k * (drifting + p[1]) - turn * turn * length2
+        state[14 + j], state[23 + j] = drifting, -k * drifting
+        for part in range(2 if p.shape[0] > 5 else 1):
+            row, at = 3 * part + j, 17 + 3 * part + j
+            e[6 + row], loss = 0.0, 0.0
+            if row < used:
+                b[:] = 0.0
+                b[row] = 1.0
+                e[6 + row] = state[at] * y[row] if part == 0 else -state[at] * y[row]
+                loss = state[at] * state[at] * forwards(s, b, used, row)
+            state[at] = p[4 + 3 * part] ** 2 * (state[at] - loss) + p[3 + 3 * part]
 
 
 @njit(cache=True)
@@ -118,8 +128,8 @@ def error_state(
     """
     n = gyr.shape[0]
     out = np.empty((n, 4))
-    s, b, hp = np.empty((6, 6)), np.empty((6, 13)), np.empty((6, 12))
-    cross, z, e = np.zeros((2, 3)), np.zeros(6), np.empty(12)
+    s, g, e = np.empty((6, 6)), np.zeros((6, 3)), np.zeros(12)
+    b, y, z = np.empty(6), np.empty(6), np.empty(6)
     for i in range(n):
         if state[0] == 0.0:
             if begin(state, acc[i], mag[i], use_mag, out[i]):
@@ -128,13 +138,16 @@ def error_state(
         k = dt[i]
         rx, ry, rz = k * (gyr[i, 0] - state[5]), k * (gyr[i, 1] - state[6]), k * (gyr[i, 2] - state[7])
         qw, qx, qy, qz = turned(state[1], state[2], state[3], state[4], rx, ry, rz)
-        cross[0, 0], cross[0, 1], cross[0, 2] = to_sensor(qw, qx, qy, qz, 0.0, 0.0, GRAVITY)
-        cross[1, 0], cross[1, 1], cross[1, 2] = to_sensor(qw, qx, qy, qz, 0.0, state[26], state[27])
+        x1, y1, z1 = to_sensor(qw, qx, qy, qz, 0.0, 0.0, GRAVITY)
+        x2, y2, z2 = to_sensor(qw, qx, qy, qz, 0.0, state[26], state[27])
+        g[0, 1], g[0, 2], g[1, 0], g[1, 2], g[2, 0], g[2, 1] = -z1, y1, z1, -x1, -y1, x1
+        g[3, 1], g[3, 2], g[4, 0], g[4, 2], g[5, 0], g[5, 1] = -z2, y2, z2, -x2, -y2, x2
+        z[0], z[1], z[2] = x1 - acc[i, 0], y1 - acc[i, 1], z1 - acc[i, 2]
+        z[3], z[4], z[5] = x2 - mag[i, 0], y2 - mag[i, 1], z2 - mag[i, 2]
         for j in range(3):
-            z[j] = cross[0, j] - acc[i, j] + p[4] * state[8 + j]
-            z[3 + j] = cross[1, j] - mag[i, j]
-        used = solve(state, p, k, cross, z, hp, s, b, 6 if use_mag else 3)
-        renew(state, p, k, hp, b, e, used)
+            z[j] += p[4] * state[8 + j]
+        used = choose(state, p, k, g, z, s, y, 6 if use_mag else 3)
+        renew(state, p, k, g, s, y, e, b, used)
         state[1], state[2], state[3], state[4] = turned(qw, qx, qy, qz, -e[0], -e[1], -e[2])
         for j in range(3):
             state[5 + j] -= e[3 + j]

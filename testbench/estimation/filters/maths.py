@@ -163,8 +163,8 @@ def field_deviates(
 
 
 @njit(cache=True)
-def solve_in_place(s: np.ndarray, b: np.ndarray, n: int, columns: int) -> None:
-    """Replace b by S^-1 b for the symmetric positive S, shape (n, n), and b, shape (n, columns), by Cholesky; S is lost."""
+def factorise(s: np.ndarray, n: int) -> None:
+    """Replace the lower triangle of the symmetric positive S, shape (n, n), by that of its Cholesky factor L, S = L L'."""
     for j in range(n):
         d = s[j, j]
         for k in range(j):
@@ -176,14 +176,26 @@ def solve_in_place(s: np.ndarray, b: np.ndarray, n: int, columns: int) -> None:
             for k in range(j):
                 t -= s[i, k] * s[j, k]
             s[i, j] = t / d
-    for c in range(columns):
-        for i in range(n):
-            t = b[i, c]
-            for k in range(i):
-                t -= s[i, k] * b[k, c]
-            b[i, c] = t / s[i, i]
-        for i in range(n - 1, -1, -1):
-            t = b[i, c]
-            for k in range(i + 1, n):
-                t -= s[k, i] * b[k, c]
-            b[i, c] = t / s[i, i]
+
+
+@njit(cache=True)
+def forwards(s: np.ndarray, b: np.ndarray, n: int, first: int) -> float:
+    """Replace b, shape (n,), by L^-1 b, where all before `first` are zero; its squared length is b' S^-1 b."""
+    length2 = 0.0
+    for i in range(first, n):
+        t = b[i]
+        for k in range(first, i):
+            t -= s[i, k] * b[k]
+        b[i] = t / s[i, i]
+        length2 += b[i] * b[i]
+    return length2
+
+
+@njit(cache=True)
+def backwards(s: np.ndarray, b: np.ndarray, n: int) -> None:
+    """Replace b, shape (n,), by L'^-1 b."""
+    for i in range(n - 1, -1, -1):
+        t = b[i]
+        for k in range(i + 1, n):
+            t -= s[k, i] * b[k]
+        b[i] = t / s[i, i]

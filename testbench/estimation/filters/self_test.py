@@ -1,0 +1,82 @@
+"""The self-test of orientation filters: no frame, sign, order or unit can be wrong unseen."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from testbench.estimation.filters.base import OrientationFilter
+from testbench.estimation.filters.diagnosis import diagnose
+from testbench.estimation.filters.known_motions import Check, Recording, judge, recordings
+from testbench.exceptions import InputError
+
+
+@dataclass(frozen=True)
+class SelfTest:
+    """What the self-test found of a filter.
+
+    Attributes:
+        filter: Its name. checks: In order. reason: Why it fails, in words; empty if it passes. known: Whether it is known to
+        fail, because it repeats a publication with its errors.
+    """
+
+    filter: str
+    checks: list[Check]
+    reason: str
+    known: bool
+
+    @property
+    def passed(self) -> bool:
+        return all(check.passed for check in self.checks)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        checks = [asdict(check) | {"passed": check.passed} for check in self.checks]
+        return {"filter": self.filter, "passed": self.passed, "reason": self.reason, "known": self.known, "checks": checks}
+
+
+def output_fault(kind: OrientationFilter, case: Recording) -> str:
+    """What is wrong with the form of a filter's output; empty if nothing is."""
+    before = [case.samples.gyr.copy(), case.samples.acc.copy(), np.array(case.samples.mag)]
+    try:
+        q = kind.run(case.samples)
+        after = (case.samples.gyr, case.samples.acc, np.array(case.samples.mag))
+        again = kind.run(case.samples)
+    except Exception as error:
+        return f"it raises {error!r}"
+    if any(not np.array_equal(old, new) for old, new in zip(before, after, strict=True)):
+        return "it writes into the samples it is given"
+    if not isinstance(q, np.ndarray) or q.shape != (len(case.samples), 4):
+        shape = q.shape if isinstance(q, np.ndarray) else type(q).__name__
+        return f"it gives {shape}; an array of shape ({len(case.samples)}, 4) is wanted"
+    if not np.isfinite(q).all():
+        return "it gives numbers that are not finite"
+    if np.abs(np.linalg.norm(q, axis=1) - 1).max() > 1e-3:
+        return "its quaternions have not unit length"
+    if not np.array_equal(q, again):
+        return "it gives something else when it is run again: it must not remember an earlier run"
+    return ""
+
+
+def self_test(kind: OrientationFilter) -> SelfTest:
+    """Judge a filter, and say what is wrong with it where that can be told.
+
+    Args:
+        kind: Any filter but the device's own.
+
+    Raises:
+        InputError: The filter needs the device's orientation, which cannot be made up.
+    """
+    if "device_q" in kind.needs:
+        raise InputError(f"the filter {kind.name} takes the device's orientation; the self-test has no device")
+    known = bool(kind.known_faults)
+    groups = recordings()
+    fault = output_fault(kind, groups["turn about +x"][1])
+    if fault:
+        return SelfTest(kind.name, [Check("output", None, 0.0, "any motion")], fault, known)
+    checks = judge(kind.run, kind.needs, groups)
+    if all(check.passed for check in checks):
+        return SelfTest(kind.name, checks, "", known)
+    return SelfTest(kind.name, checks, kind.known_faults or diagnose(kind, checks), known)
