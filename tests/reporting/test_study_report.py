@@ -91,4 +91,4 @@ def test_a_browser_draws_it_without_complaint(study, tmp_path: Path):
     result = subprocess.run([*command, page.as_uri()], capture_output=True, text=True, check=False, timeout=60)
     assert "CONSOLE" not in result.stderr, result.stderr
     assert 'data-drawn="all"' in result.stdout
-    assert result.stdout.count("trace boxes") == 3
+    assert result.stdout.count('class="trace boxes"') == 3
