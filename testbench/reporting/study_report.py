@@ -81,8 +81,8 @@ def _table(table: StudyTable) -> Table:
         columns.append(Cell(title, kind="" if words else "number"))
     if ratio is not None:
         columns.append(Cell(f"ratio, {table.columns[ratio].split(' [')[0]}", kind="number"))
-    caption = f"{table.caption} (beside table {table.table})" if table.table else table.caption
-    return Table(caption, columns, rows, table.how)
+    beside = f" (beside table{'s' if ' ' in table.table else ''} {table.table})" if table.table else ""
+    return Table(table.caption + beside, columns, rows, table.how)
 
 
 def _as_printed(value: Value) -> Cell:

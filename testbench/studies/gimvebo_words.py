@@ -66,8 +66,8 @@ TIME = (
 )
 
 FAULTS_HOW = (
-    "The speeds of the published motions are not known: the norms are shown at ours, and at the speed at which the median "
-    "agrees. The angles are those of the turns that were fitted, as published."
+    "The speeds of the published motions are not known: the norms are shown at ours (median {speed:.0f} deg/s), and at the"
+    " speed at which the median agrees. The angles are those of the turns that were fitted, as published."
 )
 
 FAULTS = (
