@@ -141,8 +141,9 @@ def run(
     names = _filter_names(filters)
     with progress_bar(not json) as progress:
         result = run_protocol(
-            protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress, planned=say_warnings
-        )
+            protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress,
+            planned=None if json else say_warnings,
+        )  # fmt: skip
     if json:
         say_json(result.to_dict())
     else:
