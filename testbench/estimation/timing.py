@@ -144,4 +144,5 @@ def _liveliest(samples: ImuSamples) -> ImuSamples:
     total = np.concatenate([[0.0], np.cumsum(turned)])
     size = STRETCH // 1000
     begin = 1000 * int(np.argmax(total[size:] - total[:-size]))
-    return ImuSamples(*[None if column is None else column[begin : begin + STRETCH] for column in vars(samples).values()])
+    stretch = slice(begin, begin + STRETCH)
+    return ImuSamples.from_groups({key: column[stretch] for key, column in vars(samples).items() if column is not None})
