@@ -23,7 +23,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     Args:
         session: The recording. estimate: What `estimate` made of it.
     """
-    steps = judged_steps(session.steps) if session.has_protocol else None
+    steps = judged_steps(session.steps) if session.has_protocol or session.steps else None
     orientations: list[OrientationRow] = []
     joints: list[JointRow] = []
     series: dict[str, dict[str, np.ndarray]] = {}
