@@ -1,6 +1,7 @@
 """Synchronisation of Xsens DOTs: one is the root, whose clock the others take over, by radio among themselves.
 
-Source: Movella DOT BLE Service Specification, document XD0506P, revision C, July 2023 (sections in brackets below). The sensors must be let go while they listen to the root, and tell the result once they are connected again [5.3.5].
+Source: Movella DOT BLE Service Specification, document XD0506P, revision C, July 2023 (sections in brackets below).
+The sensors must be let go while they listen to the root, and tell the result once they are connected again [5.3.5].
 """
 
 from __future__ import annotations
