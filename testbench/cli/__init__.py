@@ -3,21 +3,48 @@
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from typer import Typer
 
 
 def main() -> None:
-    """Run the command line; every error that was foreseen is one message and an exit code, never a traceback."""
+    """Run the command line; every error that was foreseen is one message and an exit code, never a traceback.
+
+    With --json among the arguments the message is one JSON object on stderr, also for a command that was mistyped.
+    """
     from testbench.cli.app import app
-    from testbench.cli.output import say_error
+    from testbench.cli.output import say_error, say_json_error
     from testbench.exceptions import BenchError
 
+    wants_json = "--json" in sys.argv[1:]
     try:
+        if wants_json:
+            sys.exit(_run_without_own_errors(app))
         app()
     except BenchError as error:
-        say_error(str(error))
+        say_json_error(error) if wants_json else say_error(str(error))
         sys.exit(error.exit_code)
     except BrokenPipeError:
         sys.exit(1)
+
+
+def _run_without_own_errors(app: Typer) -> int:
+    """Run the commands; what is wrong with the arguments is raised as our own error instead of being printed in a frame."""
+    import typer
+
+    from testbench.exceptions import InputError
+
+    # typer brings a click of its own or uses the installed one, by version; this is the base of its errors in either
+    wrong_arguments: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+    try:
+        code = app(standalone_mode=False)
+    except wrong_arguments as error:
+        raise InputError(error.format_message()) from None
+    except typer.Abort:
+        return 130
+    return code if isinstance(code, int) else 0
 
 
 __all__ = ["main"]

@@ -153,7 +153,7 @@ def run(
             names,
             not no_report,
             progress=progress,
-            planned=say_warnings,
+            planned=None if json else say_warnings,
             calibrations=calibration,
         )
     if json:

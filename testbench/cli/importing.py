@@ -90,6 +90,16 @@ def import_files(
         float | None,
         typer.Option("--dwell", metavar="S", help="How long each listed pose is held.", rich_help_panel=TRUTH_PANEL),
     ] = None,
+    calibration_poses: Annotated[
+        int,
+        typer.Option(
+            "--calibration-poses",
+            metavar="N",
+            min=0,
+            rich_help_panel=TRUTH_PANEL,
+            help="The first N listed poses calibrate the sensors and are not judged.",
+        ),
+    ] = 0,
     move: Annotated[
         float | None,
         typer.Option(
@@ -117,9 +127,11 @@ def import_files(
     wanted = None
     if truth is not None:
         wanted = _truth(truth, robot, link or [], mounting or [], dwell, move, truth_offset, truth_rate, joint_unit)
-    elif robot or link or mounting or dwell or move or truth_rate or joint_unit:
+        wanted.calibration_poses = calibration_poses
+    elif robot or link or mounting or dwell or move or truth_rate or joint_unit or calibration_poses:
         raise InputError(
-            "--robot, --link, --mounting, --dwell, --move, --truth-rate and --joint-unit describe the file of --truth"
+            "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate and --joint-unit describe the "
+            "file of --truth"
         )
     session = import_recording(format_name, files, out, SystemClock(), options, wanted, axes)
     manifest = session.manifest

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from testbench.exceptions import BenchError
     from testbench.execution.executor import Progress as RunProgress
     from testbench.records.evaluation import Evaluation, NoiseRow
     from testbench.records.plan import Plan
@@ -22,6 +23,17 @@ def say_error(message: str) -> None:
     """One message on stderr; lines of a list each stand alone."""
     for line in message.splitlines() or [message]:
         print(f"error: {line}", file=sys.stderr)
+
+
+def say_json_error(error: BenchError) -> None:
+    """One line of JSON on stderr: what kind of error, the message, the exit code, and where in a file if that is known."""
+    from testbench.exceptions import FileProblems
+    from testbench.records.storage import plain_values
+
+    told: dict[str, Any] = {"kind": type(error).__name__, "message": str(error), "exit_code": error.exit_code}
+    if isinstance(error, FileProblems):
+        told |= {"file": error.file, "problems": [vars(problem) for problem in error.problems]}
+    print(json.dumps({"error": plain_values(told)}, allow_nan=False), file=sys.stderr)
 
 
 def say(message: str) -> None:

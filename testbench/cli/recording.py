@@ -31,6 +31,9 @@ def record(
     name: Annotated[str, typer.Option("--name", help="Name of the recording.")] = "recording",
     dot_payload: Annotated[str, typer.Option("--dot-payload", help="Payload mode of the DOTs.")] = "custom_mode_5",
     dot_rate: Annotated[int, typer.Option("--dot-rate", metavar="HZ", help="Output rate of the DOTs.")] = 60,
+    dot_sync: Annotated[
+        bool, typer.Option("--dot-sync", help="Bring the clocks of the DOTs together first; takes a quarter of a minute.")
+    ] = False,
     scan: Annotated[bool, typer.Option("--scan", help="List serial ports and DOTs instead.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:
@@ -41,7 +44,7 @@ def record(
     if scan:
         return _say_found(scan_devices(), json)
     clock = SystemClock()
-    devices = open_devices(serial or [], dot or [], clock, dot_payload, dot_rate)
+    devices = open_devices(serial or [], dot or [], clock, dot_payload, dot_rate, synchronise_dots=dot_sync)
     if not json:
         length = "until Ctrl-C" if duration is None else f"for {duration:g} s"
         say(f"connecting {', '.join(devices.imus)}, then recording {length}")

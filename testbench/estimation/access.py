@@ -17,7 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
 from testbench.estimation.quality import STUCK_SAMPLES, AfterGaps, Quality, Traits, assess, remarks_on, sample_flags
-from testbench.estimation.timing import Intervals, arrival_jitter, asynchrony, audit_timing, usual_interval
+from testbench.estimation.timing import STRETCH, Intervals, arrival_jitter, asynchrony, audit_timing, usual_interval
 from testbench.estimation.uniform import MOST_FILLING, fill_gaps, fill_rows
 from testbench.frames import NANOSECONDS
 from testbench.records.estimate import ClockFit, TimingAudit
@@ -32,8 +32,6 @@ MOST_KEPT_IN_ALL = 8_000_000
 """Likewise of all sensors of a session together: about 1 GB with three filters."""
 PIECE = 131_072
 """Samples of a long recording that are in memory at once."""
-STRETCH = 500_000
-"""Samples of a long recording that tell whether the accelerometer lags."""
 OF_EACH_PIECE = 4_096
 """Intervals of each piece that tell the usual one."""
 

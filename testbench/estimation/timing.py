@@ -12,6 +12,8 @@ GAP_FACTOR = 1.5
 """Intervals longer than this many median ones are gaps."""
 SMOOTH = 5
 MOST_LAG = 30
+STRETCH = 300_000
+"""Samples that tell whether the accelerometer lags, of a longer recording: those with most motion."""
 
 
 def audit_timing(samples: ImuSamples, nominal_rate: float | None, rate_age: float = 0.0) -> TimingAudit:
@@ -114,6 +116,8 @@ def asynchrony(samples: ImuSamples, interval: float) -> float:
     """
     if not np.isfinite(samples.acc).all() or not np.isfinite(samples.gyr).all() or len(samples) < 20 * MOST_LAG:
         return float("nan")
+    if len(samples) > STRETCH:
+        samples = _liveliest(samples)
     kernel = np.ones(SMOOTH) / SMOOTH
 
     def smooth(columns: np.ndarray) -> np.ndarray:
@@ -134,3 +138,13 @@ def asynchrony(samples: ImuSamples, interval: float) -> float:
         return float("nan")
     left, top, right = correlation[k - 1 : k + 2]
     return float((lags[k] + 0.5 * (left - right) / (left - 2 * top + right)) * interval)
+
+
+def _liveliest(samples: ImuSamples) -> ImuSamples:
+    """The stretch of a recording in which it turns most."""
+    turned = np.abs(samples.gyr[: len(samples) // 1000 * 1000]).sum(axis=1).reshape(-1, 1000).sum(axis=1)
+    total = np.concatenate([[0.0], np.cumsum(turned)])
+    size = STRETCH // 1000
+    begin = 1000 * int(np.argmax(total[size:] - total[:-size]))
+    stretch = slice(begin, begin + STRETCH)
+    return ImuSamples.from_groups({key: column[stretch] for key, column in vars(samples).items() if column is not None})

@@ -31,7 +31,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     Args:
         session: The recording. estimate: What `estimate` made of it.
     """
-    steps = judged_steps(session.steps) if session.has_protocol else None
+    steps = judged_steps(session.steps) if session.has_protocol or session.steps else None
     result = Evaluation(session.name, [], [], [], Outcome.NOT_MEASURED)
     result.notes.extend(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
     if session.status is not RunStatus.COMPLETED:

@@ -16,6 +16,7 @@ from testbench.drivers.imus.line_format import load_line_format
 from testbench.drivers.imus.serial_line import SerialImu, list_serial_ports
 from testbench.drivers.imus.streamed import SessionTime, StreamedImu
 from testbench.drivers.imus.xsens_dot import XsensDot
+from testbench.drivers.imus.xsens_dot_sync import synchronise
 from testbench.exceptions import BenchError, DriverError, InputError, RunInterrupted, SessionError
 from testbench.execution.interruption import on_interrupt
 from testbench.execution.recorder import IMU_NOTES
@@ -41,18 +42,22 @@ class Devices:
     """The devices of a recording.
 
     Attributes:
-        imus: By name. time: Their common time. bluetooth: The loop of those that need one.
+        imus: By name. time: Their common time. bluetooth: The loop of those that need one. synchronise: Whether the DOTs
+        share a clock, which takes a quarter of a minute before they start.
     """
 
     imus: dict[str, Imu]
     time: SessionTime
     bluetooth: BluetoothLoop | None = None
+    synchronise: bool = False
 
     def kickoff(self) -> None:
         """Connect all, then start all, so that the first does not wait long for the last."""
-        for imu in self.imus.values():
-            if isinstance(imu, XsensDot):
-                imu.connect()
+        dots = [imu for imu in self.imus.values() if isinstance(imu, XsensDot)]
+        for dot in dots:
+            dot.connect()
+        if self.synchronise:
+            synchronise(dots)
         self.time.start()
         for imu in self.imus.values():
             imu.kickoff()
@@ -77,20 +82,23 @@ def open_devices(
     payload: str = "custom_mode_5",
     dot_rate: int = 60,
     bluetooth: BluetoothLoop | None = None,
+    synchronise_dots: bool = False,
 ) -> Devices:
     """Make devices from what a person wrote; nothing is connected yet.
 
     Args:
         serial: Each `[NAME=]PORT:FORMAT`, the format a YAML file or the name of one that ships. dots: Each
         `[NAME=]ADDRESS`, or an advertised name. clock: Of the session. payload, dot_rate: Mode and rate of the DOTs [Hz].
-        bluetooth: The loop to use; a new one if None.
+        bluetooth: The loop to use; a new one if None. synchronise_dots: Bring the DOTs' clocks together before they start.
 
     Raises:
-        InputError: Nothing to record, a malformed device, or two of one name.
+        InputError: Nothing to record, a malformed device, two of one name, or fewer than two DOTs to synchronise.
         DriverError: An extra is missing.
     """
     if not serial and not dots:
         raise InputError("nothing to record: name a device with --serial PORT:FORMAT or --dot ADDRESS")
+    if synchronise_dots and len(dots) < 2:
+        raise InputError(f"--dot-sync brings the clocks of several DOTs together; there {'is one' if dots else 'are none'}")
     time = SessionTime(clock)
     imus: dict[str, Imu] = {}
 
@@ -119,7 +127,7 @@ def open_devices(
         except BaseException:
             bluetooth.close()
             raise
-    return Devices(imus, time, bluetooth)
+    return Devices(imus, time, bluetooth, synchronise_dots)
 
 
 def _split_name(text: str) -> tuple[str, str]:

@@ -9,9 +9,9 @@ from testbench.clock import Clock
 from testbench.drivers.imus.base import Imu
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.records.plan import Plan, PlannedStep
+from testbench.records.plan import Plan
 from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import ARM, PLAN, Event, RunStatus, Session
+from testbench.records.session import ARM, PLAN, Event, RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
 from testbench.records.storage import read_parquet
 
@@ -72,22 +72,10 @@ class Recorder:
 
     def step_events(self, begin_ns: int, end_ns: int) -> None:
         """Note what the steps of the plan did in [begin, end) [ns]."""
-        happened: list[tuple[int, int, str, PlannedStep]] = []
-        for step in self.plan.steps:
-            if step.start_ns >= end_ns or step.end_ns < begin_ns:
-                continue
-            for order, (time, event) in enumerate(
-                ((step.start_ns, "step_started"), (step.settled_ns, "step_settled"), (step.end_ns, "step_ended"))
-            ):
-                if begin_ns <= time < end_ns:
-                    happened.append((step.index, order, event, step))
-        for _, _, event, step in sorted(happened, key=lambda item: item[:2]):
-            time = {"step_started": step.start_ns, "step_settled": step.settled_ns, "step_ended": step.end_ns}[event]
-            details: dict[str, Any] = {"index": step.index}
-            if event == "step_started":
-                details |= {"section": step.section, "role": step.role, "name": step.name, "kind": step.kind}
-                details["variables"] = step.variables
-            self.event(time, event, **details)
+        near = (step for step in self.plan.steps if step.start_ns < end_ns and step.end_ns >= begin_ns)
+        for event in step_events(near):
+            if begin_ns <= event.host_time_ns < end_ns:
+                self._writer.event(event)
 
     def device_events(self, events: dict[str, list[Event]]) -> None:
         """Note what happened to the sensors, by name, in order of time."""

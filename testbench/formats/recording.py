@@ -13,9 +13,10 @@ import pyarrow as pa
 from testbench.clock import Clock
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.frames import NANOSECONDS
+from testbench.records.plan import PlannedStep
 from testbench.records.protocol import Analysis
 from testbench.records.samples import ImuSamples, Truth
-from testbench.records.session import RunStatus, Session
+from testbench.records.session import RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
 from testbench.records.storage import write_parquet_batches
 
@@ -57,7 +58,7 @@ class Recording:
 
     Attributes:
         name: Of the recording. purpose: A sentence for people. sensors: By name. analysis: Filters and alignment that suit it.
-        notes: What the importer noticed, such as a stale first row it dropped.
+        notes: What the importer noticed, such as a stale first row it dropped. steps: Of the arm, where its poses are known.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Recording:
     sensors: dict[str, ImportedSensor]
     analysis: Analysis
     notes: list[str] = field(default_factory=list)
+    steps: list[PlannedStep] = field(default_factory=list)
 
 
 def write_recording(recording: Recording, files: list[Path], format_name: str, out: Path, clock: Clock) -> Session:
@@ -100,6 +102,8 @@ def write_recording(recording: Recording, files: list[Path], format_name: str, o
             begin, end = min(begin, first), max(end, last)
             if sensor.truth is not None:
                 writer.add_table(f"truth_{name}", sensor.truth.to_columns(), TRUTH_NOTES)
+        for event in step_events(recording.steps):
+            writer.event(event)
         writer.close(RunStatus.COMPLETED, duration_s=float(end - begin) / NANOSECONDS, samples=counts)
     except OSError as error:
         writer.discard()

@@ -17,13 +17,25 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Hamilton product p q, shapes (..., 4)."""
-    pw, px, py, pz = np.moveaxis(np.asarray(p, float), -1, 0)
-    qw, qx, qy, qz = np.moveaxis(np.asarray(q, float), -1, 0)
-    product = np.empty((*np.broadcast_shapes(pw.shape, qw.shape), 4))
-    product[..., 0] = pw * qw - px * qx - py * qy - pz * qz
-    product[..., 1] = pw * qx + px * qw + py * qz - pz * qy
-    product[..., 2] = pw * qy - px * qz + py * qw + pz * qx
-    product[..., 3] = pw * qz + px * qy - py * qx + pz * qw
+    p, q = np.asarray(p, float), np.asarray(q, float)
+    shape = np.broadcast_shapes(p.shape, q.shape)
+    if p.ndim > 1 and q.ndim > 1 and p.shape != q.shape:
+        p, q = np.broadcast_to(p, shape), np.broadcast_to(q, shape)
+    return _products(np.ascontiguousarray(p).reshape(-1, 4), np.ascontiguousarray(q).reshape(-1, 4)).reshape(shape)
+
+
+@njit(cache=True)
+def _products(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Row by row, shapes (n, 4) and (n, 4), where either may be a single row for all, shape (1, 4)."""
+    n = max(len(p), len(q)) if len(p) and len(q) else 0
+    product = np.empty((n, 4))
+    for row in range(n):
+        pw, px, py, pz = p[row if len(p) > 1 else 0]
+        qw, qx, qy, qz = q[row if len(q) > 1 else 0]
+        product[row, 0] = pw * qw - px * qx - py * qy - pz * qz
+        product[row, 1] = pw * qx + px * qw + py * qz - pz * qy
+        product[row, 2] = pw * qy - px * qz + py * qw + pz * qx
+        product[row, 3] = pw * qz + px * qy - py * qx + pz * qw
     return product
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -206,7 +206,8 @@ class Evaluation:
 
     def to_dict(self) -> dict[str, Any]:
         """The content of evaluation.json."""
-        data = {key: value for key, value in asdict(self).items() if key != "series"}
+        data = asdict(replace(self, series={}))  # `asdict` would copy them
+        del data["series"]
         result: dict[str, Any] = plain_values({"schema_version": SCHEMA_VERSION, **data})
         return result
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -115,7 +115,7 @@ class Session:
 
     @property
     def has_protocol(self) -> bool:
-        """Whether the bench ran it, step by step; an imported recording has no steps."""
+        """Whether the bench ran it, step by step; of an imported recording at most the poses of the arm are known."""
         return bool(self.manifest.get("kind") == "run")
 
     @property
@@ -226,6 +226,17 @@ class Session:
     def _check(self, sensor: str) -> None:
         if sensor not in self.sensor_names:
             raise NotFoundError("sensor of this session", sensor, self.sensor_names)
+
+
+def step_events(steps: Iterable[PlannedStep]) -> list[Event]:
+    """What the steps of an arm did, as the events that `Session.steps` is read from, in order."""
+    events = []
+    for step in steps:
+        details = {key: getattr(step, key) for key in ("index", "section", "role", "name", "kind", "variables")}
+        events.append(Event(step.start_ns, "step_started", details))
+        events.append(Event(step.settled_ns, "step_settled", {"index": step.index}))
+        events.append(Event(step.end_ns, "step_ended", {"index": step.index}))
+    return events
 
 
 def list_sessions(logs: Path) -> list[Session]:

@@ -110,15 +110,18 @@ def read_parquet_batches(
     try:
         with pq.ParquetFile(path) as file:
             wanted = None if columns is None else list(columns)
-            pieces = file.iter_batches(batch_size=rows, columns=wanted) if file.metadata.num_rows else [file.read(wanted)]
-            for piece in pieces:
-                yield {name: _array(piece.column(name)) for name in piece.schema.names}
+            if not file.metadata.num_rows:
+                yield {name: column.to_numpy() for name, column in _columns(file.read(wanted))}
+            for group in range(file.num_row_groups):
+                table = file.read_row_group(group, wanted)  # `iter_batches` would keep all that it has read
+                for begin in range(0, table.num_rows, rows):
+                    yield {name: column.to_numpy() for name, column in _columns(table.slice(begin, rows))}
     except (OSError, pa.ArrowInvalid) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
-def _array(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
-    return column.to_numpy() if isinstance(column, pa.ChunkedArray) else column.to_numpy(zero_copy_only=False)
+def _columns(table: pa.Table) -> Iterator[tuple[str, pa.ChunkedArray]]:
+    return zip(table.column_names, table.columns, strict=True)
 
 
 def read_stacked(
@@ -291,12 +294,11 @@ def _same_rows(path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch])
     with pq.ParquetFile(path) as file:
         if file.schema_arrow.names != schema.names:
             return False
-        found = (pa.Table.from_batches([batch]) for batch in file.iter_batches(batch_size=ROWS_PER_GROUP))
-        regrouped = _regrouped(schema, found, ROWS_PER_GROUP)  # batches of a file need not all be full
+        found = (file.read_row_group(group) for group in range(file.num_row_groups))
         expected = _regrouped(schema, batches, ROWS_PER_GROUP)
         return all(
-            first is not None and second is not None and _same_values(first, second)
-            for first, second in zip_longest(regrouped, expected)
+            first is not None and second is not None and first.num_rows == second.num_rows and _same_values(first, second)
+            for first, second in zip_longest(found, expected)
         )
 
 

@@ -21,20 +21,26 @@ SHOWN = {
     "protocol", "robot", "plan", "message", "duration_s", "files", "arm",
 }  # fmt: skip
 """Entries of the manifest that have a place of their own."""
+DATES = {"run": "Started", "import": "Imported", "recording": "Recorded"}
+"""What the date of a session is, by its kind; an import is dated when it was made, for its files need not say."""
+NO_ROBOT = {"import": "none: an imported recording", "recording": "none: devices recorded alone"}
 
 
 def facts(session: Session) -> list[tuple[str, str]]:
     """What was run, as pairs for the head of the page."""
     manifest = session.manifest
     protocol, robot, arm = (_mapping(manifest.get(key)) for key in ("protocol", "robot", "arm"))
+    ran = session.has_protocol
+    files = manifest.get("source")
     rows: list[tuple[str, Any]] = [
-        ("Protocol", protocol.get("name")),
+        ("Protocol" if ran else "Recording", protocol.get("name")),
+        ("Files", ", ".join(map(str, files)) if isinstance(files, list) else None),
         ("Robot", _robot(session, robot, arm)),
-        ("Started", _date(manifest.get("started_utc"))),
+        (DATES.get(str(manifest.get("kind")), "Started"), _date(manifest.get("started_utc"))),
         ("Duration", duration(manifest.get("duration_s"))),
         ("Steps", f"{len(session.steps)} finished" if session.steps else None),
         ("Seed", manifest.get("seed")),
-        ("Bench", session.status.value + (f": {manifest['message']}" if manifest.get("message") else "")),
+        ("Bench" if ran else "Status", session.status.value + (f": {manifest['message']}" if manifest.get("message") else "")),
         ("Session", session.name),
     ]
     return [(name, str(value)) for name, value in rows if value not in (None, "")]
@@ -48,7 +54,7 @@ def is_simulated(session: Session) -> bool:
 
 def _robot(session: Session, robot: dict[str, Any], arm: dict[str, Any]) -> str:
     if session.robot is None:
-        return str(robot.get("name") or "none: an imported recording")
+        return str(robot.get("name") or NO_ROBOT.get(str(session.manifest.get("kind")), "none"))
     described = session.robot.spec.description or session.robot.name
     return described + (f" ({arm['driver']})" if arm.get("driver") else "")
 
@@ -75,7 +81,10 @@ def run_section(session: Session) -> Section:
     """Sensors with their mounting, and the sections of the protocol."""
     blocks: list[Block] = [_sensors(session)]
     blocks.append(_sections(session) if session.steps else Sentence("The session lists no steps: it is judged as a whole."))
-    return Section("run", "What was run", blocks)
+    noticed = session.manifest.get("notes")
+    if isinstance(noticed, list):
+        blocks += [Sentence(f"Note: {note}{'' if str(note).endswith('.') else '.'}") for note in noticed]
+    return Section("run", "What was run" if session.has_protocol else "What was recorded", blocks)
 
 
 def _sensors(session: Session) -> Table:
@@ -147,7 +156,7 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
             )
         )
     else:
-        section.blocks.append(Sentence("The protocol sets no limits, so nothing is passed or failed."))
+        section.blocks.append(Sentence("No limits are set, so nothing is passed or failed."))
     if others:
         section.blocks.append(
             _metrics(
@@ -198,21 +207,27 @@ def provenance_section(session: Session) -> Section:
     check = _mapping(plan.get("check"))
     if check.get("joints"):
         blocks.append(_joint_use(check))
-    entries = [("status of the bench", session.status.value), ("kind", manifest.get("kind")), ("seed", manifest.get("seed"))]
+    status = "status of the bench" if session.has_protocol else "status"
+    entries = [(status, session.status.value), ("kind", manifest.get("kind")), ("seed", manifest.get("seed"))]
     entries += [("SHA-256 of the plan", plan.get("hash"))]
     entries += [(f"version of {name}", version) for name, version in _mapping(manifest.get("software")).items()]
     entries += list(_scalars({key: value for key, value in manifest.items() if key not in SHOWN}))
-    blocks.append(
-        _pairs(
-            "Provenance", entries, "How to read: the same plan, seed and versions give the same raw files, bit by bit.", False
-        )
-    )
+    blocks.append(_pairs("Provenance", entries, f"How to read: {_repeatable(session)}.", False))
     files = list(_mapping(manifest.get("files")).items())
     if files:
         blocks.append(
-            _pairs("SHA-256 of the raw files", files, "How to read: a file whose hash differs was changed after the run.", True)
+            _pairs("SHA-256 of the raw files", files, "How to read: a file whose hash differs was changed later.", True)
         )
     return Section("provenance", "Quality and provenance", blocks)
+
+
+def _repeatable(session: Session) -> str:
+    """What gives the same raw files again."""
+    if session.manifest.get("kind") == "import":
+        return "the same files, options and versions give the same session; the files themselves are not in it"
+    if session.has_protocol and is_simulated(session):
+        return "the same plan, seed and versions give the same raw files, bit by bit"
+    return "what real devices measured cannot be measured again; the versions are of the software that wrote it down"
 
 
 def _quality(session: Session) -> Table:

@@ -25,7 +25,7 @@ STAGES = ("import", "estimate", "evaluate", "report")
 PROGRAM = """
 import json, resource, sys, time
 from pathlib import Path
-stage, folder = sys.argv[1], Path(sys.argv[2])
+stage, folder, kept = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
 path = folder / "session"
 begun = time.perf_counter()
 found = {}
@@ -37,11 +37,12 @@ if stage == "import":
     session = import_recording("generic", files, path, SystemClock(), Options(str(folder / "map.yaml")))
     found = {"duration_s": session.manifest["duration_s"], "samples": sum(session.manifest["samples"].values())}
 else:
-    from testbench.estimation import estimate
+    from testbench.estimation import access, estimate
     from testbench.evaluation import evaluate
     from testbench.records.estimate import Estimate
     from testbench.records.session import Session
     session = Session(path)
+    access.MOST_KEPT = kept or access.MOST_KEPT
     if stage == "estimate":
         made = estimate(session)
         made.save(path)
@@ -132,9 +133,9 @@ def write_case(folder: Path, sensors: int, seconds: float, rate: float) -> None:
     (folder / "map.yaml").write_text("\n".join(lines) + "\n")
 
 
-def measure(folder: Path, stage: str) -> Measured:
-    """Run a stage on the case in a folder, in a process of its own."""
-    words = [sys.executable, "-c", PROGRAM, stage, str(folder)]
+def measure(folder: Path, stage: str, kept: int = 0) -> Measured:
+    """Run a stage on the case in a folder, in a process of its own; `kept` is in place of `access.MOST_KEPT` unless 0."""
+    words = [sys.executable, "-c", PROGRAM, stage, str(folder), str(kept)]
     result = subprocess.run(words, capture_output=True, text=True, check=False)
     if result.returncode != 0:
         raise RuntimeError(f"{stage} failed:\n{result.stderr}")

@@ -29,5 +29,17 @@ def test_everything_that_can_be_asked_for_is_on_the_page():
     options += ["--truth-offset", "--truth-rate", "--joint-unit"]
     assert [name for name in wanted + options if name not in PAGE] == []
     keys = {name for part in MappingSpec.model_json_schema()["$defs"].values() for name in part.get("properties", {})}
-    theirs = {"filters", "filter_parameters", "align", "align_clock", "calibrate", "euler_ranges", "position_mm", "rotation_deg", "x", "y", "z"}
+    theirs = {
+        "filters",
+        "filter_parameters",
+        "align",
+        "align_clock",
+        "calibrate",
+        "euler_ranges",
+        "position_mm",
+        "rotation_deg",
+        "x",
+        "y",
+        "z",
+    }
     assert [key for key in keys - theirs if key not in PAGE] == []

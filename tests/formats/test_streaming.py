@@ -65,10 +65,7 @@ def measure(folder: Path, rows: int) -> tuple[int, float, float]:
 def test_memory_does_not_grow_with_the_recording_and_it_is_much_faster_than_real_time(tmp_path):
     short, long = measure(tmp_path, 1_000_000), measure(tmp_path, 4_000_000)
     assert (short[0], long[0]) == (1_000_000, 4_000_000)
-    grown = (
-        tmp_path / "session4000000" / "imu_imu.parquet"
-    ).stat().st_size / 1e6  # the manifest's hash may read the file at once
-    assert long[2] - short[2] < 150 + grown
+    assert long[2] - short[2] < 60  # 20 bytes a sample, where rate and force alone have 48
     assert long[1] > 100
 
 

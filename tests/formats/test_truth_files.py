@@ -16,7 +16,7 @@ from testbench.formats import import_recording
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor
 from testbench.formats.truth.attach import TruthOptions
-from testbench.formats.truth.robot_log import find_dwells, read_robot_log
+from testbench.formats.truth.robot_log import commanded_steps, find_dwells, read_robot_log
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.pipeline import analyse
 from testbench.records.robot import load_robot
@@ -150,6 +150,68 @@ def test_a_list_of_commanded_poses_is_matched_to_the_dwells_of_the_sensor(run, l
     assert any("6 dwells found" in note for note in session.manifest["notes"])
 
 
+def test_the_dwells_of_a_list_are_steps_of_the_session_and_judged_at_rest(load, tmp_path):
+    np.savetxt(tmp_path / "poses.txt", POSES_DEG, fmt="%g")
+    session = load(tmp_path / "poses.txt", dwell=2.0)
+    steps = session.steps
+    assert [(step.index, step.role, step.section, step.kind) for step in steps] == [
+        (i, "evaluation", "poses", "move") for i in range(6)
+    ]
+    np.testing.assert_allclose([step.settled_ns / 1e9 for step in steps], 3.0 * np.arange(6), atol=0.25)
+    np.testing.assert_allclose([step.end_ns / 1e9 for step in steps], 2 + 3.0 * np.arange(6), atol=0.25)
+    assert [step.start_ns for step in steps[1:]] == [step.end_ns for step in steps[:-1]] and steps[0].start_ns == 0
+    assert [steps[3].variables[f"{joint}_deg"] for joint in JOINTS] == POSES_DEG[3].tolist()
+    result = analyse(session, ["vqf_6d"])
+    (row,) = result.evaluation.orientation
+    judged = result.evaluation.series["orientation_hand"]["judged"]
+    time = result.estimate.sensors["hand"].host_time_ns[judged] / 1e9
+    assert ((time % 3.0) < 2.0).all() and row.total_rmse_deg < 2.0
+    assert "6 finished" in result.report.read_text()
+
+
+def test_the_first_poses_calibrate_and_the_others_are_judged(ur3e, table, xyz, tmp_path, clock):
+    """Nine dwells of 3 s; the sensor has biases and a scale error, which six of them show."""
+    poses = np.vstack([POSES_DEG, POSES_DEG[[1, 3, 4]] + [0, 0, 0, 20, 30, 0]])
+    dwell, move, rate = 3.0, 1.5, 100.0
+    t = np.arange(int((9 * dwell + 8 * move) * rate)) / rate
+    q, v, a = smooth_steps(t, dwell + np.arange(8) * (dwell + move), move, np.radians(poses))
+    motion = ur3e.frame_motion(LINK, q, v, a, Pose.from_placement(MOUNTING))
+    rng = np.random.default_rng(7)
+    acc_bias, gyr_bias = np.array([0.15, -0.1, 0.2]), np.radians([0.5, -0.3, 0.4])
+    acc = 1.01 * motion.specific_force_in_frame(ur3e.robot.gravity) + acc_bias + 0.01 * rng.standard_normal((len(t), 3))
+    gyr = motion.angular_velocity_in_frame + gyr_bias + 0.001 * rng.standard_normal((len(t), 3))
+    path = table("hand.csv", {"t": t} | xyz("a{}", acc, "xyz") | xyz("w{}", gyr, "xyz"), form="%.10g")
+    (tmp_path / "map.yaml").write_text(
+        "description: run\ntime: {column: t, unit: s}\nsensors:\n  hand:\n    acc: {columns: [ax, ay, az], unit: m/s^2}\n"
+        "    gyr: {columns: [wx, wy, wz], unit: rad/s}\n"
+    )
+    np.savetxt(tmp_path / "poses.txt", poses, fmt="%g")
+    truth = TruthOptions(
+        tmp_path / "poses.txt", robot="ur3e", links={"": LINK}, mountings={"": MOUNTING}, dwell=dwell, calibration_poses=6
+    )
+    options = Options(str(tmp_path / "map.yaml"))
+    session = import_recording("generic", [path], tmp_path / "session", clock, options, truth)
+    assert [step.role for step in session.steps] == ["calibration"] * 6 + ["evaluation"] * 3
+    result = analyse(session, ["vqf_6d"], with_report=False)
+    found = result.estimate.sensors["hand"].calibration
+    assert found.method == "static_poses" and found.poses == 6
+    np.testing.assert_allclose(found.acc_bias, acc_bias, atol=0.02)
+    np.testing.assert_allclose(found.gyr_bias, gyr_bias, atol=np.radians(0.05))
+    judged = result.evaluation.series["orientation_hand"]["judged"]
+    assert result.estimate.sensors["hand"].host_time_ns[judged].min() / 1e9 > 6 * dwell + 5 * move
+    assert result.evaluation.orientation[0].inclination_rmse_deg < 0.5
+
+
+def test_sensors_whose_clocks_differ_share_no_dwell():
+    spans = [np.array([[0.0, 2.0], [3.0, 5.0]]), np.array([[0.5, 2.5], [5.5, 7.5]])]
+    with pytest.raises(InputError, match="pose 2 was not held by all sensors at the same time"):
+        commanded_steps(spans, np.zeros((2, 6)), JOINTS, 0)
+    shared = commanded_steps([spans[0], spans[0] + 0.25], np.zeros((2, 6)), JOINTS, 1)
+    assert [(step.role, step.settled_ns, step.end_ns) for step in shared] == [
+        ("calibration", 250_000_000, 2_000_000_000), ("evaluation", 3_250_000_000, 5_000_000_000)
+    ]  # fmt: skip
+
+
 def test_poses_at_a_stated_rhythm_need_no_samples_that_turn(run, load, tmp_path):
     _, _, orientation, *_ = run
     np.savetxt(tmp_path / "poses.txt", POSES_DEG, fmt="%g")
@@ -186,6 +248,8 @@ TITLES = "time_s,J1,J2,J3,J4,J5,J6\n"
         ("[0, 1, 2, 3, 4, 5]\n[0, 1]\n", {}, r"robot.txt:2: 2 numbers, where the arm has 6 joints"),
         (f"{TITLES}0,{POSE}1,0,-90,,-90,90,180\n", {}, r"robot.txt:3: a joint angle is missing"),
         (f"{TITLES}1,{POSE}0,{POSE}", {}, r"robot.txt:3: time goes back"),
+        (POSE * 6, {"dwell": 2.0, "calibration_poses": 6}, r"--calibration-poses 6 asks for a list of more .* has 6$"),
+        (f"{TITLES}0,{POSE}1,{POSE}", {"calibration_poses": 1}, r"--calibration-poses 1 asks .* has 2 rows, with times"),
         (POSE * 3, {"links": {}}, r"which link carries hand\? Answer with --link SENSOR=LINK.*wrist_3_link"),
         (POSE * 3, {"links": {"foot": LINK}}, r"names the sensor 'foot'; the recording has hand"),
     ],

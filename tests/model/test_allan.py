@@ -1,11 +1,15 @@
 """Allan deviation: the known slopes, the known coefficients, and figures of another program."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from testbench.model import allan
 from testbench.model.allan import allan_deviation, fit_noise
 
 RATE = 100.0
+GOLDEN = Path(__file__).parents[1] / "golden"
 
 
 def white(density: float, n: int, seed: int) -> np.ndarray:
@@ -64,3 +68,20 @@ def test_what_is_not_there_is_not_found():
 def test_two_samples_are_refused():
     with pytest.raises(ValueError, match="at least 3"):
         allan_deviation(np.zeros(2), RATE)
+
+
+def test_the_curve_is_that_of_allantools():
+    """The golden file says which version computed it, and with which call."""
+    factor, tau, deviation, differences = np.loadtxt(GOLDEN / "allan_oadev.csv", delimiter=",", unpack=True)
+    signal = np.loadtxt(GOLDEN / "allan_signal.csv")
+    curve = allan_deviation(signal, RATE, factor.astype(int))
+    np.testing.assert_allclose(curve.tau, tau, rtol=1e-15)
+    np.testing.assert_allclose(curve.deviation, deviation, rtol=1e-12)
+    np.testing.assert_array_equal(len(signal) + 1 - 2 * factor, differences)
+
+
+def test_the_curve_is_the_same_in_pieces(monkeypatch):
+    signal = white(0.01, 5000, 3)
+    whole = allan_deviation(signal, RATE)
+    monkeypatch.setattr(allan, "PIECE", 333)
+    np.testing.assert_allclose(allan_deviation(signal, RATE).deviation, whole.deviation, rtol=1e-13)

@@ -92,6 +92,31 @@ def test_the_report_names_what_was_run_and_the_verdict(quick_page: Page, quick: 
         assert words.lower() in quick_page.words.lower()
 
 
+def test_an_imported_recording_is_not_spoken_of_as_a_run(imported: Judged) -> None:
+    words = re.sub(r"\s+", " ", Page(report(imported.session, imported.estimate, imported.evaluation).read_text()).words)
+    for said in (
+        "Imported2026-01-02",
+        "What was recorded",
+        "none: an imported recording",
+        "the same files, options and versions",
+    ):
+        assert said in words, said
+    for wrong in ("Started", "same plan", "seed", "What was run", "status of the bench", "The protocol"):
+        assert wrong not in words, wrong
+
+
+def test_a_recording_of_devices_is_dated_as_one_and_says_what_it_cannot_repeat(imported: Judged, tmp_path: Path) -> None:
+    folder = copy_of(imported.session, tmp_path)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest |= {"kind": "recording", "notes": ["imu: 98.0 samples in a second arrived, 100 were expected."]}
+    del manifest["source"]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    words = re.sub(r"\s+", " ", Page(report(Session(folder)).read_text()).words)
+    for said in ("Recorded2026-01-02", "none: devices recorded alone", "cannot be measured again", "98.0 samples in a second"):
+        assert said in words, said
+    assert "same plan" not in words and "Started" not in words
+
+
 def test_every_table_and_figure_says_how_to_read_it(quick_page: Page) -> None:
     classes = [a.get("class") or "" for _, a in quick_page.tags]
     blocks = classes.count("scroll") + classes.count("figures") + classes.count("small-figures")

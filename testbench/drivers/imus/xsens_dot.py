@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from bisect import insort
-from typing import Any
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
 
 from testbench.drivers.imus.bluetooth import SCAN_S, BluetoothLoop, describe_error, find_dots
 from testbench.drivers.imus.device_clock import DeviceClock, SampleCounter
@@ -28,6 +29,7 @@ from testbench.drivers.imus.xsens_dot_payload import (
     read,
     set_rate_command,
 )
+from testbench.drivers.imus.xsens_dot_sync import STOP, STOP_RESULT, ask, message
 from testbench.exceptions import DriverError, InputError
 from testbench.frames import NANOSECONDS
 
@@ -35,6 +37,7 @@ CONNECT_S = 30.0
 """Longest time to connect and set up one sensor [s]."""
 BACKOFF_S = (0.5, 5.0)
 """First and longest wait between attempts to connect again [s]; each is twice the one before."""
+T = TypeVar("T")
 REORDER = 4
 """Samples that are held back so that late ones find their place."""
 
@@ -82,6 +85,7 @@ class XsensDot(StreamedImu):
         self._given_ns: int | None = None
         self._streaming = False
         self._reconnecting: asyncio.Task[None] | None = None
+        self._sync_root: str | None = None
 
     def __str__(self) -> str:
         return f"Xsens DOT {self.target}"
@@ -97,6 +101,39 @@ class XsensDot(StreamedImu):
                 self._bluetooth.call(self._connect(), CONNECT_S + 2 * SCAN_S)
             except DriverError as error:
                 raise DriverError(f"{self}: {error}") from None
+
+    @property
+    def address(self) -> str:
+        """As the sensor itself states it; that of the operating system before it is connected."""
+        return self._info.address if self._info is not None else self._address
+
+    def work(self, task: Callable[[Any], Coroutine[Any, Any, T]]) -> T:
+        """Do something with the connected client, before streaming begins.
+
+        Raises:
+            DriverError: The sensor is not connected, or does not answer.
+        """
+        try:
+            if self._client is None:
+                raise DriverError("it is not connected")
+            return self._bluetooth.call(task(self._client), CONNECT_S)
+        except DriverError as error:
+            raise DriverError(f"{self}: {error}") from None
+
+    def let_go(self) -> None:
+        """Disconnect for a while; `connect` makes the link again."""
+        client, self._client = self._client, None
+        if client is not None:
+            self._bluetooth.call(_quietly(client.disconnect()), CONNECT_S)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass, by the clock of the session."""
+        self.time.clock.sleep(seconds)
+
+    def note_synchronised(self, root_address: str) -> None:
+        """The sensor's clock now is that of the root; it is let go of when the recording ends."""
+        self._sync_root = root_address
+        self.notices.add("synchronised", root=root_address)
 
     def kickoff(self) -> None:
         """Connect if that was not done, and begin to stream.
@@ -142,6 +179,7 @@ class XsensDot(StreamedImu):
             # Rates and forces are means over the interval before the stamp: strapdown integration on board (user manual).
             "rate_delay_s": 0.5 / self.rate,
             "battery_percent": self._battery,
+            "sync_root": self._sync_root,
             **known,
         }
 
@@ -201,6 +239,8 @@ class XsensDot(StreamedImu):
             command = measurement_command(self.mode, start=False)
             await _quietly(client.write_gatt_char(MEASUREMENT_CONTROL, command, response=True))
             await _quietly(client.stop_notify(self.mode.characteristic))
+            if self._sync_root is not None:  # it would cost battery until it is switched off [5.3.2.2]
+                await _quietly(ask(client, message(STOP), STOP_RESULT))
             await _quietly(client.disconnect())
         self._give(keep=0)
 

@@ -40,9 +40,10 @@ class ParquetTable:
         row = 0
         try:
             with pq.ParquetFile(self.file) as content:
-                for batch in content.iter_batches(batch_size=ROWS_PER_CHUNK, columns=list(kinds)):
-                    yield {name: self._array(batch.column(name), kind, name, row) for name, kind in kinds.items()}
-                    row += batch.num_rows
+                for group in range(content.num_row_groups):  # over all of them, pyarrow would keep all that it has read
+                    for batch in content.iter_batches(ROWS_PER_CHUNK, [group], list(kinds)):
+                        yield {name: self._array(batch.column(name), kind, name, row) for name, kind in kinds.items()}
+                        row += batch.num_rows
         except (OSError, pa.ArrowInvalid) as error:
             raise self.problem(f"not a readable Parquet file: {str(error)[:200]}") from None
 

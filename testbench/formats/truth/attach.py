@@ -15,7 +15,13 @@ from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import TextTable, find_table
 from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
 from testbench.formats.truth.reference import collect, reference_truth
-from testbench.formats.truth.robot_log import commanded_truth, logged_truth, read_robot_log
+from testbench.formats.truth.robot_log import (
+    commanded_dwells,
+    commanded_steps,
+    commanded_truth,
+    logged_truth,
+    read_robot_log,
+)
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.protocol import Analysis
@@ -34,7 +40,8 @@ class TruthOptions:
         the file holds orientations. links: Link of each sensor ("" for all). mountings: Sensor in the link, or in the body
         whose orientation the file holds ("" for all). dwell: How long each commanded pose is held [s]. move: How long each
         move takes [s]; None: found in the samples. offset: Added to the file's times [s]. rate: Of a log without times [Hz].
-        joint_unit: "deg" or "rad", where the log does not say.
+        joint_unit: "deg" or "rad", where the log does not say. calibration_poses: The first so many commanded poses calibrate
+        the sensors and are not judged.
     """
 
     file: Path
@@ -46,6 +53,7 @@ class TruthOptions:
     offset: float = 0.0
     rate: float | None = None
     joint_unit: str | None = None
+    calibration_poses: int = 0
 
 
 def attach_truth(recording: Recording, options: TruthOptions) -> None:
@@ -69,7 +77,10 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
     else:
         _from_robot(recording, options, notes)
     recording.notes += [f"truth: {note}" for note in notes]
-    settings = recording.analysis.estimate.model_copy(update={"align": "motion", "align_clock": options.dwell is None})
+    changes = {"align": "motion", "align_clock": options.dwell is None}
+    if options.calibration_poses:
+        changes["calibrate"] = "static_poses"
+    settings = recording.analysis.estimate.model_copy(update=changes)
     recording.analysis = Analysis.model_validate(recording.analysis.model_dump() | {"estimate": settings.model_dump()})
 
 
@@ -89,6 +100,12 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
         )
     if log.time_ns is not None and options.dwell is not None:
         raise InputError(f"{options.file} has times: leave --dwell out, or the times")
+    if options.calibration_poses and (options.dwell is None or options.calibration_poses >= len(log.q)):
+        raise InputError(
+            f"--calibration-poses {options.calibration_poses} asks for a list of more commanded poses than that; "
+            f"{options.file} has {len(log.q)}{' rows, with times' if log.time_ns is not None else ''}"
+        )
+    dwells = []
     for name, sensor in recording.sensors.items():
         link = options.links.get(name, options.links.get("", ""))
         mounting = Pose.from_placement(options.mountings.get(name, options.mountings.get("", Placement())))
@@ -96,17 +113,18 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
             sensor.truth = logged_truth(kinematics, log, link, mounting, shift)
         else:
             assert options.dwell is not None
-            sensor.truth = commanded_truth(
-                kinematics, log.q, link, mounting, sensor, options.dwell, options.move, shift, name, notes
-            )
+            dwells.append(commanded_dwells(len(log.q), sensor, options.dwell, options.move, shift, name, notes))
+            sensor.truth = commanded_truth(kinematics, log.q, link, mounting, dwells[-1])
         sensor.details |= {"truth": f"{kinematics.robot.name}, link {link}"}
+    if dwells:
+        recording.steps = commanded_steps(dwells, log.q, kinematics.robot.joint_names, options.calibration_poses)
     notes.append(f"{options.file.name}: {len(log.q)} joint poses of {kinematics.robot.name}")
 
 
 def _from_orientations(recording: Recording, options: TruthOptions, notes: list[str]) -> None:
     """The same orientations for every sensor, each with its own mounting."""
-    if options.dwell is not None or options.links:
-        raise InputError("--dwell and --link belong to a robot's log; state the arm with --robot")
+    if options.dwell is not None or options.links or options.calibration_poses:
+        raise InputError("--dwell, --calibration-poses and --link belong to a robot's log; state the arm with --robot")
     table, _ = find_table(
         options.file,
         _POSES,

@@ -25,6 +25,8 @@ from testbench.formats.tables.timeline import RegularTime, StampedTime
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
+from testbench.records.plan import PlannedStep
+from testbench.records.protocol_steps import Role
 from testbench.records.samples import Truth
 
 SMOOTHING_S = 0.1
@@ -217,32 +219,39 @@ def logged_truth(kinematics: Kinematics, log: RobotLog, link: str, mounting: Pos
     )
 
 
-def commanded_truth(
-    kinematics: Kinematics, q: np.ndarray, link: str, mounting: Pose, sensor: ImportedSensor, dwell: float, move: float | None,
-    shift_ns: int, name: str, notes: list[str],
-) -> Truth:  # fmt: skip
-    """Truth during the dwells of a list of poses.
+def commanded_dwells(
+    poses: int, sensor: ImportedSensor, dwell: float, move: float | None, shift_ns: int, name: str, notes: list[str]
+) -> np.ndarray:
+    """When each pose of a list was held, shape (n, 2): begin and end, host time [s].
 
     Args:
-        kinematics: Of the arm. q: Commanded joint angles, shape (n, n_joints) [rad]. link: That carries the sensor. mounting:
-            The sensor in the link. sensor: Its samples show the dwells. dwell: Of each pose [s]. move: Time from pose to pose
-            [s], or None to find the dwells in the samples. shift_ns: Of the first dwell, if `move` is given [ns]. name: Of
-            the sensor. notes: Appended to.
+        poses: Their number. sensor: Its samples show the dwells. dwell: Of each pose [s]. move: Time from pose to pose [s], or
+            None to find the dwells in the samples. shift_ns: Of the first dwell, if `move` is given [ns]. name: Of the sensor.
+            notes: Appended to.
 
     Raises:
         InputError: The samples show another number of dwells than there are poses.
     """
     if move is not None:
-        starts = shift_ns / NANOSECONDS + np.arange(len(q)) * (dwell + move)
-        spans = np.column_stack([starts, starts + dwell])
-    else:
-        spans = find_dwells(sensor, DWELL_AT_LEAST * dwell)
-        if len(spans) != len(q):
-            raise InputError(
-                f"sensor '{name}': {len(spans)} stretches of rest of {DWELL_AT_LEAST * dwell:g} s or more, but {len(q)} poses; "
-                "cut the recording to the poses, correct --dwell, or state how long each move takes with --move"
-            )
-        notes.append(f"{name}: {len(spans)} dwells found in the samples, {np.diff(spans).mean():.2f} s long on average")
+        starts = shift_ns / NANOSECONDS + np.arange(poses) * (dwell + move)
+        return np.column_stack([starts, starts + dwell])
+    spans = find_dwells(sensor, DWELL_AT_LEAST * dwell)
+    if len(spans) != poses:
+        raise InputError(
+            f"sensor '{name}': {len(spans)} stretches of rest of {DWELL_AT_LEAST * dwell:g} s or more, but {poses} poses; "
+            "cut the recording to the poses, correct --dwell, or state how long each move takes with --move"
+        )
+    notes.append(f"{name}: {len(spans)} dwells found in the samples, {np.diff(spans).mean():.2f} s long on average")
+    return spans
+
+
+def commanded_truth(kinematics: Kinematics, q: np.ndarray, link: str, mounting: Pose, spans: np.ndarray) -> Truth:
+    """Truth during the dwells of a list of poses.
+
+    Args:
+        kinematics: Of the arm. q: Commanded joint angles, shape (n, n_joints) [rad]. link: That carries the sensor. mounting:
+            The sensor in the link. spans: Begin and end of each dwell, shape (n, 2) [s].
+    """
     orientation = kinematics.frame_motion(link, q, offset=mounting).q_world_from_frame
     times, rows, known = [], [], []
     for (start, end), pose in zip(spans, orientation, strict=True):
@@ -254,6 +263,35 @@ def commanded_truth(
         known.append(np.arange(len(inside) + 1) < len(inside))
     time = np.round(np.concatenate(times) * NANOSECONDS).astype(np.int64)
     return Truth(time, np.vstack(rows), judged=np.concatenate(known))
+
+
+def commanded_steps(spans: list[np.ndarray], q: np.ndarray, joints: list[str], calibration: int) -> list[PlannedStep]:
+    """The dwells of a list of poses as steps of a session: a move to each pose, and its dwell.
+
+    Args:
+        spans: Begin and end of each dwell by each sensor, shape (n, 2) [s]; a step's dwell is what all of them share.
+        q: Commanded joint angles, shape (n, n_joints) [rad]. joints: Their names. calibration: The first so many poses
+        calibrate the sensors and are not judged.
+
+    Raises:
+        InputError: The sensors do not share a dwell.
+    """
+    begins, ends = np.max([span[:, 0] for span in spans], axis=0), np.min([span[:, 1] for span in spans], axis=0)
+    apart = np.flatnonzero(ends <= begins)
+    if len(apart):
+        raise InputError(
+            f"pose {apart[0] + 1} was not held by all sensors at the same time: their clocks differ; import each by itself"
+        )
+    times = np.round(np.column_stack([np.append(0, ends[:-1]), begins, ends]) * NANOSECONDS).astype(np.int64)
+    steps = []
+    for index, (pose, (start, settled, end)) in enumerate(zip(np.degrees(q), times.tolist(), strict=True)):
+        calibrates = index < calibration
+        variables = {f"{joint}_deg": round(float(angle), 6) for joint, angle in zip(joints, pose, strict=True)}
+        section = "calibration" if calibrates else "poses"
+        role: Role = "calibration" if calibrates else "evaluation"
+        name = f"pose {index + 1}"
+        steps.append(PlannedStep(index, section, role, name, "move", variables, min(start, settled), settled, end))
+    return steps
 
 
 def find_dwells(sensor: ImportedSensor, shortest: float) -> np.ndarray:

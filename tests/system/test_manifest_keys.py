@@ -1,0 +1,142 @@
+"""Every key of a manifest, whoever writes it, is in docs/session_format.md, and every key there is written by somebody."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from testbench.clock import SystemClock
+from testbench.execution.device_recorder import open_devices, record_devices
+from testbench.formats import import_recording
+from testbench.formats.imu_tk import COUNTS_PER_M_S2
+from testbench.formats.options import Options
+from testbench.formats.truth.attach import TruthOptions
+from testbench.pipeline import Result
+from testbench.records.session import Session
+from tests.conftest import FakeClock
+from tests.drivers.test_xsens_dot import Bench, FakeDot
+from tests.execution.test_record import Feeder
+
+PAGE = Path(__file__).parents[2] / "docs" / "session_format.md"
+TIME = np.arange(400) / 100
+UP = np.tile([0.0, 0.0, 9.80665], (400, 1))
+REST = np.zeros((400, 3))
+
+
+def documented() -> dict[str, set[str]]:
+    """Kinds of session by key, of the tables under `manifest.json`; `<sensor>` stands for any name, a last `*` for anything."""
+    section = PAGE.read_text(encoding="utf-8").split("### manifest.json")[1].split("\n## ")[0]
+    result = {}
+    for line in section.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("| `") and len(cells) == 3:
+            kinds = {"run", "import", "recording"} if cells[1] == "all" else set(cells[1].split(", "))
+            result |= dict.fromkeys(re.findall(r"`([^`]+)`", cells[0]), kinds)
+    return result
+
+
+def keys(value: Any, path: str = "") -> Iterator[str]:
+    if isinstance(value, dict) and value:
+        for key, inner in value.items():
+            yield from keys(inner, f"{path}.{key}" if path else key)
+    else:
+        yield path
+
+
+def pattern(key: str) -> str:
+    """A regular expression for a documented key."""
+    text = re.escape(key).replace("<sensor>", "[^.]+")
+    return text.replace(r"\.\*", r"(\..+)?")
+
+
+def table(path: Path, columns: dict[str, np.ndarray], above: str = "", separator: str = ",") -> Path:
+    rows = zip(*([f"{value:.9g}" for value in column] for column in columns.values()), strict=True)
+    path.write_text(above + separator.join(columns) + "\n" + "\n".join(separator.join(row) for row in rows) + "\n")
+    return path
+
+
+def xyz(form: str, array: np.ndarray, axes: str = "XYZ") -> dict[str, np.ndarray]:
+    return {form.format(axis): array[:, i] for i, axis in enumerate(axes)}
+
+
+def imports(folder: Path) -> Iterator[Session]:
+    clock = FakeClock()
+
+    def load(name: str, files: list[Path], options: Options | None = None, truth: TruthOptions | None = None) -> Session:
+        return import_recording(name, files, folder / f"session_{name}", clock, options, truth)
+
+    above = "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nFilterProfile:,General\nOutputRate:,60Hz\nStartTime:,now\n\n"
+    dot = {"PacketCounter": np.arange(400), "SampleTimeFine": 16667 * np.arange(400)} | xyz("Acc_{}", UP) | xyz("Gyr_{}", REST)
+    yield load("xsens_dot", [table(folder / "dot.csv", dot, above)])
+    above = "// DeviceId: 00B432CC\n// ProductCode: MTw\n// Firmware Version: 4.6.0\n"
+    above += "// Filter Profile: human\n// Update Rate: 100.0Hz\n"
+    mtw = {"PacketCounter": np.arange(400)} | xyz("Acc_{}", UP) | xyz("Gyr_{}", REST)
+    yield load("mtw", [table(folder / "MT_0120-000_00B432CC.txt", mtw, above, "\t")])
+    for kind, values in (("acc", 32768 + COUNTS_PER_M_S2 * UP), ("gyro", 32768 + REST)):
+        np.savetxt(folder / f"pair_{kind}.mat", np.column_stack([TIME, np.round(values)]), fmt="%.4f")
+    yield load("imu_tk", [folder / "pair_acc.mat", folder / "pair_gyro.mat"])
+    (folder / "map.yaml").write_text(
+        "description: counts\nrate_hz: 100\nsensors: {imu: {acc: {columns: [x, y, z], unit: g, offset: 32768, scale: 1.0e-3}, "
+        "gyr: {columns: [u, v, w], unit: deg/s}}}\n"
+    )
+    counts = table(folder / "counts.csv", xyz("{}", 32768 + 1000 * UP / 9.80665, "xyz") | xyz("{}", REST, "uvw"))
+    (folder / "poses.txt").write_text("0,-90,-90,-90,90,180\n")
+    truth = TruthOptions(folder / "poses.txt", "ur3e", {"": "wrist_3_link"}, dwell=2.0, move=1.0)
+    yield load("generic", [counts], Options(str(folder / "map.yaml")), truth)
+
+
+def recordings(folder: Path) -> Iterator[Session]:
+    board, bench = Feeder(), Bench(FakeDot("D4:22:CD:00:00:01"))
+    ended = threading.Event()
+
+    def live() -> None:
+        for number in range(10_000):
+            if ended.wait(1 / 60):
+                return
+            if bench.dots[0].streaming is not None:
+                bench.dots[0].send(bench.dots[0].payload(number))
+
+    life = threading.Thread(target=live)
+    life.start()
+    try:
+        devices = open_devices([f"{board.port}:mpu6050_plain"], [bench.dots[0].address], SystemClock(), bluetooth=bench.loop)
+        yield record_devices(devices, folder, duration_s=0.6)
+    finally:
+        ended.set()
+        life.join()
+        board.close()
+        bench.close()
+
+
+@pytest.fixture(scope="module")
+def written(quick: Result, tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
+    """Kinds of session by the keys that were written into their manifests."""
+    pytest.importorskip("serial")
+    folder = tmp_path_factory.mktemp("kinds")
+    found: dict[str, set[str]] = {}
+    for session in [quick.session, *imports(folder), *recordings(folder)]:
+        for key in keys(session.manifest):
+            found.setdefault(key, set()).add(session.manifest["kind"])
+    return found
+
+
+def test_every_key_that_is_written_is_documented_for_its_kind_of_session(written: dict[str, set[str]]) -> None:
+    known = documented()
+    assert len(known) > 40
+    for key, kinds in written.items():
+        fitting = [allowed for name, allowed in known.items() if re.fullmatch(pattern(name), key)]
+        assert fitting, f"docs/session_format.md does not say what {key} is"
+        assert kinds <= set.union(*fitting), f"{key} is written by {kinds}, documented for {fitting}"
+
+
+def test_every_key_that_is_documented_is_written_by_each_kind_that_is_named(written: dict[str, set[str]]) -> None:
+    for name, kinds in documented().items():
+        found = [own for key, own in written.items() if re.fullmatch(pattern(name), key)]
+        assert found, f"nothing writes {name}"
+        assert set.union(*found) == kinds, f"{name} is documented for {kinds}, but written by {set.union(*found)}"
