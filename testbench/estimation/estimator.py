@@ -70,7 +70,7 @@ def _stored(session: Session, name: str, calibrations: list[SensorCalibration]) 
 
 def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
     def correct(samples: ImuSamples) -> ImuSamples:
-        gyr, acc, mag = stored.apply(samples.gyr, samples.acc, samples.mag)
+        gyr, acc, mag = stored.apply(samples.gyr, samples.acc, samples.mag, samples.temperature)
         q = samples.device_q
         if q is not None and stored.mounting is not None:
             q = rotation.multiply(q, rotation.from_matrix(stored.mounting.R_believed_from_sensor.T))

@@ -231,7 +231,7 @@ class _Recording:
             {"kind": "recording", "protocol": {"name": self.name, "purpose": "devices recorded without an arm"}},
         )
         for name, imu in imus.items():
-            writer.open_journal(f"imu_{name}", ImuSamples.columns(imu.has_magnetometer, imu.has_orientation), IMU_NOTES)
+            writer.open_journal(f"imu_{name}", imu.columns(), IMU_NOTES)
         writer.event(Event(time.now_ns(), "recording_started", {"devices": list(imus)}))
         status, message, error = RunStatus.COMPLETED, "", None
         with on_interrupt(self._ask_to_stop):

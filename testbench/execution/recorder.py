@@ -58,7 +58,7 @@ class Recorder:
         plan.save(folder / PLAN)
         self._writer.open_journal(ARM, ArmSamples.columns(plan.robot.joint_names), ARM_NOTES)
         for name, imu in imus.items():
-            self._writer.open_journal(f"imu_{name}", ImuSamples.columns(imu.has_magnetometer, imu.has_orientation), IMU_NOTES)
+            self._writer.open_journal(f"imu_{name}", imu.columns(), IMU_NOTES)
         self._synced_ns = clock.monotonic_ns()
 
     @property

@@ -189,7 +189,9 @@ def _sensor(place: Place, spec: SensorColumns, table: Table, name: str, options:
             own = _own_axes(place.inside(quantity, "axes"), part.axes) if part.axes else axes
             vectors[quantity] = (_columns(place.inside(quantity, "columns"), table, part.columns), part, own)
     q_columns = _columns(place.inside("quaternion", "columns"), table, spec.quaternion.columns) if spec.quaternion else []
-    kinds: dict[str, Kind] = dict.fromkeys([c for columns, _, _ in vectors.values() for c in columns] + q_columns, "float")
+    warmth = _columns(place.inside("temperature"), table, [spec.temperature])[0] if spec.temperature is not None else None
+    read = [c for columns, _, _ in vectors.values() for c in columns] + q_columns + ([warmth] if warmth else [])
+    kinds: dict[str, Kind] = dict.fromkeys(read, "float")
     units = {quantity: options.unit(quantity, getattr(part, "unit", None)) for quantity, (_, part, _) in vectors.items()}
     factors = {quantity: 1.0 if unit is None else unit.factor for quantity, unit in units.items()}
 
@@ -198,7 +200,7 @@ def _sensor(place: Place, spec: SensorColumns, table: Table, name: str, options:
         for quantity, (titles, part, own) in vectors.items():
             values[quantity] = own.vectors((stack(columns, titles) - part.offset) * (part.scale * factors[quantity]))
         q = axes.orientations(_quaternions(columns, q_columns, spec.quaternion)) if spec.quaternion else None
-        return Quantities(values["gyr"], values["acc"], values["mag"], q)
+        return Quantities(values["gyr"], values["acc"], values["mag"], q, temperature=columns[warmth] if warmth else None)
 
     stream = SampleStream(table, kinds, convert, timeline, counter)
     rate = (stated_rate if use_rate else None) or measured_rate(stream.first()) or stated_rate

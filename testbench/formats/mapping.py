@@ -119,6 +119,7 @@ class SensorColumns(StrictModel):
     gyr: GyrColumns | None = None
     mag: MagColumns | None = None
     quaternion: QuaternionColumns | None = Field(default=None, description="By the sensor's own filter.")
+    temperature: Column | None = Field(default=None, description="Temperature of the part [deg C].")
     counter: Column | None = Field(default=None, description="Sample counter; wraps of 8, 16 and 32 bits are seen to.")
     axes: str | AxisNames | None = Field(default=None, description="Name of an axis map, or {x: -z, y: -y, z: -x}.")
     truth: TruthColumns | None = None

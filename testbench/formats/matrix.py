@@ -22,6 +22,7 @@ from testbench.formats.tables.timeline import SpreadTime, StampedTime, rate_of_s
 from testbench.frames import NANOSECONDS
 
 NOMINAL_RATE = 100.0
+WARMTH = "ambient_temp"
 ACC, GYR = ["acc_x", "acc_y", "acc_z"], ["gyr_x", "gyr_y", "gyr_z"]
 
 
@@ -68,13 +69,14 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str]]:
         rate, doubt = rate_of_stamps(np.concatenate(stamps) // NANOSECONDS, NOMINAL_RATE)
         how = "nominal; the stamps cannot tell" if np.isinf(doubt) else f"by the stamps of whole seconds, to {doubt:.2g} Hz"
         notes.append(f"rate {rate:.6g} Hz ({how}); the samples are spread evenly over their seconds")
-    kinds: dict[str, Kind] = dict.fromkeys([titles[name] for name in ACC + GYR], "float")
+    kinds: dict[str, Kind] = dict.fromkeys([titles[name] for name in [*ACC, *GYR, WARMTH] if name in titles], "float")
 
     def convert(columns: Columns) -> Quantities:
         gyr = stack(columns, [titles[name] for name in GYR], gyr_unit.factor)
-        return Quantities(gyr, stack(columns, [titles[name] for name in ACC], acc_unit.factor))
+        warmth = columns[titles[WARMTH]] if WARMTH in titles else None
+        return Quantities(gyr, stack(columns, [titles[name] for name in ACC], acc_unit.factor), temperature=warmth)
 
-    left = [name for name in table.names if name and name.lower() not in wanted]
+    left = [name for name in table.names if name and name.lower() not in {*wanted, WARMTH}]
     if left:
         notes.append(f"columns that were not read: {', '.join(left)}")
     stream = SampleStream(table, kinds, convert, lambda: SpreadTime(stamp, rate))

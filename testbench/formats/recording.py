@@ -123,7 +123,7 @@ def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, 
         Number of rows, first and last host_time_ns.
     """
     head = next(chunks)
-    shape = (head.mag is not None, head.device_q is not None)
+    shape = (head.mag is not None, head.device_q is not None, head.temperature is not None)
     types = ImuSamples.columns(*shape)
     metadata: Mapping[str, str] = IMU_NOTES
     schema = pa.schema([(name, pa.from_numpy_dtype(dtype)) for name, dtype in types.items()], metadata=metadata)
@@ -132,7 +132,7 @@ def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, 
     def batches() -> Iterator[pa.RecordBatch]:
         nonlocal last
         for chunk in _chain(head, chunks):
-            if (chunk.mag is not None, chunk.device_q is not None) != shape:
+            if (chunk.mag is not None, chunk.device_q is not None, chunk.temperature is not None) != shape:
                 raise ValueError("an importer's chunks must all have the same columns")
             columns = chunk.to_columns()
             last = int(chunk.host_time_ns[-1])

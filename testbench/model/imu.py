@@ -17,6 +17,8 @@ from testbench.model.noise import GaussMarkov, RandomWalk, random_stream
 from testbench.records.protocol import Environment
 from testbench.records.sensor import DeviceOrientation, Triad
 
+SHEET_TEMPERATURE = 25.0
+"""At which data sheets of MEMS sensors state their numbers [deg C]."""
 MU_0_OVER_4PI = 1e-7
 """Magnetic constant over 4 pi [T m/A] (CODATA 2018, to 1e-9)."""
 
@@ -28,20 +30,23 @@ class TriadErrors:
     Attributes:
         matrix: Scale and cross-axis sensitivity, shape (3, 3). bias: Shape (3,) [unit].
         g_matrix: Response of a gyroscope to specific force, shape (3, 3) [unit/(m/s^2)].
+        drift: Change of the bias with temperature, shape (3,) [unit/K]; the bias holds at 25 deg C.
     """
 
     matrix: np.ndarray
     bias: np.ndarray
     g_matrix: np.ndarray
+    drift: np.ndarray
 
     @staticmethod
-    def draw(triad: Triad, rng: np.random.Generator) -> TriadErrors:
-        """A part off the production line."""
+    def draw(triad: Triad, rng: np.random.Generator, thermal: np.random.Generator) -> TriadErrors:
+        """A part off the production line; `thermal` draws how it answers to temperature."""
         scale = triad.scale_sd * rng.standard_normal(3)
         cross = triad.cross_axis_sd * rng.standard_normal((3, 3))
         np.fill_diagonal(cross, scale)
         bias = triad.bias_sd * rng.standard_normal(3)
-        return TriadErrors(np.eye(3) + cross, bias, triad.g_sensitivity_sd * rng.standard_normal((3, 3)))
+        drift = triad.bias_drift_sd * thermal.standard_normal(3)
+        return TriadErrors(np.eye(3) + cross, bias, triad.g_sensitivity_sd * rng.standard_normal((3, 3)), drift)
 
 
 class TriadModel:
@@ -54,7 +59,7 @@ class TriadModel:
 
     def __init__(self, triad: Triad, rate: float, seed: int, *labels: str):
         self.triad = triad
-        self.errors = TriadErrors.draw(triad, random_stream(seed, *labels, "part"))
+        self.errors = TriadErrors.draw(triad, random_stream(seed, *labels, "part"), random_stream(seed, *labels, "thermal"))
         interval = 1.0 / rate
         self._bias = GaussMarkov(
             triad.bias_instability, triad.bias_time_constant, interval, 3, random_stream(seed, *labels, "bias instability")
@@ -65,12 +70,15 @@ class TriadModel:
         self._low_pass_coefficients = None if triad.bandwidth is None else low_pass_coefficients(triad.bandwidth, rate)
         self._filter_state: np.ndarray | None = None
 
-    def measure(self, x: np.ndarray, specific_force: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def measure(
+        self, x: np.ndarray, specific_force: np.ndarray | None = None, temperature: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """What is reported of a quantity.
 
         Args:
             x: The quantity in the sensor frame at the next n sampling instants, shape (n, 3) [unit].
             specific_force: Felt at the same instants, shape (n, 3) [m/s^2]; for gyroscopes.
+            temperature: Of the part, shape (n,) [deg C]; that of the data sheet if None.
 
         Returns:
             Readings, shape (n, 3) [unit], and whether any axis was at full scale, shape (n,).
@@ -81,6 +89,8 @@ class TriadModel:
         y = self._low_pass(x)
         y = y + triad.nonlinearity / triad.range**2 * y**3
         y = y @ self.errors.matrix.T + self.errors.bias + self._bias.draw(len(y)) + self._walk.draw(len(y))
+        if temperature is not None and triad.bias_drift_sd:
+            y = y + (temperature - SHEET_TEMPERATURE)[:, None] * self.errors.drift
         if specific_force is not None:
             y = y + specific_force @ self.errors.g_matrix.T
         y = y + self._noise_sd * self._noise.standard_normal(y.shape)

@@ -137,16 +137,17 @@ class SensorCalibration:
     mounting: MountingCalibration | None = None
 
     def apply(
-        self, gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray | None
+        self, gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray | None, temperature: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Corrected angular rate [rad/s], specific force [m/s^2] and field [uT], shapes (n, 3).
 
-        The response of the gyroscope to force is that to the corrected force.
+        The response of the gyroscope to force is that to the corrected force. `temperature` is that of the part, shape (n,)
+        [deg C]; without it, drifts with temperature are left in.
         """
         accelerometer, gyroscope, magnetometer = (self.triads.get(triad) for triad in TRIADS)
-        force = acc if accelerometer is None else accelerometer.apply(acc)
-        rate = gyr if gyroscope is None else gyroscope.apply(gyr, force)
-        field = mag if magnetometer is None or mag is None else magnetometer.apply(mag)
+        force = acc if accelerometer is None else accelerometer.apply(acc, temperature=temperature)
+        rate = gyr if gyroscope is None else gyroscope.apply(gyr, force, temperature)
+        field = mag if magnetometer is None or mag is None else magnetometer.apply(mag, temperature=temperature)
         if self.mounting is None:
             return rate, force, field
         R = self.mounting.R_believed_from_sensor

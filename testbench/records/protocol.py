@@ -209,6 +209,9 @@ class Environment(StrictModel):
         default=[0.0, 24.0, -39.0],
         description="Earth's field in the world [uT]; default: north along y, about that of northern Spain (IGRF-13).",
     )
+    temperature_deg_c: float = Field(default=25.0, ge=-40, le=125, description="Of the sensors at the start [deg C].")
+    warm_up_deg_c: float = Field(default=0.0, ge=-100, le=100, description="By how much they warm up in the end [deg C].")
+    warm_up_time_s: float = Field(default=600.0, gt=0, description="Time constant of that [s].")
     dipoles: list[MagneticDipole] = Field(default=[], description="Magnetic disturbance by the arm.")
     joint_errors: bool = Field(
         default=False,

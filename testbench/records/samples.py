@@ -71,6 +71,7 @@ class ArmSamples:
 
 GYR, ACC, MAG = names("gyr", "_rad_s"), names("acc", "_m_s2"), names("mag", "_uT")
 DEVICE_Q = names("device_q", "", QUATERNION)
+TEMPERATURE = "temperature_deg_c"
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class ImuSamples:
         device_time_ns: The sensor's own clock. host_time_ns: Arrival at the host. Both of shape (n,), int64.
         gyr: Angular rate, shape (n, 3) [rad/s]. acc: Specific force, shape (n, 3) [m/s^2]. mag: Shape (n, 3) [uT], or None.
         device_q: q_earth_from_sensor of the vendor's filter, shape (n, 4), or None. counter: Sample counter, shape (n,).
-        saturated: Whether an axis was at full scale, shape (n,).
+        saturated: Whether an axis was at full scale, shape (n,). temperature: Of the part, shape (n,) [deg C], or None.
     """
 
     device_time_ns: np.ndarray
@@ -92,15 +93,16 @@ class ImuSamples:
     device_q: np.ndarray | None
     counter: np.ndarray
     saturated: np.ndarray
+    temperature: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.device_time_ns)
 
     @staticmethod
-    def columns(mag: bool, device_q: bool) -> dict[str, Any]:
+    def columns(mag: bool, device_q: bool, temperature: bool = False) -> dict[str, Any]:
         """Column names and types on disk."""
         result: dict[str, Any] = {"device_time_ns": np.int64, "host_time_ns": np.int64, "counter": np.int64}
-        vectors = GYR + ACC + (MAG if mag else []) + (DEVICE_Q if device_q else [])
+        vectors = GYR + ACC + (MAG if mag else []) + (DEVICE_Q if device_q else []) + ([TEMPERATURE] if temperature else [])
         return result | dict.fromkeys(vectors, np.float64) | {"saturated": np.bool_}
 
     def to_columns(self) -> dict[str, np.ndarray]:
@@ -111,6 +113,8 @@ class ImuSamples:
             result |= split(MAG, self.mag)
         if self.device_q is not None:
             result |= split(DEVICE_Q, self.device_q)
+        if self.temperature is not None:
+            result[TEMPERATURE] = self.temperature
         return result | {"saturated": self.saturated}
 
     @staticmethod
@@ -118,14 +122,15 @@ class ImuSamples:
         """Columns on disk by attribute, those that a table with these columns lacks left out."""
         own: dict[str, str | list[str]] = {"device_time_ns": "device_time_ns", "host_time_ns": "host_time_ns"}
         own |= {"gyr": GYR, "acc": ACC, "mag": MAG, "device_q": DEVICE_Q, "counter": "counter", "saturated": "saturated"}
+        own |= {"temperature": TEMPERATURE} if TEMPERATURE in names else {}
         return {key: group for key, group in own.items() if key not in {"mag", "device_q"} or group[0] in names}
 
     @staticmethod
     def from_groups(arrays: Mapping[str, np.ndarray]) -> ImuSamples:
-        """From arrays by attribute; mag and device_q may be missing."""
+        """From arrays by attribute; mag, device_q and temperature may be missing."""
         return ImuSamples(
             arrays["device_time_ns"], arrays["host_time_ns"], arrays["gyr"], arrays["acc"], arrays.get("mag"),
-            arrays.get("device_q"), arrays["counter"], arrays["saturated"],
+            arrays.get("device_q"), arrays["counter"], arrays["saturated"], arrays.get("temperature"),
         )  # fmt: skip
 
     @staticmethod
@@ -140,6 +145,7 @@ class ImuSamples:
             join(table, DEVICE_Q) if DEVICE_Q[0] in table else None,
             table["counter"],
             table["saturated"],
+            table.get(TEMPERATURE),
         )
 
 

@@ -29,6 +29,7 @@ class Triad:
         range: Full scale, +- [unit]. resolution: One count [unit], 0 for none. noise_density: Shape (3,) [unit/sqrt(Hz)].
         bandwidth: First-order low pass [Hz], None for none. bias_sd, bias_instability: [unit]. bias_time_constant: [s].
         bias_random_walk: [unit/sqrt(s)]. scale_sd, cross_axis_sd, nonlinearity: [1]. g_sensitivity_sd: [unit/(m/s^2)].
+        bias_drift_sd: Change of the bias with temperature [unit/K].
     """
 
     unit: str
@@ -44,6 +45,7 @@ class Triad:
     cross_axis_sd: float
     nonlinearity: float
     g_sensitivity_sd: float = 0.0
+    bias_drift_sd: float = 0.0
 
 
 class TriadSheet(StrictModel):
@@ -74,6 +76,7 @@ class Accelerometer(TriadSheet):
     bias_sd_mg: float = Field(default=0.0, ge=0, description="Turn-on bias, standard deviation [mg].")
     in_run_bias_mg: float = Field(default=0.0, ge=0, description="In-run bias stability [mg].")
     bias_random_walk_mg_sqrts: float = Field(default=0.0, ge=0, description="Random walk of the bias [mg/sqrt(s)].")
+    bias_drift_sd_mg_k: float = Field(default=0.0, ge=0, description="Change of the bias with temperature, sd [mg/K].")
 
     def triad(self) -> Triad:
         """In SI units."""
@@ -85,6 +88,7 @@ class Accelerometer(TriadSheet):
             bias_sd=self.bias_sd_mg * 1e-3 * _G,
             bias_instability=self.in_run_bias_mg * 1e-3 * _G,
             bias_random_walk=self.bias_random_walk_mg_sqrts * 1e-3 * _G,
+            bias_drift_sd=self.bias_drift_sd_mg_k * 1e-3 * _G,
             **self._common(),  # type: ignore[arg-type]
         )
 
@@ -99,6 +103,9 @@ class Gyroscope(TriadSheet):
     in_run_bias_deg_h: float = Field(default=0.0, ge=0, description="In-run bias stability [deg/h].")
     bias_random_walk_deg_h_sqrts: float = Field(default=0.0, ge=0, description="Random walk of the bias [deg/h/sqrt(s)].")
     g_sensitivity_sd_deg_s_g: float = Field(default=0.0, ge=0, description="Response to specific force, sd [deg/s/g].")
+    bias_drift_sd_deg_s_k: float = Field(
+        default=0.0, ge=0, description="Change of the bias with temperature, sd over parts [deg/s/K]."
+    )
 
     def triad(self) -> Triad:
         """In SI units."""
@@ -111,6 +118,7 @@ class Gyroscope(TriadSheet):
             bias_instability=self.in_run_bias_deg_h * _DEG / 3600,
             bias_random_walk=self.bias_random_walk_deg_h_sqrts * _DEG / 3600,
             g_sensitivity_sd=self.g_sensitivity_sd_deg_s_g * _DEG / _G,
+            bias_drift_sd=self.bias_drift_sd_deg_s_k * _DEG,
             **self._common(),  # type: ignore[arg-type]
         )
 
@@ -159,6 +167,13 @@ class DeviceOrientation(StrictModel):
     noise_sd_deg: float = Field(default=0.0, ge=0, description="White noise about each axis [deg].")
 
 
+class Thermometer(StrictModel):
+    """The part's own thermometer."""
+
+    resolution_deg_c: float = Field(default=0.0, ge=0, description="One count [deg C]; 0: no quantisation.")
+    noise_sd_deg_c: float = Field(default=0.0, ge=0, description="Standard deviation of one reading [deg C].")
+
+
 class ImuParameters(StrictModel):
     """A simulated inertial measurement unit."""
 
@@ -174,6 +189,7 @@ class ImuParameters(StrictModel):
     magnetometer: Magnetometer | None = Field(default=None, description="null: the part has none.")
     clock: Clock = Field(default_factory=Clock, description="The sensor's own clock against the host's.")
     device_orientation: DeviceOrientation | None = Field(default=None, description="null: the part reports no orientation.")
+    thermometer: Thermometer | None = Field(default=None, description="null: the part reports no temperature.")
     lost_packets_percent: float = Field(default=0.0, ge=0, lt=100, description="Part of the samples that never arrive [%].")
 
 

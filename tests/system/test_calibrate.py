@@ -251,3 +251,27 @@ def test_two_axes_through_the_vertical_tell_their_angle(run_protocol):
     result = calibrate_sensor(session, "forearm")
     assert result.calibration.triads["accelerometer"].method == "rotational_2d_bias"
     assert any("deg apart, their scales" in remark for remark in result.remarks)
+
+
+def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, tmp_path):
+    def warm(data):
+        data["sensors"]["forearm"] = {**data["sensors"]["forearm"], "preset": "mpu6050"}
+        data["motion"] = {"speed": 0.42, "acceleration": 0.5, "jerk": 0.5}  # within 250 deg/s
+        data["environment"] = {"temperature_deg_c": 20, "warm_up_deg_c": 15, "warm_up_time_s": 60}
+
+    session = run(altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path, with_report=False).session
+    warmth = session.imu("forearm").temperature
+    assert warmth[0] == pytest.approx(20, abs=0.5)
+    assert warmth[-1] > 30
+    result = calibrate_sensor(session, "forearm", ["attitude_aided"])
+    acc = result.calibration.triads["accelerometer"]
+    real, _ = born_with(session)
+    sd = acc.fits[0].sd[-3:]
+    np.testing.assert_allclose(acc.drift, real.drift, atol=4 * float(sd.max()) + 1e-4)
+    assert np.abs(real.drift).max() > 20 * sd.max()  # it is well seen
+    assert result.calibration.temperature == pytest.approx(float(warmth.mean()), abs=0.1)
+    assert max(abs(acc.validation[f"bias_{axis}_mg"]) for axis in "xyz") < 1.0
+    save_calibration(tmp_path / "warm.yaml", result.calibration)
+    again = load_calibration(tmp_path / "warm.yaml").triads["accelerometer"]
+    np.testing.assert_array_equal(again.drift, acc.drift)
+    assert again.reference == acc.reference

@@ -13,12 +13,13 @@ class Imu(ABC):
     """A sensor that records by itself and hands over its samples.
 
     Attributes:
-        rate: Nominal output rate [Hz]. has_magnetometer, has_orientation: What its samples hold.
+        rate: Nominal output rate [Hz]. has_magnetometer, has_orientation, has_temperature: What its samples hold.
     """
 
     rate: float
     has_magnetometer: bool
     has_orientation: bool
+    has_temperature: bool = False
 
     @abstractmethod
     def kickoff(self) -> None:
@@ -35,6 +36,10 @@ class Imu(ABC):
     @abstractmethod
     def describe(self) -> dict[str, Any]:
         """What the manifest should say of this sensor."""
+
+    def columns(self) -> dict[str, Any]:
+        """Columns of its samples on disk, with their types."""
+        return ImuSamples.columns(self.has_magnetometer, self.has_orientation, self.has_temperature)
 
     def events(self) -> list[Event]:
         """What happened to the device since the last call, such as a lost connection; nothing by default."""

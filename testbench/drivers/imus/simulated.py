@@ -49,6 +49,8 @@ class SimulatedImu(Imu):
             if parameters.device_orientation
             else None
         )
+        self.has_temperature = parameters.thermometer is not None
+        self._thermal_noise = random_stream(seed, name, "thermometer")
         self._draw_clock()
         self._count = 0
         self._last_sample: tuple[np.ndarray, np.ndarray] | None = None
@@ -66,8 +68,9 @@ class SimulatedImu(Imu):
         rate, force = motion.angular_velocity_in_frame, motion.specific_force_in_frame(self.kinematics.robot.gravity)
         if self.parameters.sampling == "integrated":
             rate, force = self._integrated(motion.q_world_from_frame, rate, force)
-        acc, acc_saturated = self._accelerometer.measure(force)
-        gyr, gyr_saturated = self._gyroscope.measure(rate, force)
+        warmth = self._warmth(times)
+        acc, acc_saturated = self._accelerometer.measure(force, temperature=warmth)
+        gyr, gyr_saturated = self._gyroscope.measure(rate, force, warmth)
         saturated = acc_saturated | gyr_saturated
         mag = None
         if self._magnetometer is not None:
@@ -77,7 +80,7 @@ class SimulatedImu(Imu):
         device_q = None if self._orientation is None else self._orientation.measure(motion.q_world_from_frame)
         arrival = self._arrival(times)
         kept = self._loss.random(len(times)) >= self.parameters.lost_packets_percent / 100
-        samples = (device_times, arrival, gyr, acc, mag, device_q, counter, saturated)
+        samples = (device_times, arrival, gyr, acc, mag, device_q, counter, saturated, self._read_thermometer(warmth))
         return ImuSamples(*[None if array is None else array[kept] for array in samples])  # type: ignore[arg-type]
 
     def stop(self) -> None:
@@ -96,6 +99,19 @@ class SimulatedImu(Imu):
             "sampling": self.parameters.sampling,
             "rate_delay_s": self._rate_delay(),
         }
+
+    def _warmth(self, times_ns: np.ndarray) -> np.ndarray:
+        """Temperature of the part, shape (n,) [deg C]: it warms up after it is switched on."""
+        e = self.environment
+        return np.asarray(e.temperature_deg_c + e.warm_up_deg_c * -np.expm1(-times_ns / NANOSECONDS / e.warm_up_time_s))
+
+    def _read_thermometer(self, warmth: np.ndarray) -> np.ndarray | None:
+        thermometer = self.parameters.thermometer
+        if thermometer is None:
+            return None
+        read = warmth + thermometer.noise_sd_deg_c * self._thermal_noise.standard_normal(len(warmth))
+        step = thermometer.resolution_deg_c
+        return np.round(read / step) * step if step else read
 
     def _rate_delay(self) -> float:
         """How much older than its time stamp an angular rate is by the data sheet [s]: half an interval of integration, and the

@@ -25,7 +25,7 @@ from testbench.model.truth import truth_at
 from testbench.records.calibration import TriadCalibration
 from testbench.records.calibration_result import Agreement, CalibrationPoses
 from testbench.records.estimate import ClockFit
-from testbench.records.samples import Truth
+from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import Session
 
 Segmentation = Literal["arm", "gyroscope", "peaks", "variance"]
@@ -42,8 +42,8 @@ class Prepared:
     Attributes:
         samples: On a regular grid. time_ns: Of the grid on the host's clock, shape (n,), int64. rests: Those used, (k, 2).
         truth: Or None. gravity: In the world, shape (3,) [m/s^2]. rate_delay: How much older than its stamp a rate is [s].
-        segmentation: Who said where the rests are. agreements: How far the witnesses agree. temperature: Mean [deg C], or None.
-        remarks: What is odd.
+        segmentation: Who said where the rests are. agreements: How far the witnesses agree. remarks: What is odd.
+        warmth: Temperature of the part on the grid, shape (n,) [deg C], or None.
     """
 
     samples: UniformSamples
@@ -54,8 +54,8 @@ class Prepared:
     rate_delay: float
     segmentation: Segmentation
     agreements: list[Agreement]
-    temperature: float | None
     remarks: list[str]
+    warmth: np.ndarray | None = None
 
     @property
     def has_gyroscope(self) -> bool:
@@ -64,6 +64,11 @@ class Prepared:
     @property
     def has_magnetometer(self) -> bool:
         return self.samples.has("mag")
+
+    @property
+    def temperature(self) -> float | None:
+        """Mean temperature of the part [deg C], or None."""
+        return None if self.warmth is None else float(np.nanmean(self.warmth))
 
     @property
     def has_truth(self) -> bool:
@@ -75,6 +80,7 @@ class Prepared:
         return static_poses(
             self.samples.acc, self.rests, times=self.time_ns / NANOSECONDS, magnitude=float(np.linalg.norm(self.gravity)),
             expected=None if self.truth is None else rotation.rotate(rotation.conjugate(self._attitudes), -self.gravity),
+            temperature=self.warmth,
         )  # fmt: skip
 
     @cached_property
@@ -118,7 +124,11 @@ class Prepared:
 
     def felt(self, accelerometer: TriadCalibration | None) -> np.ndarray:
         """Mean specific force of each rest as the calibrated accelerometer has it, shape (k, 3) [m/s^2]."""
-        return self.poses.mean if accelerometer is None else accelerometer.apply(self.poses.mean)
+        return (
+            self.poses.mean
+            if accelerometer is None
+            else accelerometer.apply(self.poses.mean, temperature=self.poses.temperature)
+        )
 
     def gyroscope_recording(self, accelerometer: TriadCalibration | None) -> GyroscopeRecording:
         """Rests, and the turns between them with what the arm, or gravity alone, knows of each."""
@@ -229,9 +239,17 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
             rests = found[chosen]
             remarks.append("the truth is not known in any rest and is not used")
     gravity = session.robot.gravity if session.robot else np.array([0.0, 0.0, -STANDARD_GRAVITY])
-    return Prepared(
-        uniform, time, rests, truth, gravity, delay, chosen, compare(found, len(uniform.gyr), uniform.interval), None, remarks
-    )
+    agreements = compare(found, len(uniform.gyr), uniform.interval)
+    warmth = _warmth(samples, host, time)
+    return Prepared(uniform, time, rests, truth, gravity, delay, chosen, agreements, remarks, warmth)
+
+
+def _warmth(samples: ImuSamples, host_ns: np.ndarray, time_ns: np.ndarray) -> np.ndarray | None:
+    """Temperature at the times of the grid, shape (n,) [deg C]; None where it was not recorded."""
+    if samples.temperature is None or not np.isfinite(samples.temperature).any():
+        return None
+    known = np.isfinite(samples.temperature)
+    return np.interp(time_ns.astype(float), host_ns[known].astype(float), samples.temperature[known])
 
 
 def _confirmed(rests: np.ndarray, by_gyroscope: np.ndarray) -> tuple[np.ndarray, int]:

@@ -26,6 +26,7 @@ class Quantities:
     Attributes:
         gyr, acc: Shape (n, 3), or None where the file has none: NaN then. mag: Shape (n, 3), or None. device_q:
         q_earth_from_sensor, shape (n, 4), or None. saturated: Shape (n,), bool, or None where the file does not tell.
+        temperature: Of the part, shape (n,) [deg C], or None.
     """
 
     gyr: np.ndarray | None
@@ -33,6 +34,7 @@ class Quantities:
     mag: np.ndarray | None = None
     device_q: np.ndarray | None = None
     saturated: np.ndarray | None = None
+    temperature: np.ndarray | None = None
 
 
 Convert = Callable[[Columns], Quantities]
@@ -133,6 +135,7 @@ def _assemble(time: np.ndarray, origin: int, counter: np.ndarray, q: Quantities)
         q.device_q,
         counter,
         np.zeros(count, dtype=bool) if q.saturated is None else q.saturated,
+        q.temperature,
     )
 
 
