@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.estimation.calibration.norm_only import norm_only
+from testbench.estimation.calibration.poses import static_poses
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
 from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS
 from testbench.records.calibration import TriadCalibration
 from testbench.records.estimate import Estimate
 from testbench.records.session import Session
-from testbench.studies.accelerometer import calibrate_by_norm
 
 SENSOR = "imu"
 REST_SAMPLES, TURN_SAMPLES = 100, 200
@@ -54,13 +55,17 @@ def read_part(session: Session, estimate: Estimate) -> Part:
     gravity = float(np.linalg.norm(session.robot.gravity))
     interval = float(time[-1] - time[0]) / NANOSECONDS / (len(time) - 1)
     settling = round(SETTLING_S * NANOSECONDS)
-    poses = [
-        samples.acc[(time > step.settled_ns + settling) & (time < step.end_ns)]
-        for step in session.steps
-        if step.section == "poses"
-    ]
-    accelerometer = calibrate_by_norm(poses, gravity)
-    up_sd = max(accelerometer.fits[0].residual_rms / gravity, 1e-6)
+    rests = np.array(
+        [
+            [np.searchsorted(time, step.settled_ns + settling, side="right"), np.searchsorted(time, step.end_ns)]
+            for step in session.steps
+            if step.section == "poses"
+        ]
+    )
+    poses = static_poses(samples.acc, rests, times=time / NANOSECONDS, magnitude=gravity)
+    accelerometer = norm_only(poses)
+    left = np.linalg.norm(accelerometer.apply(poses.mean), axis=1) / gravity - 1
+    up_sd = max(float(np.sqrt(np.mean(left**2))), 1e-6)
     cut = _Cut(samples.acc, samples.gyr, interval, up_sd)
     begins = {name: _begins(session, time, name, len(samples)) for name in ("fit", "held_out")}
     borders = [_rests(begin)[0] for begin in begins["held_out"]] + [_rests(begins["held_out"][-1])[1]]

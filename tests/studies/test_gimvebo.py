@@ -6,7 +6,6 @@ import json
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from testbench import estimate, execute
 from testbench.clock import SystemClock
@@ -18,7 +17,6 @@ from testbench.records.published import load_published_tables
 from testbench.records.session import Session
 from testbench.records.study import StudyRecord
 from testbench.studies import STUDIES, get_study
-from testbench.studies.accelerometer import calibrate_by_norm
 from testbench.studies.bench import StudyBench
 from testbench.studies.gimvebo import true_parameters
 from testbench.studies.gimvebo_faults import fit_in_degrees, in_degrees, norms, norms_as_printed, speed_factor
@@ -213,12 +211,3 @@ def test_a_fit_in_degrees_does_not_find_the_scale_that_is_right(part):
     wrong = fit_in_degrees(in_degrees(part.fit.turns, static_bias(part.fit).bias), "rk4")
     right = np.radians(np.diag(gravity_turns(part.fit).matrix))
     assert np.abs(np.diag(wrong.matrix) / right - 1).max() > 1
-
-
-def test_the_norm_of_gravity_calibrates_an_accelerometer():
-    rng = np.random.default_rng(1)
-    up = Rotation.random(30, rng=rng).apply([0, 0, 9.8])
-    T = np.array([[1, -0.01, 0.02], [0, 1, -0.015], [0, 0, 1]]) * np.array([1.01, 0.98, 1.02])
-    rests = [np.tile(np.linalg.solve(T, f) + [0.1, -0.2, 0.3], (5, 1)) for f in up]
-    found = calibrate_by_norm(rests, 9.8)
-    assert np.abs(found.matrix - T).max() < 1e-9 and np.abs(found.bias - [0.1, -0.2, 0.3]).max() < 1e-8

@@ -8,12 +8,13 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from testbench.clock import SystemClock
 from testbench.estimation.calibration.gyroscope import gravity_direction_errors, gravity_turns, static_bias
+from testbench.estimation.calibration.norm_only import norm_only
+from testbench.estimation.calibration.poses import static_poses
 from testbench.estimation.calibration.turns import GyroscopeRecording, turns_between_rests
 from testbench.formats import import_recording
 from testbench.formats.imu_tk import COUNTS_PER_RAD_S, LOCAL_GRAVITY
 from testbench.frames import NANOSECONDS
 from testbench.model.integrators import INTEGRATORS
-from testbench.studies.accelerometer import calibrate_by_norm
 
 pytestmark = pytest.mark.data
 INTERVAL = 0.01
@@ -39,7 +40,7 @@ def recording(data, tmp_path_factory) -> GyroscopeRecording:
     regular = np.arange(time[0], time[-1], INTERVAL)
     acc, gyr = (np.column_stack([np.interp(regular, time, x[:, i]) for i in range(3)]) for x in (samples.acc, samples.gyr))
     rests = rests_of(acc)
-    accelerometer = calibrate_by_norm([acc[begin:end] for begin, end in rests], LOCAL_GRAVITY)
+    accelerometer = norm_only(static_poses(acc, np.array(rests), times=regular, magnitude=LOCAL_GRAVITY))
     return turns_between_rests(gyr, INTERVAL, rests, accelerometer.apply(acc), up_sd=2e-4)
 
 
