@@ -225,5 +225,5 @@ def _estimate_joint(session: Session, name: str, sensors: dict[str, SensorEstima
         world_from_proximal = segment_orientation(q_proximal, placed[joint.proximal])
         world_from_distal = segment_orientation(q_distal, placed[joint.distal])
         for definition in joint.definitions():
-            angles[key, definition.sequence] = joint_angles(world_from_proximal, world_from_distal, definition.sequence)
+            angles[key, definition.label] = joint_angles(world_from_proximal, world_from_distal, definition)
     return JointEstimate(proximal.host_time_ns, angles)

@@ -7,18 +7,26 @@ import numpy as np
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.metrics import summarise
 from testbench.model import rotation
-from testbench.model.joint_angle import joint_angles, segment_orientation
+from testbench.model.joint_angle import (
+    INDEX,
+    decomposition_of,
+    flexion_of,
+    joint_angles,
+    nearest_turn,
+    segment_orientation,
+    unwrapped,
+)
 from testbench.model.truth import WIDEST_GAP_NS, truth_at
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import JointRow
+from testbench.records.joint_definition import FlexionAngle
 from testbench.records.plan import PlannedStep
-from testbench.records.protocol import FlexionAngle, JointDefinition
+from testbench.records.protocol import JointDefinition
 from testbench.records.samples import ArmSamples
 from testbench.records.session import Session
 
-INDEX = {"first": 0, "second": 1, "third": 2}
 LEAST_GIMBAL_MARGIN = np.radians(1.0)
-"""Nearer to gimbal lock than this the two outer Euler angles are not judged [rad]."""
+"""Nearer than this to where it stops being defined (gimbal lock), an angle beside the flexion is not judged [rad]."""
 
 
 def evaluate_joint(
@@ -36,8 +44,8 @@ def evaluate_joint(
     series = {"host_time_ns": time, "judged": np.zeros(len(time), dtype=bool), "reference_rad": reference}
     errors: dict[tuple[str, str], np.ndarray] = {}
     for (key, sequence), angles in joint_estimate.angles.items():
-        definition = next(item for item in definitions if item.sequence == sequence)
-        flexion = definition.sign * angles[:, INDEX[definition.flexion]]
+        definition = next(item for item in definitions if item.label == sequence)
+        flexion = nearest_turn(flexion_of(definition, angles), reference)
         errors[key, sequence] = rotation.wrap(flexion - reference)
         series[f"{key}_{sequence}_flexion_rad"] = flexion
         series[f"{key}_{sequence}_error_rad"] = errors[key, sequence]
@@ -49,7 +57,7 @@ def evaluate_joint(
         if not len(counted):
             continue
         for (key, sequence), error in errors.items():
-            definition = next(item for item in definitions if item.sequence == sequence)
+            definition = next(item for item in definitions if item.label == sequence)
             others = _others(joint_estimate.angles[key, sequence][counted], true_angles[sequence][counted], definition)
             rows.append(_row(name, key, sequence, step, joint, np.degrees(error[counted]), others))
     return rows, series
@@ -78,28 +86,31 @@ def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> 
     angles: dict[str, np.ndarray] = {}
     for definition in joint.definitions():
         full = np.full((len(time), 3), np.nan)
-        full[known] = joint_angles(world_from_proximal, world_from_distal, definition.sequence)
-        angles[definition.sequence] = full
+        full[known] = joint_angles(world_from_proximal, world_from_distal, definition)
+        angles[definition.label] = full
     return angles
 
 
 def _reference(
     joint: JointDefinition, true_angles: dict[str, np.ndarray], arm: ArmSamples | None, time: np.ndarray
 ) -> np.ndarray:
-    """True flexion [rad]: the arm's measured joint where the protocol names one, else the Euler angle of the truth."""
+    """True flexion [rad]: the arm's measured joint if the protocol names one, else the same angle of the truth, unwrapped."""
     if joint.reference_joint is not None and arm is not None and joint.reference_joint in arm.joint_names:
         column = arm.joint_names.index(joint.reference_joint)
         return np.asarray(np.interp(time, arm.host_time_ns, arm.q_measured[:, column], left=np.nan, right=np.nan))
-    return np.asarray(joint.sign * true_angles[joint.sequence][:, INDEX[joint.flexion]])
+    return unwrapped(flexion_of(joint, true_angles[joint.label]))
 
 
 def _others(estimated: np.ndarray, true: np.ndarray, definition: FlexionAngle) -> list[float | None]:
-    """Mean absolute error [deg] of the two angles that are not the flexion; None where the sequence is in gimbal lock."""
-    locked = rotation.gimbal_margin(definition.sequence, true) < LEAST_GIMBAL_MARGIN
-    indices = [i for i in range(3) if i != INDEX[definition.flexion]]
-    if locked.all():
-        return [None, None]
-    return [float(np.degrees(np.abs(rotation.wrap(estimated[~locked, i] - true[~locked, i])).mean())) for i in indices]
+    """Mean absolute error [deg] of the two angles that are not the flexion; None for one that is nowhere defined."""
+    margins = decomposition_of(definition).margins(true)
+    result: list[float | None] = []
+    for i in range(3):
+        defined = margins[:, i] >= LEAST_GIMBAL_MARGIN
+        if i != INDEX[definition.flexion]:
+            error = np.abs(rotation.wrap(estimated[defined, i] - true[defined, i]))
+            result.append(float(np.degrees(error.mean())) if defined.any() else None)
+    return result
 
 
 def _row(

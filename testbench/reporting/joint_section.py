@@ -67,7 +67,7 @@ def _summary(joint: str, rows: list[JointRow], evaluation: Evaluation) -> Table:
         columns,
         body,
         "How to read: e is estimated minus true flexion; every pose or sweep counts alike, however long it took. The last "
-        "two columns are the mean absolute errors of the other two Euler angles; a dash means gimbal lock. The middle angle "
+        "two columns are the mean absolute errors of the other two angles; a dash means gimbal lock. The middle angle "
         "of a sequence such as ZXZ is the angle between two axes: it is never negative, so that errors at 0 deg are one-sided, "
         "and where one of the axes is vertical it does not see heading errors; the other two angles do.",
     )
@@ -108,7 +108,7 @@ def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults) 
     body: list[Row] = []
     for sequence in [*errors.sequences, *(s for s in beside if s not in errors.sequences)]:
         filters = errors.filters(sequence)
-        title = f"Euler sequence {sequence}" + ("" if filters else ", published only")
+        title = f"{_kind(sequence)} {sequence}" + ("" if filters else ", published only")
         body.append(Row([Cell(title, head=True, span=len(errors.flexions) + 2)], "group"))
         waiting = list(beside.get(sequence, []))
         best = _lowest(errors, sequence)
@@ -267,3 +267,7 @@ def _time_blocks(joint: str, rows: list[JointRow], evaluation: Evaluation, colou
             "section.",
         )
     ]
+
+
+def _kind(label: str) -> str:
+    return "Euler sequence" if label.isupper() else "definition"
