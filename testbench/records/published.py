@@ -30,6 +30,23 @@ class FlexionErrors(StrictModel):
     mean_abs_error_deg: list[float | None]
 
 
+class MisalignmentFit(StrictModel):
+    """One published quadratic fit of the theoretical flexion error over the misalignment; degrees.
+
+    Attributes:
+        a_interval: Confidence interval of a at 95 %.
+    """
+
+    flexion_deg: float
+    a: float
+    b: float
+    c: float
+    r_squared: float
+    adjusted_r_squared: float
+    rmse_deg: float
+    a_interval: list[float] = Field(min_length=2, max_length=2)
+
+
 class PublishedResults(StrictModel):
     """The numbers of one publication."""
 
@@ -42,6 +59,7 @@ class PublishedResults(StrictModel):
     reference_angle: str
     flexion_deg: list[float] = Field(min_length=1)
     flexion_mean_abs_error: list[FlexionErrors]
+    misalignment_fits: list[MisalignmentFit] = []
 
     @model_validator(mode="after")
     def _equally_long(self) -> PublishedResults:
