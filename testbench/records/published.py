@@ -47,6 +47,28 @@ class MisalignmentFit(StrictModel):
     a_interval: list[float] = Field(min_length=2, max_length=2)
 
 
+class PublishedTable(StrictModel):
+    """Any other published table, as printed.
+
+    Attributes:
+        table: Where it stands. title: What it shows. columns: Headings with units. rows: A cell for each column, None where the
+        source gives none. note: What is wrong or doubtful in the source.
+    """
+
+    table: str
+    title: str
+    columns: list[str] = Field(min_length=1)
+    rows: list[list[float | str | None]]
+    note: str = ""
+
+    @model_validator(mode="after")
+    def _a_cell_for_each_column(self) -> PublishedTable:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"table {self.table}: a row has {len(row)} cells for {len(self.columns)} columns")
+        return self
+
+
 class PublishedResults(StrictModel):
     """The numbers of one publication."""
 
@@ -56,10 +78,11 @@ class PublishedResults(StrictModel):
     institution: str
     year: int
     setup: str
-    reference_angle: str
-    flexion_deg: list[float] = Field(min_length=1)
-    flexion_mean_abs_error: list[FlexionErrors]
+    reference_angle: str = ""
+    flexion_deg: list[float] = []
+    flexion_mean_abs_error: list[FlexionErrors] = []
     misalignment_fits: list[MisalignmentFit] = []
+    tables: list[PublishedTable] = []
 
     @model_validator(mode="after")
     def _equally_long(self) -> PublishedResults:
@@ -74,6 +97,17 @@ class PublishedResults(StrictModel):
     def source(self) -> str:
         """How to cite it."""
         return f"{self.authors}, {self.institution}, {self.year}"
+
+    def table(self, name: str) -> PublishedTable:
+        """One of its tables.
+
+        Raises:
+            NotFoundError: It has no such table; lists those it has.
+        """
+        for table in self.tables:
+            if table.table == name:
+                return table
+        raise NotFoundError(f"table of {self.id}", name, [table.table for table in self.tables])
 
 
 @cache
