@@ -16,12 +16,13 @@ from testbench.records.joint_definition import FlexionAngle
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import JointDefinition
 from testbench.records.session import Session
-from testbench.studies.results import Cell, ResultCurve, ResultFigure, ResultTable
+from testbench.records.study import StudyRow, StudyTable
+from testbench.studies.curves import StudyCurve, StudyCurves
 
 
-def session_figures(
+def session_curves(
     session: Session, evaluation: Evaluation, joint: str, flexions_deg: Sequence[float] | None = None
-) -> list[ResultFigure]:
+) -> list[StudyCurves]:
     """Theory, simulation and measurement over the misalignment, one figure for each definition of a joint.
 
     Theory is the closed form for the middle angle of a sequence; simulation the joint-angle code on the segments' true
@@ -45,20 +46,20 @@ def session_figures(
             misalignments = np.array(sorted({float(row.misalignment_deg or 0.0) for row in here}))
             theory = theoretical_error(definition, flexion, misalignments)
             if theory is not None:
-                curves.append(ResultCurve(f"theory, {flexion:g} deg", misalignments, theory, "theory"))
+                curves.append(StudyCurve(f"theory, {flexion:g} deg", misalignments, theory, "theory"))
             for name in dict.fromkeys(row.filter for row in here):
                 mine = [row for row in here if row.filter == name]
                 if name == here[0].filter:  # the poses are the same for all
                     simulated = simulated_errors(session, joint, definition, mine)
-                    curves.append(ResultCurve(f"simulation, {flexion:g} deg", *_by_misalignment(mine, simulated), "simulation"))
+                    curves.append(StudyCurve(f"simulation, {flexion:g} deg", *_by_misalignment(mine, simulated), "simulation"))
                 measured = np.array([row.flexion_mean_abs_error_deg for row in mine])
-                curves.append(ResultCurve(f"{name}, {flexion:g} deg", *_by_misalignment(mine, measured), "measurement"))
+                curves.append(StudyCurve(f"{name}, {flexion:g} deg", *_by_misalignment(mine, measured), "measurement"))
         figures.append(
-            ResultFigure(
+            StudyCurves(
                 f"{joint}: |error| of the {definition.label} flexion over the misalignment",
                 "misalignment [deg]",
                 "|error| [deg]",
-                curves,
+                tuple(curves),
                 "How to read: theory is the closed form, simulation the true poses of the arm through the same code, the rest "
                 "what the filters gave. Where these lie on the theory, the error is the definition's and no sensor's.",
             )
@@ -66,10 +67,14 @@ def session_figures(
     return figures
 
 
-def session_table(session: Session, evaluation: Evaluation, joint: str) -> ResultTable:
-    """How much of each filter's error the definition itself makes."""
+def session_table(session: Session, evaluation: Evaluation, joint: str) -> StudyTable:
+    """How much of each filter's error the definition itself makes.
+
+    Raises:
+        InputError: The protocol commands no misalignment and flexion for this joint.
+    """
     rows = _posed_rows(evaluation, joint)
-    body: list[list[Cell]] = []
+    body = []
     for definition in session.analysis.joints[joint].definitions():
         for name in dict.fromkeys(row.filter for row in rows):
             own = [row for row in rows if (row.filter, row.sequence) == (name, definition.label)]
@@ -77,17 +82,27 @@ def session_table(session: Session, evaluation: Evaluation, joint: str) -> Resul
                 continue
             simulated = simulated_errors(session, joint, definition, own)
             measured = np.array([row.flexion_mean_abs_error_deg for row in own])
-            body.append(
-                [definition.label, name, len(own), float(np.nanmean(simulated)), float(np.nanmax(simulated)),
-                 float(measured.mean()), float(measured.max())]
-            )  # fmt: skip
-    return ResultTable(
-        f"{joint}: error of the definition beside that of the filters",
-        ["definition", "filter", "poses", "mean |error| of the definition [deg]", "its largest [deg]",
-         "mean |error| measured [deg]", "its largest [deg] measured"],
-        body,
-        "How to read: the definition's error is that of the true poses; a filter cannot do much better, only worse.",
-    )  # fmt: skip
+            values = (len(own), *_mean_and_largest(simulated), *_mean_and_largest(measured))
+            body.append(StudyRow(f"{definition.label}, {name}", values))
+    return StudyTable(
+        f"{joint} measured",
+        f"Session {session.name}, {joint}: error of the definition beside that of the filters",
+        (
+            "poses",
+            "definition: mean |error| [deg]",
+            "definition: largest [deg]",
+            "measured: mean |error| [deg]",
+            "measured: largest [deg]",
+        ),
+        tuple(body),
+        "How to read: the definition's error is that of the true poses; what a filter adds or takes is the sensors'.",
+        decimals=(0, 3, 3, 3, 3),
+    )
+
+
+def _mean_and_largest(values: np.ndarray) -> tuple[float | None, float | None]:
+    known = values[np.isfinite(values)]
+    return (float(known.mean()), float(known.max())) if len(known) else (None, None)
 
 
 def theoretical_error(definition: FlexionAngle, flexion_deg: float, misalignment_deg: np.ndarray) -> np.ndarray | None:

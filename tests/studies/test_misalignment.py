@@ -9,7 +9,7 @@ import pytest
 
 from testbench.exceptions import InputError
 from testbench.studies.misalignment import misalignment_study
-from testbench.studies.misalignment_session import session_figures
+from testbench.studies.misalignment_session import session_curves
 
 
 @pytest.fixture(scope="module")
@@ -17,52 +17,58 @@ def study():
     return misalignment_study()
 
 
-def test_the_fits_stand_beside_the_published_ones_and_agree(study):
-    table = study.table("Quadratic fits")
-    rows = {row[0]: dict(zip(table.columns, row, strict=True)) for row in table.rows}
-    assert list(rows) == [float(f) for f in range(0, 71, 5)]
-    for flexion in (60, 70):
-        row = rows[flexion]
-        assert row["ratio of a"] == pytest.approx(1, abs=3e-4)
-        assert row["c [deg]"] == pytest.approx(row["published c"], abs=5e-5)
-        assert row["R²"] == pytest.approx(row["published R²"], abs=5e-5)
-        assert row["a from"] < row["published a"] < row["a to"]
-    assert all(rows[f]["published a"] is None for f in (0, 30, 65))
-    assert table.source == "Castellanos Alonso, Universidad de Oviedo, 2023"
+def test_the_fits_stand_beside_the_published_ones_and_agree_as_printed(study):
+    table = study.table("fits")
+    rows = {row.label: row for row in table.rows}
+    assert list(rows) == [f"{f} deg" for f in range(0, 71, 5)]
+    printed = {"60 deg": (5, 5, 5, 9, 5, 4, 4, 5), "70 deg": (5, 5, 5, 9, 4, 4, 4, 2)}  # decimals of the source
+    for label, decimals in printed.items():
+        ours = [round(value, digits) for value, digits in zip(rows[label].values, decimals, strict=True)]
+        assert ours == list(rows[label].published)
+        assert rows[label].ratio(0) == pytest.approx(1, abs=3e-4)
+    assert all(not row.published for label, row in rows.items() if label not in printed)
+    assert study.source == "Castellanos Alonso, Universidad de Oviedo, 2023"
 
 
 def test_published_fits_stand_beside_no_other_sequence_or_grid():
-    other = misalignment_study("XYZ").table("Quadratic fits")
-    assert other.source is None
-    assert all(value is None for value in other.column("published a"))
+    assert not any(row.published for row in misalignment_study("XYZ").table("fits").rows)
+    finer = misalignment_study(misalignment_deg=np.arange(-20.0, 21.0))
+    assert not any(row.published for row in finer.table("fits").rows)
 
 
 def test_misalignment_about_y_is_passed_on_whole_and_about_z_not_at_all(study):
-    rows = {row[0]: row[1:] for row in study.table("Misalignment about each axis").rows}
+    rows = {row.label: row.values for row in study.table("axes").rows}
     assert rows["Y"] == pytest.approx([20, 1, 1])
     assert rows["Z"] == pytest.approx([0, 0, 0], abs=1e-12)
     assert rows["X"][0] == pytest.approx(7.9909, abs=1e-4)
 
 
 def test_the_surface_is_normed_like_the_published_one(study):
-    caption = study.table("Surface of |error|").caption
-    assert "(f - 35) / 21.64" in caption
-    assert "(d - 0) / 12.13" in caption
+    how = study.table("surface").how
+    assert "(f - 35) / 21.64" in how
+    assert "(d - 0) / 12.13" in how
+
+
+def test_the_surfaces_are_the_grids_that_the_tables_come_from(study):
+    x, y, z = study.surfaces
+    assert x.z.shape == (len(x.y), len(x.x)) == (15, 21)
+    assert x.z.max() == pytest.approx(7.9909, abs=1e-4)
+    np.testing.assert_allclose(y.z, np.tile(np.abs(y.x), (15, 1)), atol=1e-9)
+    np.testing.assert_allclose(z.z, 0, atol=1e-9)
 
 
 def test_every_sequence_with_the_flexion_as_an_angle_of_its_own_is_compared(study):
-    rows = {row[0]: row[1:] for row in study.table("Largest |error| of a flexion").rows}
+    rows = {row.label: row.values for row in study.table("sequences").rows}
     assert set(rows) == {"XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "ZYZ"}
     assert rows["ZYX"][1] == pytest.approx(rows["XYZ"][3])  # mirror images of one another
-    assert all(row[2] == pytest.approx(20, abs=1e-6) for name, row in rows.items() if name not in ("XYX", "ZYZ"))
+    assert all(row[2] == pytest.approx(20, abs=1e-6) for name, row in rows.items())
     assert rows["ZYZ"][3] == pytest.approx(0, abs=1e-9)
 
 
 def test_a_yaw_of_one_sensor_leaves_the_pitch_alone(study):
-    table = study.table("One sensor's orientation")
-    largest = {(row[0], row[1]): row[-1] for row in table.rows}
-    assert largest["proximal", "yaw"] == pytest.approx(0, abs=1e-9)
-    assert largest["distal", "pitch"] == pytest.approx(20, abs=1e-9)
+    largest = {row.label: row.values[-1] for row in study.table("sensors").rows}
+    assert largest["proximal, yaw"] == pytest.approx(0, abs=1e-9)
+    assert largest["distal, pitch"] == pytest.approx(20, abs=1e-9)
 
 
 def test_a_flexion_that_is_no_single_angle_is_refused():
@@ -74,7 +80,7 @@ def test_a_flexion_that_is_no_single_angle_is_refused():
 
 
 def test_theory_simulation_and_measurement_of_a_session_agree_in_one_figure(quick):
-    zxz, yxz = session_figures(quick.session, quick.evaluation, "elbow")
+    zxz, yxz = session_curves(quick.session, quick.evaluation, "elbow")
     curves = {curve.name: curve for curve in yxz.curves}
     theory, simulation = curves["theory, 60 deg"], curves["simulation, 60 deg"]
     np.testing.assert_array_equal(theory.x, [0, 20])
@@ -92,21 +98,22 @@ def test_theory_simulation_and_measurement_of_a_session_agree_in_one_figure(quic
 
 def test_the_study_takes_a_session_in(quick):
     study = misalignment_study(session=quick.session, evaluation=quick.evaluation)
-    table = study.table("elbow: error of the definition")
-    rows = {(row[0], row[1]): row for row in table.rows}
-    assert rows["YXZ", "device"][4] == pytest.approx(5.536, abs=0.02)
-    assert rows["ZXZ", "device"][4] < 0.05
-    assert quick.session.name in study.notes[0]
+    table = study.table("elbow measured")
+    rows = {row.label: row.values for row in table.rows}
+    assert rows["YXZ, device"][2] == pytest.approx(5.536, abs=0.02)
+    assert rows["ZXZ, device"][2] < 0.05
+    assert quick.session.name in table.caption
+    assert len(study.curves) == 3
 
 
 def test_a_session_without_misalignment_is_refused(quick):
     one = [row for row in quick.evaluation.joint_angle if row.misalignment_deg == 0]
     with pytest.raises(InputError, match="varies no misalignment of joint 'elbow'"):
-        session_figures(quick.session, replace(quick.evaluation, joint_angle=one), "elbow")
+        session_curves(quick.session, replace(quick.evaluation, joint_angle=one), "elbow")
 
 
 def test_the_elbow_grows_wrong_with_flexion_by_yxz_and_not_by_zxz_and_the_sensors_follow_the_theory(elbow_flexion):
-    zxz, yxz = session_figures(elbow_flexion.session, elbow_flexion.evaluation, "elbow", [10, 40, 70])
+    zxz, yxz = session_curves(elbow_flexion.session, elbow_flexion.evaluation, "elbow", [10, 40, 70])
     curves = {curve.name: curve for curve in yxz.curves}
     assert curves["theory, 70 deg"].y.max() == pytest.approx(7.99, abs=0.005)
     for flexion in (10, 40, 70):

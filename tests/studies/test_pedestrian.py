@@ -11,7 +11,7 @@ import pytest
 from testbench.estimation.pedestrian import PUBLISHED
 from testbench.exceptions import InputError
 from testbench.model import rotation
-from testbench.records.published import load_published
+from testbench.records.published import load_published_tables
 from testbench.studies.pedestrian import pedestrian_study, swing_results
 
 G = 9.80665
@@ -104,16 +104,22 @@ def test_the_drift_bends_the_path_and_leaves_its_length(swung):
 
 def test_the_tables_hold_ours_beside_the_published(swung):
     study = pedestrian_study(*swung)
-    cycles, drift = study.table("Gait cycles"), study.table("Yaw drift")
-    assert set(cycles.column("error in cycles")) == {0}
-    rows = [dict(zip(drift.columns, row, strict=True)) for row in drift.rows]
-    rolling = {row["filter"]: row["published drift [deg]"] for row in rows if "roll_deg 3" in row["swing"]}
-    assert rolling == {"device": None, "vqf_6d": None, "euler_ekf_simple": 50, "euler_ekf": 10}
-    assert {row["published drift [deg]"] for row in rows if "roll_deg 0" in row["swing"]} == {None}
-    assert study.table("Published table 10").rows == load_published("reference_4").table("10").rows
-    (figure,) = study.figures
+    cycles, drift = study.table("cycles"), study.table("drift")
+    assert {row.values[2] for row in cycles.rows} == {0}
+    rolling = {row.label: row.published for row in drift.rows if "14, roll_deg 3" in row.label}
+    published = {label.rpartition(", ")[2]: values[:1] for label, values in rolling.items()}
+    assert published == {"device": (), "vqf_6d": (), "euler_ekf_simple": (50,), "euler_ekf": (10,)}
+    assert {row.published for row in drift.rows if "roll_deg 0" in row.label} == {()}
+    simple = next(row for row in drift.rows if row.published[:1] == (50,) and "cycles 14" in row.label)
+    assert 0.7 < simple.ratio(0) < 1.1
+    table = study.table("table 10")
+    assert [row.published for row in table.rows] == [
+        tuple(row.values) for row in load_published_tables("reference_4").tables["10"].rows
+    ]
+    (figure,) = study.curves
     assert {curve.name for curve in figure.curves} == {"device", "vqf_6d", "euler_ekf_simple", "euler_ekf"}
-    assert "gait_cycles 109" in figure.title
+    assert "gait_cycles 109" in figure.caption
+    assert study.source == "Cabezuelo Gutiérrez, Universidad de Alcalá, 2019"
 
 
 def test_a_session_without_swings_or_truth_is_refused(quick):
@@ -132,14 +138,13 @@ def test_a_session_without_swings_or_truth_is_refused(quick):
 
 
 def test_the_means_of_table_14_are_those_of_table_12_but_for_the_misprint():
-    published = load_published("reference_4")
-    rows = published.table("12").rows
-    for device, position, cycles, _, distance, _, end in published.table("14").rows:
-        own = np.array([row[4:] for row in rows if row[:2] == [device, position]], dtype=float)
-        assert len(own) == 3
-        mean = own.mean(axis=0)
-        expected = 35.3 if (device, position) == ("NGIMU", "chest") else mean[0]
-        assert cycles == pytest.approx(expected, abs=0.04)
-        assert distance == pytest.approx(mean[1], abs=0.11)
-        assert end == pytest.approx(mean[2], abs=0.02)
-    assert all(row[4] == abs(109 - row[3]) for row in rows)
+    tables = load_published_tables("reference_4").tables
+    for mean_row in tables["14"].rows:
+        own = np.array([row.values for row in tables["12"].rows if row.label.startswith(f"{mean_row.label}, ")], dtype=float)
+        assert own.shape == (3, 4)
+        _, cycles, distance, end = own.mean(axis=0)
+        if mean_row.label != "NGIMU, chest":
+            assert mean_row.values[0] == pytest.approx(cycles, abs=0.04)
+        assert mean_row.values[2] == pytest.approx(distance, abs=0.11)
+        assert mean_row.values[4] == pytest.approx(end, abs=0.02)
+    assert all(row.values[1] == abs(109 - row.values[0]) for row in tables["12"].rows)
