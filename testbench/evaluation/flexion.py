@@ -11,7 +11,7 @@ from testbench.model.joint_angle import (
     INDEX,
     decomposition_of,
     flexion_of,
-    joint_angles,
+    joint_angle_series,
     nearest_turn,
     segment_orientation,
     unwrapped,
@@ -86,7 +86,7 @@ def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> 
     angles: dict[str, np.ndarray] = {}
     for definition in joint.definitions():
         full = np.full((len(time), 3), np.nan)
-        full[known] = joint_angles(world_from_proximal, world_from_distal, definition)
+        full[known] = joint_angle_series(world_from_proximal, world_from_distal, definition)
         angles[definition.label] = full
     return angles
 

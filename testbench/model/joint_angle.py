@@ -58,15 +58,22 @@ def joint_angles(
 
     Args:
         q_world_from_proximal, q_world_from_distal: Of the segments, shape (n, 4). definition: An intrinsic Euler sequence such
-        as "ZXZ", or what the protocol says. One that is `continuous` takes the samples as a series in time.
+        as "ZXZ", or what the protocol says.
 
     Returns:
-        Shape (n, 3).
+        Each sample by itself, in the principal ranges, shape (n, 3).
     """
-    relative = joint_rotation(q_world_from_proximal, q_world_from_distal)
-    decomposition = decomposition_of(definition)
-    angles = decomposition.angles(relative)
-    return follow(decomposition, angles) if isinstance(definition, FlexionAngle) and definition.continuous else angles
+    return decomposition_of(definition).angles(joint_rotation(q_world_from_proximal, q_world_from_distal))
+
+
+def joint_angle_series(
+    q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, definition: FlexionAngle
+) -> np.ndarray:
+    """The three angles [rad] over time: as `joint_angles`, but followed from sample to sample where the definition is
+    `continuous`. Rows must be in the order of time, shape (n, 4) to (n, 3).
+    """
+    angles = joint_angles(q_world_from_proximal, q_world_from_distal, definition)
+    return follow(decomposition_of(definition), angles) if definition.continuous else angles
 
 
 def decomposition_of(definition: str | FlexionAngle) -> Decomposition:

@@ -11,7 +11,7 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.model import rotation
-from testbench.model.joint_angle import joint_angles, segment_orientation
+from testbench.model.joint_angle import joint_angle_series, segment_orientation
 from testbench.records.estimate import Estimate
 from testbench.records.joint_definition import FlexionAngle
 from testbench.records.samples import ArmSamples, ImuSamples, Truth
@@ -151,7 +151,7 @@ class ExportSource:
         for item in definition.definitions():
             result[item.label] = np.full((len(time_ns), 3), np.nan)
             if known.any():
-                result[item.label][known] = joint_angles(q[0][known], q[1][known], item)
+                result[item.label][known] = joint_angle_series(q[0][known], q[1][known], item)
         return result
 
     def definitions(self, joint: str) -> dict[str, FlexionAngle]:
