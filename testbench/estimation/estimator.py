@@ -22,7 +22,7 @@ from testbench.estimation.vector_mounting import VectorMounting, mounting_from_v
 from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
-from testbench.model.joint_angle import joint_angles, segment_orientation
+from testbench.model.joint_angle import joint_angle_series, segment_orientation
 from testbench.model.truth import truth_at
 from testbench.records.calibration_file import SensorCalibration, find_calibration
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, JointEstimate, SensorEstimate
@@ -268,5 +268,5 @@ def _estimate_joint(session: Session, name: str, sensors: dict[str, SensorEstima
         world_from_proximal = segment_orientation(q_proximal, placed[joint.proximal])
         world_from_distal = segment_orientation(q_distal, placed[joint.distal])
         for definition in joint.definitions():
-            angles[key, definition.sequence] = joint_angles(world_from_proximal, world_from_distal, definition.sequence)
+            angles[key, definition.label] = joint_angle_series(world_from_proximal, world_from_distal, definition)
     return JointEstimate(proximal.host_time_ns, angles)

@@ -10,20 +10,28 @@ from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, 
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.metrics import correlation, summarise
 from testbench.model import rotation
-from testbench.model.joint_angle import joint_angles, segment_orientation
+from testbench.model.joint_angle import (
+    INDEX,
+    decomposition_of,
+    flexion_of,
+    joint_angle_series,
+    nearest_turn,
+    segment_orientation,
+    unwrapped,
+)
 from testbench.model.truth import WIDEST_GAP_NS, truth_at
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import JointRow
+from testbench.records.joint_definition import FlexionAngle
 from testbench.records.plan import PlannedStep
-from testbench.records.protocol import FlexionAngle, JointDefinition
+from testbench.records.protocol import JointDefinition
 from testbench.records.samples import ArmSamples
 from testbench.records.session import Session
 
-INDEX = {"first": 0, "second": 1, "third": 2}
 Key = tuple[str, str]
-"""Filter and Euler sequence."""
+"""Filter and label of the definition."""
 LEAST_GIMBAL_MARGIN = np.radians(1.0)
-"""Nearer to gimbal lock than this the two outer Euler angles are not judged [rad]."""
+"""Nearer than this to where it stops being defined (gimbal lock), an angle beside the flexion is not judged [rad]."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,7 @@ class JointErrors:
 
     def definition(self, sequence: str) -> FlexionAngle:
         """How a sequence gives the flexion."""
-        return next(item for item in self.joint.definitions() if item.sequence == sequence)
+        return next(item for item in self.joint.definitions() if item.label == sequence)
 
     def series(self) -> dict[str, np.ndarray]:
         """Columns for figures and the viewer."""
@@ -83,8 +91,8 @@ def joint_errors(
     reference = _reference(joint, true_angles, arm, time)
     flexion, error = {}, {}
     for (key, sequence), angles in joint_estimate.angles.items():
-        definition = next(item for item in joint.definitions() if item.sequence == sequence)
-        flexion[key, sequence] = definition.sign * angles[:, INDEX[definition.flexion]]
+        definition = next(item for item in joint.definitions() if item.label == sequence)
+        flexion[key, sequence] = nearest_turn(flexion_of(definition, angles), reference)
         error[key, sequence] = rotation.wrap(flexion[key, sequence] - reference)
     finite = np.isfinite(reference) & sound
     counted = [(step, rows[finite[rows]]) for step, rows in rows_by_step(steps, time, static)]
@@ -152,28 +160,31 @@ def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> 
     angles: dict[str, np.ndarray] = {}
     for definition in joint.definitions():
         full = np.full((len(time), 3), np.nan)
-        full[known] = joint_angles(world_from_proximal, world_from_distal, definition.sequence)
-        angles[definition.sequence] = full
+        full[known] = joint_angle_series(world_from_proximal, world_from_distal, definition)
+        angles[definition.label] = full
     return angles
 
 
 def _reference(
     joint: JointDefinition, true_angles: dict[str, np.ndarray], arm: ArmSamples | None, time: np.ndarray
 ) -> np.ndarray:
-    """True flexion [rad]: the arm's measured joint where the protocol names one, else the Euler angle of the truth."""
+    """True flexion [rad]: the arm's measured joint if the protocol names one, else the same angle of the truth, unwrapped."""
     if joint.reference_joint is not None and arm is not None and joint.reference_joint in arm.joint_names:
         column = arm.joint_names.index(joint.reference_joint)
         return np.asarray(np.interp(time, arm.host_time_ns, arm.q_measured[:, column], left=np.nan, right=np.nan))
-    return np.asarray(joint.sign * true_angles[joint.sequence][:, INDEX[joint.flexion]])
+    return unwrapped(flexion_of(joint, true_angles[joint.label]))
 
 
 def _others(estimated: np.ndarray, true: np.ndarray, definition: FlexionAngle) -> list[float | None]:
-    """Mean absolute error [deg] of the two angles that are not the flexion; None where the sequence is in gimbal lock."""
-    locked = rotation.gimbal_margin(definition.sequence, true) < LEAST_GIMBAL_MARGIN
-    indices = [i for i in range(3) if i != INDEX[definition.flexion]]
-    if locked.all():
-        return [None, None]
-    return [float(np.degrees(np.abs(rotation.wrap(estimated[~locked, i] - true[~locked, i])).mean())) for i in indices]
+    """Mean absolute error [deg] of the two angles that are not the flexion; None for one that is nowhere defined."""
+    margins = decomposition_of(definition).margins(true)
+    result: list[float | None] = []
+    for i in range(3):
+        defined = margins[:, i] >= LEAST_GIMBAL_MARGIN
+        if i != INDEX[definition.flexion]:
+            error = np.abs(rotation.wrap(estimated[defined, i] - true[defined, i]))
+            result.append(float(np.degrees(error.mean())) if defined.any() else None)
+    return result
 
 
 def _row(errors: JointErrors, key: Key, step: PlannedStep, rows: np.ndarray, others: list[float | None]) -> JointRow:

@@ -45,10 +45,10 @@ def summarise_joint(
                 summaries.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
         for (name, sequence), error in errors.error.items():
             series = _series(error, steps)
-            if sequence == errors.joint.sequence and series is not None:
+            if sequence == errors.joint.label and series is not None:
                 own[name] = series
         if len(own) > 1:
-            ranked, compared = rank_filters(errors.name, section, errors.joint.sequence, MEAN_MAGNITUDE, own)
+            ranked, compared = rank_filters(errors.name, section, errors.joint.label, MEAN_MAGNITUDE, own)
             ranks += ranked
             comparisons += compared
     return summaries, ranks, comparisons

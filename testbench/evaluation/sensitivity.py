@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.evaluation.flexion import INDEX
 from testbench.evaluation.judged import window
 from testbench.model import rotation
-from testbench.model.joint_angle import joint_angles, segment_from_sensor, segment_orientation
+from testbench.model.joint_angle import INDEX, joint_angles, segment_from_sensor, segment_orientation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import JointDefinition, Sensor
@@ -65,7 +64,7 @@ def flexion_by_joints(
     definition = joint.definitions()[0]
 
     def flexion(q_proximal: np.ndarray, q_distal: np.ndarray) -> np.ndarray:
-        angles = joint_angles(q_proximal, q_distal, definition.sequence)
+        angles = joint_angles(q_proximal, q_distal, definition)
         return np.asarray(definition.sign * angles[:, INDEX[definition.flexion]])
 
     shifts = STEP * np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])

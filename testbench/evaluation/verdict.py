@@ -129,7 +129,7 @@ def judge(analysis: Analysis, metrics: list[Metric]) -> tuple[list[Metric], Outc
 
 def _judge_limit(analysis: Analysis, limit: AcceptanceLimit, metrics: list[Metric]) -> list[Metric]:
     owner, _, kind = limit.metric.partition(".")
-    sequence = analysis.joints[owner].sequence if owner in analysis.joints else None
+    sequence = analysis.joints[owner].label if owner in analysis.joints else None
     matching = [
         metric
         for metric in metrics

@@ -1,12 +1,32 @@
-"""Joint angles: the distal segment against the proximal one, as intrinsic Euler angles of any sequence."""
+"""Joint angles: the distal segment against the proximal one, by any definition that a protocol may name."""
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 
 from testbench.model import rotation
+from testbench.model.decomposition import AxisAngle, Decomposition, Euler, Hinge, RotationVector, SwingTwist, follow
 from testbench.model.kinematics import Pose
+from testbench.records.joint_definition import FlexionAngle, JointRotation
 from testbench.records.protocol import Sensor
+
+INDEX = {"first": 0, "second": 1, "third": 2}
+"""Place of each angle."""
+
+# Signs of the ISB's angles of a right limb, with its segment axes x forward, y up (proximal), z to the right, sequence ZXY (Wu
+# et al., J. Biomechanics 35, 2002, and 38, 2005). A positive turn about z carries what hangs below forwards and what points
+# forwards upwards: flexion of elbow, wrist (palm forwards) and hip, dorsiflexion of the ankle; a knee flexes backwards.
+_ISB: dict[str, tuple[tuple[int, int, int], tuple[str, str, str]]] = {
+    "elbow": ((1, 1, 1), ("flexion", "carrying angle", "pronation")),
+    "wrist": ((1, 1, 1), ("flexion", "ulnar deviation", "pronation")),
+    "hip": ((1, 1, 1), ("flexion", "adduction", "internal rotation")),
+    "knee": ((-1, 1, 1), ("flexion", "adduction", "internal rotation")),
+    "ankle": ((1, 1, 1), ("dorsiflexion", "inversion", "internal rotation")),
+}
+# Grood & Suntay, J. Biomechanical Engineering 105, 1983: right knee, x to the right, y forward, z up, sequence XYZ.
+_GROOD_SUNTAY = {"knee": ((-1, 1, -1), ("flexion", "adduction", "external rotation"))}
 
 
 def segment_pose(sensor: Sensor) -> Pose:
@@ -26,14 +46,84 @@ def segment_orientation(q_world_from_sensor: np.ndarray, sensor: Sensor) -> np.n
     return rotation.multiply(q_world_from_sensor, rotation.conjugate(segment_from_sensor(sensor)))
 
 
-def joint_angles(q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, sequence: str) -> np.ndarray:
-    """Euler angles [rad] of q_proximal_from_distal = conj(q_world_from_proximal) q_world_from_distal (eq. 2.5).
+def joint_rotation(q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray) -> np.ndarray:
+    """Quaternion difference q_proximal_from_distal = conj(q_world_from_proximal) q_world_from_distal, (n, 4) (eq. 2.5)."""
+    return rotation.multiply(rotation.conjugate(q_world_from_proximal), q_world_from_distal)
+
+
+def joint_angles(
+    q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, definition: str | FlexionAngle
+) -> np.ndarray:
+    """The three angles [rad] of the distal segment against the proximal one.
 
     Args:
-        q_world_from_proximal, q_world_from_distal: Of the segments, shape (n, 4). sequence: Intrinsic, e.g. "ZXZ".
+        q_world_from_proximal, q_world_from_distal: Of the segments, shape (n, 4). definition: An intrinsic Euler sequence such
+        as "ZXZ", or what the protocol says.
 
     Returns:
-        Shape (n, 3).
+        Each sample by itself, in the principal ranges, shape (n, 3).
     """
-    relative = rotation.multiply(rotation.conjugate(q_world_from_proximal), q_world_from_distal)
-    return rotation.to_euler(sequence, relative)
+    return decomposition_of(definition).angles(joint_rotation(q_world_from_proximal, q_world_from_distal))
+
+
+def joint_angle_series(
+    q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, definition: FlexionAngle
+) -> np.ndarray:
+    """The three angles [rad] over time: as `joint_angles`, but followed from sample to sample where the definition is
+    `continuous`. Rows must be in the order of time, shape (n, 4) to (n, 3).
+    """
+    angles = joint_angles(q_world_from_proximal, q_world_from_distal, definition)
+    return follow(decomposition_of(definition), angles) if definition.continuous else angles
+
+
+def decomposition_of(definition: str | FlexionAngle) -> Decomposition:
+    """How a definition writes rotations; a text is an Euler sequence."""
+    if isinstance(definition, str):
+        return Euler(definition)
+    kind = definition.rotation
+    if isinstance(kind, str):
+        return _named(kind)
+    return _of_rotation(kind)
+
+
+def flexion_of(definition: FlexionAngle, angles: np.ndarray) -> np.ndarray:
+    """The flexion among the three angles, with its sign, shape (n, 3) to (n,) [rad]."""
+    return np.asarray(definition.sign * angles[:, INDEX[definition.flexion]])
+
+
+def nearest_turn(angle: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """The angle, give or take whole turns, nearest to the reference [rad]: a sweep beyond 180 degrees stays one curve.
+
+    Where the reference is not finite the angle stays as it is.
+    """
+    turns = np.round((np.asarray(reference) - angle) / (2 * np.pi))
+    return np.asarray(angle + 2 * np.pi * np.where(np.isfinite(turns), turns, 0.0))
+
+
+def unwrapped(angle: np.ndarray) -> np.ndarray:
+    """A series of angles [rad] without jumps of a turn, shape (n,); samples that are not finite are passed over."""
+    angle = np.array(angle, float)
+    known = np.isfinite(angle)
+    angle[known] = np.unwrap(angle[known])
+    return angle
+
+
+def _named(name: Literal["axis_angle", "rotation_vector"]) -> Decomposition:
+    return AxisAngle() if name == "axis_angle" else RotationVector()
+
+
+def _of_rotation(kind: JointRotation) -> Decomposition:
+    if kind.euler is not None:
+        return Euler(kind.euler)
+    if kind.hinge is not None:
+        return Hinge((kind.hinge[0], kind.hinge[1], kind.hinge[2]))
+    if kind.swing_twist is not None:
+        return SwingTwist((kind.swing_twist[0], kind.swing_twist[1], kind.swing_twist[2]))
+    if kind.isb is not None:
+        sequence, (signs, names) = "ZXY", _ISB[kind.isb]
+    else:
+        assert kind.grood_suntay is not None
+        sequence, (signs, names) = "XYZ", _GROOD_SUNTAY[kind.grood_suntay]
+    if kind.side == "left":  # what is inwards for one side is outwards for the other
+        signs = (signs[0], -signs[1], -signs[2])
+    return Euler(sequence, signs, names)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
+from testbench.records.joint_definition import FlexionAngle
 from testbench.records.protocol_steps import Motion, Range, Section, Variable
 from testbench.records.sensor import ImuParameters, load_preset
 from testbench.records.strict import Angles3, EulerSequence, Name, Placement, Rotation, StrictModel
@@ -65,30 +66,20 @@ class Sensor(StrictModel):
         return ImuParameters.model_validate(merge(base, self.parameters))
 
 
-class FlexionAngle(StrictModel):
-    """Which Euler angle of the distal segment against the proximal one is the flexion."""
-
-    sequence: EulerSequence = Field(description="Intrinsic Euler sequence, e.g. ZXZ.")
-    flexion: Literal["first", "second", "third"] = Field(
-        default="second", description="Angle of the sequence that is the flexion."
-    )
-    sign: Literal[1, -1] = Field(default=1, description="-1 where the angle runs against the flexion.")
-
-
 class JointDefinition(FlexionAngle):
     """A joint angle between two sensors' segments.
 
-    The flexion that counts as true is the arm's joint `reference_joint` where one is named, else the same Euler angle of the
-    segments' true orientations. Naming it makes the error of the Euler sequence itself visible.
+    The flexion that counts as true is the arm's joint `reference_joint` where one is named, else the same angle of the
+    segments' true orientations. Naming it makes the error of the definition itself visible.
     """
 
     proximal: Name = Field(description="Sensor of the segment nearer to the trunk.")
     distal: Name = Field(description="Sensor of the segment farther from it.")
     reference_joint: str | None = Field(
         default=None,
-        description="Joint of the arm whose angle is the true flexion; null: the same Euler angle of the true frames.",
+        description="Joint of the arm whose angle is the true flexion; null: the same angle of the true frames.",
     )
-    compare: list[FlexionAngle] = Field(default=[], description="Further Euler sequences to report beside it.")
+    compare: list[FlexionAngle] = Field(default=[], description="Further definitions to report beside it.")
     published: Literal["reference_1"] | None = Field(
         default=None,
         description="Published results of the same experiment, which the report shows beside this joint's; null: none.",
@@ -100,15 +91,16 @@ class JointDefinition(FlexionAngle):
     def _two_sensors(self) -> JointDefinition:
         if self.proximal == self.distal:
             raise ValueError("proximal and distal are the same sensor")
-        sequences = [angle.sequence for angle in self.definitions()]
-        twice = sorted({str(sequence) for sequence in sequences if sequences.count(sequence) > 1})
+        labels = [angle.label for angle in self.definitions()]
+        twice = sorted({label for label in labels if labels.count(label) > 1})
         if twice:
-            raise ValueError(f"the Euler sequence {', '.join(twice)} stands more than once")
+            kind = "Euler sequence" if all(label in get_args(EulerSequence) for label in twice) else "definition"
+            raise ValueError(f"the {kind} {', '.join(twice)} stands more than once")
         return self
 
     def definitions(self) -> list[FlexionAngle]:
         """This definition and those it is compared with."""
-        own = FlexionAngle(sequence=self.sequence, flexion=self.flexion, sign=self.sign)
+        own = FlexionAngle(**{name: getattr(self, name) for name in FlexionAngle.model_fields})
         return [own, *self.compare]
 
 
@@ -179,7 +171,9 @@ class AcceptanceLimit(StrictModel):
 
     metric: str = Field(description="<joint>.<joint metric> or <sensor>.<sensor metric>, e.g. elbow.flexion_rmse_deg.")
     filter: str | None = Field(default=None, description="One of estimate.filters; null: every filter.")
-    sequence: EulerSequence | None = Field(default=None, description="Euler sequence of a joint metric; null: the joint's own.")
+    sequence: Name | None = Field(
+        default=None, description="Euler sequence or other definition of a joint metric, e.g. YXZ or isb_elbow; null: its own."
+    )
     section: str | None = Field(default=None, description="Section of the protocol; null: every section that is evaluated.")
     min: float | None = Field(default=None, description="Smallest value that passes, in the metric's unit.")
     max: float | None = Field(default=None, description="Largest value that passes, in the metric's unit.")

@@ -222,6 +222,6 @@ class _Names:
             if limit.metric not in joint_metrics:
                 return self._refuse("sequence goes with metrics of a joint only", *where, "sequence")
             joint = spec.joints[limit.metric.partition(".")[0]]
-            sequences = [angle.sequence for angle in joint.definitions()]
-            self._known([str(s) for s in sequences], limit.sequence, "Euler sequence of this joint", *where, "sequence")
+            labels = [angle.label for angle in joint.definitions()]
+            self._known(labels, limit.sequence, "Euler sequence or definition of this joint", *where, "sequence")
         return None

@@ -73,7 +73,7 @@ def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list
             f"how far the truth itself may be off (k = 2){_of_magnitudes(found)}; it does not shrink with more poses of the "
             "same arm. In square brackets: the 95 % confidence interval, from this session's own scatter "
             "over its poses and sweeps; what a new mounting or power-up would change is not in it. The last two columns "
-            "are the mean absolute errors of the other two Euler angles; a dash means gimbal lock. The middle angle of a "
+            "are the mean absolute errors of the other two angles; a dash means gimbal lock. The middle angle of a "
             "sequence such as ZXZ is the angle between two axes: it is never negative, so that errors at 0 deg are one-sided, "
             "and where one of the axes is vertical it does not see heading errors; the other two angles do.",
         ),
@@ -131,7 +131,7 @@ def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults |
     body: list[Row] = []
     for sequence in [*errors.sequences, *(s for s in beside if s not in errors.sequences)]:
         filters = errors.filters(sequence)
-        title = f"Euler sequence {sequence}" + ("" if filters else ", published only")
+        title = f"{_kind(sequence)} {sequence}" + ("" if filters else ", published only")
         body.append(Row([Cell(title, head=True, span=len(errors.flexions) + 2)], "group"))
         waiting = list(beside.get(sequence, []))
         best = _lowest(errors, sequence)
@@ -300,3 +300,7 @@ def _time_blocks(joint: str, rows: list[JointRow], evaluation: Evaluation, colou
             "section.",
         )
     ]
+
+
+def _kind(label: str) -> str:
+    return "Euler sequence" if label.isupper() else "definition"

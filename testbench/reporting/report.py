@@ -71,7 +71,7 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
         simulated=is_simulated(session),
         facts=facts(session),
-        tiles=_tiles(evaluation, {name: joint.sequence for name, joint in session.analysis.joints.items()}),
+        tiles=_tiles(evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}),
         sections=sections,
     )
 

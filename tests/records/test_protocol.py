@@ -126,7 +126,7 @@ def test_an_incomplete_sensor_is_refused_with_every_key_that_is_missing(tmp_path
 
 def test_a_sequence_that_the_joint_does_not_compute_cannot_be_limited(tmp_path):
     text = load_protocol("quick").document.text.replace("section: static, max", "section: static, sequence: XYX, max")
-    with pytest.raises(FileProblems, match="unknown Euler sequence of this joint 'XYX'; known: ZXZ, YXZ"):
+    with pytest.raises(FileProblems, match="unknown Euler sequence or definition of this joint 'XYX'; known: ZXZ, YXZ"):
         read(tmp_path, text)
 
 

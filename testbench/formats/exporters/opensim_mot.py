@@ -8,7 +8,8 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.formats.exporters.opensim_text import gap_notes, overlap, write_text
-from testbench.formats.exporters.source import ExportSource, flexion, increasing
+from testbench.formats.exporters.source import ExportSource, increasing
+from testbench.model.joint_angle import flexion_of
 
 
 def write(source: ExportSource, path: Path) -> list[str]:
@@ -50,9 +51,9 @@ def _series(source: ExportSource) -> dict[str, tuple[np.ndarray, dict[str, np.nd
         time, by_sequence = source.angles(joint)
         definitions = source.definitions(joint)
         columns: dict[str, np.ndarray] = {}
-        own = source.session.analysis.joints[joint].sequence
+        own = source.session.analysis.joints[joint].label
         if own in by_sequence:
-            columns[f"{joint}_flexion"] = flexion(by_sequence[own], definitions[own])
+            columns[f"{joint}_flexion"] = flexion_of(definitions[own], by_sequence[own])
         for sequence, angles in by_sequence.items():
             columns |= {f"{joint}_{sequence}_{which}": angles[:, i] for i, which in enumerate(("first", "second", "third"))}
         rows = np.flatnonzero(np.isfinite(np.column_stack(list(columns.values()))).all(axis=1))

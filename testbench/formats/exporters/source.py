@@ -11,9 +11,9 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.model import rotation
-from testbench.model.joint_angle import joint_angles, segment_orientation
+from testbench.model.joint_angle import joint_angle_series, segment_orientation
 from testbench.records.estimate import Estimate
-from testbench.records.protocol import FlexionAngle
+from testbench.records.joint_definition import FlexionAngle
 from testbench.records.samples import ArmSamples, ImuSamples, Truth
 from testbench.records.session import Session
 
@@ -23,7 +23,6 @@ TRUTH = "truth"
 WIDEST_GAP_NS = 200_000_000
 """Across a longer gap nothing is interpolated in tables; files that need a value at every instant say so in a note [ns]."""
 
-INDEX = {"first": 0, "second": 1, "third": 2}
 
 Frame = Literal["opensim", "world"]
 
@@ -151,19 +150,14 @@ class ExportSource:
         known = np.isfinite(q[0]).all(axis=1) & np.isfinite(q[1]).all(axis=1)
         result = {}
         for item in definition.definitions():
-            result[str(item.sequence)] = np.full((len(time_ns), 3), np.nan)
+            result[item.label] = np.full((len(time_ns), 3), np.nan)
             if known.any():
-                result[str(item.sequence)][known] = joint_angles(q[0][known], q[1][known], item.sequence)
+                result[item.label][known] = joint_angle_series(q[0][known], q[1][known], item)
         return result
 
     def definitions(self, joint: str) -> dict[str, FlexionAngle]:
-        """Which angle of each sequence is the flexion."""
-        return {str(item.sequence): item for item in self.session.analysis.joints[joint].definitions()}
-
-
-def flexion(angles: np.ndarray, definition: FlexionAngle) -> np.ndarray:
-    """The flexion among the three Euler angles, with its sign, shape (n, 3) to (n,) [rad]."""
-    return np.asarray(definition.sign * angles[:, INDEX[definition.flexion]])
+        """The definitions of a joint, by label: they say which angle is the flexion."""
+        return {item.label: item for item in self.session.analysis.joints[joint].definitions()}
 
 
 def true_orientation(truth: Truth | None, time_ns: np.ndarray) -> np.ndarray:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from testbench.formats.exporters.source import TRUTH, ExportSource, flexion, software, true_orientation
+from testbench.formats.exporters.source import TRUTH, ExportSource, software, true_orientation
 from testbench.frames import NANOSECONDS
+from testbench.model.joint_angle import flexion_of
 from testbench.records.samples import QUATERNION, names, split
 
 Table = dict[str, np.ndarray]
@@ -78,7 +79,7 @@ def joint_table(source: ExportSource, name: str) -> Table:
         columns = [f"{key}_{sequence}_{which}_rad" for which in ("first", "second", "third")]
         result |= split(columns, angles)
         if sequence in definitions:
-            result[f"{key}_{sequence}_flexion_rad"] = flexion(angles, definitions[sequence])
+            result[f"{key}_{sequence}_flexion_rad"] = flexion_of(definitions[sequence], angles)
     return result
 
 
