@@ -16,6 +16,7 @@ from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
 from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
 from testbench.cli.recording import record
+from testbench.cli.tuning import TunedOption, tune
 
 if TYPE_CHECKING:
     from testbench.records.session import Session
@@ -135,6 +136,7 @@ def run(
     logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path("logs"),
     filters: FiltersOption = None,
     calibration: CalibrationOption = None,
+    tuned: TunedOption = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Do not write report.html.")] = False,
     json: JsonOption = False,
 ) -> None:
@@ -154,6 +156,7 @@ def run(
             progress=progress,
             planned=say_warnings,
             calibrations=calibration,
+            tunings=tuned or (),
         )
     if json:
         say_json(result.to_dict())
@@ -172,19 +175,25 @@ app.command()(noise)
 app.command()(calibrate)
 app.command()(calibrations)
 app.command()(design)
+app.command()(tune)
 
 
 @app.command()
 def estimate(
-    session: SessionArgument, filters: FiltersOption = None, calibration: CalibrationOption = None, json: JsonOption = False
+    session: SessionArgument,
+    filters: FiltersOption = None,
+    calibration: CalibrationOption = None,
+    tuned: TunedOption = None,
+    json: JsonOption = False,
 ) -> None:
     """Align clocks and frames, run the filters, compute joint angles."""
     from testbench.estimation import estimate as make_estimate
     from testbench.records.calibration_file import load_calibrations
+    from testbench.records.tuning import load_tunings
 
     opened = _open(session)
     stored = None if calibration is None else load_calibrations(calibration)
-    result = make_estimate(opened, parse_filters(filters), stored)
+    result = make_estimate(opened, parse_filters(filters), stored, load_tunings(tuned))
     result.save(opened.path)
     rows = [
         [name, s.clock.method, 1e3 * s.clock.offset_s, s.clock.drift_ppm, s.clock.residual_deg_s, s.calibration.poses]
@@ -200,13 +209,17 @@ def estimate(
 
 @app.command()
 def evaluate(
-    session: SessionArgument, filters: FiltersOption = None, calibration: CalibrationOption = None, json: JsonOption = False
+    session: SessionArgument,
+    filters: FiltersOption = None,
+    calibration: CalibrationOption = None,
+    tuned: TunedOption = None,
+    json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
     from testbench.pipeline import judge_again
 
     opened = _open(session)
-    result = judge_again(opened, parse_filters(filters), calibration)
+    result = judge_again(opened, parse_filters(filters), calibration, tuned or ())
     if json:
         say_json(result.to_dict())
     else:
@@ -216,12 +229,16 @@ def evaluate(
 
 @app.command()
 def report(
-    session: SessionArgument, filters: FiltersOption = None, calibration: CalibrationOption = None, json: JsonOption = False
+    session: SessionArgument,
+    filters: FiltersOption = None,
+    calibration: CalibrationOption = None,
+    tuned: TunedOption = None,
+    json: JsonOption = False,
 ) -> None:
     """Estimate, evaluate and write report.html anew."""
     from testbench.pipeline import analyse
 
-    result = analyse(_open(session), parse_filters(filters), calibrations=calibration)
+    result = analyse(_open(session), parse_filters(filters), calibrations=calibration, tunings=tuned or ())
     if json:
         say_json(result.to_dict())
     else:

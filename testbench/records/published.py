@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 from pydantic import Field, model_validator
 
@@ -69,14 +70,84 @@ class PublishedResults(StrictModel):
         return f"{self.authors}, {self.institution}, {self.year}"
 
 
-@cache
+class PublishedRow(StrictModel):
+    """One row of a published table: its values in the order of the columns, None where none is given."""
+
+    label: str
+    values: list[float | None]
+    outliers: list[float] = Field(default=[], description="Of a box plot, one by one.")
+    outlier_count: int | None = Field(default=None, description="Where only their number is given.")
+    remark: str = ""
+
+
+class PublishedTable(StrictModel):
+    """One published table."""
+
+    caption: str
+    columns: list[str] = Field(min_length=1)
+    rows: list[PublishedRow] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _equally_wide(self) -> PublishedTable:
+        for row in self.rows:
+            if len(row.values) != len(self.columns):
+                raise ValueError(f"row '{row.label}' has {len(row.values)} values for {len(self.columns)} columns")
+        return self
+
+    def row(self, label: str) -> PublishedRow:
+        """A row by its label.
+
+        Raises:
+            NotFoundError: No such row; lists those that exist.
+        """
+        found = {row.label: row for row in self.rows}
+        if label not in found:
+            raise NotFoundError("row of a published table", label, list(found))
+        return found[label]
+
+
+class PublishedTables(StrictModel):
+    """The tables of one publication, as printed."""
+
+    id: str
+    description: str
+    authors: str
+    institution: str
+    year: int
+    setup: str
+    tables: dict[str, PublishedTable]
+
+    @property
+    def source(self) -> str:
+        """How to cite it."""
+        return f"{self.authors}, {self.institution}, {self.year}"
+
+
 def load_published(name: str = "reference_1") -> PublishedResults:
-    """Published results that ship with the bench.
+    """Published flexion errors that ship with the bench.
 
     Raises:
         NotFoundError: No such publication; lists those that exist.
     """
-    file = PUBLISHED / f"{name}.yaml"
-    if not file.is_file():
-        raise NotFoundError("published results", name, sorted(path.stem for path in PUBLISHED.glob("*.yaml")))
-    return load_yaml(file, PublishedResults).value
+    return _load(name, PublishedResults, "flexion_mean_abs_error:")
+
+
+def load_published_tables(name: str) -> PublishedTables:
+    """Published tables that ship with the bench.
+
+    Raises:
+        NotFoundError: No such publication; lists those that exist.
+    """
+    return _load(name, PublishedTables, "tables:")
+
+
+Kind = TypeVar("Kind", PublishedResults, PublishedTables)
+
+
+@cache
+def _load(name: str, kind: type[Kind], mark: str) -> Kind:
+    """A publication of one kind; `mark` begins a line in the files of that kind."""
+    known = [path for path in sorted(PUBLISHED.glob("*.yaml")) if f"\n{mark}" in path.read_text(encoding="utf-8")]
+    if name not in {path.stem for path in known}:
+        raise NotFoundError("published results", name, [path.stem for path in known])
+    return load_yaml(PUBLISHED / f"{name}.yaml", kind).value

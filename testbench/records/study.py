@@ -1,0 +1,195 @@
+"""Study: the answer to a question that was asked of whole runs, as tables beside published ones."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from testbench.exceptions import SessionError
+from testbench.records.storage import read_json, write_json
+
+SCHEMA_VERSION = 1
+FILE = "study.json"
+
+Value = float | str | None
+
+
+@dataclass(frozen=True)
+class StudyRow:
+    """One row of ours, and the published one beside it.
+
+    Attributes:
+        label: What it is. values: One for each column of the table, in its unit; None where there is none. published: Those of
+        the publication, in the same order; empty where it has no such row. note: More on it, in a sentence.
+    """
+
+    label: str
+    values: tuple[Value, ...]
+    published: tuple[Value, ...] = ()
+    note: str = ""
+
+    def ratio(self, column: int) -> float | None:
+        """Ours divided by the published value; None where either is missing or no number."""
+        ours, theirs = self.values[column], self.published[column] if self.published else None
+        numbers = isinstance(ours, int | float) and isinstance(theirs, int | float)
+        return float(ours) / float(theirs) if numbers and theirs else None  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """A table.
+
+    Attributes:
+        key: Its name in JSON. caption: What it shows. columns: Titles with units. rows: At least one. how: How to read it, one
+        line. short: Title for lists of contents, "Table <number>" if empty. why: Why ours and the published values differ, in
+        sentences. table: Number of the published table; empty without one. decimals: Of the numbers of each column.
+        ratio_column: Column whose ratio, ours to published, is shown.
+    """
+
+    key: str
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[StudyRow, ...]
+    how: str
+    why: str = ""
+    table: str = ""
+    decimals: tuple[int, ...] = ()
+    ratio_column: int | None = None
+    short: str = ""
+
+    @property
+    def title(self) -> str:
+        """For lists of contents."""
+        return self.short or (f"Table {self.table}" if self.table else self.key.capitalize())
+
+    def __post_init__(self) -> None:
+        n = len(self.columns)
+        for row in self.rows:
+            if len(row.values) != n or (row.published and len(row.published) != n):
+                raise ValueError(f"table {self.key}: row '{row.label}' does not have the {n} values of its columns")
+
+
+@dataclass(frozen=True)
+class BoxNumbers:
+    """A box plot in numbers.
+
+    Attributes:
+        lower, upper: Ends of the whiskers: the farthest values within 1.5 interquartile ranges of the box. q1, median, q3:
+        Quartiles. outliers: Values beyond the whiskers, ascending.
+    """
+
+    lower: float
+    q1: float
+    median: float
+    q3: float
+    upper: float
+    outliers: tuple[float, ...] = ()
+
+    @property
+    def iqr(self) -> float:
+        """Interquartile range."""
+        return self.q3 - self.q1
+
+    @staticmethod
+    def of(values: np.ndarray) -> BoxNumbers:
+        """Of a sample, shape (n,), n >= 1: quartiles as MATLAB's, the kth smallest value being the (k - 1/2)/n quantile."""
+        ordered = np.sort(np.asarray(values, float))
+        q1, median, q3 = np.quantile(ordered, [0.25, 0.5, 0.75], method="hazen").tolist()
+        reach = 1.5 * (q3 - q1)
+        near = ordered[(ordered >= q1 - reach) & (ordered <= q3 + reach)]
+        beyond = ordered[(ordered < q1 - reach) | (ordered > q3 + reach)]
+        return BoxNumbers(float(near[0]), q1, median, q3, float(near[-1]), tuple(beyond.tolist()))
+
+
+@dataclass(frozen=True)
+class StudyBoxes:
+    """A figure of box plots.
+
+    Attributes:
+        caption: What it shows. axis: Title of the axis, with the unit. boxes: By name; those of the publication under
+        `published`. how: How to read it. logarithmic: Axis.
+    """
+
+    caption: str
+    axis: str
+    boxes: dict[str, BoxNumbers]
+    published: dict[str, BoxNumbers]
+    how: str
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True)
+class StudyRecord:
+    """A finished study.
+
+    Attributes:
+        name, title, question: What was asked. source: The publication it stands beside, as cited. started_utc: ISO 8601.
+        settings: What it was run with. sessions: Folders that its numbers come from. findings: The answer, in sentences.
+        tables, figures: In order. software: Versions.
+    """
+
+    name: str
+    title: str
+    question: str
+    source: str
+    started_utc: str
+    settings: dict[str, Any]
+    sessions: tuple[str, ...]
+    findings: tuple[str, ...]
+    tables: tuple[StudyTable, ...]
+    figures: tuple[StudyBoxes, ...] = ()
+    software: dict[str, str] = field(default_factory=dict)
+
+    def table(self, key: str) -> StudyTable:
+        """A table by its key.
+
+        Raises:
+            KeyError: No such table.
+        """
+        return {table.key: table for table in self.tables}[key]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON; rows carry the ratio of their table's ratio column."""
+        data = {"schema_version": SCHEMA_VERSION, **asdict(self)}
+        for table, plain in zip(self.tables, data["tables"], strict=True):
+            for row, entry in zip(table.rows, plain["rows"], strict=True):
+                entry["ratio"] = None if table.ratio_column is None else row.ratio(table.ratio_column)
+        return data
+
+    def save(self, folder: Path) -> Path:
+        """Write study.json into a folder."""
+        write_json(folder / FILE, self.to_dict())
+        return folder / FILE
+
+    @staticmethod
+    def load(folder: Path) -> StudyRecord:
+        """Read study.json of a folder.
+
+        Raises:
+            SessionError: It is missing, damaged, or of another version.
+        """
+        data = read_json(folder / FILE)
+        if not isinstance(data, dict) or data.pop("schema_version", None) != SCHEMA_VERSION:
+            raise SessionError(f"{folder / FILE} is no study of schema {SCHEMA_VERSION}")
+        try:
+            data["tables"] = tuple(_table(table) for table in data["tables"])
+            data["figures"] = tuple(_boxes(figure) for figure in data["figures"])
+            data["sessions"], data["findings"] = tuple(data["sessions"]), tuple(data["findings"])
+            return StudyRecord(**data)
+        except (KeyError, TypeError) as error:
+            raise SessionError(f"{folder / FILE} is damaged: {error}") from None
+
+
+def _table(data: dict[str, Any]) -> StudyTable:
+    rows = tuple(StudyRow(row["label"], tuple(row["values"]), tuple(row["published"]), row["note"]) for row in data["rows"])
+    return StudyTable(**{**data, "columns": tuple(data["columns"]), "decimals": tuple(data["decimals"]), "rows": rows})
+
+
+def _boxes(data: dict[str, Any]) -> StudyBoxes:
+    def read(boxes: dict[str, Any]) -> dict[str, BoxNumbers]:
+        return {name: BoxNumbers(**{**box, "outliers": tuple(box["outliers"])}) for name, box in boxes.items()}
+
+    return StudyBoxes(**{**data, "boxes": read(data["boxes"]), "published": read(data["published"])})
