@@ -12,6 +12,7 @@ from testbench.estimation.filters.maths import begin, field_deviates, length, to
 
 PAPER = "Madgwick, Harrison & Vaidyanathan, ICORR 2011"
 REPORT = "Madgwick, An efficient orientation filter for inertial and inertial/magnetic sensor arrays, 2010"
+HALF = float(np.sqrt(0.5))
 ZETA = Parameter(
     "zeta",
     0.0,
@@ -32,7 +33,8 @@ def madgwick(
     """Madgwick's update: the gyroscope's rate of change of q, less beta times the unit gradient of the misfit.
 
     Equations of the 2010 report: f and J for gravity (25, 26) and for the field (29, 30), b from the measured field (45, 46),
-    normalised gradient (44), bias (47 to 49), step (42, 43).
+    normalised gradient (44), bias (47 to 49), step (42, 43). The field's part is that of the report, whose earth has north
+    along x: the misfit is not the same function of a q that is off the unit sphere, and its gradient is what is scaled to one.
 
     Args:
         p: beta, zeta, gate of the accelerometer [m/s^2], gate of the magnetometer. state: begin, q, bias, field of reference.
@@ -62,16 +64,17 @@ def madgwick(
             mx, my, mz = mag[i, 0] / m, mag[i, 1] / m, mag[i, 2] / m
             hx, hy, bz = to_earth(w, x, y, z, mx, my, mz)
             b = np.sqrt(hx * hx + hy * hy)
-            # the paper has the field in the plane of x and z; here north is y: (0, b, bz)
-            g1 = 2.0 * b * (x * y + w * z) + 2.0 * bz * (x * z - w * y) - mx
-            g2 = b * (1.0 - 2.0 * (x * x + z * z)) + 2.0 * bz * (w * x + y * z) - my
-            g3 = 2.0 * b * (y * z - w * x) + bz * (1.0 - 2.0 * (x * x + y * y)) - mz
-            sw += (2.0 * b * z - 2.0 * bz * y) * g1 + 2.0 * bz * x * g2 - 2.0 * b * x * g3
-            sx += (2.0 * b * y + 2.0 * bz * z) * g1 + (-4.0 * b * x + 2.0 * bz * w) * g2 + (-2.0 * b * w - 4.0 * bz * x) * g3
-            sy += (2.0 * b * x - 2.0 * bz * w) * g1 + 2.0 * bz * z * g2 + (2.0 * b * z - 4.0 * bz * y) * g3
-            sz += (2.0 * b * w + 2.0 * bz * x) * g1 + (-4.0 * b * z + 2.0 * bz * y) * g2 + 2.0 * b * y * g3
+            w1, x1, y1, z1 = HALF * (w + z), HALF * (x + y), HALF * (y - x), HALF * (z - w)
+            g1 = b * (1.0 - 2.0 * (y1 * y1 + z1 * z1)) + 2.0 * bz * (x1 * z1 - w1 * y1) - mx
+            g2 = 2.0 * b * (x1 * y1 - w1 * z1) + 2.0 * bz * (w1 * x1 + y1 * z1) - my
+            g3 = 2.0 * b * (w1 * y1 + x1 * z1) + bz * (1.0 - 2.0 * (x1 * x1 + y1 * y1)) - mz
+            tw = -2.0 * bz * y1 * g1 + 2.0 * (bz * x1 - b * z1) * g2 + 2.0 * b * y1 * g3
+            tx = 2.0 * bz * z1 * g1 + 2.0 * (b * y1 + bz * w1) * g2 + (2.0 * b * z1 - 4.0 * bz * x1) * g3
+            ty = -(4.0 * b * y1 + 2.0 * bz * w1) * g1 + 2.0 * (b * x1 + bz * z1) * g2 + (2.0 * b * w1 - 4.0 * bz * y1) * g3
+            tz = (2.0 * bz * x1 - 4.0 * b * z1) * g1 + 2.0 * (bz * y1 - b * w1) * g2 + 2.0 * b * x1 * g3
+            sw, sx, sy, sz = sw + HALF * (tw - tz), sx + HALF * (tx - ty), sy + HALF * (tx + ty), sz + HALF * (tw + tz)
         step = np.sqrt(sw * sw + sx * sx + sy * sy + sz * sz)
-        gx, gy, gz = gyr[i]
+        g0, gx, gy, gz = 0.0, gyr[i, 0], gyr[i, 1], gyr[i, 2]
         if step > 0.0:
             sw, sx, sy, sz = sw / step, sx / step, sy / step, sz / step
             if zeta > 0.0:
@@ -79,17 +82,18 @@ def madgwick(
                 ex = 2.0 * (w * sx - x * sw - y * sz + z * sy)
                 ey = 2.0 * (w * sy + x * sz - y * sw - z * sx)
                 ez = 2.0 * (w * sz - x * sy + y * sx - z * sw)
-                if as_printed:
+                if as_printed:  # a quaternion with a real part is taken off the rate
+                    g0 = -2.0 * dt[i] * zeta * (w * sw + x * sx + y * sy + z * sz)
                     gx, gy, gz = gx - dt[i] * zeta * ex, gy - dt[i] * zeta * ey, gz - dt[i] * zeta * ez
                 else:
                     state[5] += zeta * ex * dt[i]
                     state[6] += zeta * ey * dt[i]
                     state[7] += zeta * ez * dt[i]
         gx, gy, gz = gx - state[5], gy - state[6], gz - state[7]
-        w2 = w + dt[i] * (0.5 * (-x * gx - y * gy - z * gz) - beta * sw)
-        x2 = x + dt[i] * (0.5 * (w * gx + y * gz - z * gy) - beta * sx)
-        y2 = y + dt[i] * (0.5 * (w * gy - x * gz + z * gx) - beta * sy)
-        z2 = z + dt[i] * (0.5 * (w * gz + x * gy - y * gx) - beta * sz)
+        w2 = w + dt[i] * (0.5 * (w * g0 - x * gx - y * gy - z * gz) - beta * sw)
+        x2 = x + dt[i] * (0.5 * (x * g0 + w * gx + y * gz - z * gy) - beta * sx)
+        y2 = y + dt[i] * (0.5 * (y * g0 + w * gy - x * gz + z * gx) - beta * sy)
+        z2 = z + dt[i] * (0.5 * (z * g0 + w * gz + x * gy - y * gx) - beta * sz)
         k = 1.0 / np.sqrt(w2 * w2 + x2 * x2 + y2 * y2 + z2 * z2)
         state[1], state[2], state[3], state[4] = w2 * k, x2 * k, y2 * k, z2 * k
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = state[1], state[2], state[3], state[4]
