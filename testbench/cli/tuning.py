@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from testbench.cli.calibrating import CalibrationOption
+from testbench.cli.filtering import parse_filters
 from testbench.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
@@ -54,15 +55,18 @@ def tune(
 ) -> None:
     """Find the parameters of a filter that suit sessions best, each alone and all together."""
     from testbench.clock import SystemClock
-    from testbench.estimation.filters import FILTERS
-    from testbench.estimation.filters.plugins import find_filter
+    from testbench.estimation.filters import FILTERS, choose_filters
+    from testbench.exceptions import InputError
     from testbench.records.calibration_file import load_calibrations
     from testbench.records.tuning import refuse_file
     from testbench.studies.parameter_space import Effort
     from testbench.studies.tuning import tune as find_parameters
 
     refuse_file(out)
-    kind = find_filter(filter_name)
+    chosen = choose_filters(parse_filters(filter_name) or [])
+    if len(chosen) != 1:
+        raise InputError("one filter is tuned at a time")
+    kind = chosen[0]
     found = find_parameters(
         kind,
         _divide(sessions, test or [], test_share, seed),

@@ -15,24 +15,21 @@ from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.formats import import_recording
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
+from testbench.records.session import Session
 from testbench.records.tuning import load_tunings
 from testbench.studies.parameter_space import Effort
 from testbench.studies.tuning import Sessions, tune
 from tests.studies.known_recordings import FixedClock, write_known
 
+NOW = "2026-01-02T03:04:05+00:00"
 PLUG_IN = """
-import numpy as np
-from testbench.estimation.filters.base import OrientationFilter, Parameter
-from testbench.model import rotation
+from testbench.estimation.filters.base import Parameter
+from testbench.estimation.filters.madgwick import MadgwickMarg
 
 
-class Planted(OrientationFilter):
-    name, needs, source = "planted", ("device_q",), "made up"
-    PARAMETERS = (Parameter("gain", 1.0, "1", "decades of ten degrees", "made up", 1e-3, 1e3),)
-
-    def run(self, samples):
-        turn = np.array([np.radians(-10 * np.log10(self.parameters["gain"])), 0.0, 0.0])
-        return rotation.multiply(rotation.from_rotation_vector(turn), samples.device_q)
+class Own(MadgwickMarg):
+    name, source = "own", "made up"
+    PARAMETERS = (Parameter("gain", 0.35, "rad/s", "beta by another name", "made up", 0.01, 1.0), *MadgwickMarg.PARAMETERS[1:])
 """
 
 
@@ -87,18 +84,22 @@ def test_what_tune_writes_is_what_the_other_commands_use_and_mark(sessions, tmp_
 
 
 def test_a_filter_of_the_users_own_is_tuned_and_needs_its_file_to_run(tmp_path, capsys):
-    plug_in, file = tmp_path / "planted.py", tmp_path / "tuned.json"
+    plug_in, file = tmp_path / "own.py", tmp_path / "tuned.json"
     plug_in.write_text(PLUG_IN)
-    path = write_known(tmp_path / "turned", 1, 5.0, device_turn_deg=-7.0).path
-    assert command("tune", path, "--filter", f"{plug_in}:Planted", "--out", file, "--json") == 0
+    path = write_known(tmp_path / "noisy", 1, 20.0).path
+    own = ("--parameters", "gain", "--out", file, "--json")
+    assert command("tune", path, "--filter", f"{plug_in}:Own", *own) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert np.log10(printed["parameters"]["gain"]) == pytest.approx(-0.7, abs=0.01)
-    assert printed["filter_source"] == f"{plug_in}:Planted"
+    assert printed["filter_source"] == f"{plug_in}:Own"
+    twin = tune(
+        get_filter("madgwick_marg", {"beta": 0.35}), Sessions.given([Session(path)], []), "total_rmse_deg", NOW, ["beta"]
+    )
+    assert printed["parameters"]["gain"] == pytest.approx(twin.parameters["beta"], rel=0.05)
     assert command("evaluate", path, "--tuned", file) == 2
     assert "name it with --filters" in capsys.readouterr().err
-    assert command("evaluate", path, "--tuned", file, "--filters", f"{plug_in}:Planted") == 0
+    assert command("evaluate", path, "--tuned", file, "--filters", f"{plug_in}:Own") == 0
     (row,) = Evaluation.load(path).orientation
-    assert row.total_rmse_deg < 0.1
+    assert row.total_rmse_deg == pytest.approx(printed["value"], rel=1e-12)
 
 
 def test_tune_refuses_before_it_computes(sessions, tmp_path, capsys):
@@ -114,6 +115,7 @@ def test_tune_refuses_before_it_computes(sessions, tmp_path, capsys):
         ((*marg, "--out", tmp_path / "no" / "tuned.json"), "there is no folder"),
         ((*marg, "--parameters", "alpha", "--out", out), "known: beta, zeta"),
         (("--filter", "madgwik", "--out", out), "unknown filter"),
+        (("--filter", "madgwick_marg,vqf_9d", "--out", out), "one filter"),
     ):
         assert command("tune", *sessions[:2], *arguments) == 2
         assert complaint in capsys.readouterr().err
@@ -129,7 +131,7 @@ def test_madgwicks_beta_on_broad_each_trial_alone_and_one_for_the_others(data, t
         for number in ("02", "05", "14", "16", "30")
     ]
     found = tune(
-        get_filter("madgwick_marg"), Sessions.given(trials, []), "total_rmse_deg", "2026-01-02T03:04:05+00:00", ["beta"],
+        get_filter("madgwick_marg"), Sessions.given(trials, []), "total_rmse_deg", NOW, ["beta"],
         Effort(values=7), leave_one_out=True,
     )  # fmt: skip
     own = {entry.session[-2:]: entry.own_parameters["beta"] for entry in found.sessions}
