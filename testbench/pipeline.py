@@ -15,7 +15,8 @@ from testbench.clock import Clock, SystemClock
 from testbench.estimation import estimate
 from testbench.estimation.calibration.prepared import Segmentation
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
-from testbench.estimation.filters import OrientationFilter, choose_filters, get_filter
+from testbench.estimation.filters import OrientationFilter, get_filter
+from testbench.estimation.filters.tuned import choose_tuned
 from testbench.evaluation import evaluate
 from testbench.exceptions import InputError, SessionError
 from testbench.execution import execute
@@ -32,6 +33,7 @@ from testbench.records.evaluation import Evaluation
 from testbench.records.plan import Plan
 from testbench.records.protocol import Protocol
 from testbench.records.session import Session
+from testbench.records.tuning import load_tunings
 
 
 @dataclass(frozen=True)
@@ -65,22 +67,23 @@ def run(
     progress: Callable[[Progress], None] | None = None,
     planned: Callable[[Plan], None] | None = None,
     calibrations: Path | None = None,
+    tunings: Sequence[Path] = (),
 ) -> Result:
     """Run a protocol from its file to its report.
 
     Args:
         protocol, robot: As for `plan`. seed, speed, logs, progress: As for `execute`. filters: As for `estimate`.
         with_report: Whether to write report.html. clock: The machine's if None. planned: Called with the plan before it is run.
-        calibrations: As for `analyse`.
+        calibrations, tunings: As for `analyse`.
     """
     clock = clock or SystemClock()
     if calibrations is not None:
         load_calibrations(calibrations)  # a bad file is refused before anything moves
-    the_plan = make_plan(protocol, robot, filters)
+    the_plan = make_plan(protocol, robot, filters, tunings)
     if planned is not None:
         planned(the_plan)
     session = execute(the_plan, logs, seed, speed, clock, progress)
-    return analyse(session, filters, with_report, the_plan, calibrations)
+    return analyse(session, filters, with_report, the_plan, calibrations, tunings)
 
 
 def analyse(
@@ -89,14 +92,17 @@ def analyse(
     with_report: bool = True,
     the_plan: Plan | None = None,
     calibrations: Path | None = None,
+    tunings: Sequence[Path] = (),
 ) -> Result:
     """Everything that follows a recording; may be repeated at will.
 
     Args:
         session: The recording. filters: As for `estimate`. with_report: Whether to write report.html. the_plan: For the result.
         calibrations: Stored calibration, or a folder of them, that corrects the raw samples first.
+        tunings: Files of tuned parameters, at most one a filter.
     """
-    estimated = estimate(session, filters, None if calibrations is None else load_calibrations(calibrations))
+    stored = None if calibrations is None else load_calibrations(calibrations)
+    estimated = estimate(session, filters, stored, load_tunings(tunings))
     estimated.save(session.path)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
@@ -109,20 +115,25 @@ def analyse(
 
 
 def load_or_estimate(
-    session: Session, filters: Sequence[str | OrientationFilter] | None = None, calibrations: Path | None = None
+    session: Session,
+    filters: Sequence[str | OrientationFilter] | None = None,
+    calibrations: Path | None = None,
+    tunings: Sequence[Path] = (),
 ) -> Estimate:
     """The estimate on disk if it was made from this very recording, with these filters where some are named; else a new one.
 
-    With calibrations it is always made anew.
+    With calibrations or tuned parameters it is always made anew, and one with tuned parameters is not taken for one without
+    where filters are named.
     """
-    if calibrations is None and (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
+    if calibrations is None and not tunings and (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
         try:
             stored = Estimate.load(session.path)
         except SessionError:
             stored = None
         if stored is not None and stored.fingerprint == session.fingerprint and _has_filters(stored, filters):
             return stored
-    estimated = estimate(session, filters, None if calibrations is None else load_calibrations(calibrations))
+    known = None if calibrations is None else load_calibrations(calibrations)
+    estimated = estimate(session, filters, known, load_tunings(tunings))
     estimated.save(session.path)
     return estimated
 
@@ -132,16 +143,19 @@ def _has_filters(stored: Estimate, filters: Sequence[str | OrientationFilter] | 
     if filters is None:
         return True
     names = {entry for entry in filters if isinstance(entry, str)}
-    if len(names) < len(filters):
+    if len(names) < len(filters) or stored.tuned:
         return False
     return all(set(sensor.orientation) | set(sensor.skipped) == names for sensor in stored.sensors.values())
 
 
 def judge_again(
-    session: Session, filters: Sequence[str | OrientationFilter] | None = None, calibrations: Path | None = None
+    session: Session,
+    filters: Sequence[str | OrientationFilter] | None = None,
+    calibrations: Path | None = None,
+    tunings: Sequence[Path] = (),
 ) -> Evaluation:
     """Evaluate what is estimated; a report that exists already is written anew, so that it never contradicts the session."""
-    estimated = load_or_estimate(session, filters, calibrations)
+    estimated = load_or_estimate(session, filters, calibrations, tunings)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
     if (session.path / "report.html").is_file():
@@ -152,12 +166,16 @@ def judge_again(
 
 
 def make_plan(
-    protocol: Protocol | str | Path, robot: str | Path | None = None, filters: Sequence[str | OrientationFilter] | None = None
+    protocol: Protocol | str | Path,
+    robot: str | Path | None = None,
+    filters: Sequence[str | OrientationFilter] | None = None,
+    tunings: Sequence[Path] = (),
 ) -> Plan:
     """Plan a protocol, and refuse filters that this version lacks.
 
     Raises:
-        NotFoundError: An unknown filter. FileProblems: The protocol gives a filter parameters that it does not take.
+        NotFoundError: An unknown filter. FileProblems: The protocol gives a filter parameters that it does not take, or a
+        tuning is malformed.
     """
     the_plan = plan(protocol, robot)
     document = the_plan.protocol.document
@@ -166,7 +184,8 @@ def make_plan(
             get_filter(name, parameters)
         except InputError as error:
             raise document.problem(str(error), "estimate", "filter_parameters", name) from None
-    choose_filters(filters or document.value.estimate.filters)
+    wanted = document.value.estimate
+    choose_tuned(filters, wanted.filters, wanted.filter_parameters, load_tunings(tunings))
     return the_plan
 
 

@@ -17,6 +17,7 @@ from testbench.cli.noise import noise
 from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
 from testbench.cli.recording import record
 from testbench.cli.studying import study
+from testbench.cli.tuning import TunedOption, tune
 
 if TYPE_CHECKING:
     from testbench.records.session import Session
@@ -136,6 +137,7 @@ def run(
     logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path("logs"),
     filters: FiltersOption = None,
     calibration: CalibrationOption = None,
+    tuned: TunedOption = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Do not write report.html.")] = False,
     json: JsonOption = False,
 ) -> None:
@@ -155,6 +157,7 @@ def run(
             progress=progress,
             planned=None if json else say_warnings,
             calibrations=calibration,
+            tunings=tuned or (),
         )
     if json:
         say_json(result.to_dict())
@@ -174,19 +177,25 @@ app.command()(calibrate)
 app.command()(calibrations)
 app.command()(design)
 app.command()(study)
+app.command()(tune)
 
 
 @app.command()
 def estimate(
-    session: SessionArgument, filters: FiltersOption = None, calibration: CalibrationOption = None, json: JsonOption = False
+    session: SessionArgument,
+    filters: FiltersOption = None,
+    calibration: CalibrationOption = None,
+    tuned: TunedOption = None,
+    json: JsonOption = False,
 ) -> None:
     """Align clocks and frames, run the filters, compute joint angles."""
     from testbench.estimation import estimate as make_estimate
     from testbench.records.calibration_file import load_calibrations
+    from testbench.records.tuning import load_tunings
 
     opened = _open(session)
     stored = None if calibration is None else load_calibrations(calibration)
-    result = make_estimate(opened, parse_filters(filters), stored)
+    result = make_estimate(opened, parse_filters(filters), stored, load_tunings(tuned))
     result.save(opened.path)
     rows = [
         [name, s.clock.method, 1e3 * s.clock.offset_s, s.clock.drift_ppm, s.clock.residual_deg_s, s.calibration.poses]
@@ -202,13 +211,17 @@ def estimate(
 
 @app.command()
 def evaluate(
-    session: SessionArgument, filters: FiltersOption = None, calibration: CalibrationOption = None, json: JsonOption = False
+    session: SessionArgument,
+    filters: FiltersOption = None,
+    calibration: CalibrationOption = None,
+    tuned: TunedOption = None,
+    json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
     from testbench.pipeline import judge_again
 
     opened = _open(session)
-    result = judge_again(opened, parse_filters(filters), calibration)
+    result = judge_again(opened, parse_filters(filters), calibration, tuned or ())
     if json:
         say_json(result.to_dict())
     else:
@@ -218,12 +231,16 @@ def evaluate(
 
 @app.command()
 def report(
-    session: SessionArgument, filters: FiltersOption = None, calibration: CalibrationOption = None, json: JsonOption = False
+    session: SessionArgument,
+    filters: FiltersOption = None,
+    calibration: CalibrationOption = None,
+    tuned: TunedOption = None,
+    json: JsonOption = False,
 ) -> None:
     """Estimate, evaluate and write report.html anew."""
     from testbench.pipeline import analyse
 
-    result = analyse(_open(session), parse_filters(filters), calibrations=calibration)
+    result = analyse(_open(session), parse_filters(filters), calibrations=calibration, tunings=tuned or ())
     if json:
         say_json(result.to_dict())
     else:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from testbench.estimation.access import open_samples
+from testbench.estimation.access import Correct, SampleAccess, open_samples
 from testbench.estimation.axes import identify_axes, true_rates
 from testbench.estimation.axes import remarks_on as axes_remarks
 from testbench.estimation.calibration.static_poses import fit_static_poses
-from testbench.estimation.filters import OrientationFilter, UniformSamples, choose_filters
+from testbench.estimation.filters import OrientationFilter, UniformSamples
+from testbench.estimation.filters.tuned import choose_tuned
 from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion, fit_frames_by_vectors
 from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
@@ -27,9 +28,9 @@ from testbench.model.truth import truth_at
 from testbench.records.calibration_file import SensorCalibration, find_calibration
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, JointEstimate, SensorEstimate
 from testbench.records.plan import PlannedStep
-from testbench.records.protocol import Estimation
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import Session
+from testbench.records.tuning import Tuning
 
 STANDARD_DOWN = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 MOST_COMPARED = 200_000
@@ -40,25 +41,100 @@ def estimate(
     session: Session,
     filters: Sequence[str | OrientationFilter] | None = None,
     calibrations: list[SensorCalibration] | None = None,
+    tunings: Sequence[Tuning] = (),
 ) -> Estimate:
     """Compute what the sensors, filters and joint angles say.
 
     Args:
         session: A recording. filters: Those to run, by name (with the parameters that the protocol gives them) or as they are;
-        those of the protocol if None.
+        those of the protocol, and those that were tuned, if None.
         calibrations: To correct the raw samples with first; each sensor takes its own that is nearest in time.
+        tunings: Whose parameters to use in place of all others, at most one a filter.
 
     Raises:
-        NotFoundError: An unknown filter or parameter. InputError: A parameter's value is not allowed.
-        SessionError: The session holds no samples.
+        NotFoundError: An unknown filter or parameter. InputError: A parameter's value is not allowed, or a tuned filter is not
+        among those to run. SessionError: The session holds no samples.
     """
     settings = session.analysis.estimate
-    chosen = choose_filters(filters or settings.filters, settings.filter_parameters)
-    stored = {name: _stored(session, name, calibrations or []) for name in session.sensor_names}
-    sensors = {name: _estimate_sensor(session, name, chosen, settings, stored[name]) for name in session.sensor_names}
+    chosen = choose_tuned(filters, settings.filters, settings.filter_parameters, tunings)
+    sensors = {name: prepare_sensor(session, name, calibrations).run(chosen) for name in session.sensor_names}
     joints = {name: _estimate_joint(session, name, sensors) for name in session.analysis.joints}
     used = {kind.name: kind.parameters for kind in chosen}
-    return Estimate(session.name, session.fingerprint, sensors, joints, used)
+    tuned = {tuning.filter: tuning.used_on(session) for tuning in tunings}
+    return Estimate(session.name, session.fingerprint, sensors, joints, used, tuned)
+
+
+class PreparedSession:
+    """A recording made ready for filters that run over it many times: only what depends on them is computed each time.
+
+    Args:
+        session: The recording. calibrations: As for `estimate`. joints: Those wanted, and only their sensors; all sensors and
+        no joint if None.
+    """
+
+    def __init__(
+        self, session: Session, calibrations: list[SensorCalibration] | None = None, joints: Sequence[str] | None = None
+    ):
+        self.session, self._joints = session, list(joints or [])
+        wanted = set(session.sensor_names)
+        if joints is not None:
+            defined = [session.analysis.joints[name] for name in joints]
+            wanted = {sensor for joint in defined for sensor in (joint.proximal, joint.distal)}
+        self.sensors = {
+            name: prepare_sensor(session, name, calibrations) for name in session.sensor_names if name in wanted
+        }  # fmt: skip
+
+    def run(self, filters: Sequence[OrientationFilter]) -> Estimate:
+        """The estimate by some filters, of the sensors and joints that were prepared."""
+        sensors = {name: sensor.run(filters) for name, sensor in self.sensors.items()}
+        joints = {name: _estimate_joint(self.session, name, sensors) for name in self._joints}
+        used = {kind.name: kind.parameters for kind in filters}
+        return Estimate(self.session.name, self.session.fingerprint, sensors, joints, used)
+
+
+@dataclass(frozen=True)
+class PreparedSensor:
+    """What of a sensor's estimate does not depend on the filters, and what is needed to run them.
+
+    Attributes:
+        session: The recording. access: To its samples. truth: What it went through, or None. aligned_every, aligned_to:
+        Where motion aligns it, one of how many samples does so, and q_world_from_sensor at those, shape (m, 4). uniform: The
+        kept samples on a regular grid. correct: Calibration of what the filters get. mounting: As rates and gravity gave it, or
+        None. estimate: Without any filter.
+    """
+
+    session: Session
+    access: SampleAccess
+    truth: Truth | None
+    aligned_every: int
+    aligned_to: np.ndarray | None
+    uniform: UniformSamples
+    correct: Correct
+    mounting: VectorMounting | None
+    estimate: SensorEstimate
+
+    def run(self, filters: Sequence[OrientationFilter]) -> SensorEstimate:
+        """The sensor's orientation by every filter, aligned."""
+        orientation: dict[str, np.ndarray] = {}
+        frames: dict[str, FrameFit] = {}
+        skipped: dict[str, str] = {}
+        remarks = list(self.estimate.remarks)
+        running: dict[str, OrientationFilter] = {}
+        for kind in filters:
+            key, missing, refusal = kind.name, kind.missing(self.uniform), self.access.refuses(kind)
+            if missing:
+                skipped[key] = f"the sensor gives no {' and no '.join(missing)}"
+            elif refusal:
+                skipped[key] = refusal
+            else:
+                running[key] = kind
+        for key, q_earth_from_sensor in self.access.orientations(running, self.estimate.clock, self.correct):
+            q = rotation.normalise(q_earth_from_sensor)
+            frames[key], warning = _align(self, q)
+            orientation[key] = apply_frames(q, frames[key])
+            if warning is not None:
+                remarks.append(f"{key}: {warning}")
+        return replace(self.estimate, orientation=orientation, frames=frames, skipped=skipped, remarks=remarks)
 
 
 def _stored(session: Session, name: str, calibrations: list[SensorCalibration]) -> SensorCalibration | None:
@@ -79,12 +155,19 @@ def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
     return correct
 
 
-def _estimate_sensor(
-    session: Session, name: str, filters: list[OrientationFilter], settings: Estimation, stored: SensorCalibration | None
-) -> SensorEstimate:
+def prepare_sensor(session: Session, name: str, calibrations: list[SensorCalibration] | None = None) -> PreparedSensor:
+    """Fit a sensor's clock and calibration, and find what its alignment goes by.
+
+    Args:
+        session: The recording. name: Of the sensor. calibrations: As for `estimate`.
+
+    Raises:
+        SessionError: It has too few samples.
+    """
     if session.sample_count(name) < 10:
         count = session.sample_count(name)
         raise SessionError(f"{session.path}: sensor '{name}' has {count} samples; nothing can be estimated")
+    settings, stored = session.analysis.estimate, _stored(session, name, calibrations or [])
     access = open_samples(session, name, None if stored is None else _corrector(stored))
     samples, truth = access.samples, session.truth(name)
     description = session.manifest["sensors"][name]
@@ -97,9 +180,6 @@ def _estimate_sensor(
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(session, samples.acc, samples.gyr, time, static & ~quality.flagged, truth)
-    orientation: dict[str, np.ndarray] = {}
-    frames: dict[str, FrameFit] = {}
-    skipped: dict[str, str] = {}
     remarks = list(quality.remarks)
     if settings.align_clock and truth is not None and clock.method == "arrival":
         remarks.append("its clock could not be fitted to the motion; it is late by the unknown latency of its samples")
@@ -110,31 +190,21 @@ def _estimate_sensor(
     gravity = session.robot.gravity if session.robot else STANDARD_DOWN
     axes = identify_axes(samples, time, static & ~quality.flagged, truth, gravity) if truth is not None else {}
     remarks += axes_remarks(axes)
-    mounting = None
-    if settings.align == "rates" and truth is not None:
-        mounting = _mounting(session, correct(uniform), rows, time, static & ~quality.flagged, truth, gravity)
+    every = max(len(time) // MOST_COMPARED, 1) if settings.align == "motion" else 1
+    mounting = aligned_to = None
+    if settings.align in {"rates", "motion"} and truth is not None:
+        aligned_to = truth_at(truth, time[::every])
+        if settings.align == "rates":
+            quiet = static & ~quality.flagged
+            mounting = _mounting(session, correct(uniform), rows, time, quiet, truth, aligned_to, gravity)
     if access.every > 1:
         remarks.append(f"a long recording: its estimates are kept, and judged, at one of {access.every} samples")
-    running: dict[str, OrientationFilter] = {}
-    for kind in filters:
-        key, missing, refusal = kind.name, kind.missing(uniform), access.refuses(kind)
-        if missing:
-            skipped[key] = f"the sensor gives no {' and no '.join(missing)}"
-        elif refusal:
-            skipped[key] = refusal
-        else:
-            running[key] = kind
-    for key, q_earth_from_sensor in access.orientations(running, clock, correct):
-        q = rotation.normalise(q_earth_from_sensor)
-        frames[key], warning = _align(session, q, time, truth, settings.align, mounting)
-        orientation[key] = apply_frames(q, frames[key])
-        if warning is not None:
-            remarks.append(f"{key}: {warning}")
-    return SensorEstimate(
-        time, static, orientation, clock, calibration, frames, skipped, quality.flagged, quality.counts(), remarks,
+    estimated = SensorEstimate(
+        time, static, {}, clock, calibration, {}, {}, quality.flagged, quality.counts(), remarks,
         access.timing(description.get("rate_hz"), _rate_age(description)), access.every, axes,
         None if stored is None else stored.summary(),
     )  # fmt: skip
+    return PreparedSensor(session, access, truth, every, aligned_to, uniform, correct, mounting, estimated)
 
 
 def _rate_age(description: dict[str, Any]) -> float:
@@ -183,13 +253,13 @@ def _mounting(
     time: np.ndarray,
     static: np.ndarray,
     truth: Truth,
+    q_true: np.ndarray,
     gravity: np.ndarray,
 ) -> VectorMounting | None:
     """The mounting by rates while moving and by gravity at rest, over what comes before the first judged step."""
     usable = _before_judging(session, time)
     gyr, acc = samples.gyr[rows], samples.acc[rows]
     rate, sound = true_rates(truth, time)
-    q_true = truth_at(truth, time)
     moving = usable & sound & ~static & np.isfinite(gyr).all(axis=1)
     rest = usable & static & np.isfinite(q_true[:, 0]) & np.isfinite(acc).all(axis=1)
     if moving.sum() + rest.sum() < 10:
@@ -211,20 +281,21 @@ def _before_judging(session: Session, time: np.ndarray) -> np.ndarray:
     return time < min(judged) if judged and min(judged) > time[0] else np.ones(len(time), dtype=bool)
 
 
-def _align(
-    session: Session, q: np.ndarray, time: np.ndarray, truth: Truth | None, method: str, mounting: VectorMounting | None
-) -> tuple[FrameFit, str | None]:
+def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]:
     """The alignment of one filter, and what is doubtful about it."""
+    session, truth, time = sensor.session, sensor.truth, sensor.estimate.host_time_ns
+    method = session.analysis.estimate.align
     if method == "none" or truth is None:
         return FrameFit(), None
-    if method == "rates":
-        q_true = truth_at(truth, time)
-        known = _before_judging(session, time) & np.isfinite(q_true[:, 0]) & np.isfinite(q[:, 0])
-        if mounting is None or not known.any():
+    if sensor.aligned_to is not None:
+        q, time = q[:: sensor.aligned_every], time[:: sensor.aligned_every]
+        known = _before_judging(session, time) & np.isfinite(sensor.aligned_to[:, 0]) & np.isfinite(q[:, 0])
+        q, q_true = q[known], sensor.aligned_to[known]
+        if method == "motion":
+            return _align_by_motion(q, q_true, float(len(q)) * float(np.median(np.diff(time))) / NANOSECONDS)
+        if sensor.mounting is None or not len(q):
             return FrameFit(), "the truth is known too seldom to align it by rates and gravity"
-        return fit_frames_by_vectors(q[known], q_true[known], mounting)
-    if method == "motion":
-        return _align_by_motion(session, q, time, truth)
+        return fit_frames_by_vectors(q, q_true, sensor.mounting)
     step = _reference_step(session)
     if step is None:
         return FrameFit(), "there is no dwell to align it in"
@@ -239,15 +310,11 @@ def _align(
     return fit_frames(q[mine], truth.q_world_from_sensor[known], method), warning
 
 
-def _align_by_motion(session: Session, q: np.ndarray, time: np.ndarray, truth: Truth) -> tuple[FrameFit, str | None]:
+def _align_by_motion(q: np.ndarray, q_true: np.ndarray, seconds: float) -> tuple[FrameFit, str | None]:
     """Over everything before the first judged step, or over the whole of a recording that has no such part."""
-    step = max(len(time) // MOST_COMPARED, 1)
-    q, time = q[::step], time[::step]
-    q_true = truth_at(truth, time)
-    usable = _before_judging(session, time) & np.isfinite(q_true[:, 0]) & np.isfinite(q[:, 0])
-    if usable.sum() < 10:
+    if len(q) < 10:
         return FrameFit(), "the truth is known too seldom to align it by motion"
-    return fit_frames_by_motion(q[usable], q_true[usable], float(usable.sum()) * float(np.median(np.diff(time))) / NANOSECONDS)
+    return fit_frames_by_motion(q, q_true, seconds)
 
 
 def _reference_step(session: Session) -> PlannedStep | None:

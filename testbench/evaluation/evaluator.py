@@ -11,14 +11,13 @@ from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
-from testbench.evaluation.judged import judged_steps
+from testbench.evaluation.judged import judged_steps, sound_truth
 from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
 from testbench.evaluation.orientation import rank_sensor, sensor_errors, sensor_rows, summarise_sensor, sweep_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
-from testbench.model.truth import without_jumps
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
-from testbench.records.evaluation_rows import Comparison, RankRow
+from testbench.records.evaluation_rows import Comparison, RankRow, TunedRow
 from testbench.records.plan import PlannedStep
 from testbench.records.session import RunStatus, Session
 
@@ -36,6 +35,8 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     result.notes.extend(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
     if session.status is not RunStatus.COMPLETED:
         result.notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
+    result.tuned.extend(_tuned_rows(estimate))
+    result.notes.extend(tuning_notes(result.tuned))
     arm = Arm.of(session)
     norms = [metric for name in estimate.sensors for metric in _judge_sensor(session, estimate, name, steps, arm, result)]
     if steps is not None and not steps:
@@ -67,13 +68,11 @@ def _judge_sensor(
         metrics.append(Metric(f"{name}.gravity_norm_error_percent", norm_error, "%", None, None, None, NORM_MEANING))
     if sensor.stored_calibration is None:
         result.gyroscope_bias.extend(bias_rows(name, sensor, session.imu(name, every=sensor.every), session.steps))
-    truth = session.truth(name)
+    truth, jumps = sound_truth(session, name)
     if truth is None:
         result.notes.append(f"{name}: no truth, so its orientation is not judged")
         return metrics
-    if truth.rate is None:
-        truth, jumps = without_jumps(truth, _fastest(session, name))
-        result.notes.extend([f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else [])
+    result.notes.extend([f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else [])
     wanted = session.analysis.estimate.euler_ranges
     result.euler_ranges.extend(euler_range_rows(name, sensor, truth, session.steps, wanted))
     errors = sensor_errors(name, sensor, truth, steps)
@@ -86,6 +85,28 @@ def _judge_sensor(
         result.orientation_sweeps.extend(sweep_rows(errors))
         _add_ranking(result, *rank_sensor(errors))
     return metrics
+
+
+def _tuned_rows(estimate: Estimate) -> list[TunedRow]:
+    """Of every filter that ran with tuned parameters."""
+    return [
+        TunedRow(
+            key, {name: estimate.filter_parameters[key][name] for name in used.tuned}, used.objective, used.tuned_utc,
+            used.tuned_on, used.on_this_session,
+        )
+        for key, used in estimate.tuned.items()
+    ]  # fmt: skip
+
+
+def tuning_notes(rows: list[TunedRow]) -> list[str]:
+    """What must be known of the errors of filters that were tuned, in sentences."""
+    notes = []
+    for row in rows:
+        chosen = ", ".join(f"{name} {value:.4g}" for name, value in row.parameters.items())
+        notes.append(f"{row.filter} ran with {chosen}, tuned for {row.objective} on {', '.join(row.tuned_on)}")
+        if row.on_this_session:
+            notes.append(f"{row.filter} was tuned on this session: its errors here are those of a fit, not of a test")
+    return notes
 
 
 def _judge_joint(
@@ -111,9 +132,3 @@ def _judge_joint(
 def _add_ranking(result: Evaluation, ranks: list[RankRow], comparisons: list[Comparison]) -> None:
     result.ranking.extend(ranks)
     result.comparisons.extend(comparisons)
-
-
-def _fastest(session: Session, sensor: str) -> float:
-    """Largest angular rate that a sensor reported [rad/s]; 0 where it reports none."""
-    norms = (np.linalg.norm(samples.gyr, axis=1) for samples in session.imu_batches(sensor))
-    return max((float(np.max(norm[np.isfinite(norm)], initial=0.0)) for norm in norms), default=0.0)

@@ -92,12 +92,21 @@ def joint_errors(
     flexion, error = {}, {}
     for (key, sequence), angles in joint_estimate.angles.items():
         definition = next(item for item in joint.definitions() if item.label == sequence)
-        flexion[key, sequence] = nearest_turn(flexion_of(definition, angles), reference)
-        error[key, sequence] = rotation.wrap(flexion[key, sequence] - reference)
+        flexion[key, sequence], error[key, sequence] = flexion_error(definition, angles, reference)
     finite = np.isfinite(reference) & sound
     counted = [(step, rows[finite[rows]]) for step, rows in rows_by_step(steps, time, static)]
     judged = [(step, rows) for step, rows in counted if len(rows)]
     return JointErrors(name, joint, time, reference, flexion, error, true_angles, joint_estimate.angles, judged)
+
+
+def flexion_error(definition: FlexionAngle, angles: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Flexion [rad] and its error, shape (n,) each.
+
+    Args:
+        definition: Which of the angles it is. angles: Estimated, shape (n, 3) [rad]. reference: True flexion [rad], shape (n,).
+    """
+    flexion = nearest_turn(flexion_of(definition, angles), reference)
+    return flexion, rotation.wrap(flexion - reference)
 
 
 def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:

@@ -7,7 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from testbench.frames import NANOSECONDS
+from testbench.model.truth import without_jumps
 from testbench.records.plan import PlannedStep
+from testbench.records.samples import Truth
+from testbench.records.session import Session
 
 SETTLING_NS = NANOSECONDS * 3 // 10
 """After a move the arm still swings in; this long is left out of a dwell (a servo of 12 Hz is within 1e-6 after 0.3 s)."""
@@ -25,6 +28,20 @@ def window(step: PlannedStep) -> tuple[int, int]:
         return step.start_ns, step.settled_ns
     settling = min(SETTLING_NS, (step.end_ns - step.settled_ns) // 4)
     return step.settled_ns + settling, step.end_ns
+
+
+def sound_truth(session: Session, sensor: str) -> tuple[Truth | None, int]:
+    """The truth that a sensor's orientation is judged by, or None, and how many of its orientations were left out as jumps."""
+    truth = session.truth(sensor)
+    if truth is None or truth.rate is not None:
+        return truth, 0
+    return without_jumps(truth, _fastest(session, sensor))
+
+
+def _fastest(session: Session, sensor: str) -> float:
+    """Largest angular rate that a sensor reported [rad/s]; 0 where it reports none."""
+    norms = (np.linalg.norm(samples.gyr, axis=1) for samples in session.imu_batches(sensor))
+    return max((float(np.max(norm[np.isfinite(norm)], initial=0.0)) for norm in norms), default=0.0)
 
 
 def rows_by_step(steps: list[PlannedStep], time_ns: np.ndarray, static: np.ndarray) -> Iterator[tuple[PlannedStep, np.ndarray]]:

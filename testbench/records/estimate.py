@@ -11,6 +11,7 @@ import numpy as np
 from testbench.exceptions import SessionError
 from testbench.records.samples import QUATERNION, join, names, split
 from testbench.records.storage import read_json, read_parquet, read_stacked, write_json, write_parquet
+from testbench.records.tuning import UsedTuning
 
 SCHEMA_VERSION = 1
 FOLDER = "estimate"
@@ -192,7 +193,7 @@ class Estimate:
 
     Attributes:
         session: Its name. fingerprint: Of the recording they were made from. sensors, joints: By name.
-        filter_parameters: Those each filter ran with.
+        filter_parameters: Those each filter ran with. tuned: Where they came from, of filters that were tuned.
     """
 
     session: str
@@ -200,13 +201,15 @@ class Estimate:
     sensors: dict[str, SensorEstimate]
     joints: dict[str, JointEstimate]
     filter_parameters: dict[str, dict[str, float]] = field(default_factory=dict)
+    tuned: dict[str, UsedTuning] = field(default_factory=dict)
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session."""
         folder = session_folder / FOLDER
         folder.mkdir(exist_ok=True)
         summary: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "session": self.session}
-        summary |= {"fingerprint": self.fingerprint, "filter_parameters": self.filter_parameters, "sensors": {}, "joints": {}}
+        summary |= {"fingerprint": self.fingerprint, "filter_parameters": self.filter_parameters}
+        summary |= {"tuned": {key: asdict(used) for key, used in self.tuned.items()}, "sensors": {}, "joints": {}}
         for name, sensor in self.sensors.items():
             columns = {"host_time_ns": sensor.host_time_ns, "static": sensor.static, "flagged": sensor.flagged}
             for key, q in sensor.orientation.items():
@@ -283,7 +286,8 @@ class Estimate:
                 (row["filter"], row["sequence"]): join(table, _angle_columns(row["filter"], row["sequence"])) for row in rows
             }
             joints[name] = JointEstimate(table["host_time_ns"], angles)
-        return Estimate(summary["session"], summary["fingerprint"], sensors, joints, summary["filter_parameters"])
+        tuned = {key: UsedTuning(**used) for key, used in summary.get("tuned", {}).items()}
+        return Estimate(summary["session"], summary["fingerprint"], sensors, joints, summary["filter_parameters"], tuned)
 
 
 def _angle_columns(key: str, sequence: str) -> list[str]:

@@ -18,6 +18,7 @@ from testbench.records.evaluation_rows import (
     OrientationSummary,
     OrientationSweepRow,
     RankRow,
+    TunedRow,
 )
 from testbench.records.storage import plain_values, read_json, read_parquet, write_json, write_parquet
 from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
@@ -184,7 +185,7 @@ class Evaluation:
             <filter>_<sequence>_flexion_rad and <filter>_<sequence>_error_rad.
         joint_summary, orientation_summary: Errors of whole sections and sessions, static and dynamic, with confidence.
         ranking, comparisons: Of the filters, with significance. uncertainty: Budgets of the truth. gyroscope_bias: What the
-        calibration left.
+        calibration left. tuned: Filters that ran with tuned parameters.
     """
 
     session: str
@@ -202,6 +203,7 @@ class Evaluation:
     comparisons: list[Comparison] = field(default_factory=list)
     uncertainty: list[UncertaintyBudget] = field(default_factory=list)
     gyroscope_bias: list[GyroscopeBiasRow] = field(default_factory=list)
+    tuned: list[TunedRow] = field(default_factory=list)
     series: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
@@ -257,6 +259,7 @@ class Evaluation:
             [Comparison(**row) for row in data["comparisons"]],
             [_budget(row) for row in data["uncertainty"]],
             [GyroscopeBiasRow(**row) for row in data["gyroscope_bias"]],
+            [TunedRow(**row) for row in data.get("tuned", [])],
             series,
         )
 

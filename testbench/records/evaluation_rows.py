@@ -160,3 +160,20 @@ class GyroscopeBiasRow:
     error_deg_s: float
     error_sd_deg_s: float | None
     samples: int
+
+
+@dataclass(frozen=True)
+class TunedRow:
+    """A filter that ran with tuned parameters.
+
+    Attributes:
+        parameters: Those that were tuned. objective: What they were tuned for. tuned_utc: When. tuned_on: On which sessions.
+        on_this_session: Whether this recording was one of them, so that its errors are those of a fit and not of a test.
+    """
+
+    filter: str
+    parameters: dict[str, float]
+    objective: str
+    tuned_utc: str
+    tuned_on: list[str]
+    on_this_session: bool

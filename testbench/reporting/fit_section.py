@@ -8,6 +8,7 @@ from testbench.frames import STANDARD_GRAVITY
 from testbench.records.estimate import Estimate
 from testbench.reporting.page import Section, Sentence
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, significant, text
+from testbench.reporting.tuning_section import parameter_table
 
 
 def fit_section(estimate: Estimate) -> Section:
@@ -24,6 +25,8 @@ def fit_section(estimate: Estimate) -> Section:
     section.blocks.append(
         _calibration(estimate) if calibrated else Sentence("No calibration was fitted: the raw samples went into the filters.")
     )
+    if estimate.filter_parameters:
+        section.blocks.append(parameter_table(estimate))
     section.blocks += [
         Sentence(f"{name}: {key} was left out because {why}.")
         for name, s in estimate.sensors.items()

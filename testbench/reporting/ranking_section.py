@@ -6,6 +6,7 @@ from testbench.records.evaluation import Evaluation
 from testbench.records.evaluation_rows import ErrorSummary, Interval
 from testbench.reporting.page import Block, Sentence
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
+from testbench.reporting.tuning_section import fitted_here
 
 
 def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = None) -> list[Block]:
@@ -29,6 +30,8 @@ def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = Non
             Row([label(row.filter), Cell(rank, kind="number"), text(row.group), number(row.value, 3),
                  _p_value(clearest[row.filter]), text(alike, kind="wide")])
         )  # fmt: skip
+    fitted = [row.filter for row in evaluation.tuned if row.on_this_session and row.filter in clearest]
+    warning = [fitted_here(fitted)] if fitted else []
     criterion = rows[0].criterion + (f" ({rows[0].sequence})" if rows[0].sequence else "")
     return [
         Table(
@@ -41,7 +44,8 @@ def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = Non
             f"by block (from {blocks} independent blocks), at a level of 5 % for all pairs together; the smallest p is that of "
             "the clearest difference from any other filter, after Holm's correction. The truth is the same for all, so its "
             "uncertainty does not count here.",
-        )
+        ),
+        *warning,
     ]  # fmt: skip
 
 

@@ -36,6 +36,11 @@ STUDIES = {
             "Integrators in the calibration of a gyroscope on a gimbal, beside tables 4.1 to 4.7 of Botina & Vergara 2018",
             "testbench.studies.gimvebo",
         ),
+        Study(
+            "beta_zeta",
+            "The two gains of Madgwick's filter, beside the sweeps of de Miguel Pueyo 2024, and what a true bias state gains",
+            "testbench.studies.beta_zeta",
+        ),
     )
 }
 """Every study by its name."""

@@ -62,7 +62,9 @@ def test_every_file_that_makes_up_a_protocol_is_kept():
 
 
 def test_an_unknown_name_lists_the_protocols_that_ship():
-    with pytest.raises(NotFoundError, match="unknown protocol 'elbow'; known: axis_identification, calibration_2d, "):
+    with pytest.raises(
+        NotFoundError, match="unknown protocol 'elbow'; known: axis_identification, beta_zeta, calibration_2d, "
+    ):
         load_protocol("elbow")
 
 

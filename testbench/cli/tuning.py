@@ -1,0 +1,139 @@
+"""The command `tune`, and the option that gives tuned parameters to other commands."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from testbench.cli.calibrating import CalibrationOption
+from testbench.cli.filtering import parse_filters
+from testbench.cli.output import say, say_json, say_table
+
+if TYPE_CHECKING:
+    from testbench.records.tuning import Tuning
+    from testbench.studies.tuning import Sessions
+
+TunedOption = Annotated[
+    list[Path] | None,
+    typer.Option("--tuned", help="Parameters that `testbench tune` found (.json); once for each filter that was tuned."),
+]
+
+
+def tune(
+    sessions: Annotated[list[Path], typer.Argument(help="Sessions to tune on, with truth.")],
+    filter_name: Annotated[str, typer.Option("--filter", help="Filter: a name, or path/to/file.py:ClassName.")],
+    out: Annotated[Path, typer.Option("--out", help="File to write (.json).")],
+    objective: Annotated[
+        str,
+        typer.Option(
+            "--objective",
+            help="Metric to make small: total_rmse_deg, heading_rmse_deg, inclination_rmse_deg of the sensors, "
+            "flexion_rmse_deg, flexion_mean_abs_error_deg of the joints; elbow.flexion_rmse_deg is that of one of them.",
+        ),
+    ] = "total_rmse_deg",
+    parameters: Annotated[
+        str | None, typer.Option("--parameters", help="Which to tune, separated by commas; all without it.")
+    ] = None,
+    test: Annotated[
+        list[Path] | None, typer.Option("--test", help="Session to test on, never tuned on; may be repeated.")
+    ] = None,
+    test_share: Annotated[
+        float | None, typer.Option("--test-share", help="Draw this part of the sessions for the test instead, 0 to 1.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of that draw.")] = 0,
+    leave_one_out: Annotated[
+        bool, typer.Option("--leave-one-out", help="Also test each session by the set that all others choose.")
+    ] = False,
+    values: Annotated[int, typer.Option("--values", min=3, help="Values of each parameter in the grid.")] = 9,
+    points: Annotated[int, typer.Option("--points", min=1, help="Most points of a grid of every combination.")] = 300,
+    no_refinement: Annotated[bool, typer.Option("--no-refinement", help="The grid alone, without Nelder-Mead.")] = False,
+    calibration: CalibrationOption = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+) -> None:
+    """Find the parameters of a filter that suit sessions best, each alone and all together."""
+    from testbench.clock import SystemClock
+    from testbench.estimation.filters import FILTERS, choose_filters
+    from testbench.exceptions import InputError
+    from testbench.records.calibration_file import load_calibrations
+    from testbench.records.tuning import refuse_file
+    from testbench.studies.parameter_space import Effort
+    from testbench.studies.tuning import tune as find_parameters
+
+    refuse_file(out)
+    chosen = choose_filters(parse_filters(filter_name) or [])
+    if len(chosen) != 1:
+        raise InputError("one filter is tuned at a time")
+    kind = chosen[0]
+    found = find_parameters(
+        kind,
+        _divide(sessions, test or [], test_share, seed),
+        objective,
+        SystemClock().utc().isoformat(timespec="seconds"),
+        None if parameters is None else [name.strip() for name in parameters.split(",") if name.strip()],
+        Effort(values, points, not no_refinement),
+        leave_one_out,
+        None if calibration is None else load_calibrations(calibration),
+        "" if kind.name in FILTERS else filter_name,
+        _tell if not json and sys.stderr.isatty() else None,
+    )
+    found.save(out)
+    if json:
+        say_json({"file": str(out), **found.model_dump()})
+    else:
+        _say_tuning(found)
+        say(f"tuning: {out}")
+
+
+def _divide(sessions: list[Path], test: list[Path], share: float | None, seed: int) -> Sessions:
+    from testbench.exceptions import InputError
+    from testbench.records.session import Session
+    from testbench.studies.tuning import Sessions
+
+    if share is None:
+        return Sessions.given([Session(path) for path in sessions], [Session(path) for path in test])
+    if test:
+        raise InputError("--test names the sessions to test on, --test-share draws them: not both")
+    return Sessions.drawn([Session(path) for path in sessions], share, seed)
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+def _say_tuning(found: Tuning) -> None:
+    say_table(
+        f"{found.filter}, tuned for {found.objective}",
+        ["parameter", "tuned", "at an end of its range"],
+        [[name, found.parameters[name], "yes" if name in found.at_edge else ""] for name in found.tuned],
+    )
+    tuned_on = found.of_role("tuning")
+    rows: list[list[Any]] = [
+        [entry.session, entry.default_value, entry.value, entry.own_value, _words(entry.own_parameters or {})]
+        for entry in tuned_on
+    ]
+    rows.append(["mean", found.default_value, found.value, None, ""])
+    columns = ["session", "default", "one set for all", "own optimum", "own parameters"]
+    if found.split.leave_one_out:
+        columns.append("by the set of all others")
+        left_out = [entry.left_out_value for entry in tuned_on]
+        known = [value for value in left_out if value is not None]
+        for row, value in zip(rows, [*left_out, sum(known) / len(known) if known else None], strict=True):
+            row.append(value)
+    say_table(f"Tuned on: {found.objective}, not a test", columns, rows)
+    tests = found.of_role("test")
+    if tests:
+        rows = [[entry.session, entry.default_value, entry.value] for entry in tests]
+        say_table(f"Test: {found.objective}, never tuned on", ["session", "default", "tuned"], rows)
+    elif not found.split.leave_one_out:
+        say("note: no session was held out, so it is not known what the set is worth on others")
+    if not found.search.converged:
+        say("note: the refinement did not come to rest")
+    for name in found.at_edge:
+        say(f"note: the best {name} is an end of the range that was searched")
+
+
+def _words(parameters: dict[str, float]) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
