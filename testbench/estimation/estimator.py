@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.estimation.axes import identify_axes, remarks_on, true_rates
 from testbench.estimation.calibration.static_poses import fit_static_poses
+from testbench.estimation.chain.session import estimate_chain
 from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion, fit_frames_by_vectors
 from testbench.estimation.quality import assess
@@ -46,7 +47,8 @@ def estimate(session: Session, filters: list[str] | None = None) -> Estimate:
         get_filter(name)
     sensors = {name: _estimate_sensor(session, name, names, settings) for name in session.sensor_names}
     joints = {name: _estimate_joint(session, name, sensors) for name in session.analysis.joints}
-    return Estimate(session.name, session.fingerprint, sensors, joints)
+    chain, remarks = estimate_chain(session, sensors, settings.chain) if settings.chain is not None else ([], [])
+    return Estimate(session.name, session.fingerprint, sensors, joints, chain, remarks)
 
 
 def _estimate_sensor(session: Session, name: str, filters: list[str], settings: Estimation) -> SensorEstimate:

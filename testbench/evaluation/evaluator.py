@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from testbench.evaluation.chain import evaluate_chain
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.flexion import evaluate_joint
 from testbench.evaluation.judged import judged_steps
@@ -14,6 +15,7 @@ from testbench.model.truth import without_jumps
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import (
     SEVERITY,
+    ChainRow,
     EulerRangeRow,
     Evaluation,
     JointRow,
@@ -74,12 +76,19 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
             series[f"joint_{name}"] = columns
         else:
             notes.append(f"{name}: no truth, so its angle is not judged")
+    notes += estimate.remarks
+    chain: list[ChainRow] = []
+    for one in estimate.chain:
+        if arm is None:
+            break
+        chain_rows, series[one.key] = evaluate_chain(session, one, arm)
+        chain += chain_rows
     metrics = summarise_metrics(joints, orientations) + metrics
     metrics, outcome = judge(session.analysis, metrics)
     notes += [f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED]
     if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
-    return Evaluation(session.name, joints, orientations, metrics, outcome, notes, noise, ranges, series)
+    return Evaluation(session.name, joints, orientations, metrics, outcome, notes, noise, ranges, series, chain)
 
 
 def _fastest(samples: ImuSamples) -> float:

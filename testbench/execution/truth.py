@@ -5,19 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-from scipy.signal import savgol_filter
-
-from testbench.frames import NANOSECONDS
+from testbench.model.joint_motion import joint_acceleration
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.protocol import Sensor
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples, Truth
 from testbench.records.storage import write_parquet
-
-SMOOTHING_S = 0.1
-"""Width of the cubic Savitzky-Golay window that differentiates the measured joint rates [s]."""
-
 
 TRUTH_NOTES = {
     "content": "what the sensor went through, by the arm's measured joint angles and the mounting as believed",
@@ -49,13 +42,3 @@ def kinematic_truth(kinematics: Kinematics, samples: ArmSamples, sensor: Sensor)
         motion.angular_velocity_in_frame,
         motion.specific_force_in_frame(kinematics.robot.gravity),
     )
-
-
-def joint_acceleration(samples: ArmSamples) -> np.ndarray:
-    """Joint accelerations [rad/s^2], shape (n, n_joints), from measured rates at a regular interval."""
-    n = len(samples.host_time_ns)
-    if n < 5:
-        return np.zeros_like(samples.v_measured)
-    interval = float(np.median(np.diff(samples.host_time_ns))) / NANOSECONDS
-    window = min(max(2 * round(SMOOTHING_S / interval / 2) + 1, 5), n - 1 + n % 2)
-    return np.asarray(savgol_filter(samples.v_measured, window, 3, deriv=1, delta=interval, axis=0))

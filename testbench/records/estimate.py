@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from testbench.exceptions import SessionError
+from testbench.records.chain import ChainEstimate
 from testbench.records.samples import QUATERNION, join, names, split
 from testbench.records.storage import read_json, read_parquet, write_json, write_parquet
 
@@ -185,13 +186,16 @@ class Estimate:
     """All estimates of a session.
 
     Attributes:
-        session: Its name. fingerprint: Of the recording they were made from. sensors, joints: By name.
+        session: Its name. fingerprint: Of the recording they were made from. sensors, joints: By name. chain: Joints of the arm
+        by the chain filter, by section and state. remarks: What is doubtful about the whole.
     """
 
     session: str
     fingerprint: str
     sensors: dict[str, SensorEstimate]
     joints: dict[str, JointEstimate]
+    chain: list[ChainEstimate] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session."""
@@ -221,6 +225,8 @@ class Estimate:
                 columns |= split(_angle_columns(key, sequence), angles)
             write_parquet(folder / f"joint_{name}.parquet", columns, {"content": "intrinsic Euler angles"})
             summary["joints"][name] = [{"filter": key, "sequence": sequence} for key, sequence in joint.angles]
+        summary["chain"] = [chain.save(folder) for chain in self.chain]
+        summary["remarks"] = self.remarks
         write_json(folder / "estimate.json", summary)
 
     @staticmethod
@@ -269,7 +275,8 @@ class Estimate:
                 (row["filter"], row["sequence"]): join(table, _angle_columns(row["filter"], row["sequence"])) for row in rows
             }
             joints[name] = JointEstimate(table["host_time_ns"], angles)
-        return Estimate(summary["session"], summary["fingerprint"], sensors, joints)
+        chain = [ChainEstimate.load(folder, data) for data in summary["chain"]]
+        return Estimate(summary["session"], summary["fingerprint"], sensors, joints, chain, summary["remarks"])
 
 
 def _angle_columns(key: str, sequence: str) -> list[str]:

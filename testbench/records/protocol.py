@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
+from testbench.records.protocol_chain import ChainEstimation
 from testbench.records.protocol_steps import Motion, Range, Section, Variable
 from testbench.records.sensor import ImuParameters, load_preset
 from testbench.records.strict import Angles3, EulerSequence, Name, Placement, Rotation, StrictModel
@@ -129,6 +130,10 @@ class Estimation(StrictModel):
 
     euler_ranges: dict[Name, EulerSequence] = Field(
         default={}, description="Sections over which the range of each sensor's own Euler angles is reported (limit tests)."
+    )
+
+    chain: ChainEstimation | None = Field(
+        default=None, description="Joints of the arm from several sensors together; null: not computed."
     )
 
     @model_validator(mode="after")

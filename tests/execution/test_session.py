@@ -20,7 +20,7 @@ from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.exceptions import DriverError, NotFoundError, RunInterrupted, SessionError
 from testbench.execution.executor import Progress
 from testbench.execution.recovery import recover
-from testbench.execution.truth import joint_acceleration
+from testbench.model.joint_motion import joint_acceleration
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus, Session, list_sessions
 from testbench.records.storage import journal_batches

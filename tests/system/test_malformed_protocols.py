@@ -99,6 +99,30 @@ FAULTS = {
         "variables:", "motion: {speed: 0}\nvariables:", "greater than or equal to 0.001, not 0", "speed"
     ),
     "a position of two numbers": Fault("[0, 0, 10]", "[0, 10]", "must have at least 3 entries, not 2"),
+    "two shapes of one sweep": Fault(
+        "{sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}",
+        "{sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}, trapezoid: {amplitude_deg: 5, rate_deg_s: 5}}",
+        "a sweep needs one of: sine, fourier, trapezoid",
+    ),
+    "a harmonic without its phase": Fault(
+        "{sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}",
+        "{fourier: {amplitudes_deg: [20, 5], phases_deg: [0], frequency_hz: 0.5, cycles: 2}}",
+        "2 amplitudes_deg and 1 phases_deg: each needs its own",
+    ),
+    "a sensor of the chain that is not there": Fault(
+        "filters: [device, vqf_6d]}", "filters: [device, vqf_6d], chain: {sensors: [arm, leg]}}", "unknown sensor 'leg'"
+    ),
+    "a section of the chain that is not there": Fault(
+        "filters: [device, vqf_6d]}", "filters: [device, vqf_6d], chain: {sections: [walk]}}", "unknown section 'walk'"
+    ),
+    "a joint of the chain that the arm lacks": Fault(
+        "filters: [device, vqf_6d]}", "filters: [device, vqf_6d], chain: {joints: [knee]}}", "unknown joint of ur3e 'knee'"
+    ),
+    "a state of the chain named twice": Fault(
+        "filters: [device, vqf_6d]}",
+        "filters: [device, vqf_6d], chain: {states: [fourier, fourier]}}",
+        "states: fourier stands more than once",
+    ),
     "infinity": Fault("rest_s: 0.5", "rest_s: .inf", "must be a finite number"),
     "not a number": Fault("rest_s: 0.5", "rest_s: .nan", "must be a finite number"),
     "a number beyond all bounds": Fault("rest_s: 0.5", "rest_s: 1e999", "must be a finite number"),

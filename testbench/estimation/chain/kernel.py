@@ -35,9 +35,10 @@ def filter_chain(
     variance: np.ndarray,
     jerk: np.ndarray,
     walk: np.ndarray,
+    raised: np.ndarray,
     levels: np.ndarray,
     keep: bool,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Run the filter.
 
     Args:
@@ -45,35 +46,38 @@ def filter_chain(
             As for `state.joint_motion`. chain, gravity: As of ChainSensors. limits: Of the joints, shape (m, 2), infinite for
             none [rad].
         start: [s]. time: Of the e samples, shape (e,), not decreasing [s]. sensor: Which one, shape (e,). reading, variance:
-            Rate and force, shape (e, 6), NaN for a reading there is not. jerk, walk: As for `state.drive`.
-        levels: Two levels of process noise (Bar-Shalom, Li & Kirubarajan, 2001, sect. 11.2.2): factor of the raised level, mean
-            normalised innovation squared (of one reading) above which it holds, memory of that mean [s], and the mean at
-            `start`, which is changed in place.
+            Rate and force, shape (e, 6). jerk, walk: As for `state.drive`.
+        raised, levels: A second level of process noise (Bar-Shalom, Li & Kirubarajan, 2001, sect. 11.2.2): what it adds to
+            `walk`; mean normalised innovation squared (of one reading) above which it holds, memory of that mean [s], the
+            mean and the part of the raised level at `start`, which are changed in place, and the time constant with which
+            the level falls back [s].
         keep: Whether to keep the state and covariance of every sample.
 
     Returns:
-        Joint angles, rates and accelerations after each sample, shape (e, 3, m), their standard deviations, the normalised
-        innovation squared of each sample, the mean over its readings, the logarithm of the likelihood, the factor of the
-        process noise before each sample, and the states and covariances, shapes (e, n) and (e, n, n), empty unless kept.
+        Joint angles, rates and accelerations after each sample, shape (e, 3, m), and their standard deviations; of each sample
+        the normalised innovation squared (mean over its readings), the logarithm of its likelihood, and the part of the raised
+        level that held before it; states and covariances, shapes (e, n) and (e, n, n), empty unless kept.
     """
     rotations, offsets, axes, columns, counts, tip_rotations, tip_offsets = chain
     e, n, m = len(time), len(x), indices.shape[0]
     bias = m * (2 * harmonics + 1) + 1 if harmonics else 3 * m
+    scale = bias + 6 * len(counts)
     means, sds = np.empty((e, 3, m)), np.empty((e, 3, m))
-    nis, factors = np.zeros(e), np.ones(e)
+    nis, high = np.zeros(e), np.zeros(e)
     states = np.empty((e if keep else 0, n))
     covariances = np.empty((e if keep else 0, n, n))
     motion, slopes = np.empty((3, m)), np.empty((3, m, indices.shape[1]))
     by_q, by_v, by_a = np.zeros((6, m)), np.zeros((6, m)), np.zeros((6, m))
     predicted, h, Ph, dx = np.empty(6), np.empty(n), np.empty(n), np.empty(n)
-    likelihood, now = 0.0, start
+    likelihood, now = np.zeros(e), start
     for i in range(e):
         dt = time[i] - now
         now = time[i]
         if dt > 0:
             propagate(x, P, m, harmonics, dt)
-            factors[i] = levels[0] if levels[3] > levels[1] else 1.0
-            drive(P, m, harmonics, jerk * factors[i], walk * factors[i], dt)
+            levels[3] = 1.0 if levels[2] > levels[0] else levels[3] * math.exp(-dt / levels[4])
+            high[i] = levels[3]
+            drive(P, m, harmonics, jerk, walk + high[i] * raised, dt)
         s = sensor[i]
         joint_motion(x, indices, harmonics, motion, slopes)
         sensor_reading(
@@ -81,11 +85,7 @@ def filter_chain(
             motion[0], motion[1], motion[2], predicted, by_q, by_v, by_a,
         )  # fmt: skip
         dx[:] = 0.0
-        count = 0
         for r in range(6):
-            if math.isnan(reading[i, r]):
-                continue
-            count += 1
             h[:] = 0.0
             for k in range(counts[s]):
                 j = columns[s, k]
@@ -97,19 +97,24 @@ def filter_chain(
             if n > bias:
                 h[bias + 6 * s + r] = 1.0
                 innovation -= x[bias + 6 * s + r]
+            if n > scale:
+                for t in range(3 if r >= 3 else 6):  # rows of both matrices, and the gyroscope's response to force
+                    place = scale + 27 * s + (6 * r if r < 3 else 9 + 3 * r) + t
+                    h[place] = predicted[t if r < 3 else 3 + t]
+                    innovation -= x[place] * h[place]
             times_gain(P, h, Ph)
             S = variance[i, r]
             for t in range(n):
                 S += h[t] * Ph[t]
                 innovation -= h[t] * dx[t]
             nis[i] += innovation * innovation / S
-            likelihood -= 0.5 * (math.log(2 * math.pi * S) + innovation * innovation / S)
+            likelihood[i] -= 0.5 * (math.log(2 * math.pi * S) + innovation * innovation / S)
             take(dx, P, Ph, innovation / S, 1.0 / S)
         for t in range(n):
             x[t] += dx[t]
-        nis[i] /= max(count, 1)
-        fade = math.exp(-dt / levels[2])
-        levels[3] = fade * levels[3] + (1 - fade) * nis[i]
+        nis[i] /= 6
+        fade = math.exp(-dt / levels[1])
+        levels[2] = fade * levels[2] + (1 - fade) * nis[i]
         hold(x, P, harmonics, indices, limits, motion, slopes, h, Ph)
         joint_motion(x, indices, harmonics, motion, slopes)
         for order in range(3):
@@ -118,7 +123,7 @@ def filter_chain(
                 sds[i, order, j] = math.sqrt(max(spread(P, indices[j], slopes[order, j]), 0.0))
         if keep:
             states[i], covariances[i] = x, P
-    return means, sds, nis, likelihood, factors, states, covariances
+    return means, sds, nis, likelihood, high, states, covariances
 
 
 @njit(cache=True)
@@ -166,10 +171,11 @@ def hold(
     h: np.ndarray,
     Ph: np.ndarray,
 ) -> None:
-    """Bring joints back within their limits, by truncation of the density (Simon, Optimal State Estimation, 2006, sect. 7.5.4).
+    """Bring joints back within their limits: the density is cut off there (Simon, Optimal State Estimation, 2006, sect. 7.5.4).
 
-    It is done where the estimate lies beyond a limit, or is so uncertain that the limits know more; done always it would count
-    the same knowledge with every sample and shrink the covariance without reason.
+    An estimate beyond a limit is moved to the mean of what is left, and the other states with it. The covariance is only
+    shrunk where the joint is so uncertain that the limits know more: the same knowledge put in with every sample would soon
+    make the filter sure of a limit.
     """
     joint_motion(x, indices, harmonics, motion, slopes)
     for j in range(indices.shape[0]):
@@ -185,7 +191,8 @@ def hold(
         for t in range(indices.shape[1]):
             h[indices[j, t]] = slopes[0, j, t]
         times_gain(P, h, Ph)
-        take(x, P, Ph, (shift - mean) / variance, (variance - left) / variance**2)
+        shrink = (variance - left) / variance**2 if sd > WIDE * (high - low) else 0.0
+        take(x, P, Ph, (shift - mean) / variance, shrink)
         joint_motion(x, indices, harmonics, motion, slopes)
 
 

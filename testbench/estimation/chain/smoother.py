@@ -38,25 +38,25 @@ def run_smoother(sensors: ChainSensors, settings: FilterSettings, samples: Chain
         now = float(part.time[-1])
     m = len(sensors.joints)
     indices = state_indices(m, settings.harmonics)
-    later = (x.copy(), P.copy(), 0.0, 1.0)  # the last state is its own smoothed one
+    later = (x.copy(), P.copy(), 0.0, 0.0)  # the last state is its own smoothed one
     means, sds = [], []
+    noise = settings.jerk(m), settings.walk(m), settings.raised(m)
     for part, (x0, P0, levels0, start) in zip(reversed(parts), reversed(marks), strict=True):
         kept = continue_filter(sensors, settings, part, x0, P0, start, levels0, keep=True)
-        steps = np.append(np.diff(part.time), later[2])
-        factors = np.append(kept.factors[1:], later[3])
+        steps, high = np.append(np.diff(part.time), later[2]), np.append(kept.high[1:], later[3])
         state, covariance = kept.state, kept.covariance
-        _smooth(
-            state, covariance, later[0], later[1], m, settings.harmonics, steps, factors, settings.jerk(m), settings.walk(m)
-        )
+        _smooth(state, covariance, later[0], later[1], m, settings.harmonics, steps, high, *noise)
         mean, sd = _joints(state, covariance, indices, settings.harmonics)
         means.append(mean)
         sds.append(sd)
-        later = (state[0].copy(), covariance[0].copy(), float(part.time[0]) - start, float(kept.factors[0]))
-    nis, factors = np.concatenate([motion.nis for motion in motions]), np.concatenate([motion.factors for motion in motions])
-    likelihood, none = sum(motion.likelihood for motion in motions), np.zeros((0, len(x)))
+        later = (state[0].copy(), covariance[0].copy(), float(part.time[0]) - start, float(kept.high[0]))
+    nis, high = np.concatenate([motion.nis for motion in motions]), np.concatenate([motion.high for motion in motions])
+    likelihood = np.concatenate([motion.likelihood for motion in motions])
+    none = np.zeros((0, len(x)))
     return ChainMotion(
-        samples.time, np.concatenate(means[::-1]), np.concatenate(sds[::-1]), nis, likelihood, none, none[:, :, None], factors
-    )
+        samples.time, np.concatenate(means[::-1]), np.concatenate(sds[::-1]), nis, likelihood, none, none[:, :, None], high,
+        (x, P),
+    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -68,13 +68,14 @@ def _smooth(
     m: int,
     harmonics: int,
     steps: np.ndarray,
-    factors: np.ndarray,
+    high: np.ndarray,
     jerk: np.ndarray,
     walk: np.ndarray,
+    raised: np.ndarray,
 ) -> None:
     """Replace filtered states (e, n) and covariances (e, n, n) by smoothed ones, from the smoothed x, P after the last.
 
-    `steps` and `factors` are the time to the next sample [s] and the factor of the process noise meanwhile, shape (e,).
+    `steps` and `high` are the time to the next sample [s] and whether the raised process noise holds meanwhile, shape (e,).
     """
     n = len(x)
     x, P = x.copy(), P.copy()
@@ -84,7 +85,7 @@ def _smooth(
         F = transition(predicted, m, harmonics, dt)
         turned = state[i].copy()
         propagate(turned, ahead, m, harmonics, dt)
-        drive(ahead, m, harmonics, jerk * factors[i], walk * factors[i], dt)
+        drive(ahead, m, harmonics, jerk, walk + high[i] * raised, dt)
         scale = np.sqrt(np.diag(ahead))
         scale = np.where(scale > 0, scale, 1.0)
         for r in range(n):

@@ -23,14 +23,13 @@ def rest_pose(
         counts: Number of readings behind each mean, shape (s,).
 
     Returns:
-        Joint angles and, where they are states, biases: their values, shape (m [+ 6 s],), and covariance.
+        Joint angles and the sensor errors that are states: their values and covariance.
     """
     m, s = len(sensors.joints), len(sensors.sensors)
-    size = m + (6 * s if settings.biases else 0)
+    errors = settings.error_variance
+    size = m + len(errors)
     prior = np.concatenate([settings.start, np.zeros(size - m)])
-    information = np.full(size, settings.start_sd**-2.0)
-    if settings.biases:
-        information[m:] = 1 / np.maximum(np.concatenate([noise.bias_variance for noise in settings.noise]), 1e-20)
+    information = np.concatenate([np.full(m, settings.start_sd**-2.0), 1 / np.maximum(errors, 1e-20)])
     weight = counts[:, None] / np.array([noise.variance for noise in settings.noise])
     theta, zero = prior.copy(), np.zeros(m)
     for _ in range(STEPS):
@@ -38,9 +37,8 @@ def rest_pose(
         J = np.zeros((6 * s, size))
         J[:, :m] = by_q.reshape(-1, m)
         residual = (mean - reading).ravel()
-        if settings.biases:
-            J[:, m:] = np.eye(6 * s)
-            residual = residual - theta[m:]
+        J[:, m:] = _by_errors(reading, size - m)
+        residual = residual - J[:, m:] @ theta[m:]
         normal = np.diag(information) + (J.T * weight.ravel()) @ J
         step = np.linalg.solve(normal, (J.T * weight.ravel()) @ residual + information * (prior - theta))
         theta = theta + step
@@ -49,13 +47,26 @@ def rest_pose(
     return theta, np.linalg.inv(normal)
 
 
+def _by_errors(reading: np.ndarray, count: int) -> np.ndarray:
+    """Derivative of all readings by the sensor errors that are states, shape (6 s, count); readings of shape (s, 6)."""
+    s = len(reading)
+    J = np.zeros((6 * s, 33 * s))
+    J[:, : 6 * s] = np.eye(6 * s)
+    for i in range(s):
+        first = 6 * s + 27 * i
+        for r in range(3):
+            J[6 * i + r, first + 6 * r : first + 6 * r + 6] = reading[i]
+            J[6 * i + 3 + r, first + 18 + 3 * r : first + 21 + 3 * r] = reading[i, 3:]
+    return J[:, :count]
+
+
 def start_state(
     sensors: ChainSensors, settings: FilterSettings, mean: np.ndarray, counts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """State and covariance at rest; arguments as for `rest_pose`.
 
     The prior of the motion (unknown for q, v, a; that of the settings for Fourier coefficients) meets what rest says: the pose
-    and biases of `rest_pose`, and no rate and no acceleration.
+    and sensor errors of `rest_pose`, and no rate and no acceleration.
     """
     m, harmonics = len(sensors.joints), settings.harmonics
     theta, covariance = rest_pose(sensors, settings, mean, counts)

@@ -112,5 +112,15 @@ def test_a_joint_beyond_its_limit_is_brought_back_and_takes_along_what_goes_with
     assert x[0] == pytest.approx(expected, abs=1e-6) and x[0] < 1.0
     assert x[1] == pytest.approx(0.5 + 0.03 / 0.04 * (expected - 1.2), abs=1e-6)
     assert x[2] == 0.3
-    assert P[0, 0] == pytest.approx(truncnorm.var(-11, -1, 1.2, 0.2), abs=1e-6)
+    np.testing.assert_array_equal(P, before)  # put in with every sample it would make the filter sure of the limit
+
+
+def test_a_joint_that_nothing_is_known_of_is_known_by_its_limits():
+    m, indices = 1, state_indices(1, 0)
+    x, P = np.array([0.4, 0.0, 0.0]), np.diag([9.0, 1.0, 1.0])
+    P[0, 1] = P[1, 0] = 1.5
+    motion, slopes, h, Ph = np.empty((3, m)), np.empty((3, m, 3)), np.empty(3), np.empty(3)
+    hold(x, P, 0, indices, np.array([[-1.0, 1.0]]), motion, slopes, h, Ph)
+    assert x[0] == pytest.approx(truncnorm.mean(-1.4 / 3, 0.2, 0.4, 3.0), abs=1e-6)
+    assert P[0, 0] == pytest.approx(truncnorm.var(-1.4 / 3, 0.2, 0.4, 3.0), abs=1e-6)
     assert (np.linalg.eigvalsh(P) > 0).all()

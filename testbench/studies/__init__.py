@@ -1,0 +1,1 @@
+"""Studies: experiments of several sessions, such as those of published works, with their tables beside ours."""
