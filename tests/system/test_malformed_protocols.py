@@ -99,11 +99,6 @@ FAULTS = {
         "variables:", "motion: {speed: 0}\nvariables:", "greater than or equal to 0.001, not 0", "speed"
     ),
     "a position of two numbers": Fault("[0, 0, 10]", "[0, 10]", "must have at least 3 entries, not 2"),
-    "two shapes of one sweep": Fault(
-        "{sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}",
-        "{sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}, trapezoid: {amplitude_deg: 5, rate_deg_s: 5}}",
-        "a sweep needs one of: sine, fourier, trapezoid",
-    ),
     "a harmonic without its phase": Fault(
         "{sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}",
         "{fourier: {amplitudes_deg: [20, 5], phases_deg: [0], frequency_hz: 0.5, cycles: 2}}",
@@ -182,7 +177,7 @@ FAULTS = {
         "- name: sweep",
     ),
     "a sweep of two shapes": Fault(
-        "{sine: {", "{trapezoid: {amplitude_deg: 1, rate_deg_s: 1}, sine: {", "one of: sine, trapezoid"
+        "{sine: {", "{trapezoid: {amplitude_deg: 1, rate_deg_s: 1}, sine: {", "one of: sine, fourier, trapezoid"
     ),
     "two sections of one name": Fault("- name: sweep", "- name:  static", "two sections are called 'static'"),
     "too few joint angles": Fault(POSE, "[180, -90]", "2 joint angles given; ur3e has 6: shoulder_pan_joint"),
@@ -194,7 +189,7 @@ FAULTS = {
     "an unknown preset": Fault(
         "    preset: ideal\n    link: wrist_3",
         "    preset: idal\n    link: wrist_3",
-        "unknown sensor preset 'idal'; known: ideal, matrix, xsens_dot",
+        "unknown sensor preset 'idal'; known: ideal, matrix, mpu6050, xsens_dot, xsens_mti",
         "idal",
     ),
     "an unknown parameter": Fault(
@@ -375,7 +370,9 @@ def test_a_protocol_that_is_no_file_is_refused(tmp_path, monkeypatch, capsys, na
 def test_an_unknown_name_lists_the_protocols_that_ship(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     result = run_cli(monkeypatch, capsys, "check", "elbow")
-    assert_refused(result, tmp_path / "logs", "unknown protocol 'elbow'; known: calibration_2d, calibration_3d, elbow_dynamic")
+    assert_refused(
+        result, tmp_path / "logs", "unknown protocol 'elbow'; known: axis_identification, calibration_2d, calibration_3d"
+    )
 
 
 def test_includes_that_run_in_a_circle_are_refused(bench, tmp_path):
