@@ -14,6 +14,7 @@ from testbench.estimation.access import Correct, SampleAccess, open_samples
 from testbench.estimation.axes import identify_axes, true_rates
 from testbench.estimation.axes import remarks_on as axes_remarks
 from testbench.estimation.calibration.static_poses import fit_static_poses
+from testbench.estimation.chain.session import estimate_chain
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.tuned import choose_tuned
 from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion, fit_frames_by_vectors
@@ -59,9 +60,10 @@ def estimate(
     chosen = choose_tuned(filters, settings.filters, settings.filter_parameters, tunings)
     sensors = {name: prepare_sensor(session, name, calibrations).run(chosen) for name in session.sensor_names}
     joints = {name: _estimate_joint(session, name, sensors) for name in session.analysis.joints}
+    chain, chain_remarks = estimate_chain(session, sensors, settings.chain) if settings.chain is not None else ([], [])
     used = {kind.name: kind.parameters for kind in chosen}
     tuned = {tuning.filter: tuning.used_on(session) for tuning in tunings}
-    return Estimate(session.name, session.fingerprint, sensors, joints, used, tuned)
+    return Estimate(session.name, session.fingerprint, sensors, joints, used, tuned, chain, chain_remarks)
 
 
 class PreparedSession:

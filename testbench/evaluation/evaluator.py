@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.evaluation.budgets import Arm, joint_budgets, sensor_budgets
+from testbench.evaluation.chain import evaluate_chain
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
@@ -43,6 +44,13 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         result.notes.append("no step of the protocol was finished, so there is nothing to judge")
     for name in estimate.joints:
         _judge_joint(session, estimate, name, steps or [], arm, result)
+    result.notes.extend(estimate.remarks)
+    recorded = session.arm()
+    for one in estimate.chain:
+        if recorded is None:
+            break
+        rows, result.series[one.key] = evaluate_chain(session, one, recorded)
+        result.chain.extend(rows)
     metrics, outcome = judge(session.analysis, summarise_metrics(result) + norms)
     result.notes.extend(
         f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED

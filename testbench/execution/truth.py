@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
-from scipy.signal import savgol_filter
 
-from testbench.frames import NANOSECONDS
+from testbench.model.joint_motion import Smoothing
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.pieces import overlapping
 from testbench.records.protocol import Sensor
@@ -20,8 +17,6 @@ from testbench.records.samples import ArmSamples, Truth
 from testbench.records.session import ARM
 from testbench.records.storage import read_parquet, read_parquet_batches, to_table, write_parquet_batches
 
-SMOOTHING_S = 0.1
-"""Width of the cubic Savitzky-Golay window that differentiates the measured joint rates [s]."""
 BLOCK = 200_000
 """Rows of the arm that are looked at together; bounds the memory."""
 
@@ -76,30 +71,3 @@ def kinematic_truth(kinematics: Kinematics, samples: ArmSamples, sensor: Sensor,
         motion.angular_velocity_in_frame,
         motion.specific_force_in_frame(kinematics.robot.gravity),
     )
-
-
-@dataclass(frozen=True)
-class Smoothing:
-    """How joint rates become accelerations: a cubic Savitzky-Golay filter.
-
-    Attributes:
-        window: Samples. interval: [s].
-    """
-
-    window: int
-    interval: float
-
-    @staticmethod
-    def of(time_ns: np.ndarray) -> Smoothing:
-        """What suits a recording at a regular interval, from its times, shape (n,)."""
-        n = len(time_ns)
-        if n < 5:
-            return Smoothing(0, 0.0)
-        interval = float(np.median(np.diff(time_ns))) / NANOSECONDS
-        return Smoothing(min(max(2 * round(SMOOTHING_S / interval / 2) + 1, 5), n - 1 + n % 2), interval)
-
-    def acceleration(self, v_measured: np.ndarray) -> np.ndarray:
-        """Joint accelerations [rad/s^2] of measured rates [rad/s], shape (n, n_joints); zeros where there are too few."""
-        if self.window == 0:
-            return np.zeros_like(v_measured)
-        return np.asarray(savgol_filter(v_measured, self.window, 3, deriv=1, delta=self.interval, axis=0))

@@ -151,14 +151,14 @@ class Kinematics:
         zero = np.zeros_like(q)
         v = zero if v is None else np.ascontiguousarray(np.atleast_2d(v), dtype=float)
         a = zero if a is None else np.ascontiguousarray(np.atleast_2d(a), dtype=float)
-        rotations, offsets, axes, columns, tip = self._chain(link)
+        rotations, offsets, axes, columns, tip = self.chain_to(link)
         if offset is not None:
             tip = tip @ offset
         arrays = chain_motion(rotations, offsets, axes, columns, np.ascontiguousarray(tip.R), tip.position, q, v, a)
         return FrameMotion(*arrays)
 
     @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
-    def _chain(self, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Pose]:
+    def chain_to(self, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Pose]:
         """Placements, axes and columns of the joints that carry a link, and the link's pose in the last of them."""
         model = self.model
         frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]

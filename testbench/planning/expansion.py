@@ -41,6 +41,18 @@ class SineCommand:
 
 
 @dataclass(frozen=True)
+class FourierCommand:
+    """Numbers of a Fourier sweep of one joint: [rad], [rad], [Hz], cycles, cycles; the base frequency first."""
+
+    joint: int
+    amplitudes: tuple[float, ...]
+    phases: tuple[float, ...]
+    frequency: float
+    cycles: float
+    ramp_cycles: float
+
+
+@dataclass(frozen=True)
 class TrapezoidCommand:
     """Numbers of a trapezoid sweep of one joint: [rad], [rad/s], whole cycles, [s]."""
 
@@ -66,7 +78,7 @@ class Command:
     name: str
     variables: dict[str, float]
     target: np.ndarray | None
-    sweeps: tuple[SineCommand | TrapezoidCommand, ...]
+    sweeps: tuple[SineCommand | FourierCommand | TrapezoidCommand, ...]
     dwell: float
     motion: Motion
     protocol: Protocol
@@ -189,8 +201,8 @@ class _Expander:
 
     def _sweep(
         self, joint: str, sweep: Sweep, number: Callable[..., float], path: tuple[Any, ...]
-    ) -> SineCommand | TrapezoidCommand:
-        where: tuple[Any, ...] = ("sweep", joint, "sine" if sweep.sine else "trapezoid")
+    ) -> SineCommand | FourierCommand | TrapezoidCommand:
+        where: tuple[Any, ...] = ("sweep", joint, "sine" if sweep.sine else "fourier" if sweep.fourier else "trapezoid")
         column = self._joint(joint, *path, *where[:2])
 
         def whole(expression: float | str, key: str) -> int:
@@ -217,7 +229,24 @@ class _Expander:
             )
             last((command.cycles + 2 * command.ramp_cycles) / command.frequency)
             return command
-        assert sweep.trapezoid is not None  # Sweep holds one of the two
+        if sweep.fourier is not None:
+            series = sweep.fourier
+            angles = [
+                [np.radians(number(value, *where, key, k, **_ANGLE)) for k, value in enumerate(getattr(series, key))]
+                for key in ("amplitudes_deg", "phases_deg")
+            ]
+            highest = HIGHEST_FREQUENCY_HZ / len(angles[0])
+            sum_of_harmonics = FourierCommand(
+                joint=column,
+                amplitudes=tuple(angles[0]),
+                phases=tuple(angles[1]),
+                frequency=number(series.frequency_hz, *where, "frequency_hz", above=0.0, highest=highest),
+                cycles=whole(series.cycles, "cycles"),
+                ramp_cycles=number(series.ramp_cycles, *where, "ramp_cycles", lowest=0.5, highest=MOST_CYCLES),
+            )
+            last((sum_of_harmonics.cycles + 2 * sum_of_harmonics.ramp_cycles) / sum_of_harmonics.frequency)
+            return sum_of_harmonics
+        assert sweep.trapezoid is not None  # Sweep holds one of the three
         trapezoid = sweep.trapezoid
         there_and_back = TrapezoidCommand(
             joint=column,

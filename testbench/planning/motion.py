@@ -13,7 +13,7 @@ import ruckig
 
 from testbench.exceptions import PlanError
 from testbench.frames import NANOSECONDS
-from testbench.planning.expansion import Command, SineCommand, TrapezoidCommand
+from testbench.planning.expansion import Command, FourierCommand, SineCommand, TrapezoidCommand
 from testbench.records.protocol_steps import Motion
 from testbench.records.robot import Robot
 from testbench.records.trajectory import Trajectory
@@ -121,13 +121,13 @@ class MotionBuilder:
 
     def _sweep(self, command: Command) -> None:
         trapezoids = [sweep for sweep in command.sweeps if isinstance(sweep, TrapezoidCommand)]
-        sines = [sweep for sweep in command.sweeps if isinstance(sweep, SineCommand)]
-        if trapezoids and (sines or len(trapezoids) > 1):
-            raise PlanError("a trapezoid sweeps one joint alone; only sines can run together")
+        waves = [sweep for sweep in command.sweeps if not isinstance(sweep, TrapezoidCommand)]
+        if trapezoids and (waves or len(trapezoids) > 1):
+            raise PlanError("a trapezoid sweeps one joint alone; only sines and Fourier series can run together")
         for trapezoid in trapezoids:
             self._trapezoid(trapezoid, command.motion)
-        if sines:
-            self._sines(sines)
+        if waves:
+            self._waves(waves)
 
     def _trapezoid(self, sweep: TrapezoidCommand, motion: Motion) -> None:
         centre, target, speed = self.q.copy(), self.q.copy(), np.full(len(self.q), np.inf)
@@ -144,8 +144,8 @@ class MotionBuilder:
                 self.move(goal, motion, speed)
                 self.hold(sweep.hold)
 
-    def _sines(self, sweeps: list[SineCommand]) -> None:
-        """Sines faded in and out by a quintic smoothstep; the longest decides the duration, the others rest at their end."""
+    def _waves(self, sweeps: list[SineCommand | FourierCommand]) -> None:
+        """Sines and Fourier series under their fades; the longest decides the duration, the others rest at their end."""
         durations = [(sweep.cycles + 2 * sweep.ramp_cycles) / sweep.frequency for sweep in sweeps]
         total_ns = round(max(durations) * NANOSECONDS)
         count = max(math.ceil(total_ns / NANOSECONDS / SINE_KNOT_S), 2)
@@ -154,7 +154,7 @@ class MotionBuilder:
         states[:, 0] = self.q
         for sweep, duration in zip(sweeps, durations, strict=True):
             t = times / NANOSECONDS
-            state = faded_sine(t, sweep, duration)
+            state = faded_sine(t, sweep, duration) if isinstance(sweep, SineCommand) else faded_series(t, sweep, duration)
             inside = t < duration
             for order in range(3):
                 states[inside, order, sweep.joint] += state[order][inside]
@@ -171,19 +171,34 @@ def faded_sine(t: np.ndarray, sweep: SineCommand, duration: float) -> tuple[np.n
     Returns:
         Offset from the centre [rad], [rad/s], [rad/s^2], each of shape (n,).
     """
-    ramp = sweep.ramp_cycles / sweep.frequency
-    rising = t <= duration / 2
-    u = np.clip(np.where(rising, t, duration - t) / ramp, 0.0, 1.0)
-    sign = np.where(rising, 1.0, -1.0)
-    w = u**3 * (10 - 15 * u + 6 * u**2)
-    dw = sign * 30 * u**2 * (1 - u) ** 2 / ramp
-    ddw = 60 * u * (1 - u) * (1 - 2 * u) / ramp**2
+    w, dw, ddw = _fade(t, sweep.ramp_cycles / sweep.frequency, duration)
     omega = 2 * np.pi * sweep.frequency
     s, c = np.sin(omega * t + sweep.phase), np.cos(omega * t + sweep.phase)
     q = sweep.amplitude * w * s
     v = sweep.amplitude * (dw * s + w * omega * c)
     a = sweep.amplitude * (ddw * s + 2 * dw * omega * c - w * omega**2 * s)
     return q, v, a
+
+
+def faded_series(t: np.ndarray, sweep: FourierCommand, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angle, rate and acceleration of a Fourier series under the same fade; arguments and result as for `faded_sine`."""
+    w, dw, ddw = _fade(t, sweep.ramp_cycles / sweep.frequency, duration)
+    omega = 2 * np.pi * sweep.frequency * np.arange(1, len(sweep.amplitudes) + 1)
+    angle = np.outer(t, omega) + np.array(sweep.phases)
+    s, c = np.array(sweep.amplitudes) * np.sin(angle), np.array(sweep.amplitudes) * np.cos(angle)
+    q, v, a = s.sum(axis=1), c @ omega, -(s @ omega**2)
+    return w * q, dw * q + w * v, ddw * q + 2 * dw * v + w * a
+
+
+def _fade(t: np.ndarray, ramp: float, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A quintic smoothstep up over `ramp` [s] and down again before `duration`, with its derivatives, shapes (n,)."""
+    rising = t <= duration / 2
+    u = np.clip(np.where(rising, t, duration - t) / ramp, 0.0, 1.0)
+    sign = np.where(rising, 1.0, -1.0)
+    w = u**3 * (10 - 15 * u + 6 * u**2)
+    dw = sign * 30 * u**2 * (1 - u) ** 2 / ramp
+    ddw = 60 * u * (1 - u) * (1 - 2 * u) / ramp**2
+    return w, dw, ddw
 
 
 def _degrees(q: np.ndarray) -> str:

@@ -94,3 +94,8 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
         if joint.reference_joint is not None and joint.reference_joint not in robot.joint_names:
             unknown = NotFoundError(f"joint of {robot.name}", joint.reference_joint, robot.joint_names)
             raise protocol.document.problem(str(unknown), "joints", name, "reference_joint")
+    chain = protocol.spec.estimate.chain
+    for i, name in enumerate(chain.joints if chain is not None else []):
+        if name not in robot.joint_names:
+            unknown = NotFoundError(f"joint of {robot.name}", name, robot.joint_names)
+            raise protocol.document.problem(str(unknown), "estimate", "chain", "joints", i)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from testbench.exceptions import SessionError
+from testbench.records.chain import ChainEstimate
 from testbench.records.samples import QUATERNION, join, names, split
 from testbench.records.storage import read_json, read_parquet, read_stacked, write_json, write_parquet
 from testbench.records.tuning import UsedTuning
@@ -194,6 +195,7 @@ class Estimate:
     Attributes:
         session: Its name. fingerprint: Of the recording they were made from. sensors, joints: By name.
         filter_parameters: Those each filter ran with. tuned: Where they came from, of filters that were tuned.
+        chain: Joints of the arm by the chain filter, by section and state. remarks: What is doubtful about the whole.
     """
 
     session: str
@@ -202,6 +204,8 @@ class Estimate:
     joints: dict[str, JointEstimate]
     filter_parameters: dict[str, dict[str, float]] = field(default_factory=dict)
     tuned: dict[str, UsedTuning] = field(default_factory=dict)
+    chain: list[ChainEstimate] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session."""
@@ -234,6 +238,8 @@ class Estimate:
                 columns |= split(_angle_columns(key, sequence), angles)
             write_parquet(folder / f"joint_{name}.parquet", columns, {"content": "intrinsic Euler angles"})
             summary["joints"][name] = [{"filter": key, "sequence": sequence} for key, sequence in joint.angles]
+        summary["chain"] = [chain.save(folder) for chain in self.chain]
+        summary["remarks"] = self.remarks
         write_json(folder / "estimate.json", summary)
 
     @staticmethod
@@ -287,7 +293,11 @@ class Estimate:
             }
             joints[name] = JointEstimate(table["host_time_ns"], angles)
         tuned = {key: UsedTuning(**used) for key, used in summary.get("tuned", {}).items()}
-        return Estimate(summary["session"], summary["fingerprint"], sensors, joints, summary["filter_parameters"], tuned)
+        chain = [ChainEstimate.load(folder, data) for data in summary["chain"]]
+        return Estimate(
+            summary["session"], summary["fingerprint"], sensors, joints, summary["filter_parameters"], tuned, chain,
+            summary["remarks"],
+        )  # fmt: skip
 
 
 def _angle_columns(key: str, sequence: str) -> list[str]:

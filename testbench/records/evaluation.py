@@ -149,6 +149,41 @@ class EulerRangeRow:
 
 
 @dataclass(frozen=True)
+class ChainRow:
+    """Errors of one joint of the arm by the chain filter, over one section; degrees and seconds.
+
+    Attributes:
+        section, state, joint: What was computed. n: Samples.
+        mean_error_deg: Signed; it hides what it averages. largest_error_deg, smallest_error_deg: By magnitude, signs kept.
+        iqr_deg: Distance of the quartiles of the error. outliers_percent: Errors beyond the quartiles by 1.5 times that.
+        relative_percent: Mean of |error| / |true angle| where that exceeds 1 deg; None where it never does.
+        correlation: Of estimate and truth; None where the joint stands still. rate_rmse_deg_s, acceleration_rmse_deg_s2: Of the
+        derivatives. uncertainty_deg: RMS of the standard uncertainty stated. normalised_error: RMS of error over uncertainty,
+        1 where it is honest. covered_percent: Errors within 1.96 of it.
+    """
+
+    section: str
+    state: str
+    joint: str
+    n: int
+    mean_error_deg: float
+    median_error_deg: float
+    mean_abs_error_deg: float
+    rmse_deg: float
+    iqr_deg: float
+    outliers_percent: float
+    largest_error_deg: float
+    smallest_error_deg: float
+    relative_percent: float | None
+    correlation: float | None
+    rate_rmse_deg_s: float
+    acceleration_rmse_deg_s2: float
+    uncertainty_deg: float
+    normalised_error: float
+    covered_percent: float
+
+
+@dataclass(frozen=True)
 class Metric:
     """One number with its limits and verdict.
 
@@ -183,6 +218,7 @@ class Evaluation:
             <filter>_inclination_rad.
             "joint_<joint>": host_time_ns, judged, reference_rad (true flexion), and for each filter and sequence
             <filter>_<sequence>_flexion_rad and <filter>_<sequence>_error_rad.
+            "chain_<section>_<state>": host_time_ns, judged, and for each joint <joint>_rad, <joint>_error_rad, <joint>_sd_rad.
         joint_summary, orientation_summary: Errors of whole sections and sessions, static and dynamic, with confidence.
         ranking, comparisons: Of the filters, with significance. uncertainty: Budgets of the truth. gyroscope_bias: What the
         calibration left. tuned: Filters that ran with tuned parameters.
@@ -205,6 +241,7 @@ class Evaluation:
     gyroscope_bias: list[GyroscopeBiasRow] = field(default_factory=list)
     tuned: list[TunedRow] = field(default_factory=list)
     series: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    chain: list[ChainRow] = field(default_factory=list)
 
     def to_dict(self) -> dict[str, Any]:
         """The content of evaluation.json."""
@@ -261,6 +298,7 @@ class Evaluation:
             [GyroscopeBiasRow(**row) for row in data["gyroscope_bias"]],
             [TunedRow(**row) for row in data.get("tuned", [])],
             series,
+            [ChainRow(**row) for row in data["chain"]],
         )
 
 

@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 from pydantic import Field, model_validator
 
 from testbench.records.joint_definition import FlexionAngle
+from testbench.records.protocol_chain import ChainEstimation
 from testbench.records.protocol_steps import Motion, Range, Section, Variable
 from testbench.records.sensor import ImuParameters, load_preset
 from testbench.records.strict import Angles3, EulerSequence, Name, Placement, Rotation, StrictModel
@@ -130,6 +131,10 @@ class Estimation(StrictModel):
 
     euler_ranges: dict[Name, EulerSequence] = Field(
         default={}, description="Sections over which the range of each sensor's own Euler angles is reported (limit tests)."
+    )
+
+    chain: ChainEstimation | None = Field(
+        default=None, description="Joints of the arm from several sensors together; null: not computed."
     )
 
     @model_validator(mode="after")

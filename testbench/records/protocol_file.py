@@ -153,6 +153,12 @@ class _Names:
         self._sections()
         for name in self.spec.estimate.euler_ranges:
             self._known([section.name for section in self.spec.sections], name, "section", "estimate", "euler_ranges", name)
+        if self.spec.estimate.chain is not None:
+            for i, name in enumerate(self.spec.estimate.chain.sensors):
+                self._known(list(self.spec.sensors), name, "sensor", "estimate", "chain", "sensors", i)
+            for i, name in enumerate(self.spec.estimate.chain.sections):
+                sections = [section.name for section in self.spec.sections]
+                self._known(sections, name, "section", "estimate", "chain", "sections", i)
         for i, limit in enumerate(self.spec.accept):
             self._limit(limit, "accept", i)
         return sorted(self.problems, key=lambda problem: (problem.line or 0, problem.column or 0))

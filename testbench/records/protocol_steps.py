@@ -86,6 +86,30 @@ class Sine(StrictModel):
     phase_deg: Expression = Field(default=0.0, description="Phase of the sine at the start of the fade [deg].")
 
 
+class Fourier(StrictModel):
+    """Joint angle = centre + sum of amplitude_k * sin(2 pi k frequency t + phase_k), faded in and out over `ramp_cycles`."""
+
+    amplitudes_deg: list[Expression] = Field(
+        min_length=1,
+        max_length=20,
+        description="Amplitude of each harmonic about the angle the sweep starts at, the base first [deg].",
+    )
+    phases_deg: list[Expression] = Field(
+        min_length=1, max_length=20, description="Phase of each harmonic at the start of the fade, as many as amplitudes [deg]."
+    )
+    frequency_hz: Expression = Field(description="Base frequency; that of the highest harmonic is above 0, at most 20 [Hz].")
+    cycles: Expression = Field(description="Whole number of cycles at full amplitude, without the ramps.")
+    ramp_cycles: NonNegative = Field(default=1.0, description="Cycles of each fade, in and out; at least 0.5.")
+
+    @model_validator(mode="after")
+    def _equally_many(self) -> Fourier:
+        if len(self.amplitudes_deg) != len(self.phases_deg):
+            raise ValueError(
+                f"{len(self.amplitudes_deg)} amplitudes_deg and {len(self.phases_deg)} phases_deg: each needs its own"
+            )
+        return self
+
+
 class Trapezoid(StrictModel):
     """There and back at a constant rate, `cycles` times."""
 
@@ -101,12 +125,13 @@ class Sweep(StrictModel):
     """The motion of one joint during a sweep."""
 
     sine: Sine | None = Field(default=None, description="A sine that is faded in and out.")
+    fourier: Fourier | None = Field(default=None, description="A sum of harmonics that is faded in and out.")
     trapezoid: Trapezoid | None = Field(default=None, description="There and back at a constant rate.")
 
     @model_validator(mode="after")
     def _one_shape(self) -> Sweep:
-        if (self.sine is None) == (self.trapezoid is None):
-            raise ValueError("a sweep needs one of: sine, trapezoid")
+        if sum(shape is not None for shape in (self.sine, self.fourier, self.trapezoid)) != 1:
+            raise ValueError("a sweep needs one of: sine, fourier, trapezoid")
         return self
 
 
@@ -154,7 +179,7 @@ class Step(StrictModel):
         if self.sweep is not None and not self.sweep:
             raise ValueError("sweep must name at least one joint")
         if self.sweep is not None and len(self.sweep) > 1 and any(sweep.trapezoid for sweep in self.sweep.values()):
-            raise ValueError("a trapezoid sweeps one joint alone; only sines can run together")
+            raise ValueError("a trapezoid sweeps one joint alone; only sines and Fourier series can run together")
         return self
 
 

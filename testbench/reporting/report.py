@@ -13,6 +13,7 @@ from testbench.records.evaluation import Evaluation, Outcome
 from testbench.records.published import load_published
 from testbench.records.session import Session
 from testbench.reporting.axes_section import axes_section
+from testbench.reporting.chain_section import chain_section
 from testbench.reporting.figures import Span
 from testbench.reporting.fit_section import fit_section
 from testbench.reporting.joint_section import joint_section
@@ -90,6 +91,8 @@ def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluatio
             sections.append(joint_section(evaluation, published, colours, spans))
         sections += [orientation_section(evaluation, colours, spans), uncertainty_section(evaluation, session)]
     if estimate is not None:
+        chain = chain_section(estimate, evaluation, spans)
+        sections += [chain] if chain is not None else []
         sections += [fit_section(estimate), recording_section(estimate, evaluation)]
         axes = axes_section(estimate, evaluation)
         sections += [axes] if axes is not None else []

@@ -21,7 +21,7 @@ from testbench.exceptions import DriverError, NotFoundError, RunInterrupted, Ses
 from testbench.execution import truth
 from testbench.execution.executor import Progress
 from testbench.execution.recovery import recover
-from testbench.execution.truth import Smoothing
+from testbench.model.joint_motion import Smoothing
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus, Session, list_sessions
 from testbench.records.storage import journal_batches, read_parquet

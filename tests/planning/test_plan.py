@@ -8,8 +8,8 @@ from testbench import plan
 from testbench.exceptions import CollisionError, LimitError, NotFoundError, PlanError, SensorRangeError
 from testbench.model.collision import CollisionModel, NearestPair
 from testbench.model.kinematics import Kinematics
-from testbench.planning.expansion import SineCommand
-from testbench.planning.motion import MotionBuilder, faded_sine
+from testbench.planning.expansion import FourierCommand, SineCommand
+from testbench.planning.motion import MotionBuilder, faded_series, faded_sine
 from testbench.records.protocol_steps import Motion
 from testbench.records.robot import load_robot
 
@@ -455,3 +455,43 @@ def test_a_dwell_is_rest_of_the_stated_length(planned):
     _, v, a = the_plan.trajectory.at(np.arange(first.settled_ns, second.end_ns, 10 * MS))
     assert not v.any()
     assert not a.any()
+
+
+def test_a_series_of_one_harmonic_is_a_sine():
+    t = np.linspace(0, 10, 501)
+    sine = faded_sine(t, SineCommand(5, 0.4, 0.5, 3, 1.0, 0.7), 10.0)
+    series = faded_series(t, FourierCommand(5, (0.4,), (0.7,), 0.5, 3, 1.0), 10.0)
+    for one, other in zip(sine, series, strict=True):
+        np.testing.assert_allclose(other, one, atol=1e-12)
+
+
+def test_a_faded_series_starts_and_ends_at_rest_and_its_rate_and_acceleration_are_its_derivatives():
+    sweep = FourierCommand(5, (0.3, 0.1, 0.05), (0.2, 1.5, 4.0), 0.5, 3, 1.5)
+    t = np.linspace(0, 12, 40_001)
+    q, v, a = faded_series(t, sweep, 12.0)
+    for quantity in (q, v, a):
+        assert quantity[[0, -1]] == pytest.approx([0, 0], abs=1e-9)
+    np.testing.assert_allclose(np.gradient(q, t)[1:-1], v[1:-1], atol=1e-4)
+    np.testing.assert_allclose(np.gradient(v, t)[1:-1], a[1:-1], atol=5e-3)
+    full = (t > 3) & (t < 9)
+    harmonics = zip((1, 2, 3), sweep.amplitudes, sweep.phases, strict=True)
+    written = sum(A * np.sin(2 * np.pi * k * 0.5 * t + phase) for k, A, phase in harmonics)
+    np.testing.assert_allclose(q[full], written[full], atol=1e-12)
+
+
+def test_a_fourier_sweep_moves_the_arm_through_its_harmonics_beside_a_sine(planned):
+    series = "wrist_3_joint: {fourier: {amplitudes_deg: [20, 0, 6], phases_deg: [0, 0, 90], frequency_hz: 0.5, cycles: 4}}"
+    sine = "wrist_2_joint: {sine: {amplitude_deg: 5, frequency_hz: 0.5, cycles: 4}}"
+    the_plan = planned(f"{{sweep: {{{series}, {sine}}}}}")
+    assert the_plan.duration == pytest.approx(12)
+    times = np.arange(2_000 * MS, 10_000 * MS, 5 * MS)
+    q = np.degrees(the_plan.trajectory.at(times)[0])
+    spectrum = np.fft.rfft(q[:, 5] - q[:, 5].mean()) / (len(times) / 2)
+    assert np.abs(spectrum[[4, 8, 12]]) == pytest.approx([20, 0, 6], abs=0.01)
+    assert np.ptp(q[:, 4]) == pytest.approx(10, abs=0.01)
+
+
+def test_a_fourier_sweep_beyond_the_joints_limits_is_refused(planned):
+    series = "{fourier: {amplitudes_deg: [20, 20, 20, 20], phases_deg: [0, 0, 0, 0], frequency_hz: 2, cycles: 2}}"
+    with pytest.raises(LimitError, match="wrist_3_joint: velocity"):
+        planned(f"{{sweep: {{wrist_3_joint: {series}}}}}")

@@ -17,6 +17,7 @@ from testbench.records.shipped import shipped_folder
 OWN = ["ur3e", "ur5e", "ur10e"]
 GIMBALS = ["gimvebo"]
 CATALOGUE = ["ur3", "ur5", "ur10", "panda", "kinova", "xarm7", "z1", "so100", "so101"]
+MODELS = ["pendulum", "squat_2dof", "lower_limb"]
 VENDOR_ORDER = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint"]
 
 ONE_JOINT = """<robot name="one">
@@ -94,7 +95,7 @@ def between(first, second, step_deg: float = 2.0) -> np.ndarray:
     return np.linspace(first, second, count + 1)
 
 
-@pytest.mark.parametrize("name", OWN + GIMBALS + CATALOGUE)
+@pytest.mark.parametrize("name", OWN + GIMBALS + MODELS + CATALOGUE)
 def test_every_shipped_robot_loads_and_its_urdf_has_the_joints(name):
     robot = load_robot(name)
     model = pin.buildModelFromUrdf(str(robot.urdf))
@@ -103,13 +104,13 @@ def test_every_shipped_robot_loads_and_its_urdf_has_the_joints(name):
     assert robot.home.shape == robot.velocity_limits.shape == (len(robot.joint_names),)
 
 
-@pytest.mark.parametrize("name", OWN + GIMBALS + CATALOGUE)
+@pytest.mark.parametrize("name", OWN + GIMBALS + MODELS + CATALOGUE)
 def test_every_limit_has_a_why(name):
     for joint in load_robot(name).spec.joints:
         assert len(joint.why) > 30, joint.name
 
 
-@pytest.mark.parametrize("name", OWN + GIMBALS + CATALOGUE)
+@pytest.mark.parametrize("name", OWN + GIMBALS + MODELS + CATALOGUE)
 def test_every_home_is_within_limits_and_free_of_collisions(name):
     robot = load_robot(name)
     assert np.all(robot.position_limits[:, 0] <= robot.home) and np.all(robot.home <= robot.position_limits[:, 1])
@@ -118,11 +119,14 @@ def test_every_home_is_within_limits_and_free_of_collisions(name):
 
 def test_the_list_names_every_robot_with_a_line_on_each():
     robots = list_robots()
-    assert set(OWN + GIMBALS + CATALOGUE) == set(robots)
+    assert set(OWN + GIMBALS + MODELS + CATALOGUE) == set(robots)
     assert all(robots.values())
 
 
 def test_every_folder_of_a_robot_says_where_it_comes_from():
+    for name in MODELS:
+        text = (shipped_folder("robots") / name / "SOURCE.md").read_text()
+        assert "Winter" in text and "licence" in text.lower()
     for name in OWN:
         text = (shipped_folder("robots") / name / "SOURCE.md").read_text()
         assert "DH" in text and "licence" in text.lower()
@@ -141,7 +145,7 @@ def test_wrist_3_of_the_ur3e_alone_turns_without_end():
     assert not np.isinf(load_robot("ur10e").position_limits).any()
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", OWN + MODELS)
 def test_robot_file_and_urdf_agree_on_position_and_velocity(name):
     robot = load_robot(name)
     model = pin.buildModelFromUrdf(str(robot.urdf))
@@ -246,7 +250,7 @@ def test_a_file_that_is_no_urdf_is_refused(tmp_path, text, message):
 def test_an_unknown_name_lists_those_that_exist():
     with pytest.raises(NotFoundError) as caught:
         load_robot("ur4e")
-    assert all(name in str(caught.value) for name in ["ur4e", *OWN, *CATALOGUE])
+    assert all(name in str(caught.value) for name in ["ur4e", *OWN, *MODELS, *CATALOGUE])
 
 
 def test_a_path_that_does_not_exist_is_named(tmp_path):

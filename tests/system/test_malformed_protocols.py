@@ -99,6 +99,25 @@ FAULTS = {
         "variables:", "motion: {speed: 0}\nvariables:", "greater than or equal to 0.001, not 0", "speed"
     ),
     "a position of two numbers": Fault("[0, 0, 10]", "[0, 10]", "must have at least 3 entries, not 2"),
+    "a harmonic without its phase": Fault(
+        "{sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}",
+        "{fourier: {amplitudes_deg: [20, 5], phases_deg: [0], frequency_hz: 0.5, cycles: 2}}",
+        "2 amplitudes_deg and 1 phases_deg: each needs its own",
+    ),
+    "a sensor of the chain that is not there": Fault(
+        "filters: [device, vqf_6d]}", "filters: [device, vqf_6d], chain: {sensors: [arm, leg]}}", "unknown sensor 'leg'"
+    ),
+    "a section of the chain that is not there": Fault(
+        "filters: [device, vqf_6d]}", "filters: [device, vqf_6d], chain: {sections: [walk]}}", "unknown section 'walk'"
+    ),
+    "a joint of the chain that the arm lacks": Fault(
+        "filters: [device, vqf_6d]}", "filters: [device, vqf_6d], chain: {joints: [knee]}}", "unknown joint of ur3e 'knee'"
+    ),
+    "a state of the chain named twice": Fault(
+        "filters: [device, vqf_6d]}",
+        "filters: [device, vqf_6d], chain: {states: [fourier, fourier]}}",
+        "states: fourier stands more than once",
+    ),
     "infinity": Fault("rest_s: 0.5", "rest_s: .inf", "must be a finite number"),
     "not a number": Fault("rest_s: 0.5", "rest_s: .nan", "must be a finite number"),
     "a number beyond all bounds": Fault("rest_s: 0.5", "rest_s: 1e999", "must be a finite number"),
@@ -158,7 +177,7 @@ FAULTS = {
         "- name: sweep",
     ),
     "a sweep of two shapes": Fault(
-        "{sine: {", "{trapezoid: {amplitude_deg: 1, rate_deg_s: 1}, sine: {", "one of: sine, trapezoid"
+        "{sine: {", "{trapezoid: {amplitude_deg: 1, rate_deg_s: 1}, sine: {", "one of: sine, fourier, trapezoid"
     ),
     "two sections of one name": Fault("- name: sweep", "- name:  static", "two sections are called 'static'"),
     "too few joint angles": Fault(POSE, "[180, -90]", "2 joint angles given; ur3e has 6: shoulder_pan_joint"),
@@ -170,7 +189,7 @@ FAULTS = {
     "an unknown preset": Fault(
         "    preset: ideal\n    link: wrist_3",
         "    preset: idal\n    link: wrist_3",
-        "unknown sensor preset 'idal'; known: ideal, matrix, xsens_dot",
+        "unknown sensor preset 'idal'; known: ideal, matrix, mpu6050, mpu6050_100hz, xsens_dot, xsens_mti",
         "idal",
     ),
     "an unknown parameter": Fault(
@@ -351,7 +370,9 @@ def test_a_protocol_that_is_no_file_is_refused(tmp_path, monkeypatch, capsys, na
 def test_an_unknown_name_lists_the_protocols_that_ship(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     result = run_cli(monkeypatch, capsys, "check", "elbow")
-    assert_refused(result, tmp_path / "logs", "unknown protocol 'elbow'; known: calibration_2d, calibration_3d, elbow_dynamic")
+    assert_refused(
+        result, tmp_path / "logs", "unknown protocol 'elbow'; known: axis_identification, beta_zeta, calibration_2d"
+    )
 
 
 def test_includes_that_run_in_a_circle_are_refused(bench, tmp_path):

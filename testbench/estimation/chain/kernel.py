@@ -1,0 +1,212 @@
+"""The extended Kalman filter of a chain, sample by sample; compiled.
+
+Samples come one sensor at a time, each at its own instant: no sensor is interpolated to another. The six readings of a sample
+are independent and are put in one after the other, linearised once (Bierman, Factorization Methods for Discrete Sequential
+Estimation, 1977, ch. II.7; the result is that of the joint update).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from testbench.estimation.chain.state import drive, joint_motion, propagate
+from testbench.model.chain_sensor import sensor_reading
+
+WIDE = 0.25
+"""A joint whose standard deviation exceeds this part of its range is held by its limits though its mean lies within them."""
+
+
+@njit(cache=True)
+def filter_chain(
+    x: np.ndarray,
+    P: np.ndarray,
+    harmonics: int,
+    indices: np.ndarray,
+    chain: tuple[np.ndarray, ...],
+    gravity: np.ndarray,
+    limits: np.ndarray,
+    start: float,
+    time: np.ndarray,
+    sensor: np.ndarray,
+    reading: np.ndarray,
+    variance: np.ndarray,
+    jerk: np.ndarray,
+    walk: np.ndarray,
+    raised: np.ndarray,
+    levels: np.ndarray,
+    keep: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Run the filter.
+
+    Args:
+        x, P: State and covariance at `start`, shapes (n,) and (n, n); they end as those of the last sample. harmonics, indices:
+            As for `state.joint_motion`. chain, gravity: As of ChainSensors. limits: Of the joints, shape (m, 2), infinite for
+            none [rad].
+        start: [s]. time: Of the e samples, shape (e,), not decreasing [s]. sensor: Which one, shape (e,). reading, variance:
+            Rate and force, shape (e, 6). jerk, walk: As for `state.drive`.
+        raised, levels: A second level of process noise (Bar-Shalom, Li & Kirubarajan, 2001, sect. 11.2.2): what it adds to
+            `walk`; mean normalised innovation squared (of one reading) above which it holds, memory of that mean [s], the
+            mean and the part of the raised level at `start`, which are changed in place, and the time constant with which
+            the level falls back [s].
+        keep: Whether to keep the state and covariance of every sample.
+
+    Returns:
+        Joint angles, rates and accelerations after each sample, shape (e, 3, m), and their standard deviations; of each sample
+        the normalised innovation squared (mean over its readings), the logarithm of its likelihood, and the part of the raised
+        level that held before it; states and covariances, shapes (e, n) and (e, n, n), empty unless kept.
+    """
+    rotations, offsets, axes, columns, counts, tip_rotations, tip_offsets = chain
+    e, n, m = len(time), len(x), indices.shape[0]
+    bias = m * (2 * harmonics + 1) + 1 if harmonics else 3 * m
+    scale = bias + 6 * len(counts)
+    means, sds = np.empty((e, 3, m)), np.empty((e, 3, m))
+    nis, high = np.zeros(e), np.zeros(e)
+    states = np.empty((e if keep else 0, n))
+    covariances = np.empty((e if keep else 0, n, n))
+    motion, slopes = np.empty((3, m)), np.empty((3, m, indices.shape[1]))
+    by_q, by_v, by_a = np.zeros((6, m)), np.zeros((6, m)), np.zeros((6, m))
+    predicted, h, Ph, dx = np.empty(6), np.empty(n), np.empty(n), np.empty(n)
+    likelihood, now = np.zeros(e), start
+    for i in range(e):
+        dt = time[i] - now
+        now = time[i]
+        if dt > 0:
+            propagate(x, P, m, harmonics, dt)
+            levels[3] = 1.0 if levels[2] > levels[0] else levels[3] * math.exp(-dt / levels[4])
+            high[i] = levels[3]
+            drive(P, m, harmonics, jerk, walk + high[i] * raised, dt)
+        s = sensor[i]
+        joint_motion(x, indices, harmonics, motion, slopes)
+        sensor_reading(
+            rotations[s], offsets[s], axes[s], columns[s], counts[s], tip_rotations[s], tip_offsets[s], gravity,
+            motion[0], motion[1], motion[2], predicted, by_q, by_v, by_a,
+        )  # fmt: skip
+        dx[:] = 0.0
+        for r in range(6):
+            h[:] = 0.0
+            for k in range(counts[s]):
+                j = columns[s, k]
+                for t in range(indices.shape[1]):
+                    h[indices[j, t]] += (
+                        by_q[r, j] * slopes[0, j, t] + by_v[r, j] * slopes[1, j, t] + by_a[r, j] * slopes[2, j, t]
+                    )
+            innovation = reading[i, r] - predicted[r]
+            if n > bias:
+                h[bias + 6 * s + r] = 1.0
+                innovation -= x[bias + 6 * s + r]
+            if n > scale:
+                for t in range(3 if r >= 3 else 6):  # rows of both matrices, and the gyroscope's response to force
+                    place = scale + 27 * s + (6 * r if r < 3 else 9 + 3 * r) + t
+                    h[place] = predicted[t if r < 3 else 3 + t]
+                    innovation -= x[place] * h[place]
+            times_gain(P, h, Ph)
+            S = variance[i, r]
+            for t in range(n):
+                S += h[t] * Ph[t]
+                innovation -= h[t] * dx[t]
+            nis[i] += innovation * innovation / S
+            likelihood[i] -= 0.5 * (math.log(2 * math.pi * S) + innovation * innovation / S)
+            take(dx, P, Ph, innovation / S, 1.0 / S)
+        for t in range(n):
+            x[t] += dx[t]
+        nis[i] /= 6
+        fade = math.exp(-dt / levels[1])
+        levels[2] = fade * levels[2] + (1 - fade) * nis[i]
+        hold(x, P, harmonics, indices, limits, motion, slopes, h, Ph)
+        joint_motion(x, indices, harmonics, motion, slopes)
+        for order in range(3):
+            for j in range(m):
+                means[i, order, j] = motion[order, j]
+                sds[i, order, j] = math.sqrt(max(spread(P, indices[j], slopes[order, j]), 0.0))
+        if keep:
+            states[i], covariances[i] = x, P
+    return means, sds, nis, likelihood, high, states, covariances
+
+
+@njit(cache=True)
+def times_gain(P: np.ndarray, h: np.ndarray, Ph: np.ndarray) -> None:
+    """P h of a symmetric P and a sparse h, shape (n,)."""
+    n = len(h)
+    Ph[:] = 0.0
+    for t in range(n):
+        if h[t] != 0.0:
+            weight = h[t]
+            for c in range(n):
+                Ph[c] += weight * P[t, c]
+
+
+@njit(cache=True)
+def take(x: np.ndarray, P: np.ndarray, Ph: np.ndarray, step: float, shrink: float) -> None:
+    """Put one reading in: x += Ph step, P -= Ph Ph' shrink."""
+    n = len(x)
+    for r in range(n):
+        x[r] += Ph[r] * step
+        for c in range(n):
+            P[r, c] -= (Ph[r] * Ph[c]) * shrink  # in this order P stays symmetric to the last bit
+
+
+@njit(cache=True)
+def spread(P: np.ndarray, index: np.ndarray, slope: np.ndarray) -> float:
+    """Variance of a sum of states with weights, shapes (k,)."""
+    total = 0.0
+    for r in range(len(index)):
+        if slope[r] != 0.0:
+            for c in range(len(index)):
+                total += slope[r] * slope[c] * P[index[r], index[c]]
+    return total
+
+
+@njit(cache=True)
+def hold(
+    x: np.ndarray,
+    P: np.ndarray,
+    harmonics: int,
+    indices: np.ndarray,
+    limits: np.ndarray,
+    motion: np.ndarray,
+    slopes: np.ndarray,
+    h: np.ndarray,
+    Ph: np.ndarray,
+) -> None:
+    """Bring joints back within their limits: the density is cut off there (Simon, Optimal State Estimation, 2006, sect. 7.5.4).
+
+    An estimate beyond a limit is moved to the mean of what is left, and the other states with it. The covariance is only
+    shrunk where the joint is so uncertain that the limits know more: the same knowledge put in with every sample would soon
+    make the filter sure of a limit.
+    """
+    joint_motion(x, indices, harmonics, motion, slopes)
+    for j in range(indices.shape[0]):
+        low, high = limits[j, 0], limits[j, 1]
+        if low == -np.inf and high == np.inf:
+            continue
+        variance = spread(P, indices[j], slopes[0, j])
+        mean, sd = motion[0, j], math.sqrt(max(variance, 0.0))
+        if (low <= mean <= high and sd <= WIDE * (high - low)) or sd == 0.0:
+            continue
+        shift, left = truncated(mean, sd, low, high)
+        h[:] = 0.0
+        for t in range(indices.shape[1]):
+            h[indices[j, t]] = slopes[0, j, t]
+        times_gain(P, h, Ph)
+        shrink = (variance - left) / variance**2 if sd > WIDE * (high - low) else 0.0
+        take(x, P, Ph, (shift - mean) / variance, shrink)
+        joint_motion(x, indices, harmonics, motion, slopes)
+
+
+@njit(cache=True)
+def truncated(mean: float, sd: float, low: float, high: float) -> tuple[float, float]:
+    """Mean and variance of a normal density cut off at two limits (Johnson, Kotz & Balakrishnan, 1994, sect. 10.1)."""
+    a, b = (low - mean) / sd, (high - mean) / sd
+    if a > 6.0 or b < -6.0:  # what is left is an exponential at the limit
+        distance = a if a > 6.0 else -b
+        reach = min(sd / distance, high - low)
+        return (low + reach if a > 6.0 else high - reach), reach**2
+    mass = 0.5 * (math.erf(b / math.sqrt(2.0)) - math.erf(a / math.sqrt(2.0)))
+    at_a = math.exp(-0.5 * a * a) / math.sqrt(2 * math.pi) if a > -40.0 else 0.0
+    at_b = math.exp(-0.5 * b * b) / math.sqrt(2 * math.pi) if b < 40.0 else 0.0
+    shift = (at_a - at_b) / mass
+    bend = (a * at_a if at_a > 0 else 0.0) - (b * at_b if at_b > 0 else 0.0)
+    return mean + sd * shift, max(sd * sd * (1.0 + bend / mass - shift * shift), 1e-9 * sd * sd)

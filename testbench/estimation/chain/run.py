@@ -1,0 +1,124 @@
+"""Run the chain filter over samples: forwards, backwards where a smoother is wanted, and find how lively the joints are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from testbench.estimation.chain.kernel import filter_chain
+from testbench.estimation.chain.sensors import ChainSensors
+from testbench.estimation.chain.settings import FilterSettings
+from testbench.estimation.chain.start import start_state
+from testbench.estimation.chain.state import state_indices
+
+LIVELINESS = {"kinematic": (np.radians(10.0), np.radians(1e5)), "fourier": (np.radians(1e-4), np.radians(10.0))}
+"""Between what values the liveliness is sought; units as of FilterSettings."""
+GRID, REFINEMENTS, SEARCH_TOLERANCE = 6, 4, 0.1
+"""Values tried at first and then at most; the tolerance is of the decimal logarithm."""
+
+
+@dataclass(frozen=True)
+class ChainSamples:
+    """Calibrated samples of the sensors on a chain, in order of time.
+
+    Attributes:
+        start: When the rest ends and the filter begins [s]. mean, counts: Mean readings at rest, shape (s, 6), and how many.
+        time: Instants, shape (e,), not decreasing [s]. sensor: Which of the sensors, shape (e,). reading: Rate and force, shape
+        (e, 6) [rad/s], [m/s^2].
+    """
+
+    start: float
+    mean: np.ndarray
+    counts: np.ndarray
+    time: np.ndarray
+    sensor: np.ndarray
+    reading: np.ndarray
+
+    def until(self, seconds: float) -> ChainSamples:
+        """The first seconds."""
+        end = int(np.searchsorted(self.time, self.start + seconds))
+        return replace(self, time=self.time[:end], sensor=self.sensor[:end], reading=self.reading[:end])
+
+
+@dataclass(frozen=True)
+class ChainMotion:
+    """What the filter says after each sample.
+
+    Attributes:
+        time: Shape (e,) [s]. mean, sd: Joint angles, rates and accelerations with standard uncertainties, shape (e, 3, m).
+        nis: Normalised innovation squared, mean over the readings of a sample, shape (e,). likelihood: Logarithm of
+        that of each sample, shape (e,). state, covariance: Shapes (e, n) and (e, n, n); empty unless asked for.
+        high: Part of the raised level of process noise that held before each sample, shape (e,).
+        last: State and covariance of the filter after the last sample.
+    """
+
+    time: np.ndarray
+    mean: np.ndarray
+    sd: np.ndarray
+    nis: np.ndarray
+    likelihood: np.ndarray
+    state: np.ndarray
+    covariance: np.ndarray
+    high: np.ndarray
+    last: tuple[np.ndarray, np.ndarray]
+
+
+def run_filter(sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples, keep: bool = False) -> ChainMotion:
+    """Filter samples from the start state on.
+
+    Args:
+        keep: Whether to keep states and covariances.
+    """
+    x, P = start_state(sensors, settings, samples.mean, samples.counts)
+    return continue_filter(sensors, settings, samples, x, P, samples.start, settings.levels(), keep)
+
+
+def continue_filter(
+    sensors: ChainSensors,
+    settings: FilterSettings,
+    samples: ChainSamples,
+    x: np.ndarray,
+    P: np.ndarray,
+    start: float,
+    levels: np.ndarray,
+    keep: bool = False,
+) -> ChainMotion:
+    """Filter samples from a state on; x, P and levels are changed in place to those of the last sample."""
+    m = len(sensors.joints)
+    variance = np.array([noise.variance for noise in settings.noise])[samples.sensor]
+    limits = sensors.limits if settings.limits else np.tile([-np.inf, np.inf], (m, 1))
+    mean, sd, nis, likelihood, high, states, covariances = filter_chain(
+        x, P, settings.harmonics, state_indices(m, settings.harmonics), sensors.arrays, sensors.gravity, limits, start,
+        samples.time, samples.sensor, samples.reading, variance, settings.jerk(m), settings.walk(m), settings.raised(m), levels,
+        keep,
+    )  # fmt: skip
+    return ChainMotion(samples.time, mean, sd, nis, likelihood, states, covariances, high, (x, P))
+
+
+def most_likely(sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples, since: float) -> FilterSettings:
+    """Settings with the liveliness that makes the innovations after a time [s] most likely.
+
+    Maximum likelihood of a state space model (Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989,
+    sect. 3.4).
+
+    A coarse grid finds the highest maximum, a bounded search (Brent) between its neighbours refines it.
+    """
+    low, high = np.log10(LIVELINESS["fourier" if settings.harmonics else "kinematic"])
+    grid = np.linspace(low, high, GRID)
+
+    def likelihood(exponent: float) -> float:
+        motion = run_filter(sensors, replace(settings, liveliness=10**exponent), samples)
+        value = motion.likelihood[motion.time >= since].sum()
+        return value if np.isfinite(value) else -np.inf
+
+    values = np.array([likelihood(exponent) for exponent in grid])
+    best = int(np.argmax(values))
+    found = grid[best]
+    if 0 < best < GRID - 1:
+        found = minimize_scalar(
+            lambda exponent: -likelihood(exponent), bounds=(grid[best - 1], grid[best + 1]), method="bounded",
+            options={"xatol": SEARCH_TOLERANCE, "maxiter": REFINEMENTS},
+        ).x  # fmt: skip
+    return replace(settings, liveliness=float(10**found))

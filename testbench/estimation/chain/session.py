@@ -1,0 +1,259 @@
+"""The chain filter on a session: rest, samples and noise of each section that it runs over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from testbench.estimation.chain.period import base_frequency
+from testbench.estimation.chain.run import ChainMotion, ChainSamples, most_likely, run_filter
+from testbench.estimation.chain.sensors import ChainSensors, chain_sensors
+from testbench.estimation.chain.settings import AMPLITUDE_SD, PART_OF_RANGE, FilterSettings, SensorNoise
+from testbench.estimation.chain.smoother import run_smoother
+from testbench.estimation.chain.state import motion_size
+from testbench.exceptions import InputError
+from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
+from testbench.model import rotation
+from testbench.model.kinematics import Kinematics, Pose
+from testbench.records.chain import ChainEstimate
+from testbench.records.estimate import CalibrationFit, SensorEstimate
+from testbench.records.plan import PlannedStep
+from testbench.records.protocol_chain import ChainEstimation, ChainState
+from testbench.records.sensor import ImuParameters, Triad
+from testbench.records.session import PLAN, Session
+from testbench.records.storage import read_parquet
+
+SETTLED_NS = NANOSECONDS * 3 // 10
+"""After a move the arm still swings in; this long is left out of a rest."""
+LEAST_REST_NS = NANOSECONDS // 2
+LONGEST_REST_NS = 10 * NANOSECONDS
+"""Shortest rest that a start can be read from, and how much of a long one is used [ns]."""
+LEAST_SAMPLES = 10
+GYR_SD_FLOOR, ACC_SD_FLOOR = np.radians(0.02), 0.005
+"""A sensor is not believed better than this, however quiet at rest: jitter of its clock and what is left of its scale [rad/s],
+[m/s^2]."""
+CALIBRATED_SD = (2e-4, 2e-4)
+"""What a calibration by static poses leaves of the accelerometer's scale and axes, as a standard deviation [1]: the arm's own
+angles are good to 0.01 deg."""
+CALIBRATED_BIAS_SD = 0.02
+"""A calibration whose biases are less certain than this saw too few poses, and the data sheet is believed instead [m/s^2]."""
+SEARCHED_S = 10.0
+"""The liveliness is sought over this much of a section, from the beginning of its motion and `settling_s` on [s]."""
+
+
+def estimate_chain(
+    session: Session, sensors: Mapping[str, SensorEstimate], wanted: ChainEstimation
+) -> tuple[list[ChainEstimate], list[str]]:
+    """Joints of the arm over every section asked for, by every state asked for.
+
+    Args:
+        session: A run of a protocol; what the arm measured is not looked at. sensors: With clocks, calibrations and gates.
+        wanted: The protocol's wishes.
+
+    Returns:
+        The estimates, and remarks on sections that could not be estimated.
+    """
+    if session.robot is None or not (session.path / PLAN).is_file():
+        return [], ["the chain was not estimated: the recording has no arm and no plan"]
+    names = wanted.sensors or list(sensors)
+    judged = [step.section for step in session.steps if step.role == "evaluation"]
+    estimates, remarks = [], []
+    for section in wanted.sections or list(dict.fromkeys(judged)):
+        try:
+            part = _Section(session, sensors, names, wanted, section)
+            estimates += [part.estimate(state) for state in wanted.states]
+        except InputError as error:
+            remarks.append(f"chain, section {section}: {error}")
+    return estimates, remarks
+
+
+class _Section:
+    """One section: the chain, the rest before it and its samples.
+
+    Raises:
+        InputError: There is no rest to start from, a sensor is silent, or a joint carries no sensor.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        sensors: Mapping[str, SensorEstimate],
+        names: list[str],
+        wanted: ChainEstimation,
+        section: str,
+    ):
+        self.wanted, self.section = wanted, section
+        assert session.robot is not None
+        kinematics = Kinematics(session.robot)
+        begin, end, begins, ends = _rest(session.steps, section)
+        pose = _planned_pose(session, kinematics, end)
+        placed = session.analysis.sensors
+        places = {name: (placed[name].link, Pose.from_placement(placed[name].mounting)) for name in names}
+        self.chain: ChainSensors = chain_sensors(kinematics, places, wanted.joints or None, pose)
+        self.start = pose[[session.robot.joint_names.index(name) for name in self.chain.joints]]
+        times, owners, readings, means, counts, self.noise = [], [], [], [], [], []
+        self.start_s, self.begins_s = end / NANOSECONDS, begins / NANOSECONDS
+        for i, name in enumerate(names):
+            sheet = placed[name].imu()
+            time, rate, force = _calibrated(session, name, sensors[name], sheet)
+            rest = (time >= begin / NANOSECONDS) & (time <= self.start_s)
+            if rest.sum() < LEAST_SAMPLES:
+                raise InputError(f"{name} has {rest.sum()} samples at rest before it; {LEAST_SAMPLES} are needed")
+            means.append(np.concatenate([rate[rest].mean(axis=0), force[rest].mean(axis=0)]))
+            counts.append(rest.sum())
+            self.noise.append(_noise(sheet, sensors[name].calibration, rate[rest], force[rest], wanted.scales))
+            moving = (time > self.start_s) & (time <= ends / NANOSECONDS)
+            times.append(time[moving])
+            readings.append(np.hstack([rate, force])[moving])
+            owners.append(np.full(moving.sum(), i))
+        order = np.argsort(np.concatenate(times), kind="stable")
+        self.samples = ChainSamples(
+            self.start_s, np.array(means), np.array(counts), np.concatenate(times)[order], np.concatenate(owners)[order],
+            np.concatenate(readings)[order],
+        )  # fmt: skip
+
+    def estimate(self, state: ChainState) -> ChainEstimate:
+        """By one state of the filter."""
+        wanted = self.wanted
+        fourier = state == "fourier"
+        frequency = 1.0
+        if fourier:
+            frequency = wanted.frequency_hz or base_frequency(self.samples, self.begins_s)
+        given = wanted.walk_deg_sqrts if fourier else wanted.jerk_deg_s3_sqrthz
+        reach = PART_OF_RANGE * np.ptp(self.chain.limits, axis=1)
+        settings = FilterSettings(
+            wanted.harmonics if fourier else 0,
+            self.noise,
+            self.start,
+            float(np.radians(wanted.start_sd_deg)),
+            float(np.radians(given or 1.0)),
+            biases=wanted.biases,
+            scales=wanted.scales,
+            amplitude=np.minimum(AMPLITUDE_SD, reach),
+            frequency=frequency,
+            limits=wanted.limits,
+        )
+        if given is None:
+            since = self.begins_s + wanted.settling_s
+            settings = most_likely(self.chain, settings, self.samples.until(since - self.samples.start + SEARCHED_S), since)
+        motion = (run_smoother if wanted.smooth else run_filter)(self.chain, settings, self.samples)
+        return self._record(state, settings, motion)
+
+    def _record(self, state: ChainState, settings: FilterSettings, motion: ChainMotion) -> ChainEstimate:
+        own = self.samples.sensor == 0
+        unit = "walk_deg_sqrts" if state == "fourier" else "jerk_deg_s3_sqrthz"
+        facts = {
+            unit: float(np.degrees(settings.liveliness)),
+            "normalised_innovation_squared": float(motion.nis.mean()),
+            "smoothed": self.wanted.smooth,
+        }
+        if state == "fourier":
+            omega = motion_size(len(self.chain.joints), settings.harmonics) - 1
+            facts["frequency_hz"] = float(motion.last[0][omega] / (2 * np.pi))
+            facts["frequency_sd_hz"] = float(np.sqrt(motion.last[1][omega, omega]) / (2 * np.pi))
+        return ChainEstimate(
+            self.section, state, self.chain.sensors, self.chain.joints,
+            np.round(self.samples.time[own] * NANOSECONDS).astype(np.int64), motion.mean[own], motion.sd[own], facts,
+        )  # fmt: skip
+
+
+def _rest(steps: list[PlannedStep], section: str) -> tuple[int, int, int, int]:
+    """Begin and end of the rest before a section, and begin and end of its motion [ns]."""
+    own = [i for i, step in enumerate(steps) if step.section == section]
+    if not own:
+        raise InputError("the recording has no finished step of it")
+    first, last = own[0], own[-1]
+    if first > 0:
+        before = steps[first - 1]
+        begin, end = before.settled_ns + (SETTLED_NS if before.settled_ns > before.start_ns else 0), steps[first].start_ns
+        begins = steps[first].start_ns
+    elif steps[first].kind == "hold":  # the arm starts at rest
+        begin, end = steps[first].start_ns, steps[first].end_ns
+        begins = end
+    else:
+        raise InputError("no rest comes before it; put a dwell in front, which gives the start")
+    begin = max(begin, end - LONGEST_REST_NS)
+    if end - begin < LEAST_REST_NS:
+        raise InputError(f"the rest before it lasts {max(end - begin, 0) / NANOSECONDS:.2f} s; 0.5 s are needed")
+    return begin, end, begins, steps[last].end_ns
+
+
+def _planned_pose(session: Session, kinematics: Kinematics, time_ns: int) -> np.ndarray:
+    """The pose that the plan states at a rest, shape (n_joints,) [rad]; not what the arm measured."""
+    table = read_parquet(session.path / PLAN)
+    planned_end = np.searchsorted(table["host_time_ns"], time_ns, side="right") - 1
+    row = int(np.clip(planned_end, 0, len(table["host_time_ns"]) - 1))
+    return np.array([table[f"q_{joint}_rad"][row] for joint in kinematics.robot.joint_names])
+
+
+def _calibrated(
+    session: Session, name: str, sensor: SensorEstimate, sheet: ImuParameters
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """When samples that no gate refuses were true [s], their rates [rad/s] and forces [m/s^2].
+
+    What the sensor's low pass took is put back: of a first-order one y of time constant T, the input is y + T dy/dt. A sensor
+    that integrates gives means over the interval before its stamp, the force in the axes at its end.
+    """
+    samples = session.imu(name)
+    rate, force, _ = sensor.calibration.apply(samples.gyr, samples.acc, None)
+    sound = ~sensor.flagged & np.isfinite(rate).all(axis=1) & np.isfinite(force).all(axis=1)
+    time, rate, force = sensor.host_time_ns[sound] / NANOSECONDS, rate[sound], force[sound]
+    if len(time) < LEAST_SAMPLES:
+        raise InputError(f"{name} has {len(time)} samples that no gate refuses; {LEAST_SAMPLES} are needed")
+    rate = _without_low_pass(time, rate, sheet.gyroscope.bandwidth_hz)
+    force = _without_low_pass(time, force, sheet.accelerometer.bandwidth_hz)
+    if sheet.sampling == "integrated":
+        half = 0.5 / sheet.rate_hz
+        force = rotation.rotate(rotation.from_rotation_vector(rate * half), force)
+        time = time - half
+    return time, rate, force
+
+
+def _without_low_pass(time: np.ndarray, reading: np.ndarray, bandwidth: float | None) -> np.ndarray:
+    if bandwidth is None:
+        return reading
+    return np.asarray(reading + np.gradient(reading, time, axis=0) / (2 * np.pi * bandwidth))
+
+
+def _noise(sheet: ImuParameters, calibration: CalibrationFit, rate: np.ndarray, force: np.ndarray, scales: bool) -> SensorNoise:
+    """White noise as measured at rest, biases by the data sheet or, where the sensor was calibrated, by the calibration; a
+    gyroscope's response to gravity acts like a bias, and so does an accelerometer's scale where it is no state of its own.
+    """
+    gyroscope, accelerometer = sheet.gyroscope.triad(), sheet.accelerometer.triad()
+    calibrated = calibration.method != "none" and bool((calibration.acc_bias_sd <= CALIBRATED_BIAS_SD).all())
+    gyr_bias = np.hypot(gyroscope.bias_sd, STANDARD_GRAVITY * gyroscope.g_sensitivity_sd)
+    if calibrated:
+        gyr_bias = _worst(calibration.gyr_bias_sd, gyr_bias)
+    acc_bias = _worst(calibration.acc_bias_sd, accelerometer.bias_sd) if calibrated else accelerometer.bias_sd
+    axes = CALIBRATED_SD if calibrated else (accelerometer.scale_sd, accelerometer.cross_axis_sd)
+    if not scales:
+        acc_bias = np.hypot(acc_bias, STANDARD_GRAVITY * np.hypot(*axes))
+    return SensorNoise(
+        gyr_sd=max(_white(rate), GYR_SD_FLOOR),
+        acc_sd=max(_white(force), ACC_SD_FLOOR),
+        gyr_bias_sd=float(np.hypot(gyr_bias, gyroscope.bias_instability)),
+        acc_bias_sd=float(np.hypot(acc_bias, accelerometer.bias_instability)),
+        gyr_bias_walk=_wandering(gyroscope),
+        acc_bias_walk=_wandering(accelerometer),
+        gyr_scale_sd=gyroscope.scale_sd,
+        gyr_cross_sd=gyroscope.cross_axis_sd,
+        acc_scale_sd=axes[0],
+        acc_cross_sd=axes[1],
+        g_sd=0.0 if calibrated else gyroscope.g_sensitivity_sd,
+    )
+
+
+def _wandering(triad: Triad) -> float:
+    """Growth of the bias per square root of a second: random walk, and the beginning of a Gauss-Markov process."""
+    return float(np.hypot(triad.bias_instability * np.sqrt(2 / triad.bias_time_constant), triad.bias_random_walk))
+
+
+def _white(readings: np.ndarray) -> float:
+    """Standard deviation of white noise in readings at rest, from their differences, shape (n, 3)."""
+    return float(np.sqrt(np.mean(np.diff(readings, axis=0) ** 2) / 2))
+
+
+def _worst(fitted: np.ndarray, otherwise: float) -> float:
+    known = fitted[np.isfinite(fitted)]
+    return float(known.max()) if len(known) else otherwise

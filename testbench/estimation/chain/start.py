@@ -1,0 +1,104 @@
+"""The state at the start: at rest, near the stated pose, inclined as the accelerometers say."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.estimation.chain.sensors import ChainSensors
+from testbench.estimation.chain.settings import OMEGA_SD, START_ACCELERATION_SD, START_RATE_SD, FilterSettings
+from testbench.estimation.chain.state import joint_motion, motion_size, state_indices
+
+STEPS = 20
+UNKNOWN = 1e3
+"""Standard deviation of what the rest has yet to tell, in multiples of what it will be known to [1]."""
+
+
+def rest_pose(
+    sensors: ChainSensors, settings: FilterSettings, mean: np.ndarray, counts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pose and biases at rest: the most probable ones given the stated pose and the mean readings (Gauss-Newton).
+
+    Args:
+        sensors: The chain. settings: Start pose, noise and biases. mean: Mean readings at rest, shape (s, 6).
+        counts: Number of readings behind each mean, shape (s,).
+
+    Returns:
+        Joint angles and the sensor errors that are states: their values and covariance.
+    """
+    m, s = len(sensors.joints), len(sensors.sensors)
+    errors = settings.error_variance
+    size = m + len(errors)
+    prior = np.concatenate([settings.start, np.zeros(size - m)])
+    information = np.concatenate([np.full(m, settings.start_sd**-2.0), 1 / np.maximum(errors, 1e-20)])
+    weight = counts[:, None] / np.array([noise.variance for noise in settings.noise])
+    theta, zero = prior.copy(), np.zeros(m)
+    for _ in range(STEPS):
+        reading, by_q, _, _ = sensors.readings(theta[:m], zero, zero)
+        J = np.zeros((6 * s, size))
+        J[:, :m] = by_q.reshape(-1, m)
+        residual = (mean - reading).ravel()
+        J[:, m:] = _by_errors(reading, size - m)
+        residual = residual - J[:, m:] @ theta[m:]
+        normal = np.diag(information) + (J.T * weight.ravel()) @ J
+        step = np.linalg.solve(normal, (J.T * weight.ravel()) @ residual + information * (prior - theta))
+        theta = theta + step
+        if np.abs(step[:m]).max() < 1e-12:
+            break
+    return theta, np.linalg.inv(normal)
+
+
+def _by_errors(reading: np.ndarray, count: int) -> np.ndarray:
+    """Derivative of all readings by the sensor errors that are states, shape (6 s, count); readings of shape (s, 6)."""
+    s = len(reading)
+    J = np.zeros((6 * s, 33 * s))
+    J[:, : 6 * s] = np.eye(6 * s)
+    for i in range(s):
+        first = 6 * s + 27 * i
+        for r in range(3):
+            J[6 * i + r, first + 6 * r : first + 6 * r + 6] = reading[i]
+            J[6 * i + 3 + r, first + 18 + 3 * r : first + 21 + 3 * r] = reading[i, 3:]
+    return J[:, :count]
+
+
+def start_state(
+    sensors: ChainSensors, settings: FilterSettings, mean: np.ndarray, counts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """State and covariance at rest; arguments as for `rest_pose`.
+
+    The prior of the motion (unknown for q, v, a; that of the settings for Fourier coefficients) meets what rest says: the pose
+    and sensor errors of `rest_pose`, and no rate and no acceleration.
+    """
+    m, harmonics = len(sensors.joints), settings.harmonics
+    theta, covariance = rest_pose(sensors, settings, mean, counts)
+    size = motion_size(m, harmonics)
+    n = size + len(theta) - m
+    x, sd = np.zeros(n), np.empty(n)
+    told = np.sqrt(np.diag(covariance))
+    if harmonics:
+        omega = 2 * np.pi * settings.frequency
+        x[:m], x[size - 1] = theta[:m], omega
+        sd[: size - 1], sd[size - 1] = settings.coefficient_sd(m), OMEGA_SD * omega
+    else:
+        x[:m] = theta[:m]
+        sd[:m] = UNKNOWN * told[:m]
+        sd[m : 2 * m], sd[2 * m : size] = UNKNOWN * START_RATE_SD, UNKNOWN * START_ACCELERATION_SD
+    sd[size:] = UNKNOWN * told[m:]
+    indices = state_indices(m, harmonics)
+    motion, slopes = np.empty((3, m)), np.empty((3, m, indices.shape[1]))
+    joint_motion(x, indices, harmonics, motion, slopes)
+    H = np.zeros((3 * m + n - size, n))
+    for order in range(3):
+        for j in range(m):
+            H[order * m + j, indices[j]] = slopes[order, j]
+    H[3 * m :, size:] = np.eye(n - size)
+    R = np.zeros((len(H), len(H)))
+    same = np.r_[0:m, 3 * m : len(H)]
+    R[np.ix_(same, same)] = covariance
+    R[range(m, 3 * m), range(m, 3 * m)] = np.repeat(np.square([START_RATE_SD, START_ACCELERATION_SD]), m)
+    said = np.concatenate([theta[:m], np.zeros(2 * m), theta[m:]])
+    P = np.diag(sd**2)
+    K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+    x = x + K @ (said - H @ x)  # linear but for omega, which multiplies coefficients that are still 0
+    left = np.eye(n) - K @ H
+    P = left @ P @ left.T + K @ R @ K.T
+    return x, (P + P.T) / 2

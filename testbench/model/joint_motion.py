@@ -1,0 +1,46 @@
+"""What an arm's measured angles and rates say of its accelerations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from testbench.frames import NANOSECONDS
+from testbench.records.samples import ArmSamples
+
+SMOOTHING_S = 0.1
+"""Width of the cubic Savitzky-Golay window that differentiates the measured joint rates [s]."""
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """How joint rates become accelerations: a cubic Savitzky-Golay filter.
+
+    Attributes:
+        window: Samples. interval: [s].
+    """
+
+    window: int
+    interval: float
+
+    @staticmethod
+    def of(time_ns: np.ndarray) -> Smoothing:
+        """What suits a recording at a regular interval, from its times, shape (n,)."""
+        n = len(time_ns)
+        if n < 5:
+            return Smoothing(0, 0.0)
+        interval = float(np.median(np.diff(time_ns))) / NANOSECONDS
+        return Smoothing(min(max(2 * round(SMOOTHING_S / interval / 2) + 1, 5), n - 1 + n % 2), interval)
+
+    def acceleration(self, v_measured: np.ndarray) -> np.ndarray:
+        """Joint accelerations [rad/s^2] of measured rates [rad/s], shape (n, n_joints); zeros where there are too few."""
+        if self.window == 0:
+            return np.zeros_like(v_measured)
+        return np.asarray(savgol_filter(v_measured, self.window, 3, deriv=1, delta=self.interval, axis=0))
+
+
+def joint_acceleration(samples: ArmSamples) -> np.ndarray:
+    """Joint accelerations [rad/s^2], shape (n, n_joints), from measured rates at a regular interval."""
+    return Smoothing.of(samples.host_time_ns).acceleration(samples.v_measured)

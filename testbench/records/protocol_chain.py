@@ -1,0 +1,59 @@
+"""The part of a protocol that asks for the joints of the whole chain, estimated from the sensors on its links."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from testbench.records.strict import Name, StrictModel
+
+ChainState = Literal["kinematic", "fourier"]
+
+
+class ChainEstimation(StrictModel):
+    """Joint angles of the arm from the rates and forces of several sensors together, by an extended Kalman filter."""
+
+    states: list[ChainState] = Field(
+        default=["kinematic"],
+        min_length=1,
+        description="kinematic: angles, rates, accelerations under white jerk; fourier: a series whose frequency is estimated.",
+    )
+    sensors: list[Name] = Field(default=[], description="Sensors to use, the one whose instants count first; none named: all.")
+    joints: list[str] = Field(
+        default=[], description="Joints to estimate; the others stand still as planned. None named: all that carry a sensor."
+    )
+    sections: list[Name] = Field(
+        default=[], description="Sections to run over, each anew from the rest before it; none named: those that are judged."
+    )
+    start_sd_deg: float = Field(
+        default=0.5, gt=0, le=45, description="Standard uncertainty of each joint's planned angle at that rest [deg]."
+    )
+    settling_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="Left out of the evaluation at either end of each judged step: fades are not periodic [s].",
+    )
+    harmonics: int = Field(default=4, ge=1, le=10, description="Harmonics of the Fourier series.")
+    frequency_hz: float | None = Field(
+        default=None, gt=0, le=20, description="First guess of its base frequency [Hz]; null: from the period of the rates."
+    )
+    jerk_deg_s3_sqrthz: float | None = Field(
+        default=None, gt=0, description="Density of the white jerk, kinematic [deg/s^3/sqrt(Hz)]; null: the most likely one."
+    )
+    walk_deg_sqrts: float | None = Field(
+        default=None, gt=0, description="Random walk of the first harmonic, fourier [deg/sqrt(s)]; null: the most likely one."
+    )
+    biases: bool = Field(default=True, description="Whether the biases of gyroscopes and accelerometers are states.")
+    scales: bool = Field(default=True, description="Whether, beside the biases, errors of scale and axes are states as well.")
+    limits: bool = Field(default=True, description="Whether the joint limits of the robot file hold the estimate.")
+    smooth: bool = Field(default=False, description="Smooth backwards as well: better, but not to be had while it moves.")
+
+    @model_validator(mode="after")
+    def _each_once(self) -> ChainEstimation:
+        for key in ("states", "sensors", "joints", "sections"):
+            names = getattr(self, key)
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise ValueError(f"{key}: {', '.join(twice)} stands more than once")
+        return self
