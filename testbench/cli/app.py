@@ -244,6 +244,8 @@ def report(
     if json:
         say_json(result.to_dict())
     else:
+        for note in result.evaluation.notes:
+            say(f"note: {note}")
         say(f"report: {result.report}")
 
 

@@ -98,7 +98,6 @@ def calibrate(
                 [triad, name, float(value), float(sd), float(width), unit]
                 for name, value, sd, width, unit in zip(fit.names, fit.values, fit.sd, half, fit.units, strict=True)
             ]
-    say_table("Parameters", ["triad", "parameter", "value", "sd", "95 % ±", "unit"], rows)
     mounting = result.calibration.mounting
     if mounting is not None:
         turned, sd = np.degrees(mounting.fit.values), np.degrees(mounting.fit.sd)
@@ -107,8 +106,12 @@ def calibrate(
             ["mounting", n, float(v), float(s), float(h), "deg"]
             for n, v, s, h in zip(mounting.fit.names, turned, sd, half_deg, strict=True)
         ]
+    shown = [[*row[:2], *(_to_its_uncertainty(number, row[3]) for number in row[2:5]), row[5]] for row in rows]
+    say_table("Parameters", ["triad", "parameter", "value", "sd", "95 % ±", "unit"], shown)
     figures = [
-        [triad, name, value] for triad, found in result.calibration.triads.items() for name, value in found.validation.items()
+        [triad, name, f"{value:.4g}"]
+        for triad, found in result.calibration.triads.items()
+        for name, value in found.validation.items()
     ]
     say_table(f"Held out, by {result.held_out}", ["triad", "figure", "value"], figures)
     for triad, found in result.calibration.triads.items():
@@ -119,6 +122,15 @@ def calibrate(
     say(f"calibration: {made.file}")
     if made.report:
         say(f"report:      {made.report}")
+
+
+def _to_its_uncertainty(value: float, sd: float) -> str:
+    """A number to two digits of its standard uncertainty."""
+    import math
+
+    if not math.isfinite(sd) or sd <= 0:
+        return f"{value:.6g}"
+    return f"{value:.{min(max(1 - math.floor(math.log10(sd)), 0), 12)}f}"
 
 
 def calibrations(

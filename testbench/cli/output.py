@@ -155,7 +155,8 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
     say_noise(evaluation.noise)
     for note in evaluation.notes:
         say(f"note: {note}")
-    say(f"outcome: {evaluation.outcome}")
+    unlimited = not judged and evaluation.outcome == "not_measured"
+    say("outcome: no limits were stated" if unlimited else f"outcome: {evaluation.outcome}")
     say(f"session: {session}")
     if report:
         say(f"report:  {report}")

@@ -21,7 +21,7 @@ from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_f
 from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
 from testbench.estimation.vector_mounting import VectorMounting, mounting_from_vectors
-from testbench.exceptions import SessionError
+from testbench.exceptions import InputError, SessionError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series, segment_orientation
@@ -58,6 +58,7 @@ def estimate(
     """
     settings = session.analysis.estimate
     chosen = choose_tuned(filters, settings.filters, settings.filter_parameters, tunings)
+    _check_calibrations(session, calibrations or [])
     sensors = {name: prepare_sensor(session, name, calibrations).run(chosen) for name in session.sensor_names}
     joints = {name: _estimate_joint(session, name, sensors) for name in session.analysis.joints}
     chain, chain_remarks = estimate_chain(session, sensors, settings.chain) if settings.chain is not None else ([], [])
@@ -146,6 +147,29 @@ def _stored(session: Session, name: str, calibrations: list[SensorCalibration]) 
     return find_calibration(calibrations, name, str(tag) if tag else None, at)
 
 
+def _check_calibrations(session: Session, calibrations: list[SensorCalibration]) -> None:
+    """Refuse calibrations of which not one is of a sensor of this session.
+
+    Raises:
+        InputError: Names whose calibrations there are, and the session's sensors.
+    """
+    if calibrations and all(_stored(session, name, calibrations) is None for name in session.sensor_names):
+        whose = ", ".join(sorted({f"'{c.sensor}'" + (f" ({c.device})" if c.device else "") for c in calibrations}))
+        names = ", ".join(session.sensor_names)
+        raise InputError(f"{session.path}: none of its sensors ({names}) has a stored calibration; there are those of {whose}")
+
+
+def _stored_remarks(session: Session, name: str, stored: SensorCalibration | None, given: bool) -> list[str]:
+    """What a reader must know of the correction of the raw samples."""
+    if stored is None:
+        return ["no stored calibration is of this sensor; its raw samples were left as they are"] if given else []
+    tag = session.manifest["sensors"][name].get("device_tag")
+    same = f"of the same device, {tag}" if tag and stored.device == str(tag) else "matched by the sensor's name alone"
+    methods = ", ".join(f"{triad} by {method}" for triad, method in stored.summary()["methods"].items())
+    origin = (f"{stored.file}, " if stored.file else "") + f"session {stored.session} of {stored.calibrated:%Y-%m-%d}"
+    return [f"its raw samples were first corrected by a stored calibration ({origin}, {methods}; {same})"]
+
+
 def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
     def correct(samples: ImuSamples) -> ImuSamples:
         gyr, acc, mag = stored.apply(samples.gyr, samples.acc, samples.mag, samples.temperature)
@@ -182,7 +206,7 @@ def prepare_sensor(session: Session, name: str, calibrations: list[SensorCalibra
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(session, samples.acc, samples.gyr, time, static & ~quality.flagged, truth)
-    remarks = list(quality.remarks)
+    remarks = _stored_remarks(session, name, stored, bool(calibrations)) + list(quality.remarks)
     if settings.align_clock and truth is not None and clock.method == "arrival":
         remarks.append("its clock could not be fitted to the motion; it is late by the unknown latency of its samples")
     planned = sum(step.role == "calibration" and step.kind != "sweep" for step in session.steps)

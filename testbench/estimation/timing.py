@@ -12,6 +12,8 @@ GAP_FACTOR = 1.5
 """Intervals longer than this many median ones are gaps."""
 SMOOTH = 5
 MOST_LAG = 30
+LEAST_LIKENESS = 0.9
+"""Correlation of the two signals below which their lag says nothing: noise or linear acceleration is most of one of them."""
 STRETCH = 300_000
 """Samples that tell whether the accelerometer lags, of a longer recording: those with most motion."""
 
@@ -134,7 +136,9 @@ def asynchrony(samples: ImuSamples, interval: float) -> float:
     begin, end = MOST_LAG, len(a) - MOST_LAG
     correlation = np.array([np.dot(a[begin + lag : end + lag], b[begin:end]) for lag in lags])
     k = int(np.argmax(correlation))
-    if k in (0, len(lags) - 1):
+    begin_k, end_k = begin + lags[k], end + lags[k]
+    likeness = correlation[k] / np.sqrt(np.sum(a[begin_k:end_k] ** 2) * np.sum(b[begin:end] ** 2))
+    if k in (0, len(lags) - 1) or not likeness > LEAST_LIKENESS:
         return float("nan")
     left, top, right = correlation[k - 1 : k + 2]
     return float((lags[k] + 0.5 * (left - right) / (left - 2 * top + right)) * interval)

@@ -20,6 +20,8 @@ from testbench.records.yaml_file import load_yaml
 SCHEMA_VERSION = 1
 SUFFIXES = (".yaml", ".yml")
 TRIADS = ("accelerometer", "gyroscope", "magnetometer")
+MOST_SCALE = 2.0
+"""A correction beyond this, or below its inverse, is no calibration but a wrong unit or a slip of the pen."""
 UNITS = {"accelerometer": "m_s2", "gyroscope": "rad_s", "magnetometer": "uT"}
 
 Rows = Annotated[list[Angles3], Field(min_length=3, max_length=3)]
@@ -157,7 +159,8 @@ class SensorCalibration:
         """For the record of an estimate."""
         methods = {triad: found.method for triad, found in self.triads.items()}
         methods |= {} if self.mounting is None else {"mounting": self.mounting.method}
-        return {"calibrated_utc": self.calibrated.isoformat(), "session": self.session, "methods": methods}
+        file = str(self.file) if self.file else None
+        return {"file": file, "calibrated_utc": self.calibrated.isoformat(), "session": self.session, "methods": methods}
 
 
 def save_calibration(file: Path, calibration: SensorCalibration) -> None:
@@ -213,6 +216,15 @@ def load_calibration(file: Path) -> SensorCalibration:
         sizes: list[int] = [len(part) for part in (fit.units, fit.values, fit.sd, fit.covariance, *fit.covariance)]
         if any(size != p for size in sizes):
             raise document.problem(f"names, units, values, sd and covariance must all be of size {p}", *place)
+    for triad in TRIADS:
+        found = getattr(entry, triad)
+        if found is not None:
+            strength = np.linalg.svd(np.array(found.matrix), compute_uv=False)
+            if np.linalg.det(np.array(found.matrix)) <= 0 or strength[0] > MOST_SCALE or strength[-1] < 1 / MOST_SCALE:
+                sentence = f"no sensor's correction mirrors its axes or scales them by more than {MOST_SCALE:g}"
+                raise document.problem(
+                    f"this matrix scales by {strength[-1]:.3g} to {strength[0]:.3g}; {sentence}", triad, "matrix"
+                )
     if entry.mounting is not None:
         R = np.array(entry.mounting.matrix)
         if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:

@@ -174,6 +174,8 @@ class Session:
         """What the sensor went through, or None where nobody knows."""
         self._check(sensor)
         file = self.path / f"truth_{sensor}.parquet"
+        if not file.is_file() and file.name in self.manifest.get("files", {}):
+            raise SessionError(f"{file} is missing, though the manifest lists it; the session is damaged")
         return Truth.from_columns(read_parquet(file)) if file.is_file() else None
 
     def arm(self) -> ArmSamples | None:
@@ -187,6 +189,11 @@ class Session:
     def events(self) -> list[Event]:
         """Everything that happened, in order; a last line cut off by a crash is left out."""
         file = self.path / EVENTS
+        stated = self.manifest.get("files", {}).get(EVENTS)
+        if stated is not None and file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() != stated:
+            raise SessionError(
+                f"{file} is not what the manifest says was recorded (its SHA-256 differs); the session is damaged"
+            )
         events = []
         for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else []:
             try:

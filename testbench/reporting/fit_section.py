@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from testbench.frames import STANDARD_GRAVITY
@@ -23,8 +25,9 @@ def fit_section(estimate: Estimate) -> Section:
     )
     calibrated = any(sensor.calibration.method != "none" for sensor in estimate.sensors.values())
     section.blocks.append(
-        _calibration(estimate) if calibrated else Sentence("No calibration was fitted: the raw samples went into the filters.")
+        _calibration(estimate) if calibrated else Sentence("No calibration was fitted to this session's own poses.")
     )
+    section.blocks += [_stored(name, sensor.stored_calibration) for name, sensor in estimate.sensors.items()]
     if estimate.filter_parameters:
         section.blocks.append(parameter_table(estimate))
     section.blocks += [
@@ -33,6 +36,17 @@ def fit_section(estimate: Estimate) -> Section:
         for key, why in s.skipped.items()
     ]
     return section
+
+
+def _stored(name: str, stored: dict[str, Any] | None) -> Sentence:
+    """Whether a stored calibration corrected the raw samples, and which."""
+    if stored is None:
+        return Sentence(f"{name}: no stored calibration; the samples as recorded went on.")
+    methods = ", ".join(f"{triad} by {method}" for triad, method in stored["methods"].items())
+    return Sentence(
+        f"{name}: the raw samples were first corrected by the stored calibration of {stored['calibrated_utc'][:10]}, session "
+        f"{stored['session']} ({methods}), from {stored.get('file') or 'memory'}."
+    )
 
 
 def _fitted_clock(estimate: Estimate) -> bool:

@@ -27,7 +27,7 @@ def made(states: list[str]) -> tuple[Estimate, Evaluation]:
     signals |= {f"{joint}_error_rad": np.zeros(100) for joint in JOINTS}
     series = {f"chain_walk_{state}": signals for state in states}
     evaluation = Evaluation("s", [], [], [], Outcome.NOT_MEASURED, series=series, chain=rows)
-    return Estimate("s", "", {}, {}, [chain(state) for state in states]), evaluation
+    return Estimate("s", "", {}, {}, chain=[chain(state) for state in states]), evaluation
 
 
 def test_a_session_without_a_chain_has_no_such_section():

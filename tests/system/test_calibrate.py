@@ -182,6 +182,29 @@ def test_a_stored_calibration_corrects_a_later_session(sessions, tmp_path):
     assert heading[1] < heading[0]
 
 
+def test_a_calibration_says_what_it_did_and_refuses_what_cannot_be(sessions, tmp_path):
+    session = sessions("calibration_3d")
+    made = calibrate(session, None, ["attitude_aided"], tmp_path / "a.yaml", with_report=False)
+    result = analyse(session, ["vqf_6d"], calibrations=made.file)
+    (remark,) = [r for r in result.estimate.sensors["forearm"].remarks if "stored calibration" in r]
+    assert str(made.file) in remark
+    assert "matched by the sensor's name alone" in remark
+    assert any("stored calibration" in note for note in result.evaluation.notes)
+    html = result.report.read_text(encoding="utf-8")
+    assert "the raw samples were first corrected by the stored calibration" in html
+    text = made.file.read_text(encoding="utf-8")
+    (tmp_path / "other.yaml").write_text(text.replace("sensor: forearm", "sensor: hand"), encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"none of its sensors \(forearm\) has a stored calibration; there are those of 'hand'"
+    ):
+        analyse(session, ["vqf_6d"], with_report=False, calibrations=tmp_path / "other.yaml")
+    first = str(float(load_calibration(made.file).triads["accelerometer"].matrix[0, 0]))
+    assert first in text
+    (tmp_path / "wild.yaml").write_text(text.replace(first, "-9.9e3", 1), encoding="utf-8")
+    with pytest.raises(FileProblems, match="no sensor's correction mirrors"):
+        load_calibration(tmp_path / "wild.yaml")
+
+
 def test_the_command_line(sessions, tmp_path, capsys):
     session = sessions("calibration_3d").path
     assert command("calibrate", session, "--method", "attitude_aided", "--out", tmp_path / "sensor.yaml") == 0
