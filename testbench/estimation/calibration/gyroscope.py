@@ -46,7 +46,7 @@ WINDOW_S = 0.5
 """Length of the pieces whose turn is compared with the arm's [s]: long against a sample, short against a motion."""
 
 FEWEST_SPARE = 5
-"""Degrees of freedom that `gravity_turns` must leave: with four, Student's 95 % interval is 1.4 times the normal one already."""
+"""Degrees of freedom that `gravity_turns` must leave: with four, Student's 95 % interval is 1.4 times the normal one."""
 
 AXES = "xyz"
 ELEMENTS = (("yz", 0, 1, -1.0), ("zy", 0, 2, 1.0), ("xz", 1, 0, 1.0), ("zx", 1, 2, -1.0), ("xy", 2, 0, -1.0), ("yx", 2, 1, 1.0))

@@ -57,7 +57,7 @@ def calibrate(
     if accelerometer is not None:
         triads["accelerometer"] = accelerometer
     remarks += _orthogonality(prepared.poses)
-    gyroscope = _gyroscope(prepared, accelerometer, chosen.get("gyroscope"), not methods, remarks)
+    gyroscope = _gyroscope(prepared, others, accelerometer, chosen.get("gyroscope"), not methods, remarks)
     if gyroscope is not None:
         triads["gyroscope"] = gyroscope
     magnetometer = _magnetometer(prepared, others, accelerometer, chosen.get("magnetometer"), not methods, remarks, field)
@@ -78,7 +78,7 @@ def calibrate(
     if "mounting" in chosen:  # of the sensor's own axes, whole, whatever the triads contained of it
         sweeps = [step for step in session.steps if step.kind == "sweep"]
         calibration = replace(calibration, mounting=find_mounting(chosen["mounting"], prepared, calibration, sweeps))
-    where = "cross-validation" if not others else "poses of " + ", ".join(other.name for other in held_out)
+    where = "cross-validation" if not others else "poses and turns of " + ", ".join(other.name for other in held_out)
     poses = prepared.calibration_poses(accelerometer)
     return CalibrationResult(calibration, poses, prepared.segmentation, prepared.agreements, where, remarks)
 
@@ -151,17 +151,19 @@ def joined(several: list[StaticPoses]) -> StaticPoses:
 
 
 def _gyroscope(
-    prepared: Prepared, accelerometer: TriadCalibration | None, name: str | None, free: bool, remarks: list[str]
-) -> TriadCalibration | None:
+    prepared: Prepared, others: list[Prepared], accelerometer: TriadCalibration | None, name: str | None, free: bool,
+    remarks: list[str],
+) -> TriadCalibration | None:  # fmt: skip
     if (name is None and not free) or not prepared.has_gyroscope:
         return None
     recording = prepared.gyroscope_recording(accelerometer)
+    held_out = [other.gyroscope_recording(accelerometer) for other in others if other.has_gyroscope]
     aided = [key for key, method in GYROSCOPE_METHODS.items() if "attitude" in method.needs] if prepared.has_truth else []
     wanted = [name] if name else [*aided, "gravity_turns", "static_bias"]
     for candidate in wanted:
         method = GYROSCOPE_METHODS[candidate]
         try:
-            return prepared.with_held_out_turns(method.function, recording)
+            return prepared.with_held_out_turns(method.function, recording, held_out)
         except (PoorExcitation, InputError) as error:
             if name:
                 raise
