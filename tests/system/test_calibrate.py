@@ -75,6 +75,16 @@ def test_the_six_poses_leave_less_than_a_milli_g_held_out(sessions, preset):
     np.testing.assert_allclose(corrected, raw, rtol=0.03)  # the noise stays the sensor's own
 
 
+def test_the_gyroscope_is_judged_on_the_turns_of_the_other_session(sessions):
+    session, other = sessions("calibration_optimal"), sessions("calibration_3d")
+    alone, held_out = (calibrate_sensor(session, "forearm", held_out=others) for others in ([], [other]))
+    figures = held_out.calibration.triads["gyroscope"].validation
+    assert figures["held_out_turns"] == 5  # six poses
+    assert alone.calibration.triads["gyroscope"].validation["held_out_turns"] != 5
+    assert figures["gravity_direction_rms_deg"] < 0.2
+    assert held_out.held_out == f"poses and turns of {other.name}"
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_recovers_the_errors_the_part_was_born_with(sessions, seed):
     session = sessions("calibration_optimal", seed=seed)

@@ -17,7 +17,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2
 
-from testbench.estimation.calibration.least_squares import Parameter, solve
+from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, solve
+from testbench.estimation.calibration.linear import widened_by_misfit
 from testbench.estimation.calibration.turn_integration import IntegratedTurns, TurnIntegration
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
 from testbench.estimation.calibration.whitening import Whitening
@@ -39,8 +40,13 @@ IN_RUN = np.radians(10 / 3600)
 LEAST_NOISE = 1e-9
 """Below this a sensor counts as free of noise [rad/s]; weights stay finite."""
 FEWEST_SAMPLES = 10
+SHORTEST_PIECE = 3
+"""Samples of a piece: integrators whose rates inside a step come from the samples beside need as many."""
 WINDOW_S = 0.5
 """Length of the pieces whose turn is compared with the arm's [s]: long against a sample, short against a motion."""
+
+FEWEST_SPARE = 5
+"""Degrees of freedom that `gravity_turns` must leave: with four, Student's 95 % interval is 1.4 times the normal one."""
 
 AXES = "xyz"
 ELEMENTS = (("yz", 0, 1, -1.0), ("zy", 0, 2, 1.0), ("xz", 1, 0, 1.0), ("zx", 1, 2, -1.0), ("xy", 2, 0, -1.0), ("yx", 2, 1, 1.0))
@@ -118,7 +124,7 @@ def gravity_turns(
     with its uncertainty: it is fitted along, so that what is not known of it widens the rest.
 
     Args:
-        recording: Rests, and turns with `up_before` and `up_after`; five turns at least about different axes. integrator: See
+        recording: Rests, and turns with `up_before` and `up_after`; seven turns at least about different axes. integrator: See
         `testbench.model.integrators`. stages: Where its rates come from, its best if None. g_sensitivity: Whether to fit the
         response to specific force too, from rests and turns that know the force. in_run: What the bias of a turn may differ
         from that at rest [rad/s].
@@ -130,6 +136,13 @@ def gravity_turns(
     if not turns:
         raise InputError("gravity_turns needs turns between two rests whose direction of gravity is known; there are none")
     rests = _rests_with_force(recording, turns) if g_sensitivity else []
+    rows, names = 2 * len(turns) + 3 * max(len(rests), 1), [p.name for p in _parameters(np.zeros(3), g_sensitivity)]
+    if rows - len(names) < FEWEST_SPARE:
+        raise PoorExcitation(
+            names, float("inf"),
+            f"{len(turns)} turns and the rests give {rows} numbers for {len(names)} parameters; {FEWEST_SPARE} more than that "
+            "are needed to tell turns that fit from turns that are merely bent to fit",
+        )  # fmt: skip
     reading = read_rests(recording.rests, in_run)
     integration = TurnIntegration(turns, get_integrator(integrator), stages)
     before, after = (np.array([getattr(turn, key) for turn in turns], dtype=float) for key in ("up_before", "up_after"))
@@ -207,11 +220,14 @@ def _rests_with_force(recording: GyroscopeRecording, turns: Sequence[Turn]) -> l
 
 
 def _pieces(turn: Turn, window: float | None) -> list[Turn]:
-    """A turn cut into pieces that share their borders; what is left at the end makes a piece of its own."""
+    """A turn cut into pieces that share their borders; two samples left at the end, too few to integrate, join the last one."""
     if window is None:
         return [turn]
-    size = max(round(window / turn.interval), 1)
-    return [turn.part(k, min(k + size, len(turn.gyr) - 1) + 1) for k in range(0, len(turn.gyr) - 1, size)]
+    size, last = max(round(window / turn.interval), 1), len(turn.gyr) - 1
+    borders = [*range(0, last, size), last]
+    if len(borders) > 2 and borders[-1] - borders[-2] < min(SHORTEST_PIECE - 1, size):
+        del borders[-2]
+    return [turn.part(begin, end + 1) for begin, end in pairwise(borders)]
 
 
 def _across(direction: np.ndarray) -> np.ndarray:
@@ -261,7 +277,10 @@ def _search(
     integration: TurnIntegration, compare: Compare, whiten: Callable[[IntegratedTurns], Whitening], rest_rows: _RestRows,
     g_sensitivity: bool, advice: str,
 ) -> Fit:  # fmt: skip
-    """Least squares over turns and rests.
+    """Least squares over turns and rests, the scatter known: widened where the residuals are larger, and never narrowed.
+
+    Small differences at the ends say that the arm repeats well. They say nothing of the bias and the response to gravity, which
+    the rests and their in-run bias decide.
 
     Args:
         integration: The turns. compare: Differences at their ends (m, k), and what a small turn of an end does to them (m, k,
@@ -287,10 +306,11 @@ def _search(
         return known[key]
 
     white = whiten(integrate(np.array([parameter.start for parameter in parameters])))
-    return solve(
-        lambda theta: evaluate(theta)[0], parameters, jacobian=lambda theta: evaluate(theta)[1], residual_unit="1",
-        advice=advice,
+    fit = solve(
+        lambda theta: evaluate(theta)[0], parameters, jacobian=lambda theta: evaluate(theta)[1], known_scatter=True,
+        residual_unit="standard deviations", advice=advice,
     )  # fmt: skip
+    return widened_by_misfit(fit)
 
 
 def _parameters(bias: np.ndarray, g_sensitivity: bool) -> list[Parameter]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -160,17 +160,21 @@ class Prepared:
         return GyroscopeRecording(rests, turns)
 
     def with_held_out_turns(
-        self, function: Callable[[GyroscopeRecording], TriadCalibration], recording: GyroscopeRecording
-    ) -> TriadCalibration:
-        """A calibration from all turns, with the errors of gravity's direction on turns that a fit to the others had not seen.
+        self, function: Callable[[GyroscopeRecording], TriadCalibration], recording: GyroscopeRecording,
+        others: Sequence[GyroscopeRecording] = (),
+    ) -> TriadCalibration:  # fmt: skip
+        """A calibration from all turns, with the errors of gravity's direction on turns that the fit had not seen.
 
         Args:
-            function: The method. recording: All rests and turns.
+            function: The method. recording: All rests and turns. others: Other recordings, whose turns are held out; in each
+            of some folds a part of the turns, held out from a fit to the rest, where there are none.
         """
         found = function(recording)
         errors: list[float] = []
+        for other in others:
+            errors += np.degrees(gravity_direction_errors(found, other.turns)).tolist() if other.turns else []
         turns = list(recording.turns)
-        for k in range(FOLDS):
+        for k in range(0 if others else FOLDS):
             held = turns[k::FOLDS]
             if not held:
                 continue

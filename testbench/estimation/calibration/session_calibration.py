@@ -15,6 +15,7 @@ from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGN
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.prepared import Prepared, Segmentation, prepare
 from testbench.estimation.calibration.session_mounting import MOUNTING_METHODS, find_mounting
+from testbench.estimation.calibration.shared_frame import take_mounting_out
 from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.exceptions import InputError, NotFoundError
 from testbench.records.calibration import TriadCalibration
@@ -56,7 +57,7 @@ def calibrate(
     if accelerometer is not None:
         triads["accelerometer"] = accelerometer
     remarks += _orthogonality(prepared.poses)
-    gyroscope = _gyroscope(prepared, accelerometer, chosen.get("gyroscope"), not methods, remarks)
+    gyroscope = _gyroscope(prepared, others, accelerometer, chosen.get("gyroscope"), not methods, remarks)
     if gyroscope is not None:
         triads["gyroscope"] = gyroscope
     magnetometer = _magnetometer(prepared, others, accelerometer, chosen.get("magnetometer"), not methods, remarks, field)
@@ -64,15 +65,20 @@ def calibrate(
         triads["magnetometer"] = magnetometer
     if not triads and "mounting" not in chosen:
         raise InputError(f"{session.path}: nothing could be calibrated: {'; '.join(remarks) or 'no method fits the recording'}")
+    triads, mounting, odd = take_mounting_out(triads, keep_small="mounting" not in chosen)
+    remarks += odd
+    if "mounting" in chosen and mounting is not None:
+        remarks.append(f"the mounting by {chosen['mounting']} takes the place of the one {mounting.method}")
+        mounting = None
     device = session.manifest["sensors"][sensor].get("device_tag")
     calibration = SensorCalibration(
         sensor, str(device) if device else None, datetime.fromisoformat(session.manifest["started_utc"]), session.name,
-        session.fingerprint, software, prepared.temperature, triads,
+        session.fingerprint, software, prepared.temperature, triads, mounting=mounting,
     )  # fmt: skip
-    if "mounting" in chosen:
+    if "mounting" in chosen:  # of the sensor's own axes, whole, whatever the triads contained of it
         sweeps = [step for step in session.steps if step.kind == "sweep"]
         calibration = replace(calibration, mounting=find_mounting(chosen["mounting"], prepared, calibration, sweeps))
-    where = "cross-validation" if not others else "poses of " + ", ".join(other.name for other in held_out)
+    where = "cross-validation" if not others else "poses and turns of " + ", ".join(other.name for other in held_out)
     poses = prepared.calibration_poses(accelerometer)
     return CalibrationResult(calibration, poses, prepared.segmentation, prepared.agreements, where, remarks)
 
@@ -145,17 +151,19 @@ def joined(several: list[StaticPoses]) -> StaticPoses:
 
 
 def _gyroscope(
-    prepared: Prepared, accelerometer: TriadCalibration | None, name: str | None, free: bool, remarks: list[str]
-) -> TriadCalibration | None:
+    prepared: Prepared, others: list[Prepared], accelerometer: TriadCalibration | None, name: str | None, free: bool,
+    remarks: list[str],
+) -> TriadCalibration | None:  # fmt: skip
     if (name is None and not free) or not prepared.has_gyroscope:
         return None
     recording = prepared.gyroscope_recording(accelerometer)
+    held_out = [other.gyroscope_recording(accelerometer) for other in others if other.has_gyroscope]
     aided = [key for key, method in GYROSCOPE_METHODS.items() if "attitude" in method.needs] if prepared.has_truth else []
     wanted = [name] if name else [*aided, "gravity_turns", "static_bias"]
     for candidate in wanted:
         method = GYROSCOPE_METHODS[candidate]
         try:
-            return prepared.with_held_out_turns(method.function, recording)
+            return prepared.with_held_out_turns(method.function, recording, held_out)
         except (PoorExcitation, InputError) as error:
             if name:
                 raise
@@ -172,17 +180,19 @@ def _magnetometer(
             raise InputError(f"the method {name} needs a magnetometer; this sensor has none")
         return None
     poses = prepared.magnetometer_poses(accelerometer, field)
-    method = MAGNETOMETER_METHODS[name or "ellipsoid"]
-    try:
-        found = method.function(poses)
-        figures = cross_validate(method.function, poses, magnetometer=True)
-        if others:
-            figures = validate(
-                found, joined([other.magnetometer_poses(accelerometer, field) for other in others]), magnetometer=True
-            )
-    except (PoorExcitation, InputError) as error:
-        if name:
-            raise
-        remarks.append(f"magnetometer by {method.name}: {error}")
-        return None
-    return replace(found, validation=figures)
+    for candidate in [name] if name else (["ellipsoid_dip"] if accelerometer else []) + ["ellipsoid"]:
+        method = MAGNETOMETER_METHODS[candidate]
+        try:
+            found = method.function(poses)
+            figures = cross_validate(method.function, poses, magnetometer=True)
+            if others:
+                figures = validate(
+                    found, joined([other.magnetometer_poses(accelerometer, field) for other in others]), magnetometer=True
+                )
+        except (PoorExcitation, InputError) as error:
+            if name:
+                raise
+            remarks.append(f"magnetometer by {method.name}: {error}")
+            continue
+        return replace(found, validation=figures)
+    return None
