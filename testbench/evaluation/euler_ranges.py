@@ -1,7 +1,8 @@
 """Ranges of a sensor's own Euler angles over a section: limit tests, in which one angle should move and the others stay.
 
 In gimbal lock the two outer angles are not defined apart, whatever the sensor: only their sum is, or their difference. A device
-whose yaw and roll "change equally with opposite sign" there is not at fault.
+whose yaw and roll "change equally with opposite sign" there is not at fault. Beyond it they have jumped by half a turn, to
+either side alike, so that they are unwrapped from sample to sample only between two passages of lock.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from testbench.records.samples import Truth
 
 LOCKED = np.radians(10.0)
 """Nearer to gimbal lock than this the outer angles are not reported apart [rad]."""
+LARGEST_STEP = np.pi / 2
+"""A larger step of an outer angle between two samples is a passage of lock that no sample fell into [rad]."""
 MOSTLY_LOCKED = 50.0
 """Percent of a section beyond which it counts as locked."""
 
@@ -68,8 +71,20 @@ def _ranges(angles: np.ndarray, locked: np.ndarray, shut: bool) -> list[float | 
     middle = float(np.degrees(np.ptp(np.unwrap(angles[:, 1]))))
     if shut:
         return [None, middle, None]
-    first, third = (float(np.degrees(np.ptp(np.unwrap(angles[~locked, i])))) for i in (0, 2))
+    broken = locked[1:] | locked[:-1] | (np.abs(rotation.wrap(np.diff(angles[:, [0, 2]], axis=0))) > LARGEST_STEP).any(axis=1)
+    runs = [run for run in np.split(np.arange(len(angles)), np.flatnonzero(broken) + 1) if not locked[run[0]]]
+    first, third = (float(np.degrees(_range(angles[:, i], runs))) for i in (0, 2))
     return [first, middle, third]
+
+
+def _range(angle: np.ndarray, runs: list[np.ndarray]) -> float:
+    """Range of an angle over runs of samples whose turns against one another are not known [rad].
+
+    The shortest arc that holds every sample, unless one run alone goes farther; for a single run that is its unwrapped range.
+    """
+    around = np.sort(np.mod(angle[np.concatenate(runs)], 2 * np.pi))
+    gaps = np.diff(around, append=around[0] + 2 * np.pi)
+    return max(2 * np.pi - float(gaps.max()), *(float(np.ptp(np.unwrap(angle[run]))) for run in runs))
 
 
 def _sense(sequence: str, true: np.ndarray) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from testbench.evaluation.noise import UNITS
 from testbench.exceptions import InputError
 from testbench.records.evaluation import NoiseRow
 from testbench.records.sensor import ImuParameters
@@ -17,7 +18,14 @@ SLOW = {
     "acc": ("in_run_bias_mg", "bias_random_walk_mg_sqrts"),
     "gyr": ("in_run_bias_deg_h", "bias_random_walk_deg_h_sqrts"),
 }
+KINDS = ("bias_instability", "rate_random_walk")
 TRIADS = {"acc": "accelerometer", "gyr": "gyroscope", "mag": "magnetometer"}
+LEAST_COUNTS = 0.4
+"""Standard deviation of the noise, in counts, from which rounding adds a twelfth of a count squared to its variance.
+
+What this leaves out is, for normal noise of standard deviation s, within (4 s^2 + 1/pi^2) exp(-2 pi^2 s^2) counts squared
+(Widrow & Kollár, Quantization Noise, 2008, on the moments of quantised signals): a tenth of s at 0.4, below 2 % from 0.5 on.
+"""
 
 
 def measured_sensor(
@@ -25,8 +33,10 @@ def measured_sensor(
 ) -> tuple[ImuParameters, list[str]]:
     """The data sheet with the noise that was measured.
 
-    White noise is taken by axis, slow changes of the bias as the RMS over the axes that show them. What the rest was too short
-    to show, and all that a rest cannot show (ranges, bandwidths, scale and turn-on bias over parts, clock), stays as in `base`.
+    White noise is taken by axis, less that of rounding to the counts of `base`, which the simulated sensor adds again; slow
+    changes of the bias as the RMS over the axes that show them. A rest that shows a random walk and no bias instability has its
+    slow changes in the walk, and no instability stands beside it. What else the rest was too short to show, and all that a rest
+    cannot show (ranges, bandwidths, scale and turn-on bias over parts, clock), stays as in `base`.
 
     Args:
         rows: One sensor's noise at rest. base: The data sheet to start from. origin: Where the numbers come from, a phrase.
@@ -52,19 +62,39 @@ def measured_sensor(
             measured = own[axis].noise_density if axis in own else None
             if measured is None:
                 kept.append(f"{triad} {axis}: white noise lost among the others; {density[i]:g} kept")
+                continue
+            unrounded = _without_rounding(own[axis], measured, sheet.triad().resolution)
+            if unrounded is None:
+                kept.append(f"{triad} {axis}: white noise hidden by the counts of the sensor; {density[i]:g} kept")
             else:
-                density[i] = float(f"{measured:.4g}")
+                density[i] = float(f"{unrounded:.4g}")
         changes[triad] = {WHITE[quantity]: density}
         if quantity in SLOW:
-            for key, kind in zip(SLOW[quantity], ("bias_instability", "rate_random_walk"), strict=True):
-                values = [value for row in own.values() if (value := getattr(row, kind)) is not None]
-                if values:
-                    changes[triad][key] = float(f"{np.sqrt(np.mean(np.square(values))):.4g}")
+            found = {kind: [value for row in own.values() if (value := getattr(row, kind)) is not None] for kind in KINDS}
+            for key, kind in zip(SLOW[quantity], KINDS, strict=True):
+                words = kind.replace("_", " ")
+                if found[kind]:
+                    changes[triad][key] = float(f"{np.sqrt(np.mean(np.square(found[kind]))):.4g}")
+                elif kind == "bias_instability" and found["rate_random_walk"]:
+                    changes[triad][key] = 0.0
+                    kept.append(
+                        f"{triad}: {words} not shown by this rest; 0 written, because the random walk holds the slow noise"
+                    )
                 else:
-                    kept.append(f"{triad}: {kind.replace('_', ' ')} not shown by this rest; {getattr(sheet, key):g} kept")
+                    kept.append(f"{triad}: {words} not shown by this rest; {getattr(sheet, key):g} kept")
     update: dict[str, object] = {triad: getattr(base, triad).model_copy(update=values) for triad, values in changes.items()}
     update["description"] = f"{base.description or 'Inertial sensor'}; noise as measured"
     update["source"] = f"Noise: {origin}. The rest: {base.source or 'as given there'}"
     if rate is not None:
         update["rate_hz"] = float(f"{rate:.6g}")
     return ImuParameters.model_validate(base.model_copy(update=update).model_dump()), kept
+
+
+def _without_rounding(row: NoiseRow, density: float, resolution: float) -> float | None:
+    """One-sided density less that of rounding, q^2/12 spread over half the rate; None where too little is left to be told."""
+    half_rate = (row.samples - 1) / row.span_s / 2
+    count = resolution / UNITS[row.quantity][3]
+    left = density**2 * half_rate - count**2 / 12
+    if left < (LEAST_COUNTS * count) ** 2:
+        return None
+    return float(np.sqrt(left / half_rate))

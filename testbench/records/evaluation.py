@@ -131,8 +131,9 @@ class EulerRangeRow:
     """Over one section, how far each of a sensor's own Euler angles went: the limit tests of an axis identification; degrees.
 
     Attributes:
-        sensor, section, filter, sequence: What was computed. true_deg, estimated_deg: Largest less smallest, unwrapped, of the
-        three angles; None for the two outer ones of a section that was in gimbal lock.
+        sensor, section, filter, sequence: What was computed. true_deg, estimated_deg: Largest less smallest of the three
+        angles, the outer ones unwrapped between passages of gimbal lock and on the circle across them; None for the outer ones
+        of a section that was in gimbal lock.
         locked_percent: Part of the samples in gimbal lock, where only the sum (or difference) of the outer angles is defined.
         outer_true_deg, outer_estimated_deg: Range of that sum in a locked section, else None.
     """

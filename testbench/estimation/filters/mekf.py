@@ -66,6 +66,23 @@ def predict(cov: np.ndarray, half: np.ndarray, rx: float, ry: float, rz: float, 
 
 
 @njit(cache=True)
+def first_covariance(state: np.ndarray, cov: np.ndarray, p: np.ndarray, use_mag: bool) -> None:
+    """P = a^2 (I - u u') + m^2 u u' for the turn: the force gives the inclination, the field the heading, about the vertical.
+
+    u is the vertical in the sensor, a and m the standard deviations of the force's and the field's direction. Without a
+    magnetometer the heading is a convention, and has that of the force. For the bias that of p.
+    """
+    tilting = (p[3] / GRAVITY) ** 2
+    heading = p[5] * p[5] if use_mag else tilting
+    up = to_sensor(state[1], state[2], state[3], state[4], 0.0, 0.0, 1.0)
+    for j in range(3):
+        for k in range(3):
+            cov[j, k] = (heading - tilting) * up[j] * up[k]
+        cov[j, j] += tilting
+        cov[j + 3, j + 3] = p[2] * p[2]
+
+
+@njit(cache=True)
 def mekf(
     gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, use_mag: bool
 ) -> np.ndarray:
@@ -83,9 +100,7 @@ def mekf(
     for i in range(n):
         if state[0] == 0.0:
             if begin(state, acc[i], mag[i], use_mag, out[i]):
-                for j in range(3):
-                    cov[j, j] = (p[3] / GRAVITY) ** 2 if j < 2 or not use_mag else p[5] ** 2
-                    cov[j + 3, j + 3] = p[2] * p[2]
+                first_covariance(state, cov, p, use_mag)
                 if use_mag:
                     _, hy, hz = to_earth(state[1], state[2], state[3], state[4], mag[i, 0], mag[i, 1], mag[i, 2])
                     state[44], state[45] = hy / length(mag[i]), hz / length(mag[i])

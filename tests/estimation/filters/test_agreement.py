@@ -187,10 +187,10 @@ def test_the_mekf_is_its_matrix_equations(name):
     p, use_mag = kind.parameters, name == "mekf"
     q, bias, expected = ours[0], np.zeros(3), [ours[0]]
     field = unit(matrix(q) @ SAMPLES.mag[0])
-    first = [(p["acc_sd_m_s2"] / 9.80665) ** 2] * 3 + [p["bias_sd_rad_s"] ** 2] * 3
-    if use_mag:
-        first[2] = p["mag_sd"] ** 2
-    cov = np.diag(first)
+    inclining = (p["acc_sd_m_s2"] / 9.80665) ** 2
+    in_earth = np.diag([inclining, inclining, p["mag_sd"] ** 2 if use_mag else inclining])
+    R = matrix(q)
+    cov = np.block([[R.T @ in_earth @ R, np.zeros((3, 3))], [np.zeros((3, 3)), p["bias_sd_rad_s"] ** 2 * np.eye(3)]])
     v, u = p["gyr_noise_rad_s_sqrthz"] ** 2, p["bias_walk_rad_s2_sqrthz"] ** 2
     eye = np.eye(3)
     noise = np.block([[(v * DT + u * DT**3 / 3) * eye, -u * DT**2 / 2 * eye], [-u * DT**2 / 2 * eye, u * DT * eye]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import imufusion
 import numpy as np
@@ -206,3 +207,21 @@ def test_an_unknown_filter_is_refused_with_those_that_exist():
 def test_every_filter_is_listed_under_its_own_name_with_its_source(name):
     assert FILTERS[name].name == name
     assert FILTERS[name].source
+
+
+@pytest.mark.parametrize("name", ["mekf", "ekf"])
+@pytest.mark.parametrize("pose", [[0, 0, 0], [0, 0, 90], [0, 89, 0], [40, -30, 130]])
+def test_a_kalman_filter_forgets_a_wrong_first_heading_alike_in_every_pose(name, pose):
+    """The first sample's field is 20 deg off: that is doubt about the vertical, whichever axis of the sensor lies along it."""
+    settings = {"acc_sd_m_s2": 0.1} if name == "mekf" else {}  # the force is then believed far more than the field
+
+    def errors(angles: list[float]) -> np.ndarray:
+        true = Rotation.from_euler("ZYX", angles, degrees=True)
+        samples = at_rest(true, 2.0)
+        off = true.inv().apply(Rotation.from_euler("z", 20, degrees=True).apply(FIELD))
+        q = get_filter(name, settings).run(replace(samples, mag=np.vstack([off, samples.mag[1:]])))
+        return np.degrees((Rotation.from_quat(q, scalar_first=True) * true.inv()).magnitude())
+
+    expected = errors([0, 0, 0])
+    assert expected[0] == pytest.approx(20, abs=1e-6)
+    np.testing.assert_allclose(errors(pose), expected, atol=0.01)
