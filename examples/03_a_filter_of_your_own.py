@@ -1,7 +1,7 @@
 """A filter of your own, ranked with the rest.
 
     testbench filters --self-test examples/03_a_filter_of_your_own.py:SteadyHand
-    testbench run quick --filters examples/03_a_filter_of_your_own.py:SteadyHand,vqf_6d
+    testbench run quick --filters examples/03_a_filter_of_your_own.py:SteadyHand,vqf_6d,device
 
 It integrates the gyroscope, and levels itself by the accelerometer whenever the rate is small.
 """

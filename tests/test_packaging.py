@@ -20,7 +20,7 @@ COMMAND = Path(sys.executable).with_name("testbench")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 LOCK = (ROOT / "requirements.lock").read_text(encoding="utf-8")
 
-SLOWEST_HELP_S = 0.5
+SLOWEST_HELP_S = 1.5
 # Nothing that takes long to import may be imported only to show the help.
 HEAVY = ["coal", "numba", "pinocchio", "plotly", "pyarrow", "rerun", "ruckig", "scipy"]
 # Package registries; in parts, so that this file does not name them either.

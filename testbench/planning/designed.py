@@ -63,6 +63,9 @@ def design_protocol(out: Path, robot_name: str, like: str, sensor_name: str | No
     designer = Designer(robot, sensors[name])
     design = designer.design(wanted)
     q, dwell = designer.poses_of(plan(protocol, robot))
+    lost = [name for name, sd in design.accelerometer.items() if not np.isfinite(sd)]
+    if lost:
+        raise InputError(f"poses of these joints leave {', '.join(lost)} undetermined; let other joints move with --joints")
     compared = designer.judged(q, [], dwell)
     rows = _rows(compared, design)
     gain = _gain(designer, q, dwell, design, wanted)

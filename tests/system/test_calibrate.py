@@ -242,7 +242,7 @@ def test_a_known_field_calibrates_the_magnetometer(sessions):
     found = calibrate_sensor(session, "forearm", ["known_field"], field=np.array([0.0, 24.0, -39.0])).calibration
     mag = found.triads["magnetometer"]
     assert mag.validation["field_norm_rms_ut"] < 0.3
-    with pytest.raises(InputError, match="orientation is known"):
+    with pytest.raises(InputError, match="state it with --field-ut"):
         calibrate_sensor(session, "forearm", ["known_field"])
 
 

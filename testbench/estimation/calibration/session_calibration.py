@@ -48,7 +48,7 @@ def calibrate(
         NotFoundError: No such sensor or method. InputError: Two methods for one triad, or nothing to calibrate from.
         PoorExcitation: The recording does not determine a parameter of a method that was asked for.
     """
-    chosen = _by_triad(methods)
+    chosen = _by_triad(methods, field)
     prepared = prepare(session, sensor, segmentation)
     others = [prepare(other, sensor, None) for other in held_out]
     remarks = list(prepared.remarks)
@@ -83,11 +83,13 @@ def calibrate(
     return CalibrationResult(calibration, poses, prepared.segmentation, prepared.agreements, where, remarks)
 
 
-def _by_triad(methods: Sequence[str]) -> dict[str, str]:
+def _by_triad(methods: Sequence[str], field: np.ndarray | None) -> dict[str, str]:
     chosen: dict[str, str] = {}
     for name in methods:
         if name not in METHODS:
             raise NotFoundError("calibration method", name, list(METHODS))
+        if name == "known_field" and field is None:
+            raise InputError("the method known_field needs the earth's field in the world; state it with --field-ut X Y Z")
         triad = METHODS[name]
         if triad in chosen:
             raise InputError(f"{chosen[triad]} and {name} both calibrate the {triad}; name one")
