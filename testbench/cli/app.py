@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from testbench.cli.designing import design
+from testbench.cli.emulating import emulate
 from testbench.cli.exporting import export
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
@@ -159,6 +160,7 @@ app.command()(record)
 app.command("import")(import_files)
 app.command()(export)
 app.command()(noise)
+app.add_typer(emulate, name="emulate")
 app.command()(design)
 
 

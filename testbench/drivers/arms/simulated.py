@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from scipy.linalg import expm
 
 from testbench.drivers.arms.base import Arm
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
 from testbench.model.noise import random_stream
+from testbench.model.servo import servo_parameters, servo_update
 from testbench.records.plan import Plan
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples
@@ -46,7 +46,7 @@ class SimulatedArm(Arm):
         self._error = self._repeatability(plan)
         q0 = plan.trajectory.q[0]
         self._servo = np.stack([q0, np.zeros_like(q0)])
-        self._update = _servo_update(self.robot, self._period_ns / NANOSECONDS)
+        self._update = servo_update(self.robot, self._period_ns / NANOSECONDS)
         e0 = self._error.q[0]
         self._times = np.zeros(1, dtype=np.int64)
         self._true = np.stack([q0 + e0, np.zeros_like(q0), np.zeros_like(q0)])[None]
@@ -68,7 +68,7 @@ class SimulatedArm(Arm):
         times = ticks * self._period_ns
         sent = self._sent(times)
         servo = servo_response(*self._update, self._servo, sent)
-        omega, damping = self._parameters()
+        omega, damping = servo_parameters(self.robot)
         acceleration = omega**2 * (sent - servo[:, 0]) - 2 * damping * omega * servo[:, 1]
         error = np.stack(self._error.at(times), axis=1)
         true = np.concatenate([servo, acceleration[:, None]], axis=1) + error
@@ -108,10 +108,6 @@ class SimulatedArm(Arm):
         v = servo[:, 1] + np.radians(spec.velocity_noise_deg_s) * noise[:, 1]
         return ArmSamples(self.robot.joint_names, times, sent, q, v)
 
-    def _parameters(self) -> tuple[float, float]:
-        servo = self.robot.spec.servo
-        return 2 * np.pi * servo.natural_frequency_hz, servo.damping_ratio
-
     def _repeatability(self, plan: Plan) -> Trajectory:
         """Error of the true angles: a knot at the start and end of each move, blended smoothly over it."""
         sd = np.radians(self.robot.spec.servo.repeatability_deg)
@@ -128,18 +124,6 @@ class SimulatedArm(Arm):
         end = max(plan.trajectory.time_ns[-1], times[-1]) + 3600 * NANOSECONDS
         q = np.array([*errors, errors[-1]])
         return Trajectory(np.array([*times, end], dtype=np.int64), q, np.zeros_like(q), np.zeros_like(q))
-
-
-def _servo_update(robot: Robot, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Exact discrete form of the servo for a reference that is linear between instants (Franklin et al. 1998, section 6.3)."""
-    omega, damping = 2 * np.pi * robot.spec.servo.natural_frequency_hz, robot.spec.servo.damping_ratio
-    A = np.array([[0.0, 1.0], [-(omega**2), -2 * damping * omega]])
-    B = np.array([[0.0], [omega**2]])
-    augmented = np.zeros((4, 4))
-    augmented[:2, :2], augmented[:2, 2:3], augmented[2, 3] = A * period, B * period, 1.0
-    exponential = expm(augmented)
-    now, slope = exponential[:2, 2], exponential[:2, 3]
-    return exponential[:2, :2].copy(), now - slope, slope.copy()
 
 
 @njit(cache=True)
