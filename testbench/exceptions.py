@@ -118,6 +118,10 @@ class DriverError(BenchError):
     """An arm or a sensor failed while it was being used."""
 
 
+class ArmRefused(InputError):
+    """A real arm is in no state to be driven, and was refused before it moved."""
+
+
 class RunInterrupted(BenchError):
     """The operator stopped the run; what was recorded is kept in `session`."""
 

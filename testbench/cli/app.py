@@ -17,6 +17,7 @@ from testbench.cli.output import progress_bar, say, say_check, say_evaluation, s
 from testbench.cli.recording import record
 
 if TYPE_CHECKING:
+    from testbench.pipeline import Result
     from testbench.records.session import Session
 
 app = typer.Typer(
@@ -38,6 +39,8 @@ class ArmDriver(StrEnum):
     """Arms that can be driven."""
 
     sim = "sim"
+    ur = "ur"
+    replay = "replay"
 
 
 def _complete_protocol(incomplete: str) -> list[str]:
@@ -126,9 +129,29 @@ def plan(
 
 @app.command()
 def run(
-    protocol: ProtocolArgument,
+    protocol: Annotated[
+        str | None,
+        typer.Argument(help="Protocol file, or the name of one that ships with the bench.", autocompletion=_complete_protocol),
+    ] = None,
     robot: RobotOption = None,
     arm: Annotated[ArmDriver, typer.Option("--arm", help="Which arm to drive.")] = ArmDriver.sim,
+    host: Annotated[str | None, typer.Option("--host", help="Address of the arm's controller.")] = None,
+    confirm_motion: Annotated[bool, typer.Option("--confirm-motion", help="Move the real arm; without it, a dry run.")] = False,
+    hazards_checked: Annotated[
+        bool, typer.Option("--hazards-checked", help="The physical hazards were looked at; they are not asked for.")
+    ] = False,
+    simulate_imus: Annotated[
+        bool, typer.Option("--simulate-imus", help="Simulated sensors on the real arm's reported motion.")
+    ] = False,
+    serial: Annotated[
+        list[str] | None, typer.Option("--serial", metavar="NAME=PORT:FORMAT", help="Live sensor, as for `record`.")
+    ] = None,
+    dot: Annotated[list[str] | None, typer.Option("--dot", metavar="NAME=ADDRESS", help="Live Xsens DOT.")] = None,
+    kinematics: Annotated[
+        Path | None, typer.Option("--kinematics", help="The arm's own DH corrections (YAML); without it, nominal values.")
+    ] = None,
+    log: Annotated[Path | None, typer.Option("--log", help="Recorded motion for --arm replay.")] = None,
+    resume: Annotated[Path | None, typer.Option("--resume", help="Session to go on with.")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")] = 0,
     speed: Annotated[
         Speed, typer.Option("--speed", help="Virtual time: as fast as possible, or a second a second.")
@@ -138,14 +161,32 @@ def run(
     no_report: Annotated[bool, typer.Option("--no-report", help="Do not write report.html.")] = False,
     json: JsonOption = False,
 ) -> None:
-    """Run a protocol: plan, check, move, record, estimate, evaluate, report."""
+    """Run a protocol: plan, check, move, record, estimate, evaluate, report. Keys: p pauses, r resumes, q stops."""
+    from testbench.cli.running import ArmChoice, resume_run, run_real
+    from testbench.exceptions import InputError
     from testbench.pipeline import run as run_protocol
 
     names = _filter_names(filters)
+    choice = ArmChoice(
+        arm.value, host, log, simulate_imus, serial or [], dot or [], kinematics, confirm_motion, hazards_checked,
+        seed, logs, names, not no_report, json,
+    )  # fmt: skip
+    if resume is not None:
+        return _finish(resume_run(resume, protocol, choice), json)
+    if protocol is None:
+        raise InputError("name a protocol, or a session with --resume")
+    if arm is not ArmDriver.sim:
+        return _finish(run_real(protocol, robot, choice), json)
     with progress_bar(not json) as progress:
         result = run_protocol(
-            protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress, planned=say_warnings
-        )
+            protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress, planned=say_warnings,
+            keys=not json,
+        )  # fmt: skip
+    return _finish(result, json)
+
+
+def _finish(result: Result, json: bool) -> None:
+    """Say what a run came to, and end with its exit code."""
     if json:
         say_json(result.to_dict())
     else:

@@ -77,13 +77,14 @@ def open_devices(
     payload: str = "custom_mode_5",
     dot_rate: int = 60,
     bluetooth: BluetoothLoop | None = None,
+    time: SessionTime | None = None,
 ) -> Devices:
     """Make devices from what a person wrote; nothing is connected yet.
 
     Args:
         serial: Each `[NAME=]PORT:FORMAT`, the format a YAML file or the name of one that ships. dots: Each
         `[NAME=]ADDRESS`, or an advertised name. clock: Of the session. payload, dot_rate: Mode and rate of the DOTs [Hz].
-        bluetooth: The loop to use; a new one if None.
+        bluetooth: The loop to use; a new one if None. time: Of the session; a new one if None.
 
     Raises:
         InputError: Nothing to record, a malformed device, or two of one name.
@@ -91,7 +92,7 @@ def open_devices(
     """
     if not serial and not dots:
         raise InputError("nothing to record: name a device with --serial PORT:FORMAT or --dot ADDRESS")
-    time = SessionTime(clock)
+    time = time or SessionTime(clock)
     imus: dict[str, Imu] = {}
 
     def add(name: str, imu: Imu) -> None:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
+from testbench.records.protocol_arm import ArmUse, Guards
 from testbench.records.protocol_steps import Motion, Range, Section, Variable
 from testbench.records.sensor import ImuParameters, load_preset
 from testbench.records.strict import Angles3, EulerSequence, Name, Placement, Rotation, StrictModel
@@ -213,6 +214,11 @@ class ProtocolSpec(StrictModel):
     motion: Motion = Field(default_factory=Motion, description="How fast to move, as fractions of the robot's limits.")
     environment: Environment = Field(default_factory=Environment, description="The field the sensors feel.")
     sections: list[Section] = Field(min_length=1, description="What to do, in order.")
+    arm: ArmUse = Field(default_factory=ArmUse, description="Tool and speed of a real arm.")
+    guards: Guards | None = Field(
+        default=None,
+        description="What is watched during a run; null: the guards' own values on a real arm, nothing in simulation.",
+    )
     estimate: Estimation = Field(default_factory=Estimation, description="What to compute from the recordings.")
     accept: list[AcceptanceLimit] = Field(default=[], description="Limits that decide pass or fail.")
 

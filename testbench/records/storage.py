@@ -88,6 +88,36 @@ class Journal:
         self._schema = pa.schema([(name, pa.from_numpy_dtype(dtype)) for name, dtype in columns.items()], metadata=metadata)
         self._file = path.open("xb")
         self._writer = pa.ipc.new_stream(self._file, self._schema)
+        self._file.flush()
+
+    @classmethod
+    def continued(cls, path: Path, columns: Mapping[str, Any], table: Path, notes: Mapping[str, str] | None = None) -> Journal:
+        """A journal that begins with the rows of a Parquet file, which it replaces.
+
+        A cut at any moment leaves the table or the journal, whole.
+
+        Args:
+            path, columns, notes: As above. table: The Parquet file; it must have the same columns.
+
+        Raises:
+            SessionError: It has others, or cannot be read.
+        """
+        partial = path.with_suffix(".partial")
+        partial.unlink(missing_ok=True)
+        journal = cls(partial, columns, notes)
+        try:
+            with pq.ParquetFile(table) as file:
+                if file.schema_arrow.names != journal._schema.names:
+                    raise SessionError(f"{table} has other columns than the stream it is to be continued with")
+                for batch in file.iter_batches(batch_size=ROWS_PER_GROUP):
+                    journal._writer.write_batch(pa.record_batch(batch.columns, schema=journal._schema))
+                    journal.rows += batch.num_rows
+        except (OSError, pa.ArrowInvalid) as error:
+            raise SessionError(f"{table} cannot be read: {error}") from None
+        journal.sync()
+        journal.path = partial.rename(path)
+        table.unlink()
+        return journal
 
     def append(self, columns: Columns) -> None:
         """Append equally long columns and hand them to the operating system."""

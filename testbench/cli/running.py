@@ -1,0 +1,158 @@
+"""Runs on arms that are not simulated: the dry run, the hazards, the motion."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from testbench.cli.output import progress_bar, say, say_check, say_table, say_warnings
+
+if TYPE_CHECKING:
+    from testbench.pipeline import ArmSetup, Result
+    from testbench.records.plan import Plan
+
+
+@dataclass
+class ArmChoice:
+    """What was asked for on the command line.
+
+    Attributes:
+        arm: ur or replay. host, log, simulate_imus, serial, dots: As the options. confirmed: --confirm-motion.
+        hazards_checked: --hazards-checked. seed, logs, filters, with_report, json: As for every run.
+    """
+
+    arm: str
+    host: str | None = None
+    log: Path | None = None
+    simulate_imus: bool = False
+    serial: list[str] = field(default_factory=list)
+    dots: list[str] = field(default_factory=list)
+    kinematics: Path | None = None
+    confirmed: bool = False
+    hazards_checked: bool = False
+    seed: int = 0
+    logs: Path = Path("logs")
+    filters: list[str] | None = None
+    with_report: bool = True
+    json: bool = False
+
+    def setup(self) -> ArmSetup:
+        """Arm and sensors."""
+        from testbench.exceptions import InputError
+        from testbench.pipeline import ArmSetup
+
+        if self.arm == "ur" and not self.host:
+            raise InputError("--arm ur needs --host, the address of the controller")
+        if self.arm == "replay" and self.log is None:
+            raise InputError("--arm replay needs --log, a session, a Parquet or a CSV file")
+        log = self.log if self.arm == "replay" else None
+        return ArmSetup(self.host or "", log, self.simulate_imus, self.serial, self.dots, self.seed)
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything real moves."""
+        return self.arm != "replay"
+
+
+def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
+    """Run a protocol on a real arm, or show what it would do.
+
+    Raises:
+        InputError: The motion was not confirmed; nothing moved, nothing was connected.
+    """
+    from testbench.pipeline import calibrated_robot, make_plan, run_on_arm
+
+    setup = choice.setup()
+    own = calibrated_robot(protocol, robot, choice.kinematics) if choice.kinematics is not None else robot
+    plan = make_plan(protocol, own, choice.filters)
+    say_warnings(plan)
+    options = _options(choice)
+    if choice.moves:
+        options.checklist = approve(plan, choice)
+    with progress_bar(not choice.json) as progress:
+        options.progress = progress
+        return run_on_arm(plan, setup, options, choice.filters, choice.with_report)
+
+
+def resume_run(session: Path, protocol: str | None, choice: ArmChoice) -> Result:
+    """Go on with a session whose run broke off."""
+    from testbench.exceptions import InputError
+    from testbench.pipeline import resume
+    from testbench.records.session import Session
+
+    arm = Session(session).manifest.get("arm", {})
+    if arm.get("driver") == "simulated":
+        with progress_bar(not choice.json) as progress:
+            return resume(session, None, None, protocol, choice.filters, choice.with_report, progress=progress)
+    if choice.arm == "sim":
+        raise InputError(f"{session} was run on a real arm; say --arm {arm.get('driver', 'ur')} and its options again")
+    setup, options = choice.setup(), _options(choice)
+    if choice.moves:
+        _refuse_unconfirmed(choice)
+        options.checklist = _hazards(choice)
+    with progress_bar(not choice.json) as progress:
+        options.progress = progress
+        return resume(session, setup, options, protocol, choice.filters, choice.with_report)
+
+
+def _options(choice: ArmChoice) -> Any:
+    from testbench.execution.arm_run import ArmRunOptions
+
+    return ArmRunOptions(choice.logs, choice.seed, keys=not choice.json)
+
+
+def approve(plan: Plan, choice: ArmChoice) -> dict[str, Any]:
+    """Show the whole motion, and ask; without --confirm-motion that is all.
+
+    Raises:
+        InputError: The motion or a hazard was not confirmed.
+    """
+    if not choice.json:
+        say_motion(plan)
+    _refuse_unconfirmed(choice)
+    return _hazards(choice)
+
+
+def _refuse_unconfirmed(choice: ArmChoice) -> None:
+    from testbench.exceptions import ArmRefused
+
+    if not choice.confirmed:
+        raise ArmRefused("nothing moved: this was a dry run; add --confirm-motion to move the arm")
+
+
+def _hazards(choice: ArmChoice) -> dict[str, Any]:
+    from testbench.exceptions import ArmRefused
+    from testbench.execution.checklist import confirm_hazards
+
+    if choice.hazards_checked:
+        return confirm_hazards(lambda sentence: True) | {"by": "--hazards-checked"}
+    if not sys.stdin.isatty():
+        raise ArmRefused("nothing moves: the hazards must be confirmed on a terminal, or with --hazards-checked")
+    print("Before the arm moves:", file=sys.stderr)
+    return confirm_hazards(_ask) | {"by": "asked on the terminal"}
+
+
+def _ask(sentence: str) -> bool:
+    print(f"  {sentence} [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in {"y", "yes"}
+
+
+def say_motion(plan: Plan) -> None:
+    """Every step with its pose, so that a person can walk through it before anything moves."""
+    import numpy as np
+
+    from testbench.frames import NANOSECONDS
+
+    rows = []
+    for step in plan.steps:
+        q = np.degrees(plan.trajectory.at(np.array([step.settled_ns]))[0][0])
+        inside = (plan.trajectory.time_ns >= step.start_ns) & (plan.trajectory.time_ns <= step.settled_ns)
+        fastest = float(np.degrees(np.abs(plan.trajectory.v[inside]).max())) if inside.any() else 0.0
+        duration = (step.end_ns - step.start_ns) / NANOSECONDS
+        rows.append([step.index, step.name, step.kind, " ".join(f"{angle:.1f}" for angle in q), fastest, duration])
+    say_check(plan)
+    title = f"Motion, from {' '.join(f'{angle:.1f}' for angle in np.degrees(plan.trajectory.q[0]))} deg"
+    say_table(title, ["step", "name", "kind", "pose [deg]", "fastest joint [deg/s]", "duration [s]"], rows)
+    say(f"{len(rows)} steps, about {plan.duration:.0f} s")
