@@ -320,7 +320,7 @@ def sessions(
 ) -> None:
     """List the recorded sessions with their status."""
     from testbench.records.evaluation import FILE
-    from testbench.records.session import list_sessions
+    from testbench.records.session import damaged_sessions, list_sessions
     from testbench.records.storage import read_json
 
     rows = []
@@ -335,9 +335,10 @@ def sessions(
                 "cut off" if session.status == "running" and not session.is_being_recorded else str(session.status),
                 outcome,
                 duration,
-                session.manifest["started_utc"],
+                session.manifest.get("started_utc"),
             ]
         )
+    rows += [[name, None, "damaged", "-", None, None] for name in damaged_sessions(logs)]
     if json:
         keys = ["session", "kind", "status", "outcome", "duration_s", "started_utc"]
         say_json({"sessions": [dict(zip(keys, row, strict=True)) for row in rows]})

@@ -14,7 +14,7 @@ from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.following import ReportedMotion
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.drivers.imus.streamed import SessionTime, StreamedImu
-from testbench.exceptions import BenchError, InputError, RunInterrupted
+from testbench.exceptions import BenchError, InputError, RunInterrupted, StorageError
 from testbench.execution.device_recorder import Devices
 from testbench.execution.executor import Progress, free_folder
 from testbench.execution.guards import GuardTripped, GuardWatch
@@ -171,7 +171,8 @@ class _ArmRun:
         self.machine = StateMachine(self._state_changed)
 
     def _state_changed(self, old: RunState, new: RunState, why: str) -> None:
-        self.recorder.event(self.now_ns, "state", state=str(new), before=str(old), **({"why": why} if why else {}))
+        with suppress(StorageError):
+            self.recorder.event(self.now_ns, "state", state=str(new), before=str(old), **({"why": why} if why else {}))
 
     def run(self) -> Session:
         status, message, error = RunStatus.COMPLETED, "", None
@@ -229,13 +230,14 @@ class _ArmRun:
                 self.recorder.event(event.host_time_ns, event.event, sensor=name, **event.details)
         self.recorder.samples(arm, imus)
         if operator is not None:
-            forgiven = NANOSECONDS if self.sensors.motion is not None else 0
-            self._judge(arm, imus, happened, forgiven, operator)
+            self._judge(arm, imus, happened, operator)
 
     def _judge(
-        self, arm: ArmSamples, imus: dict[str, ImuSamples], happened: dict[str, list[Event]], forgiven: int, operator: Operator
+        self, arm: ArmSamples, imus: dict[str, ImuSamples], happened: dict[str, list[Event]], operator: Operator
     ) -> None:
-        for trip in self.guards.look(self.now_ns, arm, imus, happened, forgiven):
+        motion = self.sensors.motion
+        due = self.now_ns if motion is None else motion.known_until_ns  # simulated sensors are not silent, the arm is
+        for trip in self.guards.look(due, arm, imus, happened):
             self.recorder.guard_event(self.now_ns, trip)
             if trip.action == "stop":
                 raise GuardTripped(f"a guard stopped the run: {trip.sentence}")
@@ -260,13 +262,15 @@ class _ArmRun:
         else:
             self.machine.to(RunState.STOPPING)
         self.arm.stop()
-        self._note(self.arm.events())
+        with suppress(StorageError):
+            self._note(self.arm.events())
         if self.now_ns > 0 and not finished:
             with suppress(BenchError):
                 self._advance(self.now_ns)
         self.sensors.stop()
         if status is not RunStatus.ERROR:
             self.machine.to(RunState.DONE)
-        self.recorder.event(self.now_ns, f"run_{status}", message=message)
+        with suppress(StorageError):
+            self.recorder.event(self.now_ns, f"run_{status}", message=message)
         details = {"arm": self.arm.describe(), "device_statistics": self.sensors.statistics()}
         return self.recorder.close(status, message, details)

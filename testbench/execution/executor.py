@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +13,7 @@ from testbench.drivers.arms.base import Arm
 from testbench.drivers.arms.simulated import SimulatedArm
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.simulated import SimulatedImu
-from testbench.exceptions import BenchError, RunInterrupted
+from testbench.exceptions import BenchError, RunInterrupted, StorageError
 from testbench.execution.guards import GuardTripped, GuardWatch
 from testbench.execution.operator import Operator, operator_requests
 from testbench.execution.recorder import Recorder
@@ -174,9 +175,12 @@ class _Run:
             pass
         for imu in self.imus.values():
             imu.stop()
-        self.recorder.event(self.now_ns, f"run_{status}", message=message)
-        session = self.recorder.close(status, message)
-        self.arm.close()
+        with suppress(StorageError):
+            self.recorder.event(self.now_ns, f"run_{status}", message=message)
+        try:
+            session = self.recorder.close(status, message)
+        finally:
+            self.arm.close()
         if status is not RunStatus.ERROR:
             self.machine.to(RunState.DONE)
         return session

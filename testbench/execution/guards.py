@@ -71,13 +71,11 @@ class GuardWatch:
         arm: ArmSamples,
         imus: Mapping[str, ImuSamples],
         events: Mapping[str, list[Event]] | None = None,
-        forgiven_ns: int = 0,
     ) -> list[Trip]:
         """What is broken now and was not at the last look.
 
         Args:
-            now_ns: Host time. arm, imus: What was recorded since the last look. events: Of the sensors. forgiven_ns: How much
-            later than the arm's the sensors' samples are handed over by design.
+            now_ns: Host time. arm, imus: What was recorded since the last look. events: Of the sensors.
         """
         trips: list[Trip] = []
         for name, samples in imus.items():
@@ -86,7 +84,7 @@ class GuardWatch:
                 known.heard_ns = now_ns
                 self._judge(trips, "sample_gap_s", name, self._largest_gap(known, samples))
                 self._judge(trips, "magnetic_disturbance_percent", name, self._disturbance(known, samples))
-            silence = (now_ns - known.heard_ns - forgiven_ns) / NANOSECONDS
+            silence = (now_ns - known.heard_ns) / NANOSECONDS
             self._judge(trips, "imu_silence_s", name, silence)
         for column, values in arm.extras.items():
             if column.startswith("temperature_") and len(values):

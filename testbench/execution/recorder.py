@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.clock import Clock
 from testbench.drivers.imus.base import Imu
+from testbench.exceptions import StorageError
 from testbench.execution.guards import Trip
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
@@ -84,7 +85,11 @@ class Recorder:
         """A session to go on with; its events are not written a second time."""
         self._noted = {(event.host_time_ns, event.event, event.details.get("index")) for event in session.events}
         duration = session.manifest.get("duration_s")
-        return SessionWriter.reopen(session.path, {"at_s": duration, "was": str(session.status)})
+        writer = SessionWriter.reopen(session.path, {"at_s": duration, "was": str(session.status)})
+        if session.status is RunStatus.INTERRUPTED:  # it ends with the arm's stop, which must not stay in the middle
+            for stream in [ARM, *(f"imu_{name}" for name in self.imus)]:
+                (session.path / f"{stream}.parquet").unlink(missing_ok=True)
+        return writer
 
     @property
     def path(self) -> Path:
@@ -141,11 +146,23 @@ class Recorder:
         self._writer.append(stream, {name: values[skipped:] for name, values in columns.items()} if skipped else columns)
 
     def close(self, status: RunStatus, message: str = "", details: dict[str, Any] | None = None) -> Session:
-        """Compact the streams, add the truth, and finish the manifest with further entries."""
+        """Compact the streams, add the truth, and finish the manifest with further entries.
+
+        Raises:
+            StorageError: The disk does not take it; the session is left unfinished, with everything that was written.
+        """
+        try:
+            return self._close(status, message, details or {})
+        except (StorageError, OSError) as error:
+            self._writer.abandon()
+            reason = str(error) if isinstance(error, StorageError) else f"{self.path} cannot be written: {error}"
+            raise StorageError(f"{reason}; make room, then `testbench recover {self.path}`") from None
+
+    def _close(self, status: RunStatus, message: str, details: dict[str, Any]) -> Session:
         self._writer.compact()
         table = read_parquet(self.path / f"{ARM}.parquet")
         samples = ArmSamples.from_columns(table, self.plan.robot.joint_names)
         write_truth(self.path, self.plan.robot, samples, self.plan.protocol.spec.sensors)
         duration = (samples.host_time_ns[-1] if len(samples.host_time_ns) else 0) / NANOSECONDS
-        self._writer.close(status, message=message, duration_s=float(duration), **(details or {}))
+        self._writer.close(status, message=message, duration_s=float(duration), **details)
         return Session(self.path)

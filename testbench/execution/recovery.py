@@ -43,7 +43,10 @@ def recover(session: Session) -> Session:
         raise SessionError(f"{path}: the arm's recording is lost; what the sensors recorded is in imu_*.parquet")
     write_truth(path, session.robot, samples, session.analysis.sensors)
     duration = float(samples.host_time_ns[-1]) / NANOSECONDS if len(samples.host_time_ns) else 0.0
-    planned = session.manifest["plan"]["check"]["duration_s"]
+    try:
+        planned = float(session.manifest["plan"]["check"]["duration_s"])
+    except (KeyError, TypeError, ValueError):
+        raise SessionError(f"{path / MANIFEST} is damaged: it does not say how long the plan is") from None
     message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
     with (path / EVENTS).open("a", encoding="utf-8") as events:
         events.write("\n" + Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}).to_json() + "\n")

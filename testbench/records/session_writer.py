@@ -7,13 +7,14 @@ import hashlib
 import os
 import platform
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from testbench.exceptions import SessionError
+from testbench.exceptions import SessionError, StorageError
 from testbench.records.protocol import Analysis
 from testbench.records.session import EVENTS, MANIFEST, SCHEMA_VERSION, Event, RunStatus
 from testbench.records.storage import Columns, Journal, compact, read_json, write_json, write_parquet
@@ -116,23 +117,31 @@ class SessionWriter:
         return self._journals[name].rows
 
     def append(self, name: str, columns: Columns) -> None:
-        """Append samples to a stream."""
-        self._journals[name].append(columns)
+        """Append samples to a stream.
+
+        Raises:
+            StorageError: They cannot be written; so do `event`, `flush`, `sync` and `close`.
+        """
+        with self._writing():
+            self._journals[name].append(columns)
 
     def event(self, event: Event) -> None:
         """Append an event."""
-        self._events.write(event.to_json() + "\n")
+        with self._writing():
+            self._events.write(event.to_json() + "\n")
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system."""
-        self._events.flush()
+        with self._writing():
+            self._events.flush()
 
     def sync(self) -> None:
         """Force everything written so far onto the disk."""
-        self._events.flush()
-        os.fsync(self._events.fileno())
-        for journal in self._journals.values():
-            journal.sync()
+        with self._writing():
+            self._events.flush()
+            os.fsync(self._events.fileno())
+            for journal in self._journals.values():
+                journal.sync()
 
     def compact(self) -> None:
         """End the streams and turn each into verified Parquet."""
@@ -143,10 +152,28 @@ class SessionWriter:
 
     def close(self, status: RunStatus, **details: Any) -> None:
         """Finish the session: compact, hash the files, write the final manifest."""
-        self.compact()
-        self.sync_events()
-        self.manifest |= {"status": status, **details, "files": file_hashes(self.path)}
-        self._write_manifest()
+        with self._writing():
+            self.compact()
+            self.sync_events()
+            self.manifest |= {"status": status, **details, "files": file_hashes(self.path)}
+            self._write_manifest()
+
+    def abandon(self) -> None:
+        """Let go of every file as it is; the session stays unfinished, and can be recovered once there is room."""
+        for journal in self._journals.values():
+            journal.abandon()
+        with suppress(OSError, ValueError):
+            self._events.close()
+        for partial in self.path.glob("*.partial"):
+            with suppress(OSError):
+                partial.unlink()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise StorageError(f"{self.path} cannot be written: {error.strerror or error}") from None
 
     def discard(self) -> None:
         """Undo: remove the folder with all that was written; for imports, whose source still exists."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ import pyarrow.parquet as pq
 from testbench.exceptions import SessionError
 
 ROWS_PER_GROUP = 65_536
+LARGEST_JSON = 200_000_000
+"""Bytes of a JSON file that is read; evaluations of the longest campaigns are a tenth of it."""
 Columns = Mapping[str, np.ndarray]
 
 
@@ -46,7 +49,18 @@ def read_parquet(path: Path) -> dict[str, np.ndarray]:
         table = pq.read_table(path)
     except (OSError, pa.ArrowInvalid) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
-    return {name: table[name].to_numpy() for name in table.column_names}
+    return _Table(path, {name: table[name].to_numpy() for name in table.column_names})
+
+
+class _Table(dict[str, np.ndarray]):
+    """Columns of a file; a missing one is a sentence."""
+
+    def __init__(self, path: Path, columns: dict[str, np.ndarray]):
+        super().__init__(columns)
+        self._path = path
+
+    def __missing__(self, name: str) -> np.ndarray:
+        raise SessionError(f"{self._path} lacks the column {name}; it has {', '.join(self)[:300]}")
 
 
 def write_json(path: Path, data: Any) -> None:
@@ -63,8 +77,10 @@ def read_json(path: Path) -> Any:
         SessionError: The file is missing or not JSON.
     """
     try:
+        if path.stat().st_size > LARGEST_JSON:
+            raise SessionError(f"{path} has {path.stat().st_size} bytes, more than the {LARGEST_JSON} allowed")
         return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
@@ -139,6 +155,12 @@ class Journal:
             self._writer.close()
             self.sync()
             self._file.close()
+
+    def abandon(self) -> None:
+        """Let go of the file as it is, whatever cannot be written any more; never raises."""
+        for let_go in (self._writer.close, self._file.close):
+            with suppress(OSError, ValueError, pa.ArrowException):
+                let_go()
 
 
 def journal_batches(path: Path) -> tuple[pa.Schema, list[pa.RecordBatch]]:

@@ -19,9 +19,9 @@ from testbench.drivers.arms.controller_clock import ControllerClock
 from testbench.drivers.arms.ur_link import LinkSettings
 
 DASHBOARD_PORT, SECONDARY_PORT = 29999, 30002
-WATCHDOG_HZ = 2.0
-"""The controller ends the program, which stops the arm, when no input comes for half a second."""
 KEEP_ALIVE_S = 0.02
+REASON_S = 0.1
+"""Samples come slower than the client learns that a program ended; they say why within this time [s]."""
 SMOOTHING = 0.1
 """Weight of the newest sample in the smoothed angles that decide whether a pose is reached: encoders hiss."""
 VARIABLES = [
@@ -106,7 +106,7 @@ class UrClient:
             self._control = interface(host, self.settings.control_hz, flags)
             if self.settings.mass is not None and not self._control.setPayload(self.settings.mass, list(self.settings.centre)):
                 raise ArmFault("payload", "the controller did not take the weight of the tool")
-            if not self._control.setWatchdog(WATCHDOG_HZ):
+            if not self._control.setWatchdog(1 / self.settings.watchdog):
                 raise ArmFault("watchdog", "the controller's watchdog could not be set")
             self._program_seen = True
         except ArmFault:
@@ -204,6 +204,18 @@ class UrClient:
         Raises:
             ArmFault: The arm must stop, or has stopped.
         """
+        self._check_state()
+        if not self._receive.isConnected():
+            raise ArmFault("disconnect", "the connection to the controller was lost")
+        if time.monotonic() - self._arrival > settings.arm_silence:
+            raise ArmFault("rtde_silence", f"the controller sent no data for {settings.arm_silence:g} s")
+        if self.slider < settings.least_slider - 0.005:
+            raise ArmFault("speed_slider", f"the speed slider was turned down to {100 * self.slider:.0f} %")
+        if self._program_seen and not self._control.isProgramRunning():
+            self._look_again()
+            raise ArmFault("program_stopped", "the program on the controller was stopped")
+
+    def _check_state(self) -> None:
         if self._bits & EMERGENCY:
             raise ArmFault("emergency_stop", "the robot's emergency stop was triggered")
         if self._bits & PROTECTIVE:
@@ -212,14 +224,6 @@ class UrClient:
             raise ArmFault("safety_stop", f"the robot's safety system stopped it (safety mode {self._modes[1]})")
         if self._modes[0] != RUNNING:
             raise ArmFault("power_off", f"the arm lost its power (robot mode {self._modes[0]})")
-        if not self._receive.isConnected():
-            raise ArmFault("disconnect", "the connection to the controller was lost")
-        if time.monotonic() - self._arrival > settings.arm_silence:
-            raise ArmFault("rtde_silence", f"the controller sent no data for {settings.arm_silence:g} s")
-        if self.slider < settings.least_slider - 0.005:
-            raise ArmFault("speed_slider", f"the speed slider was turned down to {100 * self.slider:.0f} %")
-        if self._program_seen and not self._control.isProgramRunning():
-            raise ArmFault("program_stopped", "the program on the controller was stopped")
 
     def keep_alive(self) -> None:
         """Feed the controller's watchdog."""
@@ -255,12 +259,16 @@ class UrClient:
             raise ArmFault("refused", failure)
 
     def _look_again(self) -> None:
-        """A refused command has a reason, which the next sample may tell."""
-        end = time.monotonic() + 0.25
+        """A command that is refused, or a program that ended, has a reason, which the next samples may tell."""
+        end = time.monotonic() + REASON_S
         while time.monotonic() < end and self.listening:
             self.sample()
-            self.check(self.settings)
+            self._check_state()
+            if not self._receive.isConnected():
+                raise ArmFault("disconnect", "the connection to the controller was lost")
             time.sleep(0.002)
+        if self._program_seen and not self._control.isProgramRunning():
+            raise ArmFault("program_stopped", "the program on the controller was stopped")
 
     def stop(self, deceleration: float) -> None:
         """Bring the arm to rest by every way there is; never raises."""

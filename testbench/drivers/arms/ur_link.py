@@ -56,6 +56,8 @@ class LinkSettings:
         host: Address of the controller. control_hz, record_hz: Rates of streaming and of recording [Hz]. lookahead, gain: Of
         servoJ [s]. tracking: Largest error of following [rad]. settled: Largest error of a pose that counts as reached [rad].
         host_silence, arm_silence: The arm stops when the bench, or the controller's data, are silent for so long [s].
+        watchdog: The controller ends the program, which stops the arm, when no input comes for so long [s]; it is the last
+        resort, for when this very process is gone.
         least_slider: Smallest position of the speed slider that does not stop the run. mass, centre: Tool [kg], [m].
     """
 
@@ -68,6 +70,7 @@ class LinkSettings:
     settled: float = float(np.radians(0.01))
     host_silence: float = 3.0
     arm_silence: float = 0.5
+    watchdog: float = 0.5
     least_slider: float = 0.99
     mass: float | None = None
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)

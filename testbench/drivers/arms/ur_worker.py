@@ -34,6 +34,9 @@ LATE_NS = 1_000_000
 HAND_OVER_S = 0.05
 """Samples go to the bench this often [s]."""
 
+SAYING_S = 0.5
+"""While nothing is recorded the bench hears at least this often that the arm is looked after [s]."""
+
 
 class Stopped(Exception):
     """The bench asked for a stop."""
@@ -180,6 +183,9 @@ class Worker:
             columns = [np.array(column) for column in zip(*self.rows, strict=True)]
             self.connection.send(("samples", columns))
             self.rows, self.handed = [], now
+        elif now - self.handed > SAYING_S:
+            self.connection.send(("alive",))
+            self.handed = now
 
     def _steps(self) -> Iterator[None]:
         """All motions, one turn of the loop at a time."""

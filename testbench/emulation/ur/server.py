@@ -198,6 +198,8 @@ class UrServer:
                 continue
             if now - due > LATEST_TICKS * period:
                 due = now
+            if now - due > period:
+                self._serve(0.0)  # behind: do not make the clients wait as well
             self.controller.tick()
             self._broadcast()
             due += period
