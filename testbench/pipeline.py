@@ -64,7 +64,8 @@ class ArmSetup:
 
     Attributes:
         host: Address of the controller. log: A recorded motion to replay instead of an arm. simulate_imus: Sensors follow the
-        reported motion. serial, dots: Live devices, as for `open_devices`. seed: Of simulated sensors.
+        reported motion. serial, dots: Live devices, as for `open_devices`. seed: Of simulated sensors. arm_serial: Serial number
+        that the arm must have; any if None.
     """
 
     host: str = ""
@@ -73,6 +74,7 @@ class ArmSetup:
     serial: list[str] = field(default_factory=list)
     dots: list[str] = field(default_factory=list)
     seed: int = 0
+    arm_serial: str | None = None
 
 
 def run(
@@ -124,7 +126,7 @@ def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Se
     if setup.log is not None:
         arm: SteppingArm = ReplayArm(plan.robot, setup.log, time)
     else:
-        arm = UrArm(plan.robot, ur_settings(plan, setup.host), time)
+        arm = UrArm(plan.robot, ur_settings(plan, setup.host), time, setup.arm_serial)
     if setup.simulate_imus:
         return arm, Sensors.simulated(plan, setup.seed), time
     if not setup.serial and not setup.dots:

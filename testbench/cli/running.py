@@ -42,13 +42,15 @@ class ArmChoice:
         """Arm and sensors."""
         from testbench.exceptions import InputError
         from testbench.pipeline import ArmSetup
+        from testbench.records.arm_calibration import load_arm_calibration
 
         if self.arm == "ur" and not self.host:
             raise InputError("--arm ur needs --host, the address of the controller")
         if self.arm == "replay" and self.log is None:
             raise InputError("--arm replay needs --log, a session, a Parquet or a CSV file")
         log = self.log if self.arm == "replay" else None
-        return ArmSetup(self.host or "", log, self.simulate_imus, self.serial, self.dots, self.seed)
+        number = load_arm_calibration(self.kinematics).serial if self.kinematics is not None else None
+        return ArmSetup(self.host or "", log, self.simulate_imus, self.serial, self.dots, self.seed, number)
 
     @property
     def moves(self) -> bool:

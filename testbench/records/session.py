@@ -77,7 +77,7 @@ class Session:
     def _check_manifest(self) -> None:
         """A manifest may come from anywhere: what files are named after, and what every reader asks for, must be in order."""
         sensors, status = self.manifest.get("sensors"), self.manifest.get("status")
-        if status not in set(RunStatus):
+        if not isinstance(status, str) or status not in set(RunStatus):
             raise SessionError(f"{self.path / MANIFEST} is damaged: its status is {status!r:.50}")
         if not isinstance(sensors, dict) or not all(isinstance(sensor, dict) for sensor in sensors.values()):
             raise SessionError(f"{self.path / MANIFEST} is damaged: it names no sensors")

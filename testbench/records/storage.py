@@ -47,7 +47,7 @@ def read_parquet(path: Path) -> dict[str, np.ndarray]:
     """
     try:
         table = pq.read_table(path)
-    except (OSError, pa.ArrowInvalid) as error:
+    except (OSError, pa.ArrowException) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
     return _Table(path, {name: table[name].to_numpy() for name in table.column_names})
 
@@ -128,7 +128,7 @@ class Journal:
                 for batch in file.iter_batches(batch_size=ROWS_PER_GROUP):
                     journal._writer.write_batch(pa.record_batch(batch.columns, schema=journal._schema))
                     journal.rows += batch.num_rows
-        except (OSError, pa.ArrowInvalid) as error:
+        except (OSError, pa.ArrowException) as error:
             raise SessionError(f"{table} cannot be read: {error}") from None
         journal.sync()
         journal.path = partial.rename(path)
@@ -173,12 +173,12 @@ def journal_batches(path: Path) -> tuple[pa.Schema, list[pa.RecordBatch]]:
     with pa.memory_map(str(path)) as source:
         try:
             reader = pa.ipc.open_stream(source)
-        except (pa.ArrowInvalid, OSError) as error:
+        except (pa.ArrowException, OSError) as error:
             raise SessionError(f"the journal {path} cannot be read: {error}") from None
         while True:
             try:
                 batches.append(reader.read_next_batch())
-            except (StopIteration, pa.ArrowInvalid, OSError):
+            except (StopIteration, pa.ArrowException, OSError):
                 return reader.schema, batches
 
 

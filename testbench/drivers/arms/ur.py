@@ -36,14 +36,15 @@ class UrArm(SteppingArm):
     """The arm at the other end of a network.
 
     Args:
-        robot: What the plan is for. settings: Address, rates, limits. time: Of the session; a new one if None.
+        robot: What the plan is for. settings: Address, rates, limits. time: Of the session; a new one if None. serial: Number
+        that the arm must have; any if None.
     """
 
-    def __init__(self, robot: Robot, settings: LinkSettings, time: SessionTime | None = None):
+    def __init__(self, robot: Robot, settings: LinkSettings, time: SessionTime | None = None, serial: str | None = None):
         if not re.fullmatch(r"ur\d+e", robot.name):
             raise InputError(f"--arm ur drives e-series arms such as ur3e; the plan is for {robot.name}")
         self.robot, self.settings, self.time = robot, settings, time or SessionTime(SystemClock())
-        self.clock = self.time.clock
+        self.clock, self.serial = self.time.clock, serial
         joints = robot.joint_names
         self.extra_columns = (
             {"controller_time_ns": np.int64}
@@ -81,13 +82,15 @@ class UrArm(SteppingArm):
             self.close()
             raise
         self.info = {key: value for key, value in info.items() if key != "refused"}
-        refusal = info["refused"] or self._wrong_model(info.get("model", ""))
+        refusal = info["refused"] or self._wrong_arm(info)
         if refusal is not None:
             self.close()
             raise ArmRefused(f"the robot at {self.settings.host} was refused: {refusal}")
 
-    def _wrong_model(self, model: str) -> str | None:
-        expected = self.robot.name.removesuffix("e").upper()
+    def _wrong_arm(self, info: dict[str, Any]) -> str | None:
+        model, expected = str(info.get("model", "")), self.robot.name.removesuffix("e").upper()
+        if self.serial is not None and info.get("serial") != self.serial:
+            return f"the calibration belongs to the arm {self.serial}, this is {info.get('serial')}"
         if model.upper().removesuffix("E") == expected:
             return None
         return f"the plan is for a {self.robot.name}, the controller calls its arm {model}"
