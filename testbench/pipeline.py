@@ -64,8 +64,8 @@ class ArmSetup:
 
     Attributes:
         host: Address of the controller. log: A recorded motion to replay instead of an arm. simulate_imus: Sensors follow the
-        reported motion. serial, dots: Live devices, as for `open_devices`. seed: Of simulated sensors. arm_serial: Serial number
-        that the arm must have; any if None.
+        reported motion. serial, dots: Live devices, as for `open_devices`. seed: Of simulated sensors. arm_serial: Serial
+        number that the arm must have; any if None.
     """
 
     host: str = ""

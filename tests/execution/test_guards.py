@@ -59,7 +59,9 @@ def test_a_gap_is_seen_within_a_piece_and_between_two():
 
 
 def test_a_disturbed_field_is_seen_against_the_sensors_own_beginning():
-    watch = GuardWatch(Guards(magnetic_disturbance_percent=Guard(limit=20, action="pause")), ["hand"])
+    no_gaps = Guard(limit=1, action="off")
+    field = Guard(limit=20, action="pause")
+    watch = GuardWatch(Guards(magnetic_disturbance_percent=field, sample_gap_s=no_gaps), ["hand"])
     usual = np.linspace(0, 1, 61)
     assert watch.look(SECOND, arm(), {"hand": imu(usual)}) == []
     assert watch.look(2 * SECOND, arm(), {"hand": imu(1.01 + usual / 61, (0, 26, -42))}) == []

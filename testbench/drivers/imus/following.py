@@ -15,6 +15,8 @@ KEPT_NS = 3 * NANOSECONDS
 """The motion stays known for so long [ns]."""
 SMOOTHING_S = 0.1
 """Width of the cubic Savitzky-Golay window that smooths and differentiates what was reported [s]; its half is not known yet."""
+KNOT_EVERY = 4
+"""Samples between two knots of the motion: the polynomial between them follows 5 Hz, and hiss is not blown up."""
 
 
 class ReportedMotion:
@@ -52,7 +54,8 @@ class ReportedMotion:
         self._differentiate()
 
     def _differentiate(self) -> None:
-        start = -(-int(self._time[0]) // self._interval) * self._interval
+        spacing = KNOT_EVERY * self._interval
+        start = -(-int(self._time[0]) // spacing) * spacing  # the same knots at every call
         grid = np.arange(start, int(self._time[-1]) + 1, self._interval)
         if len(grid) <= self._window:
             return
@@ -61,7 +64,7 @@ class ReportedMotion:
         a = savgol_filter(v, self._window, 3, deriv=1, delta=self._interval / NANOSECONDS, axis=0)
         # Encoders hiss: unsmoothed angles 8 ms apart would make accelerations of 0.3 rad/s^2 between the knots.
         q, v = (savgol_filter(array, self._window, 3, axis=0) for array in (q, v))
-        known = slice(None, -(self._window // 2))
+        known = slice(None, -(self._window // 2), KNOT_EVERY)
         self._motion = Trajectory(grid[known], q[known], v[known], a[known])
 
     def state(self, time_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
