@@ -107,4 +107,7 @@ def moments(count: int, longest_s: float, seed: int = 0) -> list[tuple[str, floa
     writing of the session.
     """
     rng = random.Random(seed)
-    return [("realtime" if i % 2 else "fast", rng.uniform(0, longest_s if i % 2 else 0.8)) for i in range(count)]
+    begin = (0.4, 0.2)  # imports and compiled code are loaded before, when there is nothing to lose yet
+    return [
+        ("realtime", rng.uniform(begin[0], longest_s)) if i % 2 else ("fast", rng.uniform(begin[1], 2.5)) for i in range(count)
+    ]
