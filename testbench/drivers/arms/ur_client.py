@@ -20,6 +20,7 @@ from testbench.drivers.arms.ur_link import LinkSettings
 
 DASHBOARD_PORT, SECONDARY_PORT = 29999, 30002
 KEEP_ALIVE_S = 0.02
+IN_TOUCH_S = 0.25
 REASON_S = 0.1
 """Samples come slower than the client learns that a program ended; they say why within this time [s]."""
 SMOOTHING = 0.1
@@ -270,9 +271,16 @@ class UrClient:
         if self._program_seen and not self._control.isProgramRunning():
             raise ArmFault("program_stopped", "the program on the controller was stopped")
 
+    def _in_touch(self) -> bool:
+        """Whether the controller spoke lately; if not, the client's commands would wait for an answer for minutes."""
+        return bool(self._receive.isConnected()) and time.monotonic() - self._arrival < IN_TOUCH_S
+
     def stop(self, deceleration: float) -> None:
-        """Bring the arm to rest by every way there is; never raises."""
-        if self._control is not None:
+        """Bring the arm to rest by every way there is; never raises.
+
+        Where the controller is out of touch, a program of its own goes to its script interface and replaces the one that moves.
+        """
+        if self._control is not None and self._in_touch():
             with suppress(Exception):
                 if self._control.isConnected() and self._control.isProgramRunning():
                     if self._streaming:
@@ -283,13 +291,12 @@ class UrClient:
                     return
         if self._receive is None or math.isinf(deceleration):
             return
-        # The script interface takes a program of its own, which replaces the one that moves the arm.
         with suppress(OSError), socket.create_connection((self.settings.host, SECONDARY_PORT), 0.5) as script:
             script.sendall(f"def stop_bench():\n  stopj({deceleration})\nend\n".encode())
 
     def close(self) -> None:
         """Let go of the controller; never raises."""
-        if self._control is not None:
+        if self._control is not None and self._in_touch():
             with suppress(Exception):
                 if self._control.isConnected() and self._control.isProgramRunning():
                     self._control.stopScript()
