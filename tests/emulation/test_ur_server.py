@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
+import threading
 import time
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from testbench.emulation.ur.server import UrServer
 from testbench.emulation.ur.setup import make_controller
 from testbench.exceptions import InputError
-from tests.emulated_ur import EmulatedUr, emulated_ur
+from tests.emulated_ur import EmulatedUr, emulated_ur, free_address
 
 rtde_control = pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
 rtde_receive = pytest.importorskip("rtde_receive")
@@ -153,6 +154,36 @@ def test_an_address_that_others_can_reach_needs_a_token():
         UrServer(make_controller("ur3e"), "0.0.0.0")
     with pytest.raises(InputError, match="no IP address"):
         UrServer(make_controller("ur3e"), "somewhere")
+
+
+def test_a_client_from_outside_must_say_the_token_before_any_port_answers_it():
+    address = free_address()
+    server = UrServer(make_controller("ur3e"), address, token="secret")
+    server.loopback = False  # as if the address could be reached from elsewhere
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        with socket.create_connection((address, 29999), 5) as stranger:
+            stranger.settimeout(5)
+            assert stranger.recv(100) == b""
+        with socket.create_connection((address, 29998), 5) as control:
+            said = control.makefile("rw")
+
+            def tell(line: str) -> str:
+                said.write(f"{line}\n")
+                said.flush()
+                return said.readline().strip()
+
+            assert "refused" in tell("fault power_off")
+            assert "refused" in tell("token wrong")
+            assert tell("token secret") == "ok"
+            with socket.create_connection((address, 29999), 5) as friend:
+                friend.settimeout(5)
+                assert friend.recv(100).startswith(b"Connected")
+            assert tell("quit") == "ok"
+    finally:
+        server.stop_asked = True
+        thread.join(10)
 
 
 def test_an_unknown_model_version_or_pose_is_refused():

@@ -187,6 +187,17 @@ def test_sessions_are_listed_with_what_became_of_them(tiny_plan, tmp_path, clock
     assert listed["damaged"] == "damaged"
 
 
+def test_a_broken_off_run_is_resumed_on_the_command_line(tiny_plan, tmp_path, clock):
+    session = broken_off(tiny_plan, tmp_path, clock, 2.0)
+    command = [sys.executable, "-m", "testbench", "run", "--resume", str(session.path), "--no-report", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    assert Session(session.path).status is RunStatus.COMPLETED
+    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    assert again.returncode == 2
+    assert "was completed" in again.stderr
+
+
 def test_a_session_whose_manifest_is_damaged_says_so(tmp_path, quick):
     copy = tmp_path / "copy"
     shutil.copytree(quick.session.path, copy)
