@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,11 +12,12 @@ from testbench.cli.emulating import emulate
 from testbench.cli.exporting import export
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
-from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
+from testbench.cli.options import FiltersOption, JsonOption, ProtocolArgument, RobotOption, exit_code, filter_names
+from testbench.cli.output import say, say_check, say_evaluation, say_json, say_table
 from testbench.cli.recording import record
+from testbench.cli.running import run
 
 if TYPE_CHECKING:
-    from testbench.pipeline import Result
     from testbench.records.session import Session
 
 app = typer.Typer(
@@ -28,42 +28,6 @@ app = typer.Typer(
 )
 
 
-class Speed(StrEnum):
-    """How virtual time passes."""
-
-    fast = "fast"
-    realtime = "realtime"
-
-
-class ArmDriver(StrEnum):
-    """Arms that can be driven."""
-
-    sim = "sim"
-    ur = "ur"
-    replay = "replay"
-
-
-def _complete_protocol(incomplete: str) -> list[str]:
-    from testbench.records.shipped import shipped_folder
-
-    return [path.stem for path in shipped_folder("protocols").glob("*.yaml") if path.stem.startswith(incomplete)]
-
-
-def _complete_robot(incomplete: str) -> list[str]:
-    from testbench.records.robot import list_robots
-
-    return [name for name in list_robots() if name.startswith(incomplete)]
-
-
-ProtocolArgument = Annotated[
-    str, typer.Argument(help="Protocol file, or the name of one that ships with the bench.", autocompletion=_complete_protocol)
-]
-RobotOption = Annotated[
-    str | None,
-    typer.Option("--robot", help="Robot name, robot.yaml or URDF, in place of the protocol's.", autocompletion=_complete_robot),
-]
-FiltersOption = Annotated[str | None, typer.Option("--filters", help="Orientation filters, separated by commas.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")]
 SessionArgument = Annotated[Path, typer.Argument(help="Folder of a session.")]
 
 
@@ -127,74 +91,7 @@ def plan(
         say(f"hash: {the_plan.hash}")
 
 
-@app.command()
-def run(
-    protocol: Annotated[
-        str | None,
-        typer.Argument(help="Protocol file, or the name of one that ships with the bench.", autocompletion=_complete_protocol),
-    ] = None,
-    robot: RobotOption = None,
-    arm: Annotated[ArmDriver, typer.Option("--arm", help="Which arm to drive.")] = ArmDriver.sim,
-    host: Annotated[str | None, typer.Option("--host", help="Address of the arm's controller.")] = None,
-    confirm_motion: Annotated[bool, typer.Option("--confirm-motion", help="Move the real arm; without it, a dry run.")] = False,
-    hazards_checked: Annotated[
-        bool, typer.Option("--hazards-checked", help="The physical hazards were looked at; they are not asked for.")
-    ] = False,
-    simulate_imus: Annotated[
-        bool, typer.Option("--simulate-imus", help="Simulated sensors on the real arm's reported motion.")
-    ] = False,
-    serial: Annotated[
-        list[str] | None, typer.Option("--serial", metavar="NAME=PORT:FORMAT", help="Live sensor, as for `record`.")
-    ] = None,
-    dot: Annotated[list[str] | None, typer.Option("--dot", metavar="NAME=ADDRESS", help="Live Xsens DOT.")] = None,
-    kinematics: Annotated[
-        Path | None, typer.Option("--kinematics", help="The arm's own DH corrections (YAML); without it, nominal values.")
-    ] = None,
-    log: Annotated[Path | None, typer.Option("--log", help="Recorded motion for --arm replay.")] = None,
-    resume: Annotated[Path | None, typer.Option("--resume", help="Session to go on with.")] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")] = 0,
-    speed: Annotated[
-        Speed, typer.Option("--speed", help="Virtual time: as fast as possible, or a second a second.")
-    ] = Speed.fast,
-    logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path("logs"),
-    filters: FiltersOption = None,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Do not write report.html.")] = False,
-    json: JsonOption = False,
-) -> None:
-    """Run a protocol: plan, check, move, record, estimate, evaluate, report. Keys: p pauses, r resumes, q stops."""
-    from testbench.cli.running import ArmChoice, resume_run, run_real
-    from testbench.exceptions import InputError
-    from testbench.pipeline import run as run_protocol
-
-    names = _filter_names(filters)
-    choice = ArmChoice(
-        arm.value, host, log, simulate_imus, serial or [], dot or [], kinematics, confirm_motion, hazards_checked,
-        seed, logs, names, not no_report, json,
-    )  # fmt: skip
-    if resume is not None:
-        return _finish(resume_run(resume, protocol, choice), json)
-    if protocol is None:
-        raise InputError("name a protocol, or a session with --resume")
-    if arm is not ArmDriver.sim:
-        return _finish(run_real(protocol, robot, choice), json)
-    with progress_bar(not json) as progress:
-        result = run_protocol(
-            protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress, planned=say_warnings,
-            keys=not json,
-        )  # fmt: skip
-    return _finish(result, json)
-
-
-def _finish(result: Result, json: bool) -> None:
-    """Say what a run came to, and end with its exit code."""
-    if json:
-        say_json(result.to_dict())
-    else:
-        report = str(result.report) if result.report else None
-        say_evaluation(result.evaluation, str(result.session.path), report)
-    raise typer.Exit(_exit_code(result.evaluation))
-
-
+app.command()(run)
 app.command()(record)
 
 
@@ -211,7 +108,7 @@ def estimate(session: SessionArgument, filters: FiltersOption = None, json: Json
     from testbench.estimation import estimate as make_estimate
 
     opened = _open(session)
-    result = make_estimate(opened, _filter_names(filters))
+    result = make_estimate(opened, filter_names(filters))
     result.save(opened.path)
     rows = [
         [name, s.clock.method, 1e3 * s.clock.offset_s, s.clock.drift_ppm, s.clock.residual_deg_s, s.calibration.poses]
@@ -231,12 +128,12 @@ def evaluate(session: SessionArgument, filters: FiltersOption = None, json: Json
     from testbench.pipeline import judge_again
 
     opened = _open(session)
-    result = judge_again(opened, _filter_names(filters))
+    result = judge_again(opened, filter_names(filters))
     if json:
         say_json(result.to_dict())
     else:
         say_evaluation(result, str(opened.path), None)
-    raise typer.Exit(_exit_code(result))
+    raise typer.Exit(exit_code(result))
 
 
 @app.command()
@@ -244,7 +141,7 @@ def report(session: SessionArgument, filters: FiltersOption = None, json: JsonOp
     """Estimate, evaluate and write report.html anew."""
     from testbench.pipeline import analyse
 
-    result = analyse(_open(session), _filter_names(filters))
+    result = analyse(_open(session), filter_names(filters))
     if json:
         say_json(result.to_dict())
     else:
@@ -363,27 +260,6 @@ def _open(path: Path) -> Session:
     from testbench.records.session import Session
 
     return Session(path)
-
-
-def _filter_names(text: str | None) -> list[str] | None:
-    """Names of a comma-separated list, checked before anything moves."""
-    if text is None:
-        return None
-    from testbench.estimation.filters import get_filter
-    from testbench.exceptions import InputError
-
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    if not names:
-        raise InputError("--filters names no filter")
-    for name in names:
-        get_filter(name)
-    return names
-
-
-def _exit_code(evaluation: Any) -> int:
-    """0 pass or no limits, 1 when a limit was broken or what it limits could not be measured."""
-    limited = any(metric.outcome is not None for metric in evaluation.metrics)
-    return int(limited and evaluation.outcome in {"fail", "not_measured"})
 
 
 def _listing(key: str, title: str, entries: dict[str, str], json: bool) -> None:

@@ -1,17 +1,102 @@
-"""Runs on arms that are not simulated: the dry run, the hazards, the motion."""
+"""The command `run`: simulated arms, and those that are not, with the dry run, the hazards, and the motion."""
 
 from __future__ import annotations
 
 import sys
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from testbench.cli.output import progress_bar, say, say_check, say_table, say_warnings
+import typer
+
+from testbench.cli.options import FiltersOption, JsonOption, RobotOption, complete_protocol, exit_code, filter_names
+from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
 
 if TYPE_CHECKING:
     from testbench.pipeline import ArmSetup, Result
     from testbench.records.plan import Plan
+
+
+class Speed(StrEnum):
+    """How virtual time passes."""
+
+    fast = "fast"
+    realtime = "realtime"
+
+
+class ArmDriver(StrEnum):
+    """Arms that can be driven."""
+
+    sim = "sim"
+    ur = "ur"
+    replay = "replay"
+
+
+def run(
+    protocol: Annotated[
+        str | None,
+        typer.Argument(help="Protocol file, or the name of one that ships with the bench.", autocompletion=complete_protocol),
+    ] = None,
+    robot: RobotOption = None,
+    arm: Annotated[ArmDriver, typer.Option("--arm", help="Which arm to drive.")] = ArmDriver.sim,
+    host: Annotated[str | None, typer.Option("--host", help="Address of the arm's controller.")] = None,
+    confirm_motion: Annotated[bool, typer.Option("--confirm-motion", help="Move the real arm; without it, a dry run.")] = False,
+    hazards_checked: Annotated[
+        bool, typer.Option("--hazards-checked", help="The physical hazards were looked at; they are not asked for.")
+    ] = False,
+    simulate_imus: Annotated[
+        bool, typer.Option("--simulate-imus", help="Simulated sensors on the real arm's reported motion.")
+    ] = False,
+    serial: Annotated[
+        list[str] | None, typer.Option("--serial", metavar="NAME=PORT:FORMAT", help="Live sensor, as for `record`.")
+    ] = None,
+    dot: Annotated[list[str] | None, typer.Option("--dot", metavar="NAME=ADDRESS", help="Live Xsens DOT.")] = None,
+    kinematics: Annotated[
+        Path | None, typer.Option("--kinematics", help="The arm's own DH corrections (YAML); without it, nominal values.")
+    ] = None,
+    log: Annotated[Path | None, typer.Option("--log", help="Recorded motion for --arm replay.")] = None,
+    resume: Annotated[Path | None, typer.Option("--resume", help="Session to go on with.")] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")] = 0,
+    speed: Annotated[
+        Speed, typer.Option("--speed", help="Virtual time: as fast as possible, or a second a second.")
+    ] = Speed.fast,
+    logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path("logs"),
+    filters: FiltersOption = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Do not write report.html.")] = False,
+    json: JsonOption = False,
+) -> None:
+    """Run a protocol: plan, check, move, record, estimate, evaluate, report. Keys: p pauses, r resumes, q stops."""
+    from testbench.exceptions import InputError
+    from testbench.pipeline import run as run_protocol
+
+    names = filter_names(filters)
+    choice = ArmChoice(
+        arm.value, host, log, simulate_imus, serial or [], dot or [], kinematics, confirm_motion, hazards_checked,
+        seed, logs, names, not no_report, json,
+    )  # fmt: skip
+    if resume is not None:
+        return _finish(resume_run(resume, protocol, choice), json)
+    if protocol is None:
+        raise InputError("name a protocol, or a session with --resume")
+    if arm is not ArmDriver.sim:
+        return _finish(run_real(protocol, robot, choice), json)
+    with progress_bar(not json) as progress:
+        result = run_protocol(
+            protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress, planned=say_warnings,
+            keys=not json,
+        )  # fmt: skip
+    return _finish(result, json)
+
+
+def _finish(result: Result, json: bool) -> None:
+    """Say what a run came to, and end with its exit code."""
+    if json:
+        say_json(result.to_dict())
+    else:
+        report = str(result.report) if result.report else None
+        say_evaluation(result.evaluation, str(result.session.path), report)
+    raise typer.Exit(exit_code(result.evaluation))
 
 
 @dataclass
