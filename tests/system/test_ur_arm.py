@@ -193,10 +193,12 @@ FAULTS = [
     ("fault rtde_silence", "rtde_silence"),
     ("fault slider 0.3", "speed_slider"),
     ("fault program_stop", "program_stopped"),
+    ("fault slow_response 4", "slow_response"),
 ]
 MAY_BE_SEEN_AS = {
     "disconnect": {"disconnect", "rtde_silence", "refused", "driver"},
     "program_stopped": {"program_stopped", "refused"},
+    "slow_response": {"program_stopped", "refused", "host_silence"},  # nothing feeds the watchdog while the client waits
 }
 
 
