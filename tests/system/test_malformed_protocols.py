@@ -370,9 +370,7 @@ def test_a_protocol_that_is_no_file_is_refused(tmp_path, monkeypatch, capsys, na
 def test_an_unknown_name_lists_the_protocols_that_ship(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     result = run_cli(monkeypatch, capsys, "check", "elbow")
-    assert_refused(
-        result, tmp_path / "logs", "unknown protocol 'elbow'; known: axis_identification, beta_zeta, calibration_2d"
-    )
+    assert_refused(result, tmp_path / "logs", "unknown protocol 'elbow'; known: axis_identification, beta_zeta, calibration_2d")
 
 
 def test_includes_that_run_in_a_circle_are_refused(bench, tmp_path):
