@@ -13,12 +13,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from testbench import execute, plan
 from testbench.arm_pipeline import resume
 from testbench.exceptions import InputError, RunInterrupted, SessionError
 from testbench.execution.recovery import recover
 from testbench.pipeline import analyse
+from testbench.records.sensor import load_preset
 from testbench.records.session import RunStatus, Session, list_sessions
 from testbench.records.storage import read_parquet
 from tests.system.crashes import ROOT, comparable, crash, moments, undisturbed
@@ -78,6 +80,39 @@ def test_a_run_may_break_off_and_be_resumed_more_than_once(tiny_plan, tmp_path, 
     assert comparable(result.evaluation) == comparable(whole[1])
     names = [event.event for event in result.session.events]
     assert names.count("run_resumed") == 2 and names[-1] == "run_completed"
+
+
+def test_a_run_with_a_preset_file_and_a_thermometer_is_resumed(tiny, tmp_path, clock):
+    preset = load_preset("xsens_dot").model_dump(mode="json") | {"thermometer": {"noise_sd_deg_c": 0.1}}
+    (tmp_path / "warm.yaml").write_text(yaml.safe_dump(preset), encoding="utf-8")
+    text = tiny.read_text(encoding="utf-8").replace("preset: xsens_dot", "preset: warm.yaml")
+    (tmp_path / "tiny.yaml").write_text(text, encoding="utf-8")
+    warm_plan = plan(tmp_path / "tiny.yaml")
+    whole = execute(warm_plan, tmp_path, 5, clock=clock, session_name="whole")
+    session = broken_off(warm_plan, tmp_path, clock, 2.0)
+    (tmp_path / "warm.yaml").unlink()  # the session has its own copy
+    resumed = resume(session.path, with_report=False, clock=clock).session
+    assert resumed.manifest["sensors"]["hand"]["temperature"] is True
+    assert "temperature_deg_c" in resumed.imu_columns("hand")
+    for name in ("arm", "imu_hand", "truth_hand"):
+        before, after = (read_parquet(folder.path / f"{name}.parquet") for folder in (whole, resumed))
+        assert list(before) == list(after)
+        for column in before:
+            np.testing.assert_array_equal(before[column], after[column])
+
+
+def test_a_journal_that_was_cut_off_before_its_first_row_is_recovered_with_its_columns(tiny, tmp_path, clock):
+    warm = tiny.read_text(encoding="utf-8").replace("{clock:", "{thermometer: {noise_sd_deg_c: 0.1}, clock:")
+    (tmp_path / "tiny.yaml").write_text(warm, encoding="utf-8")
+    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, clock=clock, session_name="cut")
+    expected = session.imu_columns("hand")
+    (session.path / "imu_hand.parquet").unlink()
+    (session.path / "imu_hand.arrows").write_bytes(b"")
+    manifest = session.manifest | {"status": "running"}
+    (session.path / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    recovered = recover(Session(session.path))
+    assert recovered.imu_columns("hand") == expected and "temperature_deg_c" in expected
+    assert len(recovered.imu("hand")) == 0
 
 
 def test_an_interrupted_run_is_resumed_without_the_stop_that_the_arm_made(tiny_plan, tmp_path, clock, whole):
