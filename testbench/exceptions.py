@@ -138,8 +138,16 @@ class SessionError(InputError):
     """A folder is not a session, or a session lacks what a stage needs."""
 
 
+class StorageError(BenchError):
+    """What was recorded cannot be written: a full disk, or one that is gone."""
+
+
 class DriverError(BenchError):
     """An arm or a sensor failed while it was being used."""
+
+
+class ArmRefused(InputError):
+    """A real arm is in no state to be driven, and was refused before it moved."""
 
 
 class RunInterrupted(BenchError):

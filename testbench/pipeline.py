@@ -32,6 +32,7 @@ from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.plan import Plan
 from testbench.records.protocol import Protocol
+from testbench.records.robot import Robot
 from testbench.records.session import Session
 from testbench.records.tuning import load_tunings
 
@@ -68,13 +69,14 @@ def run(
     planned: Callable[[Plan], None] | None = None,
     calibrations: Path | None = None,
     tunings: Sequence[Path] = (),
+    keys: bool = False,
 ) -> Result:
     """Run a protocol from its file to its report.
 
     Args:
         protocol, robot: As for `plan`. seed, speed, logs, progress: As for `execute`. filters: As for `estimate`.
         with_report: Whether to write report.html. clock: The machine's if None. planned: Called with the plan before it is run.
-        calibrations, tunings: As for `analyse`.
+        calibrations, tunings: As for `analyse`. keys: Listen to the keyboard: p pauses, r resumes, q stops.
     """
     clock = clock or SystemClock()
     if calibrations is not None:
@@ -82,7 +84,7 @@ def run(
     the_plan = make_plan(protocol, robot, filters, tunings)
     if planned is not None:
         planned(the_plan)
-    session = execute(the_plan, logs, seed, speed, clock, progress)
+    session = execute(the_plan, logs, seed, speed, clock, progress, keys=keys)
     return analyse(session, filters, with_report, the_plan, calibrations, tunings)
 
 
@@ -167,7 +169,7 @@ def judge_again(
 
 def make_plan(
     protocol: Protocol | str | Path,
-    robot: str | Path | None = None,
+    robot: Robot | str | Path | None = None,
     filters: Sequence[str | OrientationFilter] | None = None,
     tunings: Sequence[Path] = (),
 ) -> Plan:

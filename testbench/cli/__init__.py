@@ -28,6 +28,9 @@ def main() -> None:
         sys.exit(error.exit_code)
     except BrokenPipeError:
         sys.exit(1)
+    except OSError as error:  # a full disk, a folder without permission
+        say_error(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
+        sys.exit(3)
 
 
 def _run_without_own_errors(app: Typer) -> int:

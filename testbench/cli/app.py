@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from testbench.cli.calibrating import CalibrationOption, calibrate, calibrations
 from testbench.cli.designing import design
+from testbench.cli.emulating import emulate
 from testbench.cli.exporting import export
 from testbench.cli.filtering import FiltersOption, JsonOption, filters, parse_filters
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
-from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
+from testbench.cli.options import ProtocolArgument, RobotOption, exit_code
+from testbench.cli.output import say, say_check, say_evaluation, say_json, say_table
 from testbench.cli.recording import record
+from testbench.cli.running import run
 from testbench.cli.studying import study
 from testbench.cli.tuning import TunedOption, tune
 
@@ -30,38 +32,6 @@ app = typer.Typer(
 )
 
 
-class Speed(StrEnum):
-    """How virtual time passes."""
-
-    fast = "fast"
-    realtime = "realtime"
-
-
-class ArmDriver(StrEnum):
-    """Arms that can be driven."""
-
-    sim = "sim"
-
-
-def _complete_protocol(incomplete: str) -> list[str]:
-    from testbench.records.shipped import shipped_folder
-
-    return [path.stem for path in shipped_folder("protocols").glob("*.yaml") if path.stem.startswith(incomplete)]
-
-
-def _complete_robot(incomplete: str) -> list[str]:
-    from testbench.records.robot import list_robots
-
-    return [name for name in list_robots() if name.startswith(incomplete)]
-
-
-ProtocolArgument = Annotated[
-    str, typer.Argument(help="Protocol file, or the name of one that ships with the bench.", autocompletion=_complete_protocol)
-]
-RobotOption = Annotated[
-    str | None,
-    typer.Option("--robot", help="Robot name, robot.yaml or URDF, in place of the protocol's.", autocompletion=_complete_robot),
-]
 SessionArgument = Annotated[Path, typer.Argument(help="Folder of a session.")]
 
 
@@ -125,48 +95,7 @@ def plan(
         say(f"hash: {the_plan.hash}")
 
 
-@app.command()
-def run(
-    protocol: ProtocolArgument,
-    robot: RobotOption = None,
-    arm: Annotated[ArmDriver, typer.Option("--arm", help="Which arm to drive.")] = ArmDriver.sim,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")] = 0,
-    speed: Annotated[
-        Speed, typer.Option("--speed", help="Virtual time: as fast as possible, or a second a second.")
-    ] = Speed.fast,
-    logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path("logs"),
-    filters: FiltersOption = None,
-    calibration: CalibrationOption = None,
-    tuned: TunedOption = None,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Do not write report.html.")] = False,
-    json: JsonOption = False,
-) -> None:
-    """Run a protocol: plan, check, move, record, estimate, evaluate, report."""
-    from testbench.pipeline import run as run_protocol
-
-    names = parse_filters(filters)
-    with progress_bar(not json) as progress:
-        result = run_protocol(
-            protocol,
-            robot,
-            seed,
-            speed.value,
-            logs,
-            names,
-            not no_report,
-            progress=progress,
-            planned=None if json else say_warnings,
-            calibrations=calibration,
-            tunings=tuned or (),
-        )
-    if json:
-        say_json(result.to_dict())
-    else:
-        report = str(result.report) if result.report else None
-        say_evaluation(result.evaluation, str(result.session.path), report)
-    raise typer.Exit(_exit_code(result.evaluation))
-
-
+app.command()(run)
 app.command()(record)
 
 
@@ -175,6 +104,7 @@ app.command()(export)
 app.command()(noise)
 app.command()(calibrate)
 app.command()(calibrations)
+app.add_typer(emulate, name="emulate")
 app.command()(design)
 app.command()(study)
 app.command()(tune)
@@ -226,7 +156,7 @@ def evaluate(
         say_json(result.to_dict())
     else:
         say_evaluation(result, str(opened.path), None)
-    raise typer.Exit(_exit_code(result))
+    raise typer.Exit(exit_code(result))
 
 
 @app.command()
@@ -305,7 +235,7 @@ def sessions(
 ) -> None:
     """List the recorded sessions with their status."""
     from testbench.records.evaluation import FILE
-    from testbench.records.session import list_sessions
+    from testbench.records.session import damaged_sessions, list_sessions
     from testbench.records.storage import read_json
 
     rows = []
@@ -320,9 +250,10 @@ def sessions(
                 "cut off" if session.status == "running" and not session.is_being_recorded else str(session.status),
                 outcome,
                 duration,
-                session.manifest["started_utc"],
+                session.manifest.get("started_utc"),
             ]
         )
+    rows += [[name, None, "damaged", "-", None, None] for name in damaged_sessions(logs)]
     if json:
         keys = ["session", "kind", "status", "outcome", "duration_s", "started_utc"]
         say_json({"sessions": [dict(zip(keys, row, strict=True)) for row in rows]})
@@ -347,12 +278,6 @@ def _open(path: Path) -> Session:
     from testbench.records.session import Session
 
     return Session(path)
-
-
-def _exit_code(evaluation: Any) -> int:
-    """0 pass or no limits, 1 when a limit was broken or what it limits could not be measured."""
-    limited = any(metric.outcome is not None for metric in evaluation.metrics)
-    return int(limited and evaluation.outcome in {"fail", "not_measured"})
 
 
 def _listing(key: str, title: str, entries: dict[str, str], json: bool) -> None:

@@ -83,6 +83,7 @@ def open_devices(
     dot_rate: int = 60,
     bluetooth: BluetoothLoop | None = None,
     synchronise_dots: bool = False,
+    time: SessionTime | None = None,
 ) -> Devices:
     """Make devices from what a person wrote; nothing is connected yet.
 
@@ -90,6 +91,7 @@ def open_devices(
         serial: Each `[NAME=]PORT:FORMAT`, the format a YAML file or the name of one that ships. dots: Each
         `[NAME=]ADDRESS`, or an advertised name. clock: Of the session. payload, dot_rate: Mode and rate of the DOTs [Hz].
         bluetooth: The loop to use; a new one if None. synchronise_dots: Bring the DOTs' clocks together before they start.
+        time: Of the session; a new one if None.
 
     Raises:
         InputError: Nothing to record, a malformed device, two of one name, or fewer than two DOTs to synchronise.
@@ -99,7 +101,7 @@ def open_devices(
         raise InputError("nothing to record: name a device with --serial PORT:FORMAT or --dot ADDRESS")
     if synchronise_dots and len(dots) < 2:
         raise InputError(f"--dot-sync brings the clocks of several DOTs together; there {'is one' if dots else 'are none'}")
-    time = SessionTime(clock)
+    time = time or SessionTime(clock)
     imus: dict[str, Imu] = {}
 
     def add(name: str, imu: Imu) -> None:

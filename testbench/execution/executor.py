@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from testbench.clock import Clock, SystemClock
 from testbench.drivers.arms.base import Arm
 from testbench.drivers.arms.simulated import SimulatedArm
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.simulated import SimulatedImu
-from testbench.exceptions import BenchError, RunInterrupted
-from testbench.execution.interruption import on_interrupt
+from testbench.exceptions import BenchError, RunInterrupted, StorageError
+from testbench.execution.guards import GuardTripped, GuardWatch
+from testbench.execution.operator import Operator, operator_requests
 from testbench.execution.recorder import Recorder
+from testbench.execution.state_machine import RunState, StateMachine
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
 from testbench.records.plan import Plan
@@ -45,6 +48,8 @@ def execute(
     clock: Clock | None = None,
     progress: Callable[[Progress], None] | None = None,
     session_name: str | None = None,
+    resumed: Session | None = None,
+    keys: bool = False,
 ) -> Session:
     """Run a plan on the simulated arm and record it.
 
@@ -52,7 +57,9 @@ def execute(
         plan: A checked motion. logs: Folder that sessions are made in. seed: Of every random number of the simulation; the same
         seed gives the same raw files. speed: "fast": virtual time as fast as the machine goes; "realtime": a second a second.
         clock: Source of the date and of the rhythm; the machine's if None. progress: Called after every chunk of time.
-        session_name: Name of the session's folder; time and protocol if None.
+        session_name: Name of the session's folder; time and protocol if None. resumed: Go on with this session, of the same
+        plan and seed: the simulation runs again from its beginning, and what the session lacks is recorded. keys: Listen to the
+        keyboard.
 
     Raises:
         RunInterrupted: The operator pressed Ctrl-C; the session is kept and closed as interrupted.
@@ -61,14 +68,11 @@ def execute(
     clock = clock or SystemClock()
     spec = plan.protocol.spec
     arm = SimulatedArm(plan.robot, seed, spec.environment.joint_errors)
-    kinematics = Kinematics(plan.robot)
-    imus: dict[str, Imu] = {
-        name: SimulatedImu(name, sensor, kinematics, spec.environment, arm.true_state, seed)
-        for name, sensor in spec.sensors.items()
-    }
-    folder = _session_folder(Path(logs), session_name or f"{clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
-    recorder = Recorder(plan, imus, folder, clock, seed, {"arm": {"driver": "simulated", "speed": speed}})
-    return _Run(plan, arm, imus, recorder, clock, speed, progress).run()
+    imus = _simulated_imus(plan, Kinematics(plan.robot), arm, seed)
+    folder = free_folder(Path(logs), session_name or f"{clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
+    details = {"arm": {"driver": "simulated", "speed": speed}}
+    recorder = Recorder(plan, imus, folder, clock, seed, details, resumed=resumed)
+    return _Run(plan, arm, imus, recorder, clock, speed, progress, resumed, keys).run()
 
 
 class _Run:
@@ -76,25 +80,32 @@ class _Run:
 
     def __init__(
         self, plan: Plan, arm: Arm, imus: dict[str, Imu], recorder: Recorder, clock: Clock, speed: str,
-        progress: Callable[[Progress], None] | None,
+        progress: Callable[[Progress], None] | None, resumed: Session | None, keys: bool,
     ):  # fmt: skip
         self.plan, self.arm, self.imus, self.recorder, self.clock = plan, arm, imus, recorder, clock
         self.realtime, self.progress = speed == "realtime", progress
-        self.now_ns = 0
-        self.stop_asked = False
+        self.now_ns, self.keys = 0, keys
+        self.again_ns = round((resumed.manifest.get("duration_s") or 0) * NANOSECONDS) if resumed is not None else 0
+        self.resumed = resumed is not None
+        guards = plan.protocol.spec.guards
+        self.guards = GuardWatch(guards, list(imus)) if guards is not None else None
+        self.machine = StateMachine()
 
     def run(self) -> Session:
         status, message = RunStatus.COMPLETED, ""
         error: BaseException | None = None
-        with on_interrupt(self._ask_to_stop):
+        with operator_requests(self.keys) as operator:
             try:
+                self.machine.to(RunState.APPROACHING)
                 self.arm.prepare(self.plan)
                 self.arm.kickoff()
                 for imu in self.imus.values():
                     imu.kickoff()
-                self.recorder.event(0, "run_started", arm=type(self.arm).__name__)
-                self._follow()
-                if self.stop_asked:
+                self.machine.to(RunState.RUNNING)
+                name = "run_resumed" if self.resumed else "run_started"
+                self.recorder.event(self.again_ns, name, arm=type(self.arm).__name__)
+                self._follow(operator)
+                if operator.stop_asked:
                     status, message = RunStatus.INTERRUPTED, "stopped by the operator"
             except BenchError as failure:
                 status, message, error = RunStatus.ERROR, str(failure), failure
@@ -107,18 +118,16 @@ class _Run:
             raise error
         return session
 
-    def _ask_to_stop(self) -> None:
-        self.stop_asked = True
-
-    def _follow(self) -> None:
+    def _follow(self, operator: Operator) -> None:
         end_ns = int(self.plan.trajectory.time_ns[-1]) + TAIL_NS
         chunk = REALTIME_CHUNK_NS if self.realtime else FAST_CHUNK_NS
-        begin = self.clock.monotonic_ns()
-        while self.now_ns < end_ns and not self.stop_asked:
+        begin = self.clock.monotonic_ns() - self.again_ns
+        while self.now_ns < end_ns and not operator.stop_asked:
+            begin += self._wait_while_paused(operator)
             until = min(self.now_ns + chunk, end_ns)
-            if self.realtime:
+            if self.realtime and until > self.again_ns:
                 self.clock.sleep((begin + until - self.clock.monotonic_ns()) / NANOSECONDS)
-            self._advance(until)
+            self._advance(until, operator)
             self.recorder.step_events(self.now_ns, until)
             self.now_ns = until
             if self.progress is not None:
@@ -126,10 +135,33 @@ class _Run:
                 times = (until / NANOSECONDS, end_ns / NANOSECONDS)
                 self.progress(Progress(step.name, step.index, len(self.plan.steps), *times))
 
-    def _advance(self, until_ns: int) -> None:
+    def _wait_while_paused(self, operator: Operator) -> int:
+        """Let virtual time stand still while the operator wants it; says for how long that was [ns]."""
+        operator.look()
+        if not operator.pause_asked:
+            return 0
+        self.machine.to(RunState.PAUSED)
+        self.recorder.event(self.now_ns, "paused")
+        start = self.clock.monotonic_ns()
+        while operator.pause_asked and not operator.stop_asked:
+            self.clock.sleep(0.02)
+            operator.look()
+        self.machine.to(RunState.RUNNING)
+        self.recorder.event(self.now_ns, "resumed")
+        return self.clock.monotonic_ns() - start
+
+    def _advance(self, until_ns: int, operator: Operator | None = None) -> None:
         arm = self.arm.read(until_ns)
-        self.recorder.samples(arm, {name: imu.read(until_ns) for name, imu in self.imus.items()})
+        imus = {name: imu.read(until_ns) for name, imu in self.imus.items()}
+        self.recorder.samples(arm, imus)
         self._note_devices()
+        if self.guards is None or operator is None:
+            return
+        for trip in self.guards.look(until_ns, arm, imus):
+            self.recorder.guard_event(until_ns, trip)
+            if trip.action == "stop":
+                raise GuardTripped(f"a guard stopped the run: {trip.sentence}")
+            operator.pause_asked |= trip.action == "pause"
 
     def _note_devices(self) -> None:
         """Put what happened to the sensors, such as a lost connection, among the events of the run."""
@@ -137,6 +169,7 @@ class _Run:
 
     def _close(self, status: RunStatus, message: str) -> Session:
         """Stop everything, keep what there is; a failure here must not hide the first one."""
+        self.machine.to(RunState.FAULTED if status is RunStatus.ERROR else RunState.STOPPING)
         self.arm.stop()
         try:
             if status is RunStatus.INTERRUPTED:
@@ -146,14 +179,34 @@ class _Run:
             pass
         for imu in self.imus.values():
             imu.stop()
-        self._note_devices()
-        self.recorder.event(self.now_ns, f"run_{status}", message=message)
-        session = self.recorder.close(status, message)
-        self.arm.close()
+        with suppress(StorageError):
+            self._note_devices()
+            self.recorder.event(self.now_ns, f"run_{status}", message=message)
+        try:
+            session = self.recorder.close(status, message)
+        finally:
+            self.arm.close()
+        if status is not RunStatus.ERROR:
+            self.machine.to(RunState.DONE)
         return session
 
 
-def _session_folder(logs: Path, name: str) -> Path:
+def _simulated_imus(plan: Plan, kinematics: Kinematics, arm: SimulatedArm, seed: int) -> dict[str, Imu]:
+    spec = plan.protocol.spec
+    return {
+        name: SimulatedImu(name, sensor, kinematics, spec.environment, arm.true_state, seed)
+        for name, sensor in spec.sensors.items()
+    }
+
+
+def simulated_sensors(plan: Plan) -> dict[str, Any]:
+    """How the manifest describes the sensors of a simulated run."""
+    imus = _simulated_imus(plan, Kinematics(plan.robot), SimulatedArm(plan.robot, 0), 0)
+    return {name: imu.describe() for name, imu in imus.items()}
+
+
+def free_folder(logs: Path, name: str) -> Path:
+    """A folder that does not exist yet: the name, or the name with a number."""
     folder, count = logs / name, 1
     while folder.exists():
         count += 1

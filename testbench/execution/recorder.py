@@ -5,11 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from testbench.clock import Clock
 from testbench.drivers.imus.base import Imu
+from testbench.exceptions import StorageError
+from testbench.execution.guards import Trip
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.records.plan import Plan
+from testbench.records.plan import Plan, PlannedStep
 from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import ARM, PLAN, Event, RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
@@ -28,14 +32,31 @@ class Recorder:
 
     Args:
         plan: What is run. imus: The sensors, by name. folder: The session's folder, to be made. clock: For the time of start
-        and the
-        rhythm of syncing. seed: Of the run. details: Further entries of the manifest.
+        and the rhythm of syncing. seed: Of the run; None where nothing is drawn. details: Further entries of the manifest.
+        arm_columns: What the arm's samples hold beyond angles and rates, name to type. resumed: Go on with this session; what
+        it holds already is not written again.
     """
 
-    def __init__(self, plan: Plan, imus: dict[str, Imu], folder: Path, clock: Clock, seed: int, details: dict[str, Any]):
+    def __init__(
+        self, plan: Plan, imus: dict[str, Imu], folder: Path, clock: Clock, seed: int | None, details: dict[str, Any],
+        arm_columns: dict[str, Any] | None = None, resumed: Session | None = None,
+    ):  # fmt: skip
         self.plan, self.imus, self.clock = plan, imus, clock
-        spec = plan.protocol.spec
-        self._writer = SessionWriter(
+        self._noted: set[tuple[int, str, Any]] = set()
+        self._writer = self._new(folder, clock, seed, details) if resumed is None else self._again(resumed)
+        self._writer.open_journal(ARM, ArmSamples.columns(plan.robot.joint_names) | (arm_columns or {}), ARM_NOTES)
+        for name, imu in imus.items():
+            self._writer.open_journal(f"imu_{name}", imu.columns(), IMU_NOTES)
+        streams = [ARM, *(f"imu_{name}" for name in imus)]
+        self._present = {name: self._writer.rows(name) for name in streams}
+        if resumed is None:
+            self._writer.announce()
+        self._synced_ns = clock.monotonic_ns()
+
+    def _new(self, folder: Path, clock: Clock, seed: int | None, details: dict[str, Any]) -> SessionWriter:
+        """A new session with everything that is known before anything moves."""
+        plan, imus, spec = self.plan, self.imus, self.plan.protocol.spec
+        writer = SessionWriter(
             folder,
             spec.analysis(),
             {name: imu.describe() for name, imu in imus.items()},
@@ -48,18 +69,26 @@ class Recorder:
                 "plan": {"hash": plan.hash, "check": plan.check.to_dict()},
                 **details,
             },
+            announced=False,
         )
-        self._writer.add_text("protocol.yaml", plan.protocol.document.text)
+        writer.add_text("protocol.yaml", plan.protocol.document.text)
         for name, text in plan.protocol.texts().items():
             if name != plan.protocol.document.file.name:
-                self._writer.add_text(f"included_{name}", text)
-        self._writer.add_text("robot.yaml", plan.robot.text)
-        self._writer.add_text("robot.urdf", plan.robot.urdf.read_text(encoding="utf-8"))
+                writer.add_text(f"included_{name}", text)
+        writer.add_text("robot.yaml", plan.robot.text)
+        writer.add_text("robot.urdf", plan.robot.urdf.read_text(encoding="utf-8"))
         plan.save(folder / PLAN)
-        self._writer.open_journal(ARM, ArmSamples.columns(plan.robot.joint_names), ARM_NOTES)
-        for name, imu in imus.items():
-            self._writer.open_journal(f"imu_{name}", imu.columns(), IMU_NOTES)
-        self._synced_ns = clock.monotonic_ns()
+        return writer
+
+    def _again(self, session: Session) -> SessionWriter:
+        """A session to go on with; its events are not written a second time."""
+        self._noted = {(event.host_time_ns, event.event, event.details.get("index")) for event in session.events}
+        duration = session.manifest.get("duration_s")
+        writer = SessionWriter.reopen(session.path, {"at_s": duration, "was": str(session.status)})
+        if session.status is RunStatus.INTERRUPTED:  # it ends with the arm's stop, which must not stay in the middle
+            for stream in [ARM, *(f"imu_{name}" for name in self.imus)]:
+                (session.path / f"{stream}.parquet").unlink(missing_ok=True)
+        return writer
 
     @property
     def path(self) -> Path:
@@ -75,7 +104,17 @@ class Recorder:
         near = (step for step in self.plan.steps if step.start_ns < end_ns and step.end_ns >= begin_ns)
         for event in step_events(near):
             if begin_ns <= event.host_time_ns < end_ns:
-                self._writer.event(event)
+                self._once(event)
+
+    def step_event(self, host_time_ns: int, event: str, step: PlannedStep) -> None:
+        """Note that a step started, settled or ended, at a time that is not the plan's."""
+        details = next(planned.details for planned in step_events([step]) if planned.event == event)
+        self._once(Event(host_time_ns, event, details))
+
+    def _once(self, event: Event) -> None:
+        """Note what a step did, but for what a resumed session says already."""
+        if (event.host_time_ns, event.event, event.details.get("index")) not in self._noted:
+            self._writer.event(event)
 
     def device_events(self, events: dict[str, list[Event]]) -> None:
         """Note what happened to the sensors, by name, in order of time."""
@@ -83,21 +122,44 @@ class Recorder:
         for event in sorted(named, key=lambda event: event.host_time_ns):
             self._writer.event(event)
 
+    def guard_event(self, host_time_ns: int, trip: Trip) -> None:
+        """Note that a limit was broken."""
+        details = {"guard": trip.guard, "subject": trip.subject, "value": trip.value, "limit": trip.limit}
+        self.event(host_time_ns, "guard", **details, action=trip.action)
+
     def samples(self, arm: ArmSamples, imus: dict[str, ImuSamples]) -> None:
         """Append what was read, and sync once a second."""
-        self._writer.append(ARM, arm.to_columns())
+        self._append(ARM, arm.to_columns())
         for name, samples in imus.items():
-            self._writer.append(f"imu_{name}", samples.to_columns())
+            self._append(f"imu_{name}", samples.to_columns())
         self._writer.flush()
         if self.clock.monotonic_ns() - self._synced_ns >= NANOSECONDS:
             self._writer.sync()
             self._synced_ns = self.clock.monotonic_ns()
 
-    def close(self, status: RunStatus, message: str = "") -> Session:
-        """Compact the streams, add the truth, and finish the manifest."""
+    def _append(self, stream: str, columns: dict[str, np.ndarray]) -> None:
+        """Append rows, but for those which a resumed session holds already."""
+        skipped = min(self._present[stream], len(columns["host_time_ns"]))
+        self._present[stream] -= skipped
+        self._writer.append(stream, {name: values[skipped:] for name, values in columns.items()} if skipped else columns)
+
+    def close(self, status: RunStatus, message: str = "", details: dict[str, Any] | None = None) -> Session:
+        """Compact the streams, add the truth, and finish the manifest with further entries.
+
+        Raises:
+            StorageError: The disk does not take it; the session is left unfinished, with everything that was written.
+        """
+        try:
+            return self._close(status, message, details or {})
+        except (StorageError, OSError) as error:
+            self._writer.abandon()
+            reason = str(error) if isinstance(error, StorageError) else f"{self.path} cannot be written: {error}"
+            raise StorageError(f"{reason}; make room, then `testbench recover {self.path}`") from None
+
+    def _close(self, status: RunStatus, message: str, details: dict[str, Any]) -> Session:
         self._writer.compact()
         write_truth(self.path, self.plan.robot, self.plan.protocol.spec.sensors)
         times = read_parquet(self.path / f"{ARM}.parquet", ["host_time_ns"])["host_time_ns"]
         duration = float(times[-1]) / NANOSECONDS if len(times) else 0.0
-        self._writer.close(status, message=message, duration_s=duration)
+        self._writer.close(status, message=message, duration_s=duration, **details)
         return Session(self.path)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
+from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import ARM, EVENTS, MANIFEST, Event, RunStatus, Session
 from testbench.records.session_writer import file_hashes
-from testbench.records.storage import compact, read_parquet, write_json
+from testbench.records.storage import Journal, compact, read_parquet, write_json
+
+SMALLEST_JOURNAL = 64
+"""A journal of fewer bytes was cut off before its schema was whole; it held nothing."""
 
 
 def recover(session: Session) -> Session:
@@ -26,6 +32,8 @@ def recover(session: Session) -> Session:
         return recover_recording(session)
     path = session.path
     for journal in sorted(path.glob("*.arrows")):
+        if journal.stat().st_size < SMALLEST_JOURNAL and not journal.with_suffix(".parquet").is_file():
+            _write_empty(session, journal)  # cut off before its first row
         compact(journal, journal.with_suffix(".parquet"))
     for partial in path.glob("*.partial"):
         partial.unlink()
@@ -35,10 +43,27 @@ def recover(session: Session) -> Session:
     write_truth(path, session.robot, session.analysis.sensors)
     times = read_parquet(path / f"{ARM}.parquet", ["host_time_ns"])["host_time_ns"]
     duration = float(times[-1]) / NANOSECONDS if len(times) else 0.0
-    planned = session.manifest["plan"]["check"]["duration_s"]
+    try:
+        planned = float(session.manifest["plan"]["check"]["duration_s"])
+    except (KeyError, TypeError, ValueError):
+        raise SessionError(f"{path / MANIFEST} is damaged: it does not say how long the plan is") from None
     message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
     with (path / EVENTS).open("a", encoding="utf-8") as events:
         events.write("\n" + Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}).to_json() + "\n")
     manifest = session.manifest | {"status": RunStatus.ABORTED, "message": message, "duration_s": duration}
     write_json(path / MANIFEST, manifest | {"files": file_hashes(path)})
     return Session(path)
+
+
+def _write_empty(session: Session, journal: Path) -> None:
+    """Write a journal anew that was cut off before its schema was whole."""
+    name = journal.stem
+    if name == ARM and session.robot is not None:
+        columns = ArmSamples.columns(session.robot.joint_names)
+    elif name.removeprefix("imu_") in session.manifest["sensors"]:
+        sensor = session.manifest["sensors"][name.removeprefix("imu_")]
+        columns = ImuSamples.columns(*(bool(sensor.get(key)) for key in ("magnetometer", "orientation", "temperature")))
+    else:
+        return
+    journal.unlink()
+    Journal(journal, columns).close()

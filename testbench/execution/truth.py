@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from testbench.exceptions import SessionError
 from testbench.model.joint_motion import Smoothing
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.pieces import overlapping
@@ -15,7 +16,7 @@ from testbench.records.protocol import Sensor
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples, Truth
 from testbench.records.session import ARM
-from testbench.records.storage import read_parquet, read_parquet_batches, to_table, write_parquet_batches
+from testbench.records.storage import parquet_shape, read_parquet, read_parquet_batches, to_table, write_parquet_batches
 
 BLOCK = 200_000
 """Rows of the arm that are looked at together; bounds the memory."""
@@ -38,12 +39,17 @@ def write_truth(folder: Path, robot: Robot, sensors: Mapping[str, Sensor]) -> No
     """
     kinematics = Kinematics(robot)
     recorded = folder / f"{ARM}.parquet"
+    wanted = list(ArmSamples.columns(robot.joint_names))
+    present = parquet_shape(recorded)[1]
+    missing = [name for name in wanted if name not in present]
+    if missing:
+        raise SessionError(f"{recorded} lacks the column {missing[0]}; it has {', '.join(present)[:300]}")
     times = read_parquet(recorded, ["host_time_ns"])["host_time_ns"]
     smoothing = Smoothing.of(times)
     for name, sensor in sensors.items():
 
         def batches(sensor: Sensor = sensor) -> Iterator[pa.Table]:
-            for columns, counted in overlapping(read_parquet_batches(recorded), BLOCK, smoothing.window):
+            for columns, counted in overlapping(read_parquet_batches(recorded, wanted), BLOCK, smoothing.window):
                 samples = ArmSamples.from_columns(columns, robot.joint_names)
                 truth = kinematic_truth(kinematics, samples, sensor, smoothing).to_columns()
                 yield to_table({key: values[counted] for key, values in truth.items()}, TRUTH_NOTES)

@@ -34,7 +34,7 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
     if not isinstance(protocol, Protocol):
         protocol = load_protocol(protocol)
     if not isinstance(robot, Robot):
-        robot = _find_robot(protocol, robot)
+        robot = find_robot(protocol, robot)
     commands = expand(protocol, robot)
     _check_names(protocol, robot)
     builder = MotionBuilder(robot)
@@ -63,7 +63,8 @@ def _planned(index: int, command: Command, start: int, settled: int, end: int) -
     )
 
 
-def _find_robot(protocol: Protocol, robot: str | Path | None) -> Robot:
+def find_robot(protocol: Protocol, robot: str | Path | None) -> Robot:
+    """The arm of that name or file, or the one that the protocol names."""
     if robot is not None:
         return load_robot(robot)
     name = protocol.spec.robot

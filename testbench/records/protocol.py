@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 from pydantic import Field, model_validator
 
 from testbench.records.joint_definition import FlexionAngle
+from testbench.records.protocol_arm import ArmUse, Guards
 from testbench.records.protocol_chain import ChainEstimation
 from testbench.records.protocol_steps import Motion, Range, Section, Variable
 from testbench.records.sensor import ImuParameters, load_preset
@@ -243,6 +244,11 @@ class ProtocolSpec(StrictModel):
         default_factory=Environment, description="The field the sensors feel, and errors of the simulated arm."
     )
     sections: list[Section] = Field(min_length=1, description="What to do, in order.")
+    arm: ArmUse = Field(default_factory=ArmUse, description="Tool and speed of a real arm.")
+    guards: Guards | None = Field(
+        default=None,
+        description="What is watched during a run; null: the guards' own values on a real arm, nothing in simulation.",
+    )
     estimate: Estimation = Field(default_factory=Estimation, description="What to compute from the recordings.")
     accept: list[AcceptanceLimit] = Field(default=[], description="Limits that decide pass or fail.")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,8 @@ class ArmSamples:
 
     Attributes:
         joint_names: In the robot's order. host_time_ns: Shape (n,), int64. q_sent: Commanded, q_measured, v_measured: reported
-        by the encoders, shape (n, n_joints) [rad], [rad], [rad/s].
+        by the encoders, shape (n, n_joints) [rad], [rad], [rad/s]. extras: What else the arm reported, column name (with its
+        unit) to array of shape (n,); kept on disk, read by nothing that computes.
     """
 
     joint_names: list[str]
@@ -41,6 +42,7 @@ class ArmSamples:
     q_sent: np.ndarray
     q_measured: np.ndarray
     v_measured: np.ndarray
+    extras: dict[str, np.ndarray] = field(default_factory=dict)
 
     @staticmethod
     def columns(joint_names: list[str]) -> dict[str, Any]:
@@ -59,14 +61,13 @@ class ArmSamples:
         result = {"host_time_ns": self.host_time_ns}
         for group, array in zip(self._groups(self.joint_names), arrays, strict=True):
             result |= split(group, array)
-        return result
+        return result | self.extras
 
     @staticmethod
     def from_columns(table: dict[str, np.ndarray], joint_names: list[str]) -> ArmSamples:
         """From columns on disk."""
-        return ArmSamples(
-            joint_names, table["host_time_ns"], *[join(table, group) for group in ArmSamples._groups(joint_names)]
-        )
+        sent, measured, rates = (join(table, group) for group in ArmSamples._groups(joint_names))
+        return ArmSamples(joint_names, table["host_time_ns"], sent, measured, rates)
 
 
 GYR, ACC, MAG = names("gyr", "_rad_s"), names("acc", "_m_s2"), names("mag", "_uT")

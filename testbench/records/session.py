@@ -5,7 +5,9 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -30,6 +32,8 @@ from testbench.records.storage import (
 )
 
 SCHEMA_VERSION = 1
+SENSOR_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_]{0,99}")
+"""Files are named after sensors: nothing that could lead out of the session's folder."""
 MANIFEST, EVENTS, ARM, PLAN = "manifest.json", "events.jsonl", "arm", "plan.parquet"
 
 
@@ -72,9 +76,23 @@ class Session:
             what = "is not a session: it has no manifest.json" if self.path.is_dir() else "does not exist"
             raise SessionError(f"{self.path} {what}")
         self.manifest: dict[str, Any] = read_json(self.path / MANIFEST)
+        if not isinstance(self.manifest, dict):
+            raise SessionError(f"{self.path / MANIFEST} is damaged: it is no mapping")
         version = self.manifest.get("schema_version")
         if not isinstance(version, int) or version > SCHEMA_VERSION:
             raise SessionError(f"{self.path} has session schema {version}; this version reads up to {SCHEMA_VERSION}")
+        self._check_manifest()
+
+    def _check_manifest(self) -> None:
+        """A manifest may come from anywhere: what files are named after, and what every reader asks for, must be in order."""
+        sensors, status = self.manifest.get("sensors"), self.manifest.get("status")
+        if not isinstance(status, str) or status not in set(RunStatus):
+            raise SessionError(f"{self.path / MANIFEST} is damaged: its status is {status!r:.50}")
+        if not isinstance(sensors, dict) or not all(isinstance(sensor, dict) for sensor in sensors.values()):
+            raise SessionError(f"{self.path / MANIFEST} is damaged: it names no sensors")
+        wrong = next((name for name in sensors if not SENSOR_NAME.fullmatch(name)), None)
+        if wrong is not None:
+            raise SessionError(f"{self.path / MANIFEST} is refused: '{wrong[:50]}' is no name for a sensor")
 
     @property
     def name(self) -> str:
@@ -128,7 +146,10 @@ class Session:
         file, copy = self.path / "robot.yaml", self.path / "robot.urdf"
         if not file.is_file():
             return None
-        original = Path(self.manifest["robot"]["urdf"])  # its meshes lie beside it
+        named = self.manifest.get("robot")
+        if not isinstance(named, dict) or not isinstance(named.get("urdf"), str) or "\0" in named["urdf"]:
+            raise SessionError(f"{self.path / MANIFEST} is damaged: it does not say which URDF the robot has")
+        original = Path(named["urdf"])  # its meshes lie beside it
         same = original.is_file() and copy.is_file() and original.read_bytes() == copy.read_bytes()
         return robot_from_text(file, original if same else copy)
 
@@ -198,9 +219,11 @@ class Session:
         for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else []:
             try:
                 data = json.loads(line)
-            except ValueError:  # cut off, or empty
+                time, name = data.pop("host_time_ns"), data.pop("event")
+            except (ValueError, KeyError, AttributeError, RecursionError):  # cut off, empty, or damaged
                 continue
-            events.append(Event(data.pop("host_time_ns"), data.pop("event"), data))
+            if isinstance(time, int) and isinstance(name, str):
+                events.append(Event(time, name, data))
         return events
 
     @cached_property
@@ -210,7 +233,9 @@ class Session:
         settled: dict[int, int] = {}
         steps = []
         for event in self.events:
-            index = int(event.details.get("index", -1))
+            index = event.details.get("index")
+            if not isinstance(index, int):
+                continue
             if event.event == "step_started":
                 started[index] = event
             elif event.event == "step_settled":
@@ -218,7 +243,10 @@ class Session:
             elif event.event == "step_ended" and index in started:
                 step = started[index]
                 times = (step.host_time_ns, settled.get(index, step.host_time_ns), event.host_time_ns)
-                data = {key: step.details[key] for key in ("index", "section", "role", "name", "kind", "variables")}
+                keys = ("index", "section", "role", "name", "kind", "variables")
+                if not all(key in step.details for key in keys):
+                    raise SessionError(f"{self.path / EVENTS} is damaged: step {index} says too little")
+                data = {key: step.details[key] for key in keys}
                 steps.append(PlannedStep(**data, start_ns=times[0], settled_ns=times[1], end_ns=times[2]))
         return steps
 
@@ -247,5 +275,15 @@ def step_events(steps: Iterable[PlannedStep]) -> list[Event]:
 
 
 def list_sessions(logs: Path) -> list[Session]:
-    """Sessions below a folder, oldest first; folders that are none are passed over."""
-    return [Session(path.parent) for path in sorted(logs.glob(f"*/{MANIFEST}"))]
+    """Sessions below a folder, oldest first; folders that are none, or that cannot be read, are passed over."""
+    sessions = []
+    for path in sorted(logs.glob(f"*/{MANIFEST}")):
+        with suppress(SessionError):
+            sessions.append(Session(path.parent))
+    return sessions
+
+
+def damaged_sessions(logs: Path) -> list[str]:
+    """Names of the folders below a folder that have a manifest and are no readable session."""
+    readable = {session.name for session in list_sessions(logs)}
+    return [path.parent.name for path in sorted(logs.glob(f"*/{MANIFEST}")) if path.parent.name not in readable]

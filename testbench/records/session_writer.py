@@ -7,16 +7,17 @@ import hashlib
 import os
 import platform
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from testbench.exceptions import SessionError
+from testbench.exceptions import SessionError, StorageError
 from testbench.records.protocol import Analysis
 from testbench.records.session import EVENTS, MANIFEST, SCHEMA_VERSION, Event, RunStatus
-from testbench.records.storage import Columns, Journal, compact, write_json, write_parquet
+from testbench.records.storage import Columns, Journal, compact, read_json, write_json, write_parquet
 
 RECORDED_PACKAGES = ("imu-testbench", "pin", "ruckig", "numpy", "scipy", "numba", "vqf", "imufusion", "pyarrow")
 
@@ -26,7 +27,8 @@ class SessionWriter:
 
     Args:
         path: Folder to create. analysis: What estimate and evaluate will need. sensors: Description of each sensor.
-        started: Date and time of the start. details: Further entries of the manifest.
+        started: Date and time of the start. details: Further entries of the manifest. announced: Whether to write the manifest
+        at once, with which the folder becomes a session; else `announce` does.
 
     Raises:
         SessionError: The folder exists or cannot be made.
@@ -39,6 +41,7 @@ class SessionWriter:
         sensors: Mapping[str, Any],
         started: datetime,
         details: Mapping[str, Any] | None = None,
+        announced: bool = True,
     ):
         self.path = path
         try:
@@ -62,6 +65,35 @@ class SessionWriter:
         self._journals: dict[str, Journal] = {}
         self._events = (path / EVENTS).open("w", encoding="utf-8")
         fcntl.flock(self._events, fcntl.LOCK_EX)  # held while this process lives: nobody recovers a running session
+        if announced:
+            self._write_manifest()
+
+    @classmethod
+    def reopen(cls, path: Path, resumed: Mapping[str, Any]) -> SessionWriter:
+        """Go on with a session that was closed or recovered.
+
+        Args:
+            path: Its folder. resumed: What the manifest should say of the resumption.
+
+        Raises:
+            SessionError: The session cannot be read, or is being recorded.
+        """
+        writer = cls.__new__(cls)
+        writer.path, writer._journals = path, {}
+        writer.manifest = read_json(path / MANIFEST)
+        writer._events = (path / EVENTS).open("a", encoding="utf-8")
+        try:
+            fcntl.flock(writer._events, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise SessionError(f"{path} is still being recorded") from None
+        for key in ("message", "duration_s", "files"):
+            writer.manifest.pop(key, None)
+        writer.manifest |= {"status": RunStatus.RUNNING, "resumed": [*writer.manifest.get("resumed", []), dict(resumed)]}
+        writer._write_manifest()
+        return writer
+
+    def announce(self) -> None:
+        """Write the manifest: from now on the folder is a session."""
         self._write_manifest()
 
     def add_text(self, name: str, text: str) -> None:
@@ -73,27 +105,43 @@ class SessionWriter:
         write_parquet(self.path / f"{name}.parquet", columns, notes)
 
     def open_journal(self, name: str, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None) -> None:
-        """Begin a stream that becomes `<name>.parquet` when the session is closed."""
-        self._journals[name] = Journal(self.path / f"{name}.arrows", columns, notes)
+        """Begin a stream that becomes `<name>.parquet` when the session is closed, or go on with one that became it."""
+        table = self.path / f"{name}.parquet"
+        if table.is_file():
+            self._journals[name] = Journal.continued(self.path / f"{name}.arrows", columns, table, notes)
+        else:
+            self._journals[name] = Journal(self.path / f"{name}.arrows", columns, notes)
+
+    def rows(self, name: str) -> int:
+        """How many samples a stream holds."""
+        return self._journals[name].rows
 
     def append(self, name: str, columns: Columns) -> None:
-        """Append samples to a stream."""
-        self._journals[name].append(columns)
+        """Append samples to a stream.
+
+        Raises:
+            StorageError: They cannot be written; so do `event`, `flush`, `sync` and `close`.
+        """
+        with self._writing():
+            self._journals[name].append(columns)
 
     def event(self, event: Event) -> None:
         """Append an event."""
-        self._events.write(event.to_json() + "\n")
+        with self._writing():
+            self._events.write(event.to_json() + "\n")
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system."""
-        self._events.flush()
+        with self._writing():
+            self._events.flush()
 
     def sync(self) -> None:
         """Force everything written so far onto the disk."""
-        self._events.flush()
-        os.fsync(self._events.fileno())
-        for journal in self._journals.values():
-            journal.sync()
+        with self._writing():
+            self._events.flush()
+            os.fsync(self._events.fileno())
+            for journal in self._journals.values():
+                journal.sync()
 
     def compact(self) -> None:
         """End the streams and turn each into verified Parquet."""
@@ -104,10 +152,28 @@ class SessionWriter:
 
     def close(self, status: RunStatus, **details: Any) -> None:
         """Finish the session: compact, hash the files, write the final manifest."""
-        self.compact()
-        self.sync_events()
-        self.manifest |= {"status": status, **details, "files": file_hashes(self.path)}
-        self._write_manifest()
+        with self._writing():
+            self.compact()
+            self.sync_events()
+            self.manifest |= {"status": status, **details, "files": file_hashes(self.path)}
+            self._write_manifest()
+
+    def abandon(self) -> None:
+        """Let go of every file as it is; the session stays unfinished, and can be recovered once there is room."""
+        for journal in self._journals.values():
+            journal.abandon()
+        with suppress(OSError, ValueError):
+            self._events.close()
+        for partial in self.path.glob("*.partial"):
+            with suppress(OSError):
+                partial.unlink()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise StorageError(f"{self.path} cannot be written: {error.strerror or error}") from None
 
     def discard(self) -> None:
         """Undo: remove the folder with all that was written; for imports, whose source still exists."""

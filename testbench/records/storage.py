@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from testbench.exceptions import SessionError
 ROWS_PER_GROUP = 65_536
 ENCODING: dict[str, Any] = {"compression": "zstd", "use_dictionary": False}
 """Measured numbers hardly repeat: without dictionaries tables are written in half the time, and are smaller."""
+LARGEST_JSON = 200_000_000
+"""Bytes of a JSON file that is read; evaluations of the longest campaigns are a tenth of it."""
 Columns = Mapping[str, np.ndarray]
 
 
@@ -91,9 +94,20 @@ def read_parquet(path: Path, columns: Sequence[str] | None = None) -> dict[str, 
     """
     try:
         table = pq.read_table(path, columns=None if columns is None else list(columns))
-    except (OSError, pa.ArrowInvalid) as error:
+    except (OSError, pa.ArrowException) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
-    return {name: table[name].to_numpy() for name in table.column_names}
+    return _Table(path, _columns(table))
+
+
+class _Table(dict[str, np.ndarray]):
+    """Columns of a file; a missing one is a sentence."""
+
+    def __init__(self, path: Path, columns: dict[str, np.ndarray]):
+        super().__init__(columns)
+        self._path = path
+
+    def __missing__(self, name: str) -> np.ndarray:
+        raise SessionError(f"{self._path} lacks the column {name}; it has {', '.join(self)[:300]}")
 
 
 def read_parquet_batches(
@@ -111,17 +125,17 @@ def read_parquet_batches(
         with pq.ParquetFile(path) as file:
             wanted = None if columns is None else list(columns)
             if not file.metadata.num_rows:
-                yield {name: column.to_numpy() for name, column in _columns(file.read(wanted))}
+                yield _Table(path, _columns(file.read(wanted)))
             for group in range(file.num_row_groups):
                 table = file.read_row_group(group, wanted)  # `iter_batches` would keep all that it has read
                 for begin in range(0, table.num_rows, rows):
-                    yield {name: column.to_numpy() for name, column in _columns(table.slice(begin, rows))}
-    except (OSError, pa.ArrowInvalid) as error:
+                    yield _Table(path, _columns(table.slice(begin, rows)))
+    except (OSError, pa.ArrowException) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
-def _columns(table: pa.Table) -> Iterator[tuple[str, pa.ChunkedArray]]:
-    return zip(table.column_names, table.columns, strict=True)
+def _columns(table: pa.Table) -> dict[str, np.ndarray]:
+    return {name: column.to_numpy() for name, column in zip(table.column_names, table.columns, strict=True)}
 
 
 def read_stacked(
@@ -177,7 +191,7 @@ def parquet_shape(path: Path) -> tuple[int, list[str]]:
     try:
         with pq.ParquetFile(path) as file:
             return file.metadata.num_rows, list(file.schema_arrow.names)
-    except (OSError, pa.ArrowInvalid) as error:
+    except (OSError, pa.ArrowException) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
@@ -195,8 +209,10 @@ def read_json(path: Path) -> Any:
         SessionError: The file is missing or not JSON.
     """
     try:
+        if path.stat().st_size > LARGEST_JSON:
+            raise SessionError(f"{path} has {path.stat().st_size} bytes, more than the {LARGEST_JSON} allowed")
         return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
@@ -220,6 +236,37 @@ class Journal:
         self._schema = pa.schema([(name, pa.from_numpy_dtype(dtype)) for name, dtype in columns.items()], metadata=metadata)
         self._file = path.open("xb")
         self._writer = pa.ipc.new_stream(self._file, self._schema)
+        self._file.flush()
+
+    @classmethod
+    def continued(cls, path: Path, columns: Mapping[str, Any], table: Path, notes: Mapping[str, str] | None = None) -> Journal:
+        """A journal that begins with the rows of a Parquet file, which it replaces.
+
+        A cut at any moment leaves the table or the journal, whole.
+
+        Args:
+            path, columns, notes: As above. table: The Parquet file; it must have the same columns.
+
+        Raises:
+            SessionError: It has others, or cannot be read.
+        """
+        partial = path.with_suffix(".partial")
+        partial.unlink(missing_ok=True)
+        journal = cls(partial, columns, notes)
+        try:
+            with pq.ParquetFile(table) as file:
+                if file.schema_arrow.names != journal._schema.names:
+                    raise SessionError(f"{table} has other columns than the stream it is to be continued with")
+                for group in range(file.num_row_groups):  # one by one: the memory does not grow with the recording
+                    for batch in file.read_row_group(group).to_batches():
+                        journal._writer.write_batch(pa.record_batch(batch.columns, schema=journal._schema))
+                        journal.rows += batch.num_rows
+        except (OSError, pa.ArrowException) as error:
+            raise SessionError(f"{table} cannot be read: {error}") from None
+        journal.sync()
+        journal.path = partial.rename(path)
+        table.unlink()
+        return journal
 
     def append(self, columns: Columns) -> None:
         """Append equally long columns and hand them to the operating system."""
@@ -242,6 +289,12 @@ class Journal:
             self.sync()
             self._file.close()
 
+    def abandon(self) -> None:
+        """Let go of the file as it is, whatever cannot be written any more; never raises."""
+        for let_go in (self._writer.close, self._file.close):
+            with suppress(OSError, ValueError, pa.ArrowException):
+                let_go()
+
 
 def journal_batches(path: Path) -> tuple[pa.Schema, Iterator[pa.RecordBatch]]:
     """The schema of a journal, and its whole batches one by one, also of one that was cut off in the middle of a batch.
@@ -252,7 +305,7 @@ def journal_batches(path: Path) -> tuple[pa.Schema, Iterator[pa.RecordBatch]]:
     try:
         with path.open("rb") as source:
             schema = pa.ipc.open_stream(source).schema
-    except (pa.ArrowInvalid, OSError) as error:
+    except (pa.ArrowException, OSError) as error:
         raise SessionError(f"the journal {path} cannot be read: {error}") from None
     return schema, _whole_batches(path)
 
@@ -263,7 +316,7 @@ def _whole_batches(path: Path) -> Iterator[pa.RecordBatch]:
         while True:
             try:
                 batch = reader.read_next_batch()
-            except (StopIteration, pa.ArrowInvalid, OSError):
+            except (StopIteration, pa.ArrowException, OSError):
                 return
             yield batch
 

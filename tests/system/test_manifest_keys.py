@@ -5,14 +5,24 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from testbench import execute, plan
+from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
+from testbench.drivers.arms.replay import ReplayArm
+from testbench.drivers.arms.ur import UrArm, ur_settings
+from testbench.drivers.imus.streamed import SessionTime
+from testbench.exceptions import DriverError
+from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.execution.device_recorder import open_devices, record_devices
+from testbench.execution.executor import Progress
 from testbench.formats import import_recording
 from testbench.formats.imu_tk import COUNTS_PER_M_S2
 from testbench.formats.options import Options
@@ -21,6 +31,7 @@ from testbench.pipeline import Result
 from testbench.records.session import Session
 from tests.conftest import FakeClock
 from tests.drivers.test_xsens_dot import Bench, FakeDot
+from tests.emulated_ur import emulated_ur
 from tests.execution.test_record import Feeder
 
 PAGE = Path(__file__).parents[2] / "docs" / "session_format.md"
@@ -91,7 +102,9 @@ def imports(folder: Path) -> Iterator[Session]:
     yield load("generic", [counts], Options(str(folder / "map.yaml")), truth)
 
 
-def recordings(folder: Path) -> Iterator[Session]:
+@contextmanager
+def live_devices() -> Iterator[tuple[Feeder, Bench]]:
+    """A serial board and an Xsens DOT that send as long as the context lasts."""
     board, bench = Feeder(), Bench(FakeDot("D4:22:CD:00:00:01"))
     ended = threading.Event()
 
@@ -105,8 +118,7 @@ def recordings(folder: Path) -> Iterator[Session]:
     life = threading.Thread(target=live)
     life.start()
     try:
-        devices = open_devices([f"{board.port}:mpu6050_plain"], [bench.dots[0].address], SystemClock(), bluetooth=bench.loop)
-        yield record_devices(devices, folder, duration_s=0.6)
+        yield board, bench
     finally:
         ended.set()
         life.join()
@@ -114,13 +126,53 @@ def recordings(folder: Path) -> Iterator[Session]:
         bench.close()
 
 
+def recordings(folder: Path) -> Iterator[Session]:
+    with live_devices() as (board, bench):
+        devices = open_devices([f"{board.port}:mpu6050_plain"], [bench.dots[0].address], SystemClock(), bluetooth=bench.loop)
+        yield record_devices(devices, folder, duration_s=0.6)
+
+
+def runs(folder: Path, tiny: Path) -> Iterator[Session]:
+    """A run that broke off and was resumed, a replay with live sensors, and a run on an emulated arm."""
+    the_plan = plan(tiny)
+
+    def fail(progress: Progress) -> None:
+        raise DriverError("told to fail")
+
+    with pytest.raises(DriverError, match="told to fail"):
+        execute(the_plan, folder, clock=FakeClock(), progress=fail, session_name="broken")
+    broken = resume(folder / "broken", with_report=False, clock=FakeClock()).session
+    yield broken
+    text = tiny.read_text(encoding="utf-8")
+    sensors = text.split("sensors:\n")[1].split("motion:")[0]
+    two = text.replace(sensors, sensors.replace("hand", "board") + sensors.replace("hand", "dot"))
+    (folder / "two.yaml").write_text(two, encoding="utf-8")
+    with live_devices() as (board, bench):
+        time = SessionTime(SystemClock())
+        named = [f"board={board.port}:mpu6050_plain"], [f"dot={bench.dots[0].address}"]
+        devices = open_devices(*named, SystemClock(), bluetooth=bench.loop, time=time)
+        moved = plan(folder / "two.yaml")
+        arm = ReplayArm(moved.robot, broken.path, time)
+        yield execute_on_arm(moved, arm, Sensors.live(moved, devices), time, ArmRunOptions(folder))
+    slow = text.replace("speed: 0.8", "speed: 0.2") + "arm: {tracking_error_deg: 20}\n"  # this machine may be busy
+    (folder / "slow.yaml").write_text(slow, encoding="utf-8")
+    the_plan = plan(folder / "slow.yaml")
+    with emulated_ur() as robot:
+        time = SessionTime(SystemClock())
+        settings = replace(ur_settings(the_plan, robot.address), watchdog=1.5, arm_silence=1.5)
+        on_arm = UrArm(the_plan.robot, settings, time)
+        options = ArmRunOptions(folder, checklist={"by": "a test"}, resumes={"session": "none", "steps": []})
+        yield execute_on_arm(the_plan, on_arm, Sensors.simulated(the_plan, 1), time, options)
+
+
 @pytest.fixture(scope="module")
-def written(quick: Result, tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
+def written(quick: Result, tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
     """Kinds of session by the keys that were written into their manifests."""
     pytest.importorskip("serial")
+    pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
     folder = tmp_path_factory.mktemp("kinds")
     found: dict[str, set[str]] = {}
-    for session in [quick.session, *imports(folder), *recordings(folder)]:
+    for session in [quick.session, *imports(folder), *recordings(folder), *runs(folder / "runs", tiny)]:
         for key in keys(session.manifest):
             found.setdefault(key, set()).add(session.manifest["kind"])
     return found

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Any
 
-from testbench.records.plan import Plan
+from testbench.records.plan import Plan, PlannedStep
 from testbench.records.samples import ArmSamples
+from testbench.records.session import Event
 
 
 class Arm(ABC):
-    """An arm that can follow a plan: prepare, kickoff, read until done; stop is allowed in every state."""
+    """An arm that can follow a plan: prepare, kickoff, read until done; stop is allowed in every state.
+
+    Attributes:
+        extra_columns: What its samples hold beyond angles and rates, name to type.
+    """
+
+    extra_columns: dict[str, Any] = {}
 
     @abstractmethod
     def prepare(self, plan: Plan) -> None:
@@ -30,3 +38,36 @@ class Arm(ABC):
     @abstractmethod
     def close(self) -> None:
         """Let go of the hardware."""
+
+
+class SteppingArm(Arm):
+    """An arm that goes through the steps of a plan in its own time, and says when each of them happened."""
+
+    @abstractmethod
+    def connect(self) -> None:
+        """Connect, and refuse an arm that must not be driven; nothing moves."""
+
+    @abstractmethod
+    def check_way(self, plan: Plan, steps: list[PlannedStep] | None = None) -> None:
+        """Look at the ways between steps before anything moves; `steps` are those to do, all if None."""
+
+    @property
+    @abstractmethod
+    def finished(self) -> bool:
+        """Whether every step is done."""
+
+    @abstractmethod
+    def events(self) -> list[Event]:
+        """What happened since the last call: step_started, step_settled, step_ended with their `index`, paused, faults."""
+
+    @abstractmethod
+    def pause(self) -> None:
+        """Come to rest at the end of the step under way, and wait."""
+
+    @abstractmethod
+    def resume(self) -> None:
+        """Go on after a pause."""
+
+    @abstractmethod
+    def describe(self) -> dict[str, Any]:
+        """What the manifest should say of this arm."""

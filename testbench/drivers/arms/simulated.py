@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from scipy.linalg import expm
 
 from testbench.drivers.arms.base import Arm
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
 from testbench.model.noise import random_stream
+from testbench.model.servo import servo_parameters, servo_update
 from testbench.records.plan import Plan
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples
@@ -48,7 +48,7 @@ class SimulatedArm(Arm):
         self._error = self._repeatability(plan)
         q0 = plan.trajectory.q[0]
         self._servo = np.stack([q0, np.zeros_like(q0)])
-        self._update = _servo_update(self.robot, self._period_ns / NANOSECONDS)
+        self._update = servo_update(self.robot, self._period_ns / NANOSECONDS)
         e0 = self._error.q[0]
         self._times = np.zeros(1, dtype=np.int64)
         self._true = np.stack([q0 + e0, np.zeros_like(q0), np.zeros_like(q0)])[None]
@@ -70,7 +70,7 @@ class SimulatedArm(Arm):
         times = ticks * self._period_ns
         sent = self._sent(times)
         servo = servo_response(*self._update, self._servo, sent)
-        omega, damping = self._parameters()
+        omega, damping = servo_parameters(self.robot)
         acceleration = omega**2 * (sent - servo[:, 0]) - 2 * damping * omega * servo[:, 1]
         error = np.stack(self._error.at(times), axis=1)
         true = np.concatenate([servo, acceleration[:, None]], axis=1) + error
@@ -110,10 +110,6 @@ class SimulatedArm(Arm):
         v = servo[:, 1] + np.radians(spec.velocity_noise_deg_s) * noise[:, 1]
         return ArmSamples(self.robot.joint_names, times, sent, q, v)
 
-    def _parameters(self) -> tuple[float, float]:
-        servo = self.robot.spec.servo
-        return 2 * np.pi * servo.natural_frequency_hz, servo.damping_ratio
-
     def _repeatability(self, plan: Plan) -> Trajectory:
         """Error of the true angles: that of the zeros, and another of each move, blended smoothly over it."""
         sd = np.radians(self.robot.spec.servo.repeatability_deg)
@@ -135,18 +131,6 @@ class SimulatedArm(Arm):
 def draw_zero_errors(robot: Robot, seed: int) -> np.ndarray:
     """How far each joint's true angle lies from what its encoder says, through a whole run, shape (n_joints,) [rad]."""
     return robot.joint_angle_uncertainty * random_stream(seed, "arm", "zeros").standard_normal(len(robot.joint_names))
-
-
-def _servo_update(robot: Robot, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Exact discrete form of the servo for a reference that is linear between instants (Franklin et al. 1998, section 6.3)."""
-    omega, damping = 2 * np.pi * robot.spec.servo.natural_frequency_hz, robot.spec.servo.damping_ratio
-    A = np.array([[0.0, 1.0], [-(omega**2), -2 * damping * omega]])
-    B = np.array([[0.0], [omega**2]])
-    augmented = np.zeros((4, 4))
-    augmented[:2, :2], augmented[:2, 2:3], augmented[2, 3] = A * period, B * period, 1.0
-    exponential = expm(augmented)
-    now, slope = exponential[:2, 2], exponential[:2, 3]
-    return exponential[:2, :2].copy(), now - slope, slope.copy()
 
 
 @njit(cache=True)

@@ -96,6 +96,7 @@ class SimulatedImu(Imu):
             "rate_hz": self.rate,
             "magnetometer": self.has_magnetometer,
             "orientation": self.has_orientation,
+            "temperature": self.has_temperature,
             "sampling": self.parameters.sampling,
             "rate_delay_s": self._rate_delay(),
         }

@@ -1,0 +1,146 @@
+"""Where the stages meet on an arm that keeps its own time, and where a run that broke off is gone on with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import mkdtemp
+
+from testbench.clock import Clock, SystemClock
+from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.replay import ReplayArm
+from testbench.drivers.arms.ur import UrArm, ur_settings
+from testbench.drivers.imus.streamed import SessionTime
+from testbench.estimation.filters import OrientationFilter
+from testbench.exceptions import InputError
+from testbench.execution import execute
+from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.execution.device_recorder import open_devices
+from testbench.execution.executor import Progress, simulated_sensors
+from testbench.execution.resume import missing_steps, open_for_resume, refuse_differences, stored_protocol, stored_robot
+from testbench.model.dh_calibration import calibrated
+from testbench.pipeline import Result, analyse, make_plan
+from testbench.planning.planner import find_robot
+from testbench.records.arm_calibration import load_arm_calibration
+from testbench.records.calibration_file import load_calibrations
+from testbench.records.plan import Plan
+from testbench.records.protocol_file import load_protocol
+from testbench.records.robot import Robot
+
+
+@dataclass(frozen=True)
+class ArmSetup:
+    """What moves and what is recorded in a run that is not simulated.
+
+    Attributes:
+        host: Address of the controller. log: A recorded motion to replay instead of an arm. simulate_imus: Sensors follow the
+        reported motion. serial, dots: Live devices, as for `open_devices`. seed: Of simulated sensors. arm_serial: Serial
+        number that the arm must have; any if None.
+    """
+
+    host: str = ""
+    log: Path | None = None
+    simulate_imus: bool = False
+    serial: list[str] = field(default_factory=list)
+    dots: list[str] = field(default_factory=list)
+    seed: int = 0
+    arm_serial: str | None = None
+
+
+def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
+    """The arm of a protocol with its own kinematics, from a calibration.yaml.
+
+    Its corrected URDF lies beside the calibration's folder of the system's temporary files; the session keeps a copy.
+    """
+    calibration = load_arm_calibration(kinematics)
+    folder = Path(mkdtemp(prefix="testbench-"))
+    return calibrated(find_robot(load_protocol(protocol), robot), calibration, folder)
+
+
+def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Sensors, SessionTime]:
+    """The arm and the sensors of a run that is not simulated; nothing is connected yet.
+
+    Raises:
+        InputError: No sensors, or devices that are not the protocol's.
+        DriverError: An extra is missing.
+    """
+    time = SessionTime(clock)
+    if setup.log is not None:
+        arm: SteppingArm = ReplayArm(plan.robot, setup.log, time)
+    else:
+        arm = UrArm(plan.robot, ur_settings(plan, setup.host), time, setup.arm_serial)
+    if setup.simulate_imus:
+        return arm, Sensors.simulated(plan, setup.seed), time
+    if not setup.serial and not setup.dots:
+        raise InputError("name the sensors on the arm with --serial or --dot, or simulate them with --simulate-imus")
+    devices = open_devices(setup.serial, setup.dots, clock, time=time)
+    return arm, Sensors.live(plan, devices), time
+
+
+def run_on_arm(
+    plan: Plan,
+    setup: ArmSetup,
+    options: ArmRunOptions,
+    filters: Sequence[str | OrientationFilter] | None = None,
+    with_report: bool = True,
+    clock: Clock | None = None,
+    calibrations: Path | None = None,
+    tunings: Sequence[Path] = (),
+) -> Result:
+    """Run a plan on an arm that keeps its own time, and judge it.
+
+    Args:
+        plan: As made by `make_plan`. setup: Arm and sensors. options: As for `execute_on_arm`. filters, with_report,
+        calibrations, tunings: As for `run`. clock: The machine's if None.
+    """
+    if calibrations is not None:
+        load_calibrations(calibrations)  # a bad file is refused before anything moves
+    arm, sensors, time = make_arm(plan, setup, clock or SystemClock())
+    session = execute_on_arm(plan, arm, sensors, time, options)
+    return analyse(session, filters, with_report, plan, calibrations, tunings)
+
+
+def resume(
+    path: Path,
+    setup: ArmSetup | None = None,
+    options: ArmRunOptions | None = None,
+    protocol: str | Path | None = None,
+    filters: Sequence[str | OrientationFilter] | None = None,
+    with_report: bool = True,
+    clock: Clock | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    calibrations: Path | None = None,
+    tunings: Sequence[Path] = (),
+) -> Result:
+    """Go on with a session whose run broke off.
+
+    A simulated run is completed in its own folder. A real arm does what is missing in a session of its own, after the steps
+    that give the sensors their references.
+
+    Args:
+        path: Of the session. setup, options: For a run that is not simulated. protocol: As it is today; the session's own copy
+        if None. filters, with_report, clock, progress, calibrations, tunings: As for `run`.
+
+    Raises:
+        SessionError: It was completed, or is no run.
+        InputError: Protocol, robot, sensors or software are not what they were; lists what differs.
+    """
+    if calibrations is not None:
+        load_calibrations(calibrations)
+    session = open_for_resume(path)
+    with stored_protocol(session) as stored:
+        the_plan = make_plan(protocol or stored, stored_robot(session), filters, tunings)
+        if session.manifest["arm"]["driver"] == "simulated":
+            refuse_differences(session, the_plan, simulated_sensors(the_plan))
+            seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
+            resumed = execute(the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session)
+            return analyse(resumed, filters, with_report, the_plan, calibrations, tunings)
+        if setup is None or options is None:
+            raise InputError(f"{path} was run on a real arm; say --arm, --host and --confirm-motion to go on")
+        arm, sensors, time = make_arm(the_plan, setup, clock or SystemClock())
+        refuse_differences(session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()})
+        steps = missing_steps(session, the_plan)
+        options = replace(options, steps=steps, resumes={"session": session.name, "steps": [step.index for step in steps]})
+        session = execute_on_arm(the_plan, arm, sensors, time, options)
+        return analyse(session, filters, with_report, the_plan, calibrations, tunings)

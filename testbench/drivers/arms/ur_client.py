@@ -1,0 +1,307 @@
+"""A Universal Robots controller through its client library ur_rtde: connect, ask, sample, move, stop.
+
+Samples are read as one piece: the time stamp is read before and after the values, and where it changed they are read again.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from testbench.drivers.arms.controller_clock import ControllerClock
+from testbench.drivers.arms.ur_link import LinkSettings
+
+DASHBOARD_PORT, SECONDARY_PORT = 29999, 30002
+KEEP_ALIVE_S = 0.02
+IN_TOUCH_S = 0.25
+REASON_S = 0.1
+"""Samples come slower than the client learns that a program ended; they say why within this time [s]."""
+SMOOTHING = 0.1
+"""Weight of the newest sample in the smoothed angles that decide whether a pose is reached: encoders hiss."""
+VARIABLES = [
+    "timestamp", "target_q", "actual_q", "actual_qd", "actual_current", "joint_temperatures", "robot_mode", "safety_mode",
+    "runtime_state", "robot_status_bits", "safety_status_bits", "target_speed_fraction", "speed_scaling",
+]  # fmt: skip
+PROTECTIVE, SAFEGUARD, EMERGENCY, VIOLATION, FAULT = 1 << 2, 1 << 4, 1 << 7, 1 << 8, 1 << 9
+"""Bits of `safety_status_bits` (RTDE guide)."""
+RUNNING = 7
+"""`robot_mode` of an arm that may move (RTDE guide)."""
+
+
+class ArmFault(Exception):
+    """The arm cannot go on.
+
+    Attributes:
+        kind: A word for events and programs.
+    """
+
+    def __init__(self, kind: str, message: str):
+        self.kind = kind
+        super().__init__(message)
+
+
+class UrClient:
+    """The client's three connections.
+
+    Args:
+        settings: Address, rates, tool.
+    """
+
+    def __init__(self, settings: LinkSettings):
+        self.settings = settings
+        self.clock = ControllerClock()
+        self.q = self.v = self.q_target = self.q_smooth = np.zeros(6)
+        self.slider = 1.0
+        self.listening = False
+        self._control: Any = None
+        self._receive: Any = None
+        self._stamp = -1.0
+        self._arrival = time.monotonic()
+        self._fed = 0.0
+        self._modes = (0, 0)
+        self._bits = 0
+        self._program_seen = self._streaming = False
+
+    def now_ns(self) -> int:
+        """Host time [ns]."""
+        return time.monotonic_ns()
+
+    def connect(self) -> dict[str, Any]:
+        """Connect, and say what there is; nothing moves.
+
+        Raises:
+            ArmFault: There is no controller, or none that this client can drive.
+        """
+        try:
+            import dashboard_client
+            import rtde_control
+            import rtde_receive
+        except ImportError:
+            raise ArmFault(
+                "extra_missing",
+                "driving a Universal Robots arm needs the extra 'ur': pip install 'imu-testbench[ur]' "
+                "(its client library exists for x86-64 and Python up to 3.12)",
+            ) from None
+        host = self.settings.host
+        dashboard = dashboard_client.DashboardClient(host)
+        info = self._ask(dashboard)
+        if info["refused"] is not None:
+            return info
+        try:
+            self._receive = rtde_receive.RTDEReceiveInterface(host, self.settings.record_hz, VARIABLES, False, True)
+            self.listening = True
+            self._wait_for_sample()
+            info |= {"q_rad": self.q.tolist(), "speed_slider": self.slider, "robot_mode": self._modes[0]}
+            refusal = self._refusal()
+            if refusal is not None:
+                return info | {"refused": refusal}
+            interface = rtde_control.RTDEControlInterface
+            flags = interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS | interface.FLAG_NO_EXT_FT
+            self._control = interface(host, self.settings.control_hz, flags)
+            if self.settings.mass is not None and not self._control.setPayload(self.settings.mass, list(self.settings.centre)):
+                raise ArmFault("payload", "the controller did not take the weight of the tool")
+            if not self._control.setWatchdog(1 / self.settings.watchdog):
+                raise ArmFault("watchdog", "the controller's watchdog could not be set")
+            self._program_seen = True
+        except ArmFault:
+            raise
+        except Exception as error:
+            raise ArmFault("connection", f"the controller at {host} cannot be driven: {error}") from None
+        return info
+
+    def _ask(self, dashboard: Any) -> dict[str, Any]:
+        """What the dashboard says of the arm, and why it must be refused, if it must."""
+        host = self.settings.host
+        try:
+            dashboard.connect(2000)
+            if not dashboard.isConnected():
+                raise ArmFault("connection", f"no controller answers at {host}, port {DASHBOARD_PORT}")
+            version = dashboard.polyscopeVersion()
+            found = re.match(r"(\d+)\.(\d+)", version)
+            numbers = (int(found.group(1)), int(found.group(2))) if found else (0, 0)
+            info: dict[str, Any] = {"polyscope": version, "refused": None}
+            if numbers < (5, 6) or numbers[0] > 5:
+                info["refused"] = f"the controller has PolyScope {version}; this driver needs 5.6 or a later 5"
+                return info
+            info |= {
+                "model": dashboard.getRobotModel(),
+                "serial": dashboard.getSerialNumber(),
+                "remote_control": dashboard.isInRemoteControl(),
+                "safety_status": dashboard.safetystatus().partition(": ")[2],
+            }
+            dashboard.disconnect()
+        except ArmFault:
+            raise
+        except Exception as error:
+            raise ArmFault("connection", f"the dashboard at {host} does not answer: {error}") from None
+        if not info["remote_control"]:
+            info["refused"] = "the robot is not in remote control; switch it on the teach pendant"
+        return info
+
+    def _refusal(self) -> str | None:
+        if self._bits & PROTECTIVE:
+            return "the robot is in a protective stop; find its cause, then unlock it on the teach pendant"
+        if self._bits & (EMERGENCY | SAFEGUARD | VIOLATION | FAULT):
+            return "the robot's safety system has stopped it; see the teach pendant"
+        if self._modes[0] != RUNNING:
+            return f"the arm is not running (robot mode {self._modes[0]}); power it on and release the brakes"
+        if self.slider < self.settings.least_slider:
+            return (
+                f"the speed slider stands at {100 * self.slider:.0f} %, below the {100 * self.settings.least_slider:.0f} % "
+                "that the plan needs"
+            )
+        return None
+
+    def _wait_for_sample(self) -> None:
+        end = time.monotonic() + 3.0
+        while self.sample() is None:
+            if time.monotonic() > end:
+                raise ArmFault("silence", "the controller sends no data")
+            time.sleep(0.001)
+
+    def sample(self) -> tuple[Any, ...] | None:
+        """The newest sample if there is one since the last call.
+
+        Returns:
+            Host time [ns], controller time [ns], angles, rates, currents, temperatures, robot and safety mode, speed scaling,
+            the number of samples that were missed before it.
+        """
+        receive = self._receive
+        for _ in range(4):
+            stamp = receive.getTimestamp()
+            if stamp == self._stamp:
+                return None
+            q, v, target = receive.getActualQ(), receive.getActualQd(), receive.getTargetQ()
+            current, heat = receive.getActualCurrent(), receive.getJointTemperatures()
+            modes, bits = (receive.getRobotMode(), receive.getSafetyMode()), receive.getSafetyStatusBits()
+            slider, scaling = receive.getTargetSpeedFraction(), receive.getSpeedScaling()
+            if receive.getTimestamp() == stamp:
+                break
+        else:
+            return None
+        arrival = self.now_ns()
+        first = self._stamp < 0
+        missed = 0 if first else max(round((stamp - self._stamp) * self.settings.record_hz) - 1, 0)
+        self._stamp, self._arrival = stamp, time.monotonic()
+        self.q, self.v, self.q_target = np.array(q), np.array(v), np.array(target)
+        self.q_smooth = self.q if first else self.q_smooth + SMOOTHING * (self.q - self.q_smooth)
+        if float(np.abs(self.q - self.q_smooth).max()) > 0.001:  # it moves: follow at once
+            self.q_smooth = self.q
+        self._modes, self._bits, self.slider = modes, bits, slider
+        controller_ns = round(stamp * 1e9)
+        host_ns = self.clock.host_ns(controller_ns, arrival)
+        return host_ns, controller_ns, self.q, self.v, np.array(current), np.array(heat), *modes, scaling, missed
+
+    def check(self, settings: LinkSettings) -> None:
+        """Look at safety, power, program and data.
+
+        Raises:
+            ArmFault: The arm must stop, or has stopped.
+        """
+        self._check_state()
+        if not self._receive.isConnected():
+            raise ArmFault("disconnect", "the connection to the controller was lost")
+        if time.monotonic() - self._arrival > settings.arm_silence:
+            raise ArmFault("rtde_silence", f"the controller sent no data for {settings.arm_silence:g} s")
+        if self.slider < settings.least_slider - 0.005:
+            raise ArmFault("speed_slider", f"the speed slider was turned down to {100 * self.slider:.0f} %")
+        if self._program_seen and not self._control.isProgramRunning():
+            self._look_again()
+            raise ArmFault("program_stopped", "the program on the controller was stopped")
+
+    def _check_state(self) -> None:
+        if self._bits & EMERGENCY:
+            raise ArmFault("emergency_stop", "the robot's emergency stop was triggered")
+        if self._bits & PROTECTIVE:
+            raise ArmFault("protective_stop", "the robot made a protective stop")
+        if self._bits & (SAFEGUARD | VIOLATION | FAULT):
+            raise ArmFault("safety_stop", f"the robot's safety system stopped it (safety mode {self._modes[1]})")
+        if self._modes[0] != RUNNING:
+            raise ArmFault("power_off", f"the arm lost its power (robot mode {self._modes[0]})")
+
+    def keep_alive(self) -> None:
+        """Feed the controller's watchdog."""
+        now = time.monotonic()
+        if self._control is not None and now - self._fed > KEEP_ALIVE_S:
+            self._fed = now
+            self._command("the watchdog could not be fed", self._control.kickWatchdog)
+
+    def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
+        """Begin a moveJ."""
+        self._command("moveJ was refused", self._control.moveJ, target.tolist(), speed, acceleration, True)
+
+    def stream(self, target: np.ndarray, settings: LinkSettings) -> None:
+        """Send a target of servoJ; the controller's watchdog is fed by it."""
+        period = 1.0 / settings.control_hz
+        self._fed, self._streaming = time.monotonic(), True
+        self._command(
+            "servoJ was refused", self._control.servoJ, target.tolist(), 0.0, 0.0, period, settings.lookahead, settings.gain
+        )
+
+    def stop_stream(self, deceleration: float) -> None:
+        """End servoJ."""
+        self._command("servoStop was refused", self._control.servoStop, deceleration)
+        self._streaming = False
+
+    def _command(self, failure: str, call: Callable[..., Any], *arguments: Any) -> None:
+        try:
+            done = call(*arguments)
+        except Exception as error:
+            raise ArmFault("disconnect", f"the connection to the controller was lost: {error}") from None
+        if not done:
+            self._look_again()
+            raise ArmFault("refused", failure)
+
+    def _look_again(self) -> None:
+        """A command that is refused, or a program that ended, has a reason, which the next samples may tell."""
+        end = time.monotonic() + REASON_S
+        while time.monotonic() < end and self.listening:
+            self.sample()
+            self._check_state()
+            if not self._receive.isConnected():
+                raise ArmFault("disconnect", "the connection to the controller was lost")
+            time.sleep(0.002)
+        if self._program_seen and not self._control.isProgramRunning():
+            raise ArmFault("program_stopped", "the program on the controller was stopped")
+
+    def _in_touch(self) -> bool:
+        """Whether the controller spoke lately; if not, the client's commands would wait for an answer for minutes."""
+        return bool(self._receive.isConnected()) and time.monotonic() - self._arrival < IN_TOUCH_S
+
+    def stop(self, deceleration: float) -> None:
+        """Bring the arm to rest by every way there is; never raises.
+
+        Where the controller is out of touch, a program of its own goes to its script interface and replaces the one that moves.
+        """
+        if self._control is not None and self._in_touch():
+            with suppress(Exception):
+                if self._control.isConnected() and self._control.isProgramRunning():
+                    if self._streaming:
+                        self._control.servoStop(deceleration)
+                    else:
+                        self._control.stopJ(deceleration, True)
+                    self._control.stopScript()
+                    return
+        if self._receive is None or math.isinf(deceleration):
+            return
+        with suppress(OSError), socket.create_connection((self.settings.host, SECONDARY_PORT), 0.5) as script:
+            script.sendall(f"def stop_bench():\n  stopj({deceleration})\nend\n".encode())
+
+    def close(self) -> None:
+        """Let go of the controller; never raises."""
+        if self._control is not None and self._in_touch():
+            with suppress(Exception):
+                if self._control.isConnected() and self._control.isProgramRunning():
+                    self._control.stopScript()
+        for interface in (self._control, self._receive):
+            if interface is not None:
+                with suppress(Exception):
+                    interface.disconnect()
+        self.listening = False

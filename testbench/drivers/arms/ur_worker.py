@@ -1,0 +1,323 @@
+"""The process that drives a Universal Robots arm; started by `ur_link.Link`, never by a person.
+
+One thread, one loop at the streaming rate with absolute deadlines: take a sample, look at the safety system, advance the step
+under way, feed the controller's watchdog. Whatever goes wrong, the arm is stopped first and reported afterwards.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from testbench.drivers.arms.ur_client import ArmFault, UrClient
+from testbench.drivers.arms.ur_link import LinkSettings, Motion
+
+SENT_KEPT_S = 0.4
+"""Targets sent within this time are compared with what is reached: longer than lookahead and servo lag together [s]."""
+SETTLED_FOR_S = 0.05
+"""A pose counts as reached once the joints are at rest in it for so long [s]."""
+REST_RAD_S = float(np.radians(0.15))
+"""Largest joint rate at rest: above the noise of the rates [rad/s]."""
+STOP_RAD_S2 = 4.0
+"""Deceleration of stops [rad/s^2]; the script manual's default for stopj is 2."""
+PATIENCE = 3.0
+"""A move may take this many times as long as planned, and 5 s."""
+LATE_NS = 1_000_000
+"""A deadline missed by more counts as an overrun [ns]."""
+HAND_OVER_S = 0.05
+"""Samples go to the bench this often [s]."""
+
+SAYING_S = 0.5
+"""While nothing is recorded the bench hears at least this often that the arm is looked after [s]."""
+REALTIME_PRIORITY = 20
+"""Of the first-in-first-out class: above every ordinary process, below the kernel's own threads."""
+
+
+class Stopped(Exception):
+    """The bench asked for a stop."""
+
+
+class Worker:
+    """The loop.
+
+    Args:
+        connection: To the bench. client: Of the controller. settings: As the bench said.
+    """
+
+    def __init__(self, connection: Connection, client: UrClient, settings: LinkSettings):
+        self.connection, self.client, self.settings = connection, client, settings
+        self.period_ns = round(1e9 / settings.control_hz)
+        self.origin_ns: int | None = None
+        self.queue: list[Motion] = []
+        self.more_to_come = True
+        self.rows: list[tuple[Any, ...]] = []
+        self.heard = self.handed = time.monotonic()
+        self.paused = self.holding = False
+        self.cycles = self.overruns = self.missed = 0
+        self.lateness = np.zeros(2001, dtype=np.int64)  # histogram, 10 us a bin
+        self.sent: list[np.ndarray] = []
+        self.streamed: np.ndarray | None = None
+        self.realtime = os.sched_getscheduler(0) == os.SCHED_FIFO
+
+    def serve(self) -> None:
+        """Do what the bench asks until it lets go."""
+        while True:
+            message = self._next_request()
+            if message[0] == "close":
+                return
+            if message[0] == "approach":
+                self._guarded([message[1]], "approached")
+            elif message[0] == "run":
+                self.origin_ns = message[1]
+                self.client.clock.begin()
+                self._guarded([], "done")
+
+    def _next_request(self) -> tuple[Any, ...]:
+        """Between motions: samples go on while the bench records."""
+        while True:
+            if self.connection.poll(0.02):
+                message = self.connection.recv()
+                if message[0] in {"approach", "run", "close"}:
+                    return tuple(message)
+            self.client.keep_alive()
+            row = self.client.sample()
+            if row is not None and self.origin_ns is not None:
+                self._keep(row)
+                self._hand_over()
+
+    def _guarded(self, motions: list[Motion], finished: str) -> None:
+        """Run motions; a fault stops the arm and is told."""
+        self.queue, self.more_to_come = motions, finished == "done"
+        self.heard = time.monotonic()
+        gc.disable()
+        try:
+            self._loop(self._steps())
+            self._hand_over(force=True)
+            self._say(finished, self.client.q.copy())
+        except Stopped as stop:
+            self._stop_arm()
+            self._say("stopped", str(stop))
+        except ArmFault as fault:
+            self._stop_arm()
+            self._say("fault", fault.kind, str(fault))
+        except (EOFError, BrokenPipeError, ConnectionError):
+            self._stop_arm()
+            raise
+        except Exception as error:  # a bug must not leave the arm moving
+            self._stop_arm()
+            self._say("fault", "driver", f"the driver of the arm failed: {type(error).__name__}: {error}")
+        finally:
+            gc.enable()
+
+    def _say(self, *message: Any) -> None:
+        self._hand_over(force=True)
+        self.connection.send(("timing", self.timing()))
+        self.connection.send(message)
+
+    def timing(self) -> dict[str, Any]:
+        """How the deadlines were kept."""
+        total = np.cumsum(self.lateness)
+        count = int(total[-1])
+        at = [float(np.searchsorted(total, share * count)) * 10e-6 for share in (0.5, 0.99)] if count else [0.0, 0.0]
+        return {
+            "cycles": self.cycles,
+            "overruns": self.overruns,
+            "late_median_s": at[0],
+            "late_p99_s": at[1],
+            "samples_missed": self.missed,
+            "realtime_priority": self.realtime,
+        }
+
+    def _loop(self, steps: Iterator[None]) -> None:
+        """One turn a control period, each at its own absolute deadline."""
+        due = time.monotonic_ns()
+        for _ in steps:
+            due += self.period_ns
+            late = time.monotonic_ns() - due
+            if late < 0:
+                time.sleep(-late * 1e-9)
+                late = time.monotonic_ns() - due
+            self.cycles += 1
+            self.lateness[min(max(late, 0) // 10_000, 2000)] += 1
+            if late > LATE_NS:
+                self.overruns += 1
+            if late > 50 * self.period_ns:  # a stall: the rhythm begins anew, what was missed is not made up in a burst
+                due += late
+            row = self.client.sample()
+            if row is not None:
+                self._keep(row)
+            self.client.check(self.settings)
+            self._listen()
+            self._hand_over()
+
+    def _listen(self) -> None:
+        now = time.monotonic()
+        while self.connection.poll():
+            message = self.connection.recv()
+            self.heard = now
+            if message[0] == "stop":
+                raise Stopped(message[1])
+            if message[0] == "close":
+                raise EOFError
+            if message[0] == "motion":
+                self.queue.append(message[1])
+            elif message[0] == "no_more":
+                self.more_to_come = False
+            elif message[0] in {"pause", "resume"}:
+                self.paused = message[0] == "pause"
+        if now - self.heard > self.settings.host_silence:
+            raise ArmFault("host_silence", f"the bench was silent for {self.settings.host_silence:g} s")
+
+    def _keep(self, row: tuple[Any, ...]) -> None:
+        if self.origin_ns is not None:
+            self.missed += row[-1]
+            sent = self.client.q_target if self.streamed is None else self.streamed
+            self.rows.append((row[0] - self.origin_ns, *row[1:-1], sent.copy()))
+
+    def _hand_over(self, force: bool = False) -> None:
+        now = time.monotonic()
+        if self.rows and (force or now - self.handed > HAND_OVER_S):
+            columns = [np.array(column) for column in zip(*self.rows, strict=True)]
+            self.connection.send(("samples", columns))
+            self.rows, self.handed = [], now
+        elif now - self.handed > SAYING_S:
+            self.connection.send(("alive",))
+            self.handed = now
+
+    def _steps(self) -> Iterator[None]:
+        """All motions, one turn of the loop at a time."""
+        while True:
+            while self.paused and self.origin_ns is not None:  # between steps, the arm at rest
+                if not self.holding:
+                    self.holding = True
+                    self._event("paused", -1)
+                self.client.keep_alive()
+                yield
+            if self.holding:
+                self.holding = False
+                self._event("resumed", -1)
+            if not self.queue:
+                if not self.more_to_come:
+                    return
+                self.client.keep_alive()
+                yield
+                continue
+            motion = self.queue.pop(0)
+            self._event("step_started", motion.index)
+            yield from {"move": self._move, "stream": self._stream, "hold": self._hold}[motion.kind](motion)
+            self._event("step_settled", motion.index)
+            yield from self._dwell(motion.dwell)
+            self._event("step_ended", motion.index)
+
+    def _move(self, motion: Motion) -> Iterator[None]:
+        self.client.move(motion.target, motion.speed, motion.acceleration)
+        slowest = max(self.client.slider, 0.01)
+        yield from self._settle(motion, PATIENCE * motion.duration / slowest + 5.0)
+
+    def _settle(self, motion: Motion, limit: float) -> Iterator[None]:
+        """Wait until the joints rest at the target."""
+        end, since = time.monotonic() + limit, None
+        while True:
+            now = time.monotonic()
+            near = float(np.abs(self.client.q_smooth - motion.target).max()) < self.settings.settled
+            still = float(np.abs(self.client.v).max()) < REST_RAD_S
+            since = (since or now) if near and still else None
+            if since is not None and now - since > SETTLED_FOR_S:
+                return
+            if now > end:
+                error = np.degrees(np.abs(self.client.q - motion.target).max())
+                raise ArmFault("not_reached", f"a pose was not reached in time; the worst joint is {error:.3f} deg away")
+            self._compare(self.client.q_target[None])
+            self._keep_target()
+            yield
+
+    def _keep_target(self) -> None:
+        """Between moves the controller is only kept awake; while streaming, the last target is sent again."""
+        if self.streamed is None:
+            self.client.keep_alive()
+        else:
+            self.client.stream(self.streamed, self.settings)
+
+    def _stream(self, motion: Motion) -> Iterator[None]:
+        """Send the path's targets at the times they are planned for; late turns skip, they never bunch."""
+        assert motion.path is not None
+        begin, last = time.monotonic_ns(), len(motion.path) - 1
+        window = round(SENT_KEPT_S * self.settings.control_hz)
+        self.sent = []
+        while True:
+            k = min((time.monotonic_ns() - begin + self.period_ns // 2) // self.period_ns, last)
+            self.streamed = motion.path[k]
+            self.client.stream(self.streamed, self.settings)
+            self.sent = [*self.sent[-window + 1 :], self.streamed]
+            self._compare(np.array(self.sent))
+            yield
+            if k == last:
+                break
+        yield from self._settle(motion, 5.0)
+        self.client.stop_stream(STOP_RAD_S2)
+        self.streamed = None
+
+    def _compare(self, sent: np.ndarray) -> None:
+        """Watch the error of following: against whatever was sent lately, so that lag alone is no error."""
+        error = float(np.abs(sent - self.client.q).max(axis=1).min())
+        if error > self.settings.tracking:
+            raise ArmFault("tracking_error", f"the arm is {np.degrees(error):.2f} deg from where it was sent")
+
+    def _hold(self, motion: Motion) -> Iterator[None]:
+        yield from ()
+
+    def _dwell(self, seconds: float) -> Iterator[None]:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.client.keep_alive()
+            yield
+
+    def _event(self, name: str, index: int) -> None:
+        if self.origin_ns is not None and (index >= 0 or name in {"paused", "resumed"}):
+            self.connection.send(("event", self.client.now_ns() - self.origin_ns, name, index))
+
+    def _stop_arm(self) -> None:
+        """Bring the arm to rest by every way there is, and record until it rests."""
+        self.client.stop(STOP_RAD_S2)
+        end = time.monotonic() + 1.5
+        while time.monotonic() < end and self.client.listening:
+            with suppress(Exception):
+                row = self.client.sample()
+                if row is not None:
+                    self._keep(row)
+                    if float(np.abs(self.client.v).max()) < REST_RAD_S:
+                        break
+            time.sleep(0.002)
+        self.streamed = None
+
+
+def main(descriptor: int) -> None:
+    """Serve the bench at the other end of a socket."""
+    with suppress(OSError):  # where the system lets it; the loop sleeps nearly all of its time
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
+    connection = Connection(descriptor)
+    _, settings = connection.recv()
+    client = UrClient(settings)
+    try:
+        try:
+            connection.send(("info", client.connect()))
+        except ArmFault as fault:
+            connection.send(("fault", fault.kind, str(fault)))
+            return
+        Worker(connection, client, settings).serve()
+    except (EOFError, ConnectionError):
+        client.stop(STOP_RAD_S2)
+    finally:
+        client.close()
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

@@ -1,0 +1,1 @@
+"""Emulations of hardware that answer real client libraries over real connections, to rehearse and to test without an arm."""

@@ -1,0 +1,230 @@
+"""The emulated controller: what its safety system, its program and its joints do from one control period to the next."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from testbench.emulation.ur.faults import Faults, Scenario, ScheduledFault
+from testbench.emulation.ur.joints import Joints
+from testbench.emulation.ur.script import ControlScript, is_control_script
+from testbench.emulation.ur.state import SAFETY_BITS, Registers, RobotMode, RuntimeState, SafetyMode
+from testbench.records.robot import Robot
+
+AMPERE_PER_RAD_S2, AMPERE_PER_RAD_S, AMPERE_NOISE = 0.2, 0.3, 0.02
+"""Currents grow with acceleration and speed by these factors and hiss by this much: a stand-in, not a motor model."""
+ZERO3, ZERO6 = [0.0] * 3, [0.0] * 6
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a controller says of itself: model as the dashboard names it, serial number, PolyScope version."""
+
+    model: str
+    serial: str = "20265000001"
+    polyscope: str = "5.17.0.128818"
+
+    @property
+    def version(self) -> tuple[int, int, int, int]:
+        """Major, minor, bugfix, build."""
+        numbers = [int(part) for part in self.polyscope.split(".")]
+        return (numbers + [0] * 4)[0], (numbers + [0] * 4)[1], (numbers + [0] * 4)[2], (numbers + [0] * 4)[3]
+
+
+class Controller:
+    """State of an emulated controller; `tick` advances it by a control period.
+
+    Args:
+        robot: The arm. identity: Model, serial number, version. q: Joint angles at the start [rad]; the arm's home if None.
+        seed: Of the encoders' noise. scenario: Faults to come.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        identity: Identity,
+        q: np.ndarray | None = None,
+        seed: int = 0,
+        scenario: Scenario | None = None,
+    ):
+        self.robot, self.identity = robot, identity
+        self.joints = Joints(robot, robot.home if q is None else q, seed)
+        self.registers, self.faults = Registers(), Faults()
+        self.scheduled: list[ScheduledFault] = list(scenario.faults) if scenario else []
+        self._to_clear: list[tuple[float, str]] = []
+        self._rng = np.random.default_rng(seed + 1)
+        self.mode, self.safety, self.runtime = RobotMode.RUNNING, SafetyMode.NORMAL, RuntimeState.STOPPED
+        self.script: ControlScript | None = None
+        self.slider, self.remote_control = 1.0, True
+        self.payload, self.payload_cog = 0.0, [0.0, 0.0, 0.0]
+        self.ticks, self.moving_ticks = 0, 0
+        self.messages: list[str] = []
+        self._unlock_at = math.inf
+
+    @property
+    def time(self) -> float:
+        """Time since the controller was started [s], exact multiples of the control period."""
+        return self.ticks * self.joints.period
+
+    @property
+    def playing(self) -> bool:
+        return self.runtime is RuntimeState.PLAYING
+
+    def tick(self) -> None:
+        """Advance by one control period."""
+        self.ticks += 1
+        self._run_scenario()
+        if self.script is not None and self.playing:
+            ended = self.script.tick(self)
+            if ended is not None:
+                self.stop_program(ended)
+        trip = self.joints.step(self.slider)
+        if trip is not None and self.safety is SafetyMode.NORMAL:
+            self.protective_stop(trip)
+        self.moving_ticks += not self.joints.at_rest
+
+    def upload(self, program: str) -> None:
+        """Run a program that came in at a script port; it replaces the one that runs."""
+        if not self.remote_control:
+            self.messages.append("a program was refused: the robot is not in remote control")
+            return
+        if self.mode is not RobotMode.RUNNING or self.safety is not SafetyMode.NORMAL:
+            self.messages.append("a program was refused: the arm is not running")
+            return
+        if is_control_script(program):
+            self.stop_program("replaced by another program")
+            self.script, self.runtime = ControlScript(program), RuntimeState.PLAYING
+            self.script.begin(self)
+        elif program.strip().startswith(("stopj", "def stop", "sec ")) or "stopj" in program:
+            self.stop_program("replaced by another program")
+        else:
+            self.messages.append("a program was refused: only ur_rtde's control script and stopj are emulated")
+
+    def stop_program(self, why: str) -> None:
+        """End the program; the joints come to rest."""
+        if self.script is not None:
+            self.messages.append(f"program ended: {why}")
+        self.script, self.runtime = None, RuntimeState.STOPPED
+        self.joints.stop_hard()
+
+    def pause(self) -> None:
+        """Pause the program."""
+        if self.playing:
+            self.runtime = RuntimeState.PAUSED
+            self.joints.stop_hard()
+
+    def play(self) -> bool:
+        """Go on with a paused program."""
+        ready = self.mode is RobotMode.RUNNING and self.safety is SafetyMode.NORMAL and self.remote_control
+        if self.script is None or self.runtime is not RuntimeState.PAUSED or not ready:
+            return False
+        self.runtime = RuntimeState.PLAYING
+        return True
+
+    def protective_stop(self, why: str) -> None:
+        """Stop hard; it can be unlocked five seconds later, as on the real controller."""
+        self.messages.append(f"protective stop: {why}")
+        self.safety = SafetyMode.PROTECTIVE_STOP
+        self._unlock_at = self.time + 5.0
+        self.pause()
+
+    def unlock_protective_stop(self) -> str:
+        """Answer of the dashboard."""
+        if self.safety is SafetyMode.PROTECTIVE_STOP and self.time < self._unlock_at:
+            return "Cannot unlock protective stop until 5s after occurrence"
+        if self.safety is SafetyMode.PROTECTIVE_STOP:
+            self.safety = SafetyMode.NORMAL
+        return "Protective stop releasing"
+
+    def fault(self, name: str, value: float | None = None) -> None:
+        """Let a fault happen; see `faults.FAULTS`."""
+        faults = self.faults
+        if name == "protective_stop":
+            self.protective_stop("asked for")
+        elif name == "emergency_stop":
+            self.safety = SafetyMode.ROBOT_EMERGENCY_STOP
+            self.stop_program("emergency stop")
+            self.mode = RobotMode.POWER_OFF
+        elif name == "power_off":
+            self.stop_program("power off")
+            self.mode = RobotMode.POWER_OFF
+        elif name == "disconnect":
+            faults.disconnected_until = self.time + (math.inf if value is None else value)
+        elif name == "rtde_delay":
+            faults.rtde_delay_s = 0.2 if value is None else value
+        elif name == "rtde_loss":
+            faults.rtde_loss = 0.5 if value is None else value
+        elif name == "rtde_silence":
+            faults.rtde_silent = True
+        elif name == "slow_response":
+            faults.response_delay_s = 1.0 if value is None else value
+        elif name == "slider":
+            self.slider = min(max(0.5 if value is None else value, 0.0), 1.0)
+        elif name == "local_control":
+            self.remote_control = False
+        elif name == "program_stop":
+            self.stop_program("asked for")
+        self.messages.append(f"fault {name}" + ("" if value is None else f" {value:g}"))
+
+    def lost_package(self) -> bool:
+        """Draw whether an RTDE package is lost."""
+        return bool(self._rng.random() < self.faults.rtde_loss)
+
+    def clear(self) -> None:
+        """End every fault, unlock the safety system and power the arm up again."""
+        self.faults = Faults()
+        self.slider, self.remote_control = 1.0, True
+        self.safety, self.mode = SafetyMode.NORMAL, RobotMode.RUNNING
+        if self.runtime is RuntimeState.PAUSED:
+            self.stop_program("cleared")
+        self.messages.append("cleared")
+
+    def _run_scenario(self) -> None:
+        period = self.joints.period
+        for fault in list(self.scheduled):
+            at = self.time if fault.at_s is not None else self.moving_ticks * period
+            due = fault.at_s if fault.at_s is not None else fault.moving_s
+            if due is not None and at >= due:
+                self.scheduled.remove(fault)
+                self.fault(fault.fault, fault.value)
+                if fault.for_s is not None:
+                    self._to_clear.append((self.time + fault.for_s, fault.fault))
+        for entry in list(self._to_clear):
+            if self.time >= entry[0]:
+                self._to_clear.remove(entry)
+                self.clear()
+
+    def outputs(self) -> dict[str, Any]:
+        """Every RTDE output variable but the registers."""
+        joints = self.joints
+        current = AMPERE_PER_RAD_S2 * joints.a_reference + AMPERE_PER_RAD_S * joints.v_measured
+        powered = self.mode >= RobotMode.POWER_ON
+        noise = AMPERE_NOISE * self._rng.standard_normal(len(current))
+        return {
+            "timestamp": self.time,
+            "target_q": joints.q_reference,
+            "target_qd": joints.v_reference,
+            "target_qdd": joints.a_reference,
+            "target_current": current,
+            "target_moment": current,
+            "actual_q": joints.q_measured,
+            "actual_qd": joints.v_measured,
+            "actual_current": current + noise if powered else ZERO6,
+            "joint_temperatures": [30.0] * 6,
+            "joint_mode": [253 if powered else 239] * 6,
+            "robot_mode": int(self.mode),
+            "safety_mode": int(self.safety),
+            "safety_status": int(self.safety),
+            "runtime_state": int(self.runtime),
+            "robot_status_bits": int(powered) | int(self.script is not None) << 1,
+            "safety_status_bits": SAFETY_BITS[self.safety],
+            "speed_scaling": self.slider if self.playing else 0.0,
+            "target_speed_fraction": self.slider,
+            "payload": self.payload,
+            "payload_cog": self.payload_cog,
+            "actual_main_voltage": 48.0,
+            "actual_robot_voltage": 48.0 if powered else 0.0,
+        }

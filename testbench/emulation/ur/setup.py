@@ -1,0 +1,47 @@
+"""Put an emulated controller together from what a person asks for."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from testbench.emulation.ur.controller import Controller, Identity
+from testbench.emulation.ur.faults import load_scenario
+from testbench.exceptions import InputError
+from testbench.records.robot import load_robot
+
+DASHBOARD_MODELS = {"ur3e": "UR3", "ur5e": "UR5", "ur10e": "UR10"}
+"""What the dashboard of an e-series arm calls itself."""
+
+
+def make_controller(
+    model: str,
+    polyscope: str | None = None,
+    q_deg: list[float] | None = None,
+    seed: int = 0,
+    scenario: Path | None = None,
+    local_control: bool = False,
+) -> Controller:
+    """A controller with its arm at rest.
+
+    Args:
+        model: ur3e, ur5e or ur10e. polyscope: Version it claims. q_deg: Joint angles at the start [deg]; home if None.
+        seed: Of the encoders' noise. scenario: File of faults to come. local_control: Start out of remote control.
+
+    Raises:
+        InputError: The model is not emulated, a version is no version, or the angles are not six.
+    """
+    if model not in DASHBOARD_MODELS:
+        raise InputError(f"'{model}' is not emulated; known: {', '.join(DASHBOARD_MODELS)}")
+    robot = load_robot(model)
+    if polyscope is not None and not re.fullmatch(r"\d{1,3}(\.\d{1,6}){1,3}", polyscope):
+        raise InputError(f"'{polyscope}' is no version; it must look like 5.17.0.128818")
+    if q_deg is not None and len(q_deg) != len(robot.joint_names):
+        raise InputError(f"{len(q_deg)} joint angles were given; {model} has {len(robot.joint_names)}")
+    identity = Identity(DASHBOARD_MODELS[model], **({"polyscope": polyscope} if polyscope else {}))
+    q = None if q_deg is None else np.radians(q_deg)
+    controller = Controller(robot, identity, q, seed, load_scenario(scenario) if scenario else None)
+    controller.remote_control = not local_control
+    return controller

@@ -1,0 +1,280 @@
+"""Run a plan on an arm that keeps its own time: a real or an emulated one, or a recorded motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from testbench.clock import Clock
+from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.imus.base import Imu
+from testbench.drivers.imus.following import ReportedMotion
+from testbench.drivers.imus.simulated import SimulatedImu
+from testbench.drivers.imus.streamed import SessionTime, StreamedImu
+from testbench.exceptions import BenchError, InputError, RunInterrupted, StorageError
+from testbench.execution.device_recorder import Devices
+from testbench.execution.executor import Progress, free_folder
+from testbench.execution.guards import GuardTripped, GuardWatch
+from testbench.execution.operator import Operator, operator_requests
+from testbench.execution.recorder import Recorder
+from testbench.execution.state_machine import RunState, StateMachine
+from testbench.frames import NANOSECONDS
+from testbench.model.kinematics import Kinematics
+from testbench.records.plan import Plan, PlannedStep
+from testbench.records.protocol_arm import Guards
+from testbench.records.samples import ArmSamples, ImuSamples
+from testbench.records.session import Event, RunStatus, Session
+
+CHUNK_NS = NANOSECONDS // 10
+TAIL_NS = NANOSECONDS
+"""Recording goes on this long after the last step, so that the last dwell is whole on every clock."""
+
+
+@dataclass
+class Sensors:
+    """The sensors of a run on a real arm: live ones, or simulated ones that follow the motion which the arm reports.
+
+    Attributes:
+        imus: By the names of the protocol. devices: What must be connected and released, for live ones. motion: What simulated
+        ones feel.
+    """
+
+    imus: dict[str, Imu]
+    devices: Devices | None = None
+    motion: ReportedMotion | None = None
+
+    @staticmethod
+    def simulated(plan: Plan, seed: int) -> Sensors:
+        """Simulated sensors on an arm that moves in real time."""
+        motion = ReportedMotion(plan.robot.spec.rates.record_hz)
+        kinematics, spec = Kinematics(plan.robot), plan.protocol.spec
+        imus: dict[str, Imu] = {
+            name: SimulatedImu(name, sensor, kinematics, spec.environment, motion.state, seed)
+            for name, sensor in spec.sensors.items()
+        }
+        return Sensors(imus, motion=motion)
+
+    @staticmethod
+    def live(plan: Plan, devices: Devices) -> Sensors:
+        """Live devices, which must be called like the protocol's sensors.
+
+        Raises:
+            InputError: A sensor has no device, or a device no sensor.
+        """
+        wanted, given = set(plan.protocol.spec.sensors), set(devices.imus)
+        if wanted != given:
+            raise InputError(
+                f"the protocol's sensors are {', '.join(sorted(wanted))}; the devices are called {', '.join(sorted(given))}: "
+                "name each with --serial NAME=PORT:FORMAT or --dot NAME=ADDRESS"
+            )
+        return Sensors(dict(devices.imus), devices)
+
+    def start(self) -> None:
+        """Begin to record."""
+        if self.devices is not None:
+            self.devices.kickoff()
+        else:
+            for imu in self.imus.values():
+                imu.kickoff()
+
+    def read(self, until_ns: int, arm: ArmSamples) -> dict[str, ImuSamples]:
+        """What came in up to a host time; simulated sensors lag behind the arm's report by a moment."""
+        if self.motion is None:
+            return {name: imu.read(until_ns) for name, imu in self.imus.items()}
+        self.motion.add(arm)
+        if self.motion.known_until_ns <= 0:
+            return {}
+        return {name: imu.read(self.motion.known_until_ns) for name, imu in self.imus.items()}
+
+    def stop(self) -> None:
+        """Stop all."""
+        for imu in self.imus.values():
+            with suppress(BenchError):
+                imu.stop()
+
+    def close(self) -> None:
+        """Release all."""
+        if self.devices is not None:
+            self.devices.close()
+
+    def statistics(self) -> dict[str, Any]:
+        """What the live ones counted."""
+        return {name: imu.statistics() for name, imu in self.imus.items() if isinstance(imu, StreamedImu)}
+
+
+@dataclass
+class ArmRunOptions:
+    """How a run is made.
+
+    Attributes:
+        logs: Folder that sessions are made in. seed: Of simulated sensors. steps: Those to do; all if None. checklist: What was
+        confirmed. resumes: Session and step that this run goes on from. keys: Listen to the keyboard. progress: Called after
+        every chunk of time. name: Of the session's folder; time and protocol if None.
+    """
+
+    logs: Path = Path("logs")
+    seed: int = 0
+    steps: list[PlannedStep] | None = None
+    checklist: dict[str, Any] | None = None
+    resumes: dict[str, Any] | None = None
+    keys: bool = False
+    progress: Callable[[Progress], None] | None = None
+    name: str | None = None
+    details: dict[str, Any] = field(default_factory=dict)
+
+
+def execute_on_arm(plan: Plan, arm: SteppingArm, sensors: Sensors, time: SessionTime, options: ArmRunOptions) -> Session:
+    """Run a plan on an arm that keeps its own time, and record it.
+
+    Args:
+        plan: A checked motion. arm: Not yet connected. sensors: On it. time: Of the session, shared by all. options: The rest.
+
+    Raises:
+        ArmRefused: The arm must not be driven; nothing moved and there is no session.
+        DriverError: Arm, sensor or guard ended the run; the arm was stopped, the session is kept and closed as an error.
+        RunInterrupted: The operator stopped it; the session is kept.
+    """
+    try:
+        arm.connect()
+        arm.check_way(plan, options.steps)
+        return _ArmRun(plan, arm, sensors, time, options).run()
+    finally:
+        arm.close()
+        sensors.close()
+
+
+class _ArmRun:
+    """One run, from a connected arm to a closed session."""
+
+    def __init__(self, plan: Plan, arm: SteppingArm, sensors: Sensors, time: SessionTime, options: ArmRunOptions):
+        self.plan, self.arm, self.sensors, self.time, self.options = plan, arm, sensors, time, options
+        self.clock: Clock = time.clock
+        self.now_ns = 0
+        self.done = 0
+        self.total = len(plan.steps if options.steps is None else options.steps)
+        spec = plan.protocol.spec
+        self.guards = GuardWatch(spec.guards or Guards(), list(sensors.imus))
+        folder = free_folder(options.logs, options.name or f"{self.clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
+        simulated = sensors.motion is not None
+        details = {
+            "arm": arm.describe(),
+            "simulated_sensors": simulated,
+            "checklist": options.checklist,
+            "resumes": options.resumes,
+            **options.details,
+        }
+        seed = options.seed if simulated else None
+        self.recorder = Recorder(plan, sensors.imus, folder, self.clock, seed, details, arm.extra_columns)
+        self.machine = StateMachine(self._state_changed)
+
+    def _state_changed(self, old: RunState, new: RunState, why: str) -> None:
+        with suppress(StorageError):
+            self.recorder.event(self.now_ns, "state", state=str(new), before=str(old), **({"why": why} if why else {}))
+
+    def run(self) -> Session:
+        status, message, error = RunStatus.COMPLETED, "", None
+        with operator_requests(self.options.keys) as operator:
+            try:
+                self.machine.to(RunState.APPROACHING)
+                self.arm.prepare(self.plan)
+                self.sensors.start()
+                self.arm.kickoff()
+                self.recorder.event(0, "run_started", arm=type(self.arm).__name__)
+                self.machine.to(RunState.RUNNING)
+                self._follow(operator)
+                if operator.stop_asked:
+                    status, message = RunStatus.INTERRUPTED, "stopped by the operator"
+            except BaseException as failure:
+                said = str(failure) if isinstance(failure, BenchError) else f"{type(failure).__name__}: {failure}"
+                status, message, error = RunStatus.ERROR, said, failure
+            session = self._close(status, message)
+        if error is not None:
+            raise error
+        if status is RunStatus.INTERRUPTED:
+            raise RunInterrupted(f"interrupted by the operator; what was recorded is kept in {session.path}", session)
+        return session
+
+    def _follow(self, operator: Operator) -> None:
+        end_ns: int | None = None
+        while end_ns is None or self.now_ns < end_ns:
+            operator.look()
+            if operator.stop_asked:
+                return
+            self._pause_or_resume(operator)
+            self._advance(max(self.now_ns + CHUNK_NS, self.time.now_ns()), operator)
+            if self.arm.finished and end_ns is None:
+                end_ns = self.now_ns + TAIL_NS
+            if self.options.progress is not None:
+                step = self.plan.steps[min(self.done, len(self.plan.steps) - 1)]
+                self.options.progress(Progress(step.name, self.done, self.total, float(self.done), float(self.total)))
+
+    def _pause_or_resume(self, operator: Operator) -> None:
+        if operator.pause_asked and self.machine.state is RunState.RUNNING:
+            self.arm.pause()
+            self.machine.to(RunState.PAUSED, "asked for")
+        elif not operator.pause_asked and self.machine.state is RunState.PAUSED:
+            self.arm.resume()
+            self.machine.to(RunState.RUNNING, "asked for")
+
+    def _advance(self, until_ns: int, operator: Operator | None = None) -> None:
+        arm = self.arm.read(until_ns)
+        self.now_ns = until_ns
+        self._note(self.arm.events())
+        imus = self.sensors.read(until_ns, arm)
+        happened = self._note_devices()
+        self.recorder.samples(arm, imus)
+        if operator is not None:
+            self._judge(arm, imus, happened, operator)
+
+    def _note_devices(self) -> dict[str, list[Event]]:
+        """Put what happened to the sensors, such as a lost connection, among the events of the run; the same by name."""
+        happened = {name: imu.events() for name, imu in self.sensors.imus.items()}
+        self.recorder.device_events(happened)
+        return happened
+
+    def _judge(
+        self, arm: ArmSamples, imus: dict[str, ImuSamples], happened: dict[str, list[Event]], operator: Operator
+    ) -> None:
+        motion = self.sensors.motion
+        due = self.now_ns if motion is None else motion.known_until_ns  # simulated sensors are not silent, the arm is
+        for trip in self.guards.look(due, arm, imus, happened):
+            self.recorder.guard_event(self.now_ns, trip)
+            if trip.action == "stop":
+                raise GuardTripped(f"a guard stopped the run: {trip.sentence}")
+            if trip.action == "pause":
+                operator.pause_asked = True
+
+    def _note(self, events: Iterable[Event]) -> None:
+        by_index = {step.index: step for step in self.plan.steps}
+        for event in events:
+            if event.event.startswith("step_"):
+                self.done += event.event == "step_ended"
+                self.recorder.step_event(event.host_time_ns, event.event, by_index[event.details["index"]])
+            else:
+                self.recorder.event(event.host_time_ns, event.event, **event.details)
+
+    def _close(self, status: RunStatus, message: str) -> Session:
+        """Stop the arm, keep what there is; a failure here must not hide the first one."""
+        self.now_ns = max(self.now_ns, self.time.now_ns())
+        finished = self.arm.finished
+        if status is RunStatus.ERROR:
+            self.machine.to(RunState.FAULTED, message)
+        else:
+            self.machine.to(RunState.STOPPING)
+        self.arm.stop()
+        with suppress(StorageError):
+            self._note(self.arm.events())
+        if self.now_ns > 0 and not finished:
+            with suppress(BenchError):
+                self._advance(self.now_ns)
+        self.sensors.stop()
+        if status is not RunStatus.ERROR:
+            self.machine.to(RunState.DONE)
+        with suppress(StorageError):
+            self._note_devices()
+            self.recorder.event(self.now_ns, f"run_{status}", message=message)
+        details = {"arm": self.arm.describe(), "device_statistics": self.sensors.statistics()}
+        return self.recorder.close(status, message, details)

@@ -1,0 +1,130 @@
+"""Guards: what is watched during a run, and what follows when a limit is broken."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from testbench.exceptions import DriverError
+from testbench.frames import NANOSECONDS
+from testbench.records.protocol_arm import Action, Guard, Guards
+from testbench.records.samples import ArmSamples, ImuSamples
+from testbench.records.session import Event
+
+REFERENCE_SAMPLES = 60
+"""The magnetic norm is compared with the median of a sensor's first samples, so many."""
+
+
+class GuardTripped(DriverError):
+    """A guard stopped the run."""
+
+
+@dataclass(frozen=True)
+class Trip:
+    """A limit that was broken.
+
+    Attributes:
+        guard: Its name, with the unit. subject: Sensor or joint. value, limit: In the guard's unit. action: What follows.
+    """
+
+    guard: str
+    subject: str
+    value: float
+    limit: float
+    action: Action
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        quantity, _, unit = self.guard.rpartition("_")
+        unit = {"percent": "%", "s": "s", "degC": "degC"}[unit]
+        name = quantity.replace("_", " ")
+        return f"{name} of {self.subject}: {self.value:.3g} {unit}, the limit is {self.limit:.3g} {unit}"
+
+
+@dataclass
+class _Sensor:
+    """What a guard must remember of a sensor."""
+
+    heard_ns: int = 0
+    last_device_ns: int | None = None
+    norms: list[float] = field(default_factory=list)
+
+
+class GuardWatch:
+    """Looks at everything that is recorded, piece by piece; says once that a limit is broken, until it holds again.
+
+    Args:
+        guards: Limits and actions. sensors: Names.
+    """
+
+    def __init__(self, guards: Guards, sensors: list[str]):
+        self.guards = guards
+        self._sensors = {name: _Sensor() for name in sensors}
+        self._broken: set[tuple[str, str]] = set()
+
+    def look(
+        self,
+        now_ns: int,
+        arm: ArmSamples,
+        imus: Mapping[str, ImuSamples],
+        events: Mapping[str, list[Event]] | None = None,
+    ) -> list[Trip]:
+        """What is broken now and was not at the last look.
+
+        Args:
+            now_ns: Host time. arm, imus: What was recorded since the last look. events: Of the sensors.
+        """
+        trips: list[Trip] = []
+        for name, samples in imus.items():
+            known = self._sensors[name]
+            if len(samples):
+                known.heard_ns = now_ns
+                self._judge(trips, "sample_gap_s", name, self._largest_gap(known, samples))
+                self._judge(trips, "magnetic_disturbance_percent", name, self._disturbance(known, samples))
+            silence = (now_ns - known.heard_ns) / NANOSECONDS
+            self._judge(trips, "imu_silence_s", name, silence)
+        for column, values in arm.extras.items():
+            if column.startswith("temperature_") and len(values):
+                joint = column.removeprefix("temperature_").removesuffix("_degC")
+                self._judge(trips, "temperature_degC", joint, float(values.max()))
+        for name, happened in (events or {}).items():
+            for event in happened:
+                charge = event.details.get("battery_percent")
+                if charge is not None:
+                    self._judge(trips, "battery_percent", name, float(charge), low=True)
+        return trips
+
+    def _judge(self, trips: list[Trip], guard: str, subject: str, value: float | None, low: bool = False) -> None:
+        setting: Guard = getattr(self.guards, guard)
+        if setting.action == "off" or value is None:
+            return
+        broken = value < setting.limit if low else value > setting.limit
+        key = (guard, subject)
+        if broken and key not in self._broken:
+            trips.append(Trip(guard, subject, value, setting.limit, setting.action))
+        (self._broken.add if broken else self._broken.discard)(key)
+
+    @staticmethod
+    def _largest_gap(known: _Sensor, samples: ImuSamples) -> float | None:
+        times = samples.device_time_ns
+        if known.last_device_ns is not None:
+            times = np.append(known.last_device_ns, times)
+        known.last_device_ns = int(times[-1])
+        return float(np.diff(times).max()) / NANOSECONDS if len(times) > 1 else None
+
+    @staticmethod
+    def _disturbance(known: _Sensor, samples: ImuSamples) -> float | None:
+        if samples.mag is None:
+            return None
+        norms = np.linalg.norm(samples.mag, axis=1)
+        norms = norms[np.isfinite(norms)]
+        if len(known.norms) < REFERENCE_SAMPLES:
+            known.norms += norms[: REFERENCE_SAMPLES - len(known.norms)].tolist()
+            return None
+        if not len(norms):
+            return None
+        usual = float(np.median(known.norms))
+        return 100 * float(np.abs(np.median(norms) - usual)) / usual if usual > 0 else None

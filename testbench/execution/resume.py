@@ -1,0 +1,133 @@
+"""Go on with a session whose run broke off: what is missing of it, and whether bench and protocol are still the same."""
+
+from __future__ import annotations
+
+import difflib
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from testbench.exceptions import InputError, SessionError
+from testbench.execution.recovery import recover
+from testbench.records.plan import Plan, PlannedStep
+from testbench.records.robot import Robot, load_robot, robot_from_text
+from testbench.records.session import RunStatus, Session
+from testbench.records.session_writer import software_versions
+from testbench.records.storage import plain_values
+
+MOST_LINES = 20
+"""Lines of a difference that are shown."""
+
+
+def open_for_resume(path: Path) -> Session:
+    """A session that can be gone on with: recovered if it was cut off.
+
+    Raises:
+        SessionError: It is no run, was completed, or is still being recorded.
+    """
+    session = Session(path)
+    if session.manifest.get("kind") != "run":
+        raise SessionError(f"{path} is no run of a protocol; only those can be resumed")
+    if session.status is RunStatus.COMPLETED:
+        raise SessionError(f"{path} was completed; there is nothing to resume")
+    return recover(session)
+
+
+@contextmanager
+def stored_protocol(session: Session) -> Iterator[Path]:
+    """The protocol of a session with those it includes, as files under their own names, while the context lasts."""
+    name = Path(str(session.manifest["protocol"]["file"])).name
+    with TemporaryDirectory(prefix="testbench-") as folder:
+        shutil.copy(session.path / "protocol.yaml", Path(folder) / name)
+        for included in session.path.glob("included_*"):
+            shutil.copy(included, Path(folder) / included.name.removeprefix("included_"))
+        yield Path(folder) / name
+
+
+def stored_robot(session: Session) -> Robot:
+    """The arm of a session, from its own copies.
+
+    Raises:
+        SessionError: They are missing.
+    """
+    robot = session.robot
+    if robot is None:
+        raise SessionError(f"{session.path} has no robot.yaml")
+    return robot_from_text(session.path / "robot.yaml", robot.urdf)
+
+
+def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[str]:
+    """What is not as it was when the session began, as sentences with the lines that differ; empty where all is the same.
+
+    Args:
+        session: To go on with. plan: Made anew, with today's software. sensors: Descriptions of today's sensors.
+    """
+    found: list[str] = []
+    stored = {Path(str(session.manifest["protocol"]["file"])).name: session.path / "protocol.yaml"}
+    stored |= {file.name.removeprefix("included_"): file for file in session.path.glob("included_*")}
+    for name, text in plan.protocol.texts().items():
+        before = stored[name].read_text(encoding="utf-8") if name in stored else ""
+        if before != text:
+            found.append(f"the protocol's file {name} differs:\n{_difference(before, text)}")
+    robot = (session.path / "robot.yaml").read_text(encoding="utf-8")
+    today = _todays_robot(session) or plan.robot
+    if robot != today.text:
+        found.append(f"the robot file differs:\n{_difference(robot, today.text)}")
+    if (session.path / "robot.urdf").read_text(encoding="utf-8") != plan.robot.urdf.read_text(encoding="utf-8"):
+        found.append("the robot's URDF differs")
+    known = session.manifest.get("sensors", {})
+    for name in sorted(set(known) | set(sensors)):
+        before, now = known.get(name), plain_values(sensors.get(name))
+        if _identity(before) != _identity(now):
+            found.append(f"sensor {name} differs: {_identity(before)} before, {_identity(now)} now")
+    software = session.manifest.get("software", {})
+    changed = {key: (software.get(key), value) for key, value in software_versions().items() if software.get(key) != value}
+    found += [f"software {key}: {before} before, {now} now" for key, (before, now) in sorted(changed.items())]
+    if not found and plan.hash != session.manifest["plan"]["hash"]:
+        found.append("the plan made from the same files is another one")
+    return found
+
+
+def refuse_differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> None:
+    """Refuse to go on with another bench than the one that began.
+
+    Raises:
+        InputError: Lists what differs.
+    """
+    found = differences(session, plan, sensors)
+    if found:
+        raise InputError(f"{session.path} cannot be resumed: " + "\n".join(found))
+
+
+def _todays_robot(session: Session) -> Robot | None:
+    """The robot of that name as it is today, or None where there is none of that name."""
+    try:
+        return load_robot(str(session.manifest["robot"]["name"]))
+    except InputError:
+        return None
+
+
+def _identity(described: Any) -> Any:
+    """What must not change of a sensor: not what it counted, and not how full its battery is."""
+    passing = {"statistics", "battery_percent", "rssi_dbm"}
+    return {key: value for key, value in described.items() if key not in passing} if isinstance(described, dict) else described
+
+
+def _difference(before: str, after: str) -> str:
+    lines = list(difflib.unified_diff(before.splitlines(), after.splitlines(), "session", "now", lineterm="", n=0))
+    return "\n".join(lines[:MOST_LINES] + (["..."] if len(lines) > MOST_LINES else []))
+
+
+def missing_steps(session: Session, plan: Plan) -> list[PlannedStep]:
+    """Steps to do on a real arm: from the first one without complete data on, and before them, again, those that give the
+    sensors their references.
+
+    A break loses the sensors' headings and perhaps their clocks, so reference and calibration steps are done once more.
+    """
+    done = {step.index for step in session.steps}
+    first = next((step.index for step in plan.steps if step.index not in done), len(plan.steps))
+    again = [step for step in plan.steps if step.index < first and step.role != "evaluation"]
+    return again + [step for step in plan.steps if step.index >= first]

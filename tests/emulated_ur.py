@@ -1,0 +1,69 @@
+"""An emulated controller in a process of its own, on a loopback address that no other test uses."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+_numbers = itertools.count(2)
+
+
+class EmulatedUr:
+    """What a test may ask of an emulator that runs."""
+
+    def __init__(self, address: str, process: subprocess.Popen[str]):
+        self.address, self.process = address, process
+
+    def control(self, line: str) -> str:
+        """Say a line to the fault port, and give its answer."""
+        with socket.create_connection((self.address, 29998), 5) as connection:
+            connection.sendall(f"{line}\n".encode())
+            return connection.makefile().readline().strip()
+
+    def dashboard(self, line: str) -> str:
+        with socket.create_connection((self.address, 29999), 5) as connection:
+            file = connection.makefile("rw")
+            file.readline()
+            file.write(f"{line}\n")
+            file.flush()
+            return file.readline().strip()
+
+    def wait_until(self, wanted: str, timeout: float = 15.0) -> str:
+        """Wait until the status holds a word."""
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            status = self.control("status")
+            if wanted in status:
+                return status
+            time.sleep(0.05)
+        raise AssertionError(f"the emulator never said '{wanted}', but: {status}")
+
+
+def free_address() -> str:
+    """A loopback address of this process alone (Linux answers the whole of 127.0.0.0/8)."""
+    return f"127.{100 + os.getpid() % 100}.{os.getpid() // 100 % 250}.{next(_numbers)}"
+
+
+@contextmanager
+def emulated_ur(*options: str) -> Iterator[EmulatedUr]:
+    address = free_address()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "testbench", "emulate", "ur", "--address", address, *options],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        said = process.stdout.readline()
+        assert "emulated at" in said, said + process.stdout.read()
+        yield EmulatedUr(address, process)
+    finally:
+        process.kill()
+        process.communicate()

@@ -1,0 +1,195 @@
+"""The emulated controller over TCP, through the maker-independent client library and by hand."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from testbench.emulation.ur.server import UrServer
+from testbench.emulation.ur.setup import make_controller
+from testbench.exceptions import InputError
+from tests.emulated_ur import EmulatedUr, emulated_ur, free_address
+
+rtde_control = pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
+rtde_receive = pytest.importorskip("rtde_receive")
+dashboard_client = pytest.importorskip("dashboard_client")
+
+
+@pytest.fixture(scope="module")
+def robot():
+    with emulated_ur() as emulator:
+        yield emulator
+
+
+@pytest.fixture
+def clear(robot: EmulatedUr):
+    robot.control("clear")
+    return robot
+
+
+def rtde(address: str) -> socket.socket:
+    return socket.create_connection((address, 30004), 5)
+
+
+def ask(connection: socket.socket, kind: str, payload: bytes = b"") -> tuple[str, bytes]:
+    connection.sendall(struct.pack(">HB", len(payload) + 3, ord(kind)) + payload)
+    return take(connection)
+
+
+def take(connection: socket.socket) -> tuple[str, bytes]:
+    def exactly(count: int) -> bytes:
+        data = b""
+        while len(data) < count:
+            piece = connection.recv(count - len(data))
+            if not piece:
+                raise EOFError
+            data += piece
+        return data
+
+    size, kind = struct.unpack(">HB", exactly(3))
+    return chr(kind), exactly(size - 3)
+
+
+def test_rtde_negotiates_versions_recipes_and_sends_what_was_asked_for(clear):
+    with rtde(clear.address) as connection:
+        assert ask(connection, "V", struct.pack(">H", 2)) == ("V", b"\x01")
+        assert ask(connection, "V", struct.pack(">H", 7)) == ("V", b"\x00")
+        assert struct.unpack(">4I", ask(connection, "v")[1]) == (5, 17, 0, 128818)
+        kind, answer = ask(connection, "O", struct.pack(">d", 125) + b"timestamp,actual_q,robot_mode,robot_status_bits")
+        assert (kind, answer[1:]) == ("O", b"DOUBLE,VECTOR6D,INT32,UINT32")
+        kind, answer = ask(connection, "O", struct.pack(">d", 125) + b"timestamp,no_such_thing")
+        assert b"NOT_FOUND" in answer
+        ask(connection, "O", struct.pack(">d", 125) + b"timestamp,actual_q,robot_mode")
+        assert ask(connection, "S") == ("S", b"\x01")
+        stamps, angles = [], []
+        while len(stamps) < 20:
+            kind, data = take(connection)
+            assert kind == "U"
+            values = struct.unpack(">Bd6di", data)
+            stamps.append(values[1])
+            angles.append(values[2:8])
+            assert values[8] == 7
+        np.testing.assert_allclose(np.diff(stamps), 0.008, atol=1e-9)
+        np.testing.assert_allclose(np.degrees(angles[-1]), [0, -90, -90, -90, 90, 0], atol=0.01)
+
+
+@pytest.mark.parametrize(
+    "bad", [b"\x00\x01U", b"\xff\xffU" + b"x" * 100, b"\x00\x05?ab", b"\x00\x09O1234xx", b"GET / HTTP/1.1\r\n\r\n" * 300]
+)
+def test_what_is_no_rtde_is_let_go_and_the_controller_goes_on(clear, bad):
+    with rtde(clear.address) as connection:
+        connection.sendall(bad)
+        connection.settimeout(2)
+        with contextlib.suppress(TimeoutError, ConnectionResetError):
+            assert connection.recv(10) == b"" or len(bad) > 1000
+    assert "RUNNING" in clear.control("status")
+
+
+def test_the_real_client_moves_servos_and_stops(clear):
+    interface = rtde_control.RTDEControlInterface
+    receive = rtde_receive.RTDEReceiveInterface(clear.address, 500.0, [], False, True)
+    control = interface(clear.address, 500.0, interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS)
+    try:
+        assert control.isProgramRunning()
+        assert control.setPayload(0.3, [0, 0, 0.02])
+        target = [*receive.getActualQ()[:5], 0.4]
+        assert control.moveJ(target, 1.0, 2.0)
+        end = time.monotonic() + 5
+        while np.abs(np.array(receive.getActualQ()) - target).max() > np.radians(0.01) and time.monotonic() < end:
+            time.sleep(0.01)
+        np.testing.assert_allclose(receive.getActualQ(), target, atol=np.radians(0.01))
+        for _ in range(100):
+            assert control.servoJ([*target[:5], 0.45], 0, 0, 0.002, 0.05, 300)
+            time.sleep(0.002)
+        assert control.servoStop(5.0)
+        assert abs(receive.getActualQ()[5] - 0.45) < 0.05
+        assert control.isSteady() in {True, False}
+        clear.control("fault protective_stop")
+        end = time.monotonic() + 5
+        while not receive.isProtectiveStopped() and time.monotonic() < end:
+            time.sleep(0.01)
+        assert receive.isProtectiveStopped()
+        assert not control.moveJ(target, 1.0, 2.0)
+    finally:
+        control.disconnect()
+        receive.disconnect()
+
+
+def test_the_dashboard_answers_as_the_client_expects(clear):
+    dashboard = dashboard_client.DashboardClient(clear.address)
+    dashboard.connect(2000)
+    assert dashboard.polyscopeVersion() == "5.17.0.128818"
+    assert dashboard.isInRemoteControl()
+    assert dashboard.getRobotModel() == "UR3"
+    assert dashboard.getSerialNumber().isdigit()
+    assert dashboard.robotmode() == "Robotmode: RUNNING"
+    assert dashboard.safetystatus() == "Safetystatus: NORMAL"
+    clear.control("fault local_control")
+    assert not dashboard.isInRemoteControl()
+    dashboard.disconnect()
+
+
+def test_a_protective_stop_can_be_unlocked_only_after_a_while(clear):
+    clear.control("fault protective_stop")
+    assert "5s" in clear.dashboard("unlock protective stop")
+    assert "PROTECTIVE_STOP" in clear.dashboard("safetystatus")
+    clear.control("clear")
+    assert "NORMAL" in clear.dashboard("safetystatus")
+
+
+def test_an_unknown_fault_or_command_is_answered_with_what_there_is(clear):
+    assert "faults: protective_stop" in clear.control("fault earthquake")
+    assert "say: fault" in clear.control("hello")
+    assert "could not understand" in clear.dashboard("make coffee")
+
+
+def test_an_address_that_others_can_reach_needs_a_token():
+    with pytest.raises(InputError, match="give a token"):
+        UrServer(make_controller("ur3e"), "0.0.0.0")
+    with pytest.raises(InputError, match="no IP address"):
+        UrServer(make_controller("ur3e"), "somewhere")
+
+
+def test_a_client_from_outside_must_say_the_token_before_any_port_answers_it():
+    address = free_address()
+    server = UrServer(make_controller("ur3e"), address, token="secret")
+    server.loopback = False  # as if the address could be reached from elsewhere
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        with socket.create_connection((address, 29999), 5) as stranger:
+            stranger.settimeout(5)
+            assert stranger.recv(100) == b""
+        with socket.create_connection((address, 29998), 5) as control:
+            said = control.makefile("rw")
+
+            def tell(line: str) -> str:
+                said.write(f"{line}\n")
+                said.flush()
+                return said.readline().strip()
+
+            assert "refused" in tell("fault power_off")
+            assert "refused" in tell("token wrong")
+            assert tell("token secret") == "ok"
+            with socket.create_connection((address, 29999), 5) as friend:
+                friend.settimeout(5)
+                assert friend.recv(100).startswith(b"Connected")
+            assert tell("quit") == "ok"
+    finally:
+        server.stop_asked = True
+        thread.join(10)
+
+
+def test_an_unknown_model_version_or_pose_is_refused():
+    with pytest.raises(InputError, match="known: ur3e"):
+        make_controller("panda")
+    with pytest.raises(InputError, match="no version"):
+        make_controller("ur3e", polyscope="latest")
+    with pytest.raises(InputError, match="5 joint angles"):
+        make_controller("ur3e", q_deg=[0.0] * 5)

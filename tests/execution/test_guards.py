@@ -1,0 +1,123 @@
+"""Guards, states, hazards and the operator's requests."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from testbench.exceptions import ArmRefused, BenchError
+from testbench.execution.checklist import HAZARDS, confirm_hazards
+from testbench.execution.guards import GuardWatch
+from testbench.execution.operator import Operator
+from testbench.execution.state_machine import FOLLOWING, RunState, StateMachine
+from testbench.records.protocol_arm import Guard, Guards
+from testbench.records.samples import ArmSamples, ImuSamples
+from testbench.records.session import Event
+
+SECOND = 1_000_000_000
+
+
+def imu(times_s, field=(0.0, 24.0, -39.0)) -> ImuSamples:
+    times = np.round(np.asarray(times_s) * SECOND).astype(np.int64)
+    zero = np.zeros((len(times), 3))
+    mag = np.tile(np.asarray(field, float), (len(times), 1))
+    return ImuSamples(times, times, zero, zero, mag, None, np.arange(len(times)), np.zeros(len(times), bool))
+
+
+def arm(**extras: float) -> ArmSamples:
+    zero = np.zeros((1, 1))
+    return ArmSamples(
+        ["elbow"], np.zeros(1, np.int64), zero, zero, zero, {key: np.array([value]) for key, value in extras.items()}
+    )
+
+
+NOTHING = imu([])
+
+
+def test_a_silent_sensor_trips_once_and_again_after_it_was_heard():
+    watch = GuardWatch(Guards(imu_silence_s=Guard(limit=1.0, action="stop")), ["hand"])
+    assert watch.look(SECOND, arm(), {"hand": imu([0.9, 1.0])}) == []
+    assert watch.look(int(1.9 * SECOND), arm(), {"hand": NOTHING}) == []
+    (trip,) = watch.look(int(2.1 * SECOND), arm(), {"hand": NOTHING})
+    assert (trip.guard, trip.subject, trip.action) == ("imu_silence_s", "hand", "stop")
+    assert trip.sentence == "imu silence of hand: 1.1 s, the limit is 1 s"
+    assert watch.look(int(2.5 * SECOND), arm(), {"hand": NOTHING}) == []
+    watch.look(3 * SECOND, arm(), {"hand": imu([1.1])})
+    assert len(watch.look(5 * SECOND, arm(), {"hand": NOTHING})) == 1
+
+
+def test_a_gap_is_seen_within_a_piece_and_between_two():
+    guards = Guards(sample_gap_s=Guard(limit=0.3, action="warn"))
+    within = GuardWatch(guards, ["hand"])
+    assert [trip.guard for trip in within.look(SECOND, arm(), {"hand": imu([0.0, 0.1, 0.6])})] == ["sample_gap_s"]
+    between = GuardWatch(guards, ["hand"])
+    assert between.look(SECOND, arm(), {"hand": imu([0.0, 0.1])}) == []
+    (trip,) = between.look(SECOND, arm(), {"hand": imu([0.5, 0.6])})
+    assert trip.value == pytest.approx(0.4)
+
+
+def test_a_disturbed_field_is_seen_against_the_sensors_own_beginning():
+    no_gaps = Guard(limit=1, action="off")
+    field = Guard(limit=20, action="pause")
+    watch = GuardWatch(Guards(magnetic_disturbance_percent=field, sample_gap_s=no_gaps), ["hand"])
+    usual = np.linspace(0, 1, 61)
+    assert watch.look(SECOND, arm(), {"hand": imu(usual)}) == []
+    assert watch.look(2 * SECOND, arm(), {"hand": imu(1.01 + usual / 61, (0, 26, -42))}) == []
+    (trip,) = watch.look(3 * SECOND, arm(), {"hand": imu(2.02 + usual / 61, (0, 34, -55))})
+    assert trip.value == pytest.approx(100 * (np.hypot(34, 55) / np.hypot(24, 39) - 1), rel=1e-6)
+
+
+def test_heat_and_batteries_are_watched_where_they_are_reported():
+    watch = GuardWatch(Guards(), ["hand"])
+    (hot,) = watch.look(0, arm(temperature_elbow_degC=71.0), {})
+    assert (hot.guard, hot.subject, hot.action) == ("temperature_degC", "elbow", "warn")
+    (low,) = watch.look(0, arm(), {}, {"hand": [Event(0, "connected", {"battery_percent": 8})]})
+    assert low.guard == "battery_percent"
+    assert watch.look(0, arm(), {}, {"hand": [Event(0, "connected", {"battery_percent": 80})]}) == []
+
+
+def test_a_guard_that_is_off_says_nothing():
+    watch = GuardWatch(Guards(imu_silence_s=Guard(limit=0.1, action="off")), ["hand"])
+    assert watch.look(100 * SECOND, arm(), {"hand": NOTHING}) == []
+
+
+@given(st.lists(st.sampled_from(list(RunState)), max_size=12))
+def test_only_allowed_changes_happen_and_each_is_told(wanted):
+    told: list[tuple[RunState, RunState]] = []
+    machine = StateMachine(lambda old, new, why: told.append((old, new)))
+    for state in wanted:
+        before = machine.state
+        if state in FOLLOWING[before]:
+            machine.to(state)
+            assert told[-1] == (before, state)
+        else:
+            with pytest.raises(BenchError, match="cannot become"):
+                machine.to(state)
+            assert machine.state is before
+    ended = {RunState.DONE, RunState.FAULTED}
+    assert all(old not in ended for old, _ in told)
+
+
+def test_every_run_can_end_from_every_state_that_is_no_end():
+    for state, following in FOLLOWING.items():
+        assert not following or RunState.FAULTED in following
+        if state in {RunState.PREPARED, RunState.APPROACHING, RunState.RUNNING, RunState.PAUSED}:
+            assert RunState.STOPPING in following
+
+
+def test_every_hazard_must_be_confirmed():
+    asked: list[str] = []
+    found = confirm_hazards(lambda sentence: asked.append(sentence) is None)
+    assert found["confirmed"] == list(HAZARDS) and asked == list(HAZARDS.values())
+    answers = iter([True, True, False])
+    with pytest.raises(ArmRefused, match="mounting"):
+        confirm_hazards(lambda sentence: next(answers))
+
+
+def test_keys_pause_resume_and_stop():
+    operator = Operator()
+    for key, paused, stopped in (("x", False, False), ("p", True, False), ("r", False, False), ("q", False, True)):
+        operator.key(key)
+        assert (operator.pause_asked, operator.stop_asked) == (paused, stopped)

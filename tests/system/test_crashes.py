@@ -1,0 +1,242 @@
+"""Runs that break off: killed, out of disk, interrupted; and what becomes of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from testbench import execute, plan
+from testbench.arm_pipeline import resume
+from testbench.exceptions import InputError, RunInterrupted, SessionError
+from testbench.execution.recovery import recover
+from testbench.pipeline import analyse
+from testbench.records.sensor import load_preset
+from testbench.records.session import RunStatus, Session, list_sessions
+from testbench.records.storage import read_parquet
+from tests.system.crashes import ROOT, comparable, crash, moments, undisturbed
+
+
+@pytest.fixture(scope="module")
+def whole(tiny, tmp_path_factory):
+    """The tiny protocol run without a break, and its evaluation."""
+    return undisturbed(tiny, tmp_path_factory.mktemp("whole"))
+
+
+@pytest.mark.parametrize(("speed", "after_s"), moments(8, 5.0))
+def test_a_kill_at_any_moment_loses_at_most_a_second_and_the_resumed_run_is_the_undisturbed_one(
+    tiny, tmp_path, whole, speed, after_s
+):
+    outcome = crash(tiny, tmp_path, speed, after_s, *whole)
+    assert outcome.opened
+    assert outcome.lost <= 1.0
+    assert outcome.same_files
+    assert outcome.same_evaluation
+
+
+class Stop(Exception):
+    pass
+
+
+def broken_off(tiny_plan, logs, clock, at_s: float) -> Session:
+    """A session whose run ended in an error at some time."""
+
+    def fail(progress) -> None:
+        if progress.time > at_s:
+            raise Stop
+
+    with pytest.raises(Stop):
+        execute(tiny_plan, logs, 5, "realtime", clock=clock, progress=fail, session_name="broken")
+    return Session(logs / "broken")
+
+
+@pytest.fixture(scope="module")
+def tiny_plan(tiny):
+    return plan(tiny)
+
+
+def test_a_run_may_break_off_and_be_resumed_more_than_once(tiny_plan, tmp_path, clock, whole):
+    session = broken_off(tiny_plan, tmp_path, clock, 1.0)
+
+    def fail(progress) -> None:
+        if progress.time > 3.0:
+            raise Stop
+
+    with pytest.raises(Stop):
+        resume(session.path, with_report=False, clock=clock, progress=fail)
+    assert Session(session.path).status is RunStatus.ERROR
+    result = resume(session.path, with_report=False, clock=clock)
+    assert result.session.status is RunStatus.COMPLETED
+    assert len(result.session.manifest["resumed"]) == 2
+    assert comparable(result.evaluation) == comparable(whole[1])
+    names = [event.event for event in result.session.events]
+    assert names.count("run_resumed") == 2 and names[-1] == "run_completed"
+
+
+def test_a_run_with_a_preset_file_and_a_thermometer_is_resumed(tiny, tmp_path, clock):
+    preset = load_preset("xsens_dot").model_dump(mode="json") | {"thermometer": {"noise_sd_deg_c": 0.1}}
+    (tmp_path / "warm.yaml").write_text(yaml.safe_dump(preset), encoding="utf-8")
+    text = tiny.read_text(encoding="utf-8").replace("preset: xsens_dot", "preset: warm.yaml")
+    (tmp_path / "tiny.yaml").write_text(text, encoding="utf-8")
+    warm_plan = plan(tmp_path / "tiny.yaml")
+    whole = execute(warm_plan, tmp_path, 5, clock=clock, session_name="whole")
+    session = broken_off(warm_plan, tmp_path, clock, 2.0)
+    (tmp_path / "warm.yaml").unlink()  # the session has its own copy
+    resumed = resume(session.path, with_report=False, clock=clock).session
+    assert resumed.manifest["sensors"]["hand"]["temperature"] is True
+    assert "temperature_deg_c" in resumed.imu_columns("hand")
+    for name in ("arm", "imu_hand", "truth_hand"):
+        before, after = (read_parquet(folder.path / f"{name}.parquet") for folder in (whole, resumed))
+        assert list(before) == list(after)
+        for column in before:
+            np.testing.assert_array_equal(before[column], after[column])
+
+
+def test_a_journal_that_was_cut_off_before_its_first_row_is_recovered_with_its_columns(tiny, tmp_path, clock):
+    warm = tiny.read_text(encoding="utf-8").replace("{clock:", "{thermometer: {noise_sd_deg_c: 0.1}, clock:")
+    (tmp_path / "tiny.yaml").write_text(warm, encoding="utf-8")
+    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, clock=clock, session_name="cut")
+    expected = session.imu_columns("hand")
+    (session.path / "imu_hand.parquet").unlink()
+    (session.path / "imu_hand.arrows").write_bytes(b"")
+    manifest = session.manifest | {"status": "running"}
+    (session.path / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    recovered = recover(Session(session.path))
+    assert recovered.imu_columns("hand") == expected and "temperature_deg_c" in expected
+    assert len(recovered.imu("hand")) == 0
+
+
+def test_an_interrupted_run_is_resumed_without_the_stop_that_the_arm_made(tiny_plan, tmp_path, clock, whole):
+    def stop(progress) -> None:
+        if progress.time > 2:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(RunInterrupted):
+        execute(tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=stop, session_name="broken")
+    result = resume(tmp_path / "broken", with_report=False, clock=clock)
+    assert comparable(result.evaluation) == comparable(whole[1])
+
+
+def test_a_pause_lets_virtual_time_stand_still_and_changes_nothing_else(tiny_plan, tmp_path, clock, whole):
+    waits: list[int] = []
+
+    def pause(progress) -> None:
+        if progress.time > 2 and not waits:
+            os.kill(os.getpid(), signal.SIGUSR1)
+            waits.append(len(clock.slept))
+
+    honest = clock.sleep
+
+    def sleep(seconds: float) -> None:
+        honest(seconds)
+        if waits and len(clock.slept) > waits[0] + 40:
+            os.kill(os.getpid(), signal.SIGUSR2)
+
+    clock.sleep = sleep
+    session = execute(tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=pause)
+    names = [event.event for event in session.events]
+    assert "paused" in names and "resumed" in names
+    assert comparable(analyse(session, with_report=False).evaluation) == comparable(whole[1])
+
+
+def test_a_completed_run_or_a_recording_is_not_resumed(tiny_plan, tmp_path, clock, quick):
+    with pytest.raises(SessionError, match="was completed"):
+        resume(quick.session.path)
+    with pytest.raises(SessionError, match="does not exist"):
+        resume(tmp_path / "nothing")
+
+
+@pytest.mark.parametrize("what", ["protocol", "robot", "sensor", "software", "seed of the plan"])
+def test_nothing_is_resumed_that_is_no_longer_the_same(tiny_plan, tmp_path, clock, what):
+    session = broken_off(tiny_plan, tmp_path, clock, 1.0)
+    manifest = json.loads((session.path / "manifest.json").read_text())
+    expected = {
+        "protocol": r"tiny\.yaml differs:\n.*\n.*\n.*\n-  speed",
+        "robot": "robot file differs",
+        "sensor": "sensor hand differs",
+        "software": "software numpy: 1.0 before",
+        "seed of the plan": "plan made from the same files is another",
+    }[what]
+    protocol = None
+    if what == "protocol":
+        text = (session.path / "protocol.yaml").read_text()
+        protocol = tmp_path / "tiny.yaml"
+        protocol.write_text(text + "arm: {speed_slider_percent: 50}\n")
+        expected = r"tiny\.yaml differs"
+    elif what == "robot":
+        file = session.path / "robot.yaml"
+        file.write_text(file.read_text().replace("margin_mm: 5", "margin_mm: 4"))
+    elif what == "sensor":
+        manifest["sensors"]["hand"]["rate_hz"] = 100.0
+    elif what == "software":
+        manifest["software"]["numpy"] = "1.0"
+    else:
+        manifest["plan"]["hash"] = "0" * 64
+    (session.path / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match=expected):
+        resume(session.path, protocol=protocol, with_report=False)
+    assert Session(session.path).status is RunStatus.ERROR
+
+
+def on_a_small_disk(command: list[str], folder: Path, size_kb: int) -> subprocess.CompletedProcess[str]:
+    """Run a command with a folder on a file system of its own that is soon full (in a mount namespace of its own)."""
+    folder.mkdir()
+    mount = f"mount -t tmpfs -o size={size_kb}k tmpfs {folder}"
+    script = f"{mount} && {shlex.join(command)}; code=$?; cp -r {folder} {folder}_kept; exit $code"
+    return subprocess.run(["unshare", "--mount", "sh", "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=100)
+
+
+@pytest.mark.parametrize("size_kb", [250, 320, 400])
+def test_a_full_disk_stops_the_run_and_what_was_recorded_is_readable(tiny, tmp_path, size_kb):
+    command = [sys.executable, "-m", "testbench", "run", str(tiny), "--logs", str(tmp_path / "disk"), "--no-report", "--json"]
+    done = on_a_small_disk([*command, "--speed", "realtime"], tmp_path / "disk", size_kb)
+    if "unshare" in done.stderr or "mount:" in done.stderr:
+        pytest.skip("this machine does not let tests mount a file system")
+    assert done.returncode == 3, done.stderr
+    assert "No space left on device" in done.stderr
+    assert "Traceback" not in done.stderr
+    (session,) = list_sessions(tmp_path / "disk_kept")
+    recovered = recover(session)
+    times = read_parquet(recovered.path / "arm.parquet")["host_time_ns"]
+    assert len(times) > 50 and (np.diff(times) == 8_000_000).all()
+    assert len(recovered.imu("hand")) > 0
+
+
+def test_sessions_are_listed_with_what_became_of_them(tiny_plan, tmp_path, clock):
+    broken_off(tiny_plan, tmp_path, clock, 1.0)
+    (tmp_path / "damaged").mkdir()
+    (tmp_path / "damaged" / "manifest.json").write_text("{")
+    command = [sys.executable, "-m", "testbench", "sessions", "--logs", str(tmp_path), "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    listed = {entry["session"]: entry["status"] for entry in json.loads(done.stdout)["sessions"]}
+    assert listed["broken"] == "error"
+    assert listed["damaged"] == "damaged"
+
+
+def test_a_broken_off_run_is_resumed_on_the_command_line(tiny_plan, tmp_path, clock):
+    session = broken_off(tiny_plan, tmp_path, clock, 2.0)
+    command = [sys.executable, "-m", "testbench", "run", "--resume", str(session.path), "--no-report", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    assert Session(session.path).status is RunStatus.COMPLETED
+    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    assert again.returncode == 2
+    assert "was completed" in again.stderr
+
+
+def test_a_session_whose_manifest_is_damaged_says_so(tmp_path, quick):
+    copy = tmp_path / "copy"
+    shutil.copytree(quick.session.path, copy)
+    (copy / "manifest.json").write_text("[1, 2]")
+    with pytest.raises(SessionError):
+        Session(copy)

@@ -1,0 +1,363 @@
+"""Runs on a Universal Robots arm: the real client library against an emulated controller, over TCP."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.arm_pipeline import ArmSetup, resume
+from testbench.clock import SystemClock
+from testbench.drivers.arms.ur import UrArm, ur_settings
+from testbench.drivers.imus.streamed import SessionTime
+from testbench.exceptions import ArmRefused, DriverError, InputError, RunInterrupted
+from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.execution.guards import GuardTripped
+from testbench.pipeline import analyse, make_plan
+from testbench.records.plan import Plan
+from testbench.records.session import RunStatus, Session, list_sessions
+from tests.emulated_ur import ROOT, EmulatedUr, emulated_ur
+
+pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
+
+SHORT = """\
+name: short
+purpose: A reference, a pose and a sweep, for tests on an arm in real time
+robot: ur3e
+sensors:
+  hand:
+    preset: xsens_dot
+    link: wrist_3_link
+    mounting: {rotation_deg: {XYZ: [90, 90, 0]}, position_mm: [0, 0, 10]}
+motion: {speed: 0.8, acceleration: 0.8, jerk: 0.8}
+arm: {tool: {mass_kg: 0.2, centre_mm: [0, 0, 30]}}
+sections:
+  - name: rest
+    role: reference
+    steps: [{name: start, dwell_s: 1}]
+  - name: moves
+    steps:
+      - {name: out, move_to_deg: {wrist_3_joint: 40, wrist_1_joint: -70}, dwell_s: 0.5}
+      - {name: wave, sweep: {wrist_3_joint: {sine: {amplitude_deg: 6, frequency_hz: 1.5, cycles: 1}}}, dwell_s: 0.3}
+      - {name: back, move_to: home, dwell_s: 0.5}
+estimate: {filters: [device, vqf_6d], align: heading, calibrate: none}
+"""
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("short") / "short.yaml"
+    path.write_text(SHORT, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def short_plan(short) -> Plan:
+    return make_plan(short)
+
+
+@pytest.fixture(scope="module")
+def emulator():
+    with emulated_ur() as robot:
+        yield robot
+
+
+@pytest.fixture
+def robot(emulator: EmulatedUr):
+    emulator.control("clear")
+    emulator.wait_until("at rest")
+    return emulator
+
+
+def drive(plan: Plan, robot: EmulatedUr, logs: Path, **options) -> Session:
+    time_ = SessionTime(SystemClock())
+    settings = replace(ur_settings(plan, robot.address), watchdog=1.5, arm_silence=1.5)  # this machine may be busy
+    arm = UrArm(plan.robot, settings, time_)
+    return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), time_, ArmRunOptions(logs, 1, **options))
+
+
+@pytest.fixture(scope="module")
+def done(emulator, short_plan, tmp_path_factory) -> Session:
+    """The short protocol, run once; its files must not be changed."""
+    emulator.control("clear")
+    emulator.wait_until("at rest")
+    return drive(short_plan, emulator, tmp_path_factory.mktemp("logs"))
+
+
+def test_static_poses_are_reached_to_a_hundredth_of_a_degree(done, short_plan):
+    arm = done.arm()
+    for step in done.steps:
+        rest = (arm.host_time_ns > step.settled_ns) & (arm.host_time_ns < step.end_ns)
+        assert rest.sum() > 10
+        planned = short_plan.trajectory.at(np.array([short_plan.steps[step.index].settled_ns]))[0][0]
+        assert np.degrees(np.abs(np.median(arm.q_measured[rest], axis=0) - planned)).max() < 0.01
+
+
+def test_a_sweep_is_followed_with_nothing_but_lag(done, short_plan):
+    arm = done.arm()
+    step = next(step for step in done.steps if step.kind == "sweep")
+    planned = short_plan.steps[step.index]
+    moving = (arm.host_time_ns >= step.start_ns) & (arm.host_time_ns <= step.settled_ns)
+    times, measured = arm.host_time_ns[moving] - step.start_ns, arm.q_measured[moving, 5]
+
+    def error(lag_s: float) -> float:
+        wanted = short_plan.trajectory.at(times - round(lag_s * 1e9) + planned.start_ns)[0][:, 5]
+        return float(np.degrees(np.sqrt(np.mean((measured - wanted) ** 2))))
+
+    lags = np.arange(0, 0.2, 0.002)
+    errors = [error(lag) for lag in lags]
+    best = lags[int(np.argmin(errors))]
+    assert 0.03 < best < 0.15  # lookahead 30 ms, servo 27 ms, and what a busy machine adds
+    assert min(errors) < 0.6  # of 6 deg; a busy machine holds the emulator up at times
+
+
+def test_the_session_says_what_arm_it_was_and_that_the_sensors_were_simulated(done, emulator):
+    manifest = done.manifest
+    assert done.status is RunStatus.COMPLETED
+    assert manifest["arm"]["driver"] == "ur" and manifest["arm"]["model"] == "UR3"
+    assert manifest["simulated_sensors"] is True
+    assert manifest["arm"]["timing"]["cycles"] > 1000
+    states = [event.details["state"] for event in done.events if event.event == "state"]
+    assert states == ["approaching", "running", "stopping", "done"]
+    assert "200" not in emulator.control("status")
+
+
+def test_the_controllers_time_stamps_and_modes_are_recorded(done):
+    import pandas as pd
+
+    table = pd.read_parquet(done.path / "arm.parquet")
+    assert (table["robot_mode"] == 7).all() and (table["safety_mode"] == 1).all()
+    steps = np.diff(table["controller_time_ns"])
+    assert (steps % 8_000_000 == 0).all() and np.median(steps) == 8_000_000
+    drift = table["host_time_ns"] - table["controller_time_ns"]
+    assert np.ptp(drift) < 20e6  # slewed, and a millisecond of jitter at most on an idle machine
+    assert "current_elbow_joint_A" in table and "temperature_elbow_joint_degC" in table
+
+
+def test_the_session_is_judged_like_any_other(done):
+    result = analyse(done, with_report=False)
+    device = next(row for row in result.evaluation.orientation if row.filter == "device")
+    assert device.total_rmse_deg < 2
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        ("fault local_control", "not in remote control"),
+        ("fault protective_stop", "protective stop"),
+        ("fault emergency_stop", "safety system"),
+        ("fault power_off", "not running"),
+        ("fault slider 0.4", "speed slider stands at 40 %"),
+    ],
+)
+def test_an_arm_that_must_not_be_driven_is_refused_before_anything_moves(robot, short_plan, tmp_path, fault, sentence):
+    moved = robot.control("status").rpartition(",")[2]
+    robot.control(fault)
+    with pytest.raises(ArmRefused, match=sentence) as caught:
+        drive(short_plan, robot, tmp_path)
+    assert caught.value.exit_code == 2
+    assert not list(tmp_path.iterdir())
+    assert robot.control("status").rpartition(",")[2] == moved
+
+
+def test_another_model_or_an_old_controller_is_refused(short_plan, tmp_path):
+    with emulated_ur("--model", "ur5e") as other, pytest.raises(ArmRefused, match="plan is for a ur3e, the controller calls"):
+        drive(short_plan, other, tmp_path)
+    with emulated_ur("--polyscope", "5.3.0.1") as old, pytest.raises(ArmRefused, match=r"PolyScope 5\.3"):
+        drive(short_plan, old, tmp_path)
+
+
+def test_nobody_at_the_address_is_a_clear_message(short_plan, tmp_path):
+    arm = UrArm(short_plan.robot, ur_settings(short_plan, "127.99.99.99"))
+    with pytest.raises(DriverError, match=r"127\.99\.99\.99"):
+        arm.connect()
+
+
+def test_an_arm_whose_way_to_the_start_is_blocked_is_refused(short_plan, tmp_path):
+    with emulated_ur("--at", "0,30,-10,-90,90,0") as far, pytest.raises(ArmRefused, match="by hand"):
+        drive(short_plan, far, tmp_path)
+
+
+FAULTS = [
+    ("fault protective_stop", "protective_stop"),
+    ("fault emergency_stop", "emergency_stop"),
+    ("fault power_off", "power_off"),
+    ("fault disconnect", "disconnect"),
+    ("fault rtde_silence", "rtde_silence"),
+    ("fault slider 0.3", "speed_slider"),
+    ("fault program_stop", "program_stopped"),
+    ("fault slow_response 4", "slow_response"),
+]
+MAY_BE_SEEN_AS = {
+    "disconnect": {"disconnect", "rtde_silence", "refused", "driver"},
+    "program_stopped": {"program_stopped", "refused"},
+    "slow_response": {"program_stopped", "refused", "host_silence"},  # nothing feeds the watchdog while the client waits
+}
+
+
+@pytest.mark.parametrize(("fault", "kind"), FAULTS, ids=[kind for _, kind in FAULTS])
+def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names_it(robot, short_plan, tmp_path, fault, kind):
+    struck: list[str] = []
+
+    def strike(progress) -> None:
+        if progress.index == 1 and not struck and "moving" in robot.control("status"):
+            struck.append(robot.control(fault))
+
+    with pytest.raises(DriverError, match="the arm was stopped") as caught:
+        drive(short_plan, robot, tmp_path, progress=strike)
+    assert struck == ["ok"]
+    assert caught.value.exit_code == 3
+    robot.wait_until("at rest", 5)
+    (session,) = list_sessions(tmp_path)
+    assert session.status is RunStatus.ERROR
+    assert not list(session.path.glob("*.arrows"))
+    told = [event for event in session.events if event.event == "arm_fault"]
+    assert len(told) == 1
+    assert told[0].details["fault"] in MAY_BE_SEEN_AS.get(kind, {kind})
+    assert session.events[-1].event == "run_error"
+    assert session.arm() is not None and len(session.arm().host_time_ns) > 5
+
+
+def test_late_and_lost_packages_do_not_stop_a_run_that_can_bear_them(robot, short_plan, tmp_path):
+    robot.control("fault rtde_delay 0.05")
+    robot.control("fault rtde_loss 0.2")
+    session = drive(short_plan, robot, tmp_path)
+    assert session.status is RunStatus.COMPLETED
+    lost = session.manifest["arm"]["timing"]["samples_missed"]
+    expected = len(session.arm().host_time_ns) + lost
+    assert 0.1 < lost / expected < 0.8
+
+
+def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_references(robot, short_plan, short, tmp_path):
+    def strike(progress) -> None:
+        if progress.index == 2:  # the sweep
+            robot.control("fault protective_stop")
+
+    with pytest.raises(DriverError):
+        drive(short_plan, robot, tmp_path, progress=strike)
+    (broken,) = list_sessions(tmp_path)
+    assert [step.index for step in broken.steps] == [0, 1]
+    robot.control("clear")
+    setup = ArmSetup(host=robot.address, simulate_imus=True, seed=1)
+    result = resume(broken.path, setup, ArmRunOptions(tmp_path, 1), with_report=False)
+    assert result.session.status is RunStatus.COMPLETED
+    assert [step.index for step in result.session.steps] == [0, 2, 3]
+    assert result.session.manifest["resumes"]["session"] == broken.name
+
+
+def test_a_changed_protocol_is_not_resumed_and_the_difference_shown(robot, short_plan, short, tmp_path):
+    with pytest.raises(RunInterrupted):
+        drive(short_plan, robot, tmp_path, progress=lambda progress: os.kill(os.getpid(), signal.SIGINT))
+    (session,) = list_sessions(tmp_path)
+    changed = tmp_path / "short.yaml"
+    changed.write_text(SHORT.replace("dwell_s: 0.5", "dwell_s: 0.6"), encoding="utf-8")
+    setup = ArmSetup(host=robot.address, simulate_imus=True, seed=1)
+    with pytest.raises(InputError, match=r"short\.yaml differs") as caught:
+        resume(session.path, setup, ArmRunOptions(tmp_path, 1), changed)
+    assert "dwell_s: 0.6" in str(caught.value)
+
+
+def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(robot, short_plan, tmp_path):
+    paused: list[float] = []
+
+    def pause(progress) -> None:
+        if progress.index == 1 and not paused:
+            paused.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGUSR1)
+        elif paused and time.monotonic() - paused[0] > 2.5:
+            os.kill(os.getpid(), signal.SIGUSR2)
+
+    session = drive(short_plan, robot, tmp_path, progress=pause)
+    assert session.status is RunStatus.COMPLETED
+    events = {event.event: event.host_time_ns for event in session.events}
+    assert events["resumed"] - events["paused"] > 0.5e9
+    arm = session.arm()
+    waiting = (arm.host_time_ns > events["paused"] + 0.2e9) & (arm.host_time_ns < events["resumed"])
+    assert np.abs(arm.v_measured[waiting]).max() < np.radians(0.3)
+    states = [event.details["state"] for event in session.events if event.event == "state"]
+    assert states == ["approaching", "running", "paused", "running", "stopping", "done"]
+
+
+def test_a_guard_stops_the_arm(robot, short, tmp_path):
+    guarded = tmp_path / "guarded.yaml"
+    rule = "guards: {temperature_degC: {limit: 25, action: stop}}\n"  # the emulated joints have 30 degC
+    guarded.write_text(SHORT + rule, encoding="utf-8")
+    with pytest.raises(GuardTripped, match=r"temperature of .*: 30 degC, the limit is 25 degC"):
+        drive(make_plan(guarded), robot, tmp_path / "logs")
+    (session,) = list_sessions(tmp_path / "logs")
+    assert session.status is RunStatus.ERROR
+    assert any(event.event == "guard" for event in session.events)
+    robot.wait_until("at rest", 5)
+
+
+def command(robot: EmulatedUr, protocol: Path, logs: Path, *options: str) -> list[str]:
+    start = [
+        sys.executable,
+        "-m",
+        "testbench",
+        "run",
+        str(protocol),
+        "--arm",
+        "ur",
+        "--host",
+        robot.address,
+        "--logs",
+        str(logs),
+    ]
+    return [*start, "--simulate-imus", "--no-report", "--filters", "device", *options]
+
+
+def test_without_confirmation_the_whole_motion_is_shown_and_nothing_moves(robot, short, tmp_path):
+    before = robot.control("status")
+    done = subprocess.run(command(robot, short, tmp_path / "logs"), cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "--confirm-motion" in done.stderr
+    for name in ("start", "out", "wave", "back"):
+        assert name in done.stdout
+    assert not (tmp_path / "logs").exists()
+    assert robot.control("status") == before
+
+
+def test_without_a_look_at_the_hazards_nothing_moves(robot, short, tmp_path):
+    asked = command(robot, short, tmp_path / "logs", "--confirm-motion")
+    done = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL)
+    assert done.returncode == 2
+    assert "--hazards-checked" in done.stderr
+
+
+@pytest.mark.parametrize("whom", ["the bench", "the process that drives the arm"])
+def test_a_kill_in_motion_stops_the_arm(robot, short, tmp_path, whom):
+    before = int(robot.control("status").split()[-2])
+    run = command(robot, short, tmp_path / "logs", "--confirm-motion", "--hazards-checked", "--json")
+    bench = subprocess.Popen(run, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        end = time.monotonic() + 30
+        while int(robot.control("status").split()[-2]) < before + 100 and time.monotonic() < end:
+            time.sleep(0.01)
+        if whom == "the bench":
+            bench.kill()
+        else:
+            children = Path(f"/proc/{bench.pid}/task/{bench.pid}/children").read_text().split()
+            os.kill(int(children[0]), signal.SIGKILL)
+        robot.wait_until("at rest", 5)
+        robot.wait_until("STOPPED", 5)
+        bench.wait(15)
+    finally:
+        bench.kill()
+        _, said = bench.communicate()
+    (session,) = list_sessions(tmp_path / "logs")
+    if whom == "the bench":
+        assert session.status is RunStatus.RUNNING and not session.is_being_recorded
+    else:
+        assert bench.returncode == 3
+        assert "watchdog" in said
+        assert session.status is RunStatus.ERROR
+        assert json.loads((session.path / "manifest.json").read_text())["message"] in said
