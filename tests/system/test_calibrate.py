@@ -289,7 +289,7 @@ def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, 
     real, _ = born_with(session)
     sd = acc.fits[0].sd[-3:]
     np.testing.assert_allclose(acc.drift, real.drift, atol=4 * float(sd.max()) + 1e-4)
-    assert np.abs(real.drift).max() > 20 * sd.max()  # it is well seen
+    assert np.abs(real.drift).max() > 5 * sd.max()  # it is well seen; most of it is the joints' part
     assert result.calibration.temperature == pytest.approx(float(warmth.mean()), abs=0.1)
     assert max(abs(acc.validation[f"bias_{axis}_mg"]) for axis in "xyz") < 1.0
     save_calibration(tmp_path / "warm.yaml", result.calibration)
