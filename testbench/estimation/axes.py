@@ -92,12 +92,17 @@ def _remark(triad: str, finding: AxisFinding) -> str | None:
 STRAIGHT = "x: +x, y: +y, z: +z"
 
 
-def true_rates(truth: Truth, time_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """True angular rate in the sensor at times, shape (n, 3) [rad/s], and where it is known, shape (n,)."""
-    if truth.rate is not None:
+def true_rates(truth: Truth, time_ns: np.ndarray, over_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """True angular rate in the sensor at times, shape (n, 3) [rad/s], and where it is known, shape (n,).
+
+    Args:
+        truth: Of the sensor. time_ns: Shape (n,). over_s: Length of the interval about each time that the rate is the mean
+        of [s], as of a sensor that integrates; the rate at the instant if 0.
+    """
+    if truth.rate is not None and over_s <= 0:
         rate = np.column_stack([np.interp(time_ns, truth.host_time_ns, column) for column in truth.rate.T])
         return rate, np.isfinite(rate).all(axis=1) & np.isfinite(truth_at(truth, time_ns)[:, 0])
-    half = NANOSECONDS // 20
+    half = round(over_s / 2 * NANOSECONDS) or NANOSECONDS // 20
     before, after = truth_at(truth, time_ns - half), truth_at(truth, time_ns + half)
     sound = np.isfinite(before[:, 0]) & np.isfinite(after[:, 0])
     rate = np.zeros((len(time_ns), 3))

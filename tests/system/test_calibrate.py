@@ -100,6 +100,17 @@ def test_recovers_the_errors_the_part_was_born_with(sessions, seed):
     np.testing.assert_allclose(gyr.bias, gyroscope.bias, atol=np.radians(0.02))
 
 
+def test_a_rate_table_of_a_sensor_that_integrates_is_not_biased(sessions):
+    """Its readings are means over the interval: against the rates of instants the response looked 1e-4 too small."""
+    off = []
+    for seed in range(3, 9):
+        session = sessions("calibration_optimal", seed=seed)
+        found = calibrate_sensor(session, "forearm", ["attitude_aided", "rate_table"]).calibration.triads["gyroscope"]
+        response = found.fits[0].values.reshape(3, 7)[:, :3]
+        off.append(np.diag(response - born_with(session)[1].matrix))
+    assert np.abs(np.mean(off, axis=0)).max() < 5e-5
+
+
 def test_a_chosen_design_beats_the_six_poses_where_it_was_predicted_to(sessions):
     """Cross-axis response: the design predicts half the uncertainty; over parts and axes the errors must be smaller."""
     errors = {}
@@ -301,7 +312,7 @@ def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, 
     real, _ = born_with(session)
     sd = acc.fits[0].sd[-3:]
     np.testing.assert_allclose(acc.drift, real.drift, atol=4 * float(sd.max()) + 1e-4)
-    assert np.abs(real.drift).max() > 20 * sd.max()  # it is well seen
+    assert np.abs(real.drift).max() > 5 * sd.max()  # it is well seen; most of it is the joints' part
     assert result.calibration.temperature == pytest.approx(float(warmth.mean()), abs=0.1)
     assert max(abs(acc.validation[f"bias_{axis}_mg"]) for axis in "xyz") < 1.0
     save_calibration(tmp_path / "warm.yaml", result.calibration)

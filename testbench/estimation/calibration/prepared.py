@@ -43,7 +43,8 @@ class Prepared:
         samples: On a regular grid. time_ns: Of the grid on the host's clock, shape (n,), int64. rests: Those used, (k, 2).
         truth: Or None. gravity: In the world, shape (3,) [m/s^2]. rate_delay: How much older than its stamp a rate is [s].
         segmentation: Who said where the rests are. agreements: How far the witnesses agree. remarks: What is odd.
-        warmth: Temperature of the part on the grid, shape (n,) [deg C], or None.
+        warmth: Temperature of the part on the grid, shape (n,) [deg C], or None. integrated: Its rates are means over the
+        interval before each sample, not those of instants.
     """
 
     samples: UniformSamples
@@ -56,6 +57,7 @@ class Prepared:
     agreements: list[Agreement]
     remarks: list[str]
     warmth: np.ndarray | None = None
+    integrated: bool = False
 
     @property
     def has_gyroscope(self) -> bool:
@@ -138,11 +140,11 @@ class Prepared:
         rests = [Rest(self.samples.gyr[begin:end], felt) for (begin, end), felt in zip(self.rests, force, strict=True)]
         reach = max(round(TURN_MARGIN_S / self.samples.interval), 1)
         felt_along = self.samples.acc if accelerometer is None else accelerometer.apply(self.samples.acc)
-        attitude = rate = None
+        attitude = rate = sound = None
         if self.truth is not None:
             at = self.time_ns - round(self.rate_delay * NANOSECONDS)
             attitude = truth_at(self.truth, at)
-            rate, _ = true_rates(self.truth, at)
+            rate, sound = true_rates(self.truth, at, self.samples.interval if self.integrated else 0.0)
         turns = []
         for i in range(len(self.rests) - 1):
             begin = max(self.rests[i, 1] - min(reach, (self.rests[i, 1] - self.rests[i, 0]) // 2), 0)
@@ -153,7 +155,7 @@ class Prepared:
                 Turn(
                     self.samples.gyr[piece], self.samples.interval, up[i], up[i + 1],
                     q_world_from_sensor=attitude[piece] if known and attitude is not None else None,
-                    rate=rate[piece] if known and rate is not None else None,
+                    rate=rate[piece] if known and rate is not None and sound is not None and sound[piece].all() else None,
                     force=felt_along[piece], up_sd=up_sd, attitude_sd=float(DIRECTION_SD),
                 )
             )  # fmt: skip
@@ -245,7 +247,8 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
     gravity = session.robot.gravity if session.robot else np.array([0.0, 0.0, -STANDARD_GRAVITY])
     agreements = compare(found, len(uniform.gyr), uniform.interval)
     warmth = _warmth(samples, host, time)
-    return Prepared(uniform, time, rests, truth, gravity, delay, chosen, agreements, remarks, warmth)
+    integrated = session.manifest["sensors"][sensor].get("sampling") == "integrated"
+    return Prepared(uniform, time, rests, truth, gravity, delay, chosen, agreements, remarks, warmth, integrated)
 
 
 def _warmth(samples: ImuSamples, host_ns: np.ndarray, time_ns: np.ndarray) -> np.ndarray | None:

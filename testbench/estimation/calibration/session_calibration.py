@@ -8,6 +8,7 @@ from datetime import datetime
 
 import numpy as np
 
+from testbench.estimation.calibration.arm_uncertainty import shifted_truths, with_arm_uncertainty
 from testbench.estimation.calibration.axis_model import orthogonality
 from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
 from testbench.estimation.calibration.least_squares import PoorExcitation
@@ -65,6 +66,9 @@ def calibrate(
         triads["magnetometer"] = magnetometer
     if not triads and "mounting" not in chosen:
         raise InputError(f"{session.path}: nothing could be calibrated: {'; '.join(remarks) or 'no method fits the recording'}")
+    if prepared.truth is not None:
+        triads, added = with_arm_uncertainty(prepared, shifted_truths(session, sensor, prepared.truth), triads, field)
+        remarks += added
     triads, mounting, odd = take_mounting_out(triads, keep_small="mounting" not in chosen)
     remarks += odd
     if "mounting" in chosen and mounting is not None:
