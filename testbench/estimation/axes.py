@@ -3,6 +3,10 @@
 The readings are regressed on what the arm says the sensor felt; the signed permutation nearest to the 3 x 3 map names the
 axes, its determinant the handedness, its size the unit, and what is left the crookedness of the mounting. A swapped axis, a
 wrong sign and a wrong unit thus show in every recording that moves enough, not only in the protocol made for it.
+
+A magnetometer is the exception: the field in the world is not known, so that a map and the same with all signs reversed fit
+alike, one of them mirroring the sensor. Only a map that is neither straight nor wholly reversed can be remarked upon, as two
+readings; which of them holds is known to whoever knows whether the field points down there or up.
 """
 
 from __future__ import annotations
@@ -54,7 +58,7 @@ def identify_axes(
     if samples.mag is not None:
         felt = known & np.isfinite(samples.mag[pick]).all(axis=1)
         if felt.sum() >= 20:
-            found["mag"] = _magnetometer(samples.mag[pick][felt], q[felt])
+            found["mag"] = _magnetometer(samples.mag[pick][felt], q[felt], gravity)
     if samples.device_q is not None:
         given = known & np.isfinite(samples.device_q[pick]).all(axis=1)
         if given.sum() >= 20:
@@ -79,6 +83,8 @@ def _remark(triad: str, finding: AxisFinding) -> str | None:
     if triad == "device_q":
         usual = finding.axes == AS_DOCUMENTED
         return None if usual else f"its quaternion fits the motion only when read as {finding.axes}"
+    if triad == "mag":
+        return None if finding.axes == STRAIGHT else _two_readings(finding.axes, finding.field_dip_deg)
     if finding.gain is not None and not 0.8 < finding.gain < 1.25:
         factor, why = GAINS.get(triad, (0.0, ""))
         guess = f": {why}" if factor and 0.8 < finding.gain / factor < 1.25 else ""
@@ -90,6 +96,17 @@ def _remark(triad: str, finding: AxisFinding) -> str | None:
 
 
 STRAIGHT = "x: +x, y: +y, z: +z"
+LEVEL_DEG = 5.0
+"""A field that dips by less does not tell which way is up [deg]."""
+
+
+def _two_readings(axes: str, dip_deg: float | None) -> str:
+    reversed_axes = axes.translate(str.maketrans("+-", "-+"))
+    fits = f"its magnetometer has other axes than its mounting says; it fits '{axes}' or that with all signs reversed, "
+    if dip_deg is None or abs(dip_deg) < LEVEL_DEG:
+        return f"{fits}'{reversed_axes}'"
+    down, up = (axes, reversed_axes) if dip_deg > 0 else (reversed_axes, axes)
+    return f"{fits}'{reversed_axes}': '{down}' if the field points down there, as in the north, '{up}' if it points up"
 
 
 def true_rates(truth: Truth, time_ns: np.ndarray, over_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -160,10 +177,11 @@ def _signed_permutations() -> list[np.ndarray]:
     ]
 
 
-def _magnetometer(read: np.ndarray, q_world_from_sensor: np.ndarray) -> AxisFinding:
+def _magnetometer(read: np.ndarray, q_world_from_sensor: np.ndarray, gravity: np.ndarray) -> AxisFinding:
     """The map that makes the field in the world most constant, whatever its direction there.
 
-    A map with all signs reversed does as well, with the field reversed; the one that keeps the right hand is taken.
+    A map with all signs reversed does as well, with the field reversed; the one that keeps the right hand is taken, and the dip
+    that goes with it.
     """
     R = rotation.to_matrix(q_world_from_sensor)
     power = float(np.mean(np.sum(read**2, axis=1)))
@@ -176,7 +194,10 @@ def _magnetometer(read: np.ndarray, q_world_from_sensor: np.ndarray) -> AxisFind
     if next_best < LEAST_FIELD_MARGIN * max(best, 1e-3):
         return AxisFinding(agreement=float(1 - best), unseen=list(AXES))
     nearest = maps[order[0]]
-    return AxisFinding(_text(nearest), None, None, None, float(1 - best), [])
+    field = np.einsum("kji,ij->k", mean, nearest)
+    down = float(field @ gravity / np.linalg.norm(field) / np.linalg.norm(gravity))
+    dip = float(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))
+    return AxisFinding(_text(nearest), None, None, None, float(1 - best), [], dip)
 
 
 AS_DOCUMENTED = "w x y z, earth from sensor, z up"

@@ -135,6 +135,7 @@ class AxisFinding:
         read; None where the motion does not tell. right_handed: Whether the map keeps the hand; None where only two axes moved.
         gain: Reading over truth [1]. crooked_deg: Angle between the map and the mounting as found.
         agreement: Part of the variance that the motion explains [1]. unseen: Axes about which too little happened.
+        field_dip_deg: Of a magnetometer, dip of the field below the horizon if the map holds; all signs reversed reverse it.
     """
 
     axes: str | None = None
@@ -143,6 +144,7 @@ class AxisFinding:
     crooked_deg: float | None = None
     agreement: float | None = None
     unseen: list[str] = field(default_factory=list)
+    field_dip_deg: float | None = None
 
 
 @dataclass(frozen=True)

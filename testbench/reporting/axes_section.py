@@ -32,17 +32,22 @@ def _findings(estimate: Estimate) -> Table:
         Row([
             label(name), text(TRIADS[triad]), text(finding.axes), text(hands[finding.right_handed]),
             significant(finding.gain, 4), number(finding.crooked_deg, 2), number(finding.agreement, 5),
+            number(finding.field_dip_deg, 1),
         ])
         for name, sensor in estimate.sensors.items()
         for triad, finding in sensor.axes.items()
     ]  # fmt: skip
     return Table(
         "Axes of each sensor, as the motion shows them",
-        header("sensor", "triad", "axes", "hand", "reading over truth", "crooked [deg]", "agreement", numbers_from=4),
+        header(
+            "sensor", "triad", "axes", "hand", "reading over truth", "crooked [deg]", "agreement", "dip [deg]", numbers_from=4
+        ),
         rows,
         "How to read: which axis of the recording is each axis of the sensor as mounted; x: +x, y: +y, z: +z is as it should "
         "be, another map is what `testbench import --axes` takes. Reading over truth is 1 for right units; crooked is the "
-        "rotation left between the map and the mounting; agreement is the part of the variance that the motion explains.",
+        "rotation left between the map and the mounting; agreement is the part of the variance that the motion explains. The "
+        "dip is how far the field points below the horizon if the magnetometer's map holds; the same map with all signs "
+        "reversed fits as well, and reverses the dip.",
     )
 
 

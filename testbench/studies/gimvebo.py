@@ -17,7 +17,15 @@ from testbench.records.session_writer import software_versions
 from testbench.records.study import BoxNumbers, StudyBoxes, StudyRecord, StudyRow, StudyTable, Value
 from testbench.studies import gimvebo_words as words
 from testbench.studies.bench import StudyBench
-from testbench.studies.gimvebo_faults import angles_deg, fit_in_degrees, in_degrees, norms, norms_as_printed, speed_factor
+from testbench.studies.gimvebo_faults import (
+    angles_deg,
+    as_printed,
+    fit_in_degrees,
+    in_degrees,
+    norms,
+    norms_as_printed,
+    speed_factor,
+)
 from testbench.studies.gimvebo_recording import NONE, SENSOR, Part, read_part
 from testbench.studies.gimvebo_tables import (
     BOX,
@@ -107,18 +115,27 @@ def fault_table(part: Part, published: PublishedTables, bias: TriadCalibration) 
         if factor is not None:
             factors.append(factor)
             add(f"the same at {factor:.2f} times our speed", quantity(factor), published_box(target))
-    for name, number in INTEGRATORS.items():
-        table = published.tables[number]
-        before, after = angles_deg(NONE, fitted, name), angles_deg(fit_in_degrees(fitted, name), fitted, name)
-        add(f"angle [deg], {TITLES[name]}, deg/s, before the fit", before, published_box(table.row("accelerometer")))
-        add(f"angle [deg], {TITLES[name]}, deg/s, after the fit", after, published_box(table.row("both")))
+    left = {}
+    for name, label, turns in (
+        *((name, TITLES[name], fitted) for name in INTEGRATORS),
+        ("trapezoid", "Tustin as printed", as_printed(fitted)),
+    ):
+        table = published.tables[INTEGRATORS[name]]
+        before, after = angles_deg(NONE, turns, name), angles_deg(fit_in_degrees(turns, name), turns, name)
+        left[label] = float(np.median(after))
+        add(f"angle [deg], {label}, deg/s, before the fit", before, published_box(table.row("accelerometer")))
+        add(f"angle [deg], {label}, deg/s, after the fit", after, published_box(table.row("both")))
+    theirs = float(published.tables[INTEGRATORS["trapezoid"]].row("both").values[1] or 0.0)
     return StudyTable(
         "faults",
         "What two faults of an implementation do: rates in deg/s taken for rad/s, and a misplaced 1/2",
         BOX,
         tuple(rows),
         f"{words.BOX_HOW} {words.FAULTS_HOW.format(speed=speed)}",
-        words.FAULTS.format(agree=words.AGREE.format(*factors) if len(factors) == 2 else ""),
+        words.FAULTS.format(
+            agree=words.agreement(*factors) if len(factors) == 2 else "",
+            angle=words.tustin_angle(left[TITLES["trapezoid"]], left["Tustin as printed"], theirs),
+        ),
         "4.2 to 4.5",
         (3,) * 7,
         1,

@@ -29,6 +29,14 @@ def in_degrees(turns: Sequence[Turn], bias: np.ndarray) -> list[Turn]:
     return [replace(turn, gyr=np.degrees(turn.gyr - bias)) for turn in turns]
 
 
+def as_printed(turns: Sequence[Turn]) -> list[Turn]:
+    """The turns with rates that lead a correct integrator to the directions of the formula as printed.
+
+    (q + integral of f) / 2 with dq/dt = f / 2 is half the step of twice the rate; the half changes the length alone.
+    """
+    return [replace(turn, gyr=2.0 * turn.gyr) for turn in turns]
+
+
 def norms(turns: Sequence[Turn], integrator: str, stages: Stages, factor: float = 1.0) -> np.ndarray:
     """Norm of the quaternion after each step of each turn, carried on from step to step; rates times `factor`."""
     method, found = get_integrator(integrator), []

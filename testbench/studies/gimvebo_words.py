@@ -42,8 +42,9 @@ ANGLES = {
         "tell Crouch-Grossman from RK4: its rates between the samples are interpolated, which holds it to order 2."
     ),
     "trapezoid": (
-        "As beside table 4.3. The trapezoid is no worse than the others in ours; the published one is, by a factor of two,"
-        " and its eq. 2.36 is the one that is printed with a misplaced 1/2."
+        "As beside table 4.3. The trapezoid is no worse than the others in ours; the published one is, by a factor of two."
+        " The misplaced 1/2 with which its eq. 2.36 is printed does not tell why: eq. 2.38, of RK4, has it as well, and see "
+        "the table of faults for what it does to the angle."
     ),
 }
 
@@ -74,15 +75,41 @@ FAULTS = (
     "Rates in deg/s taken for rad/s give RK4 norms that are 1 while nothing moves and fall to hundredths while it does. "
     "They also leave the search for scales, which starts at 1 where π/180 would be right, in a minimum near its start: "
     "angles of about 90 deg before, tens of degrees after, as published. The factor 1/2 before the bracket, as eq. 2.36 is"
-    " printed, together with it puts the norm of a Tustin step at 0.5 and above.{agree} Not everything is explained: "
+    " printed, together with it puts the norm of a Tustin step at 0.5 and above.{agree} Eq. 2.38 prints the same 1/2 for "
+    "RK4, but there the published third quartile of 1 excludes it: a step at rest would have the norm 0.5. So it is a misprint at least once,"
+    " and may be one both times. {angle} Not everything is explained: "
     "Tustin norms below 0.5 cannot come about in this way, the quartiles hang on how the published motions divide into "
     "rest and turning, and how the norms were taken is not said. The text alone does not decide."
 )
 
 AGREE = (
-    " The two faults were matched to the two published medians one by one, and ask for nearly the same speed of the "
-    "motors: {0:.2f} and {1:.2f} times ours."
+    " The two faults were matched to the two published medians one by one, and ask for {speeds} of the motors: {0:.2f} and "
+    "{1:.2f} times ours."
 )
+
+SPEEDS = {1.05: "nearly the same speed", 1.2: "similar speeds", float("inf"): "different speeds"}
+"""By the largest ratio of two speeds that may be called so."""
+
+TUSTIN_ANGLE = (
+    "{which} the factor of two in the angle of Tustin: with rates in deg/s {plain:.1f} deg are left after the fit, and "
+    "{printed:.1f} deg with the 1/2, which doubles the turn of a step, as well; published are {published:.1f} deg."
+)
+
+EXPLAINED = {True: "The two together may explain", False: "The two together do not explain"}
+"""Whether what they leave comes to nine tenths of what was published."""
+
+
+def agreement(first: float, second: float) -> str:
+    """The sentence on two factors of the speed, with the word that their ratio allows."""
+    ratio = max(first, second) / min(first, second)
+    return AGREE.format(first, second, speeds=next(words for most, words in SPEEDS.items() if ratio <= most))
+
+
+def tustin_angle(plain: float, printed: float, published: float) -> str:
+    """The sentence on what the two faults leave of the angle, medians in deg, and whether that explains the published one."""
+    explained = EXPLAINED[max(plain, printed) >= 0.9 * published]
+    return TUSTIN_ANGLE.format(which=explained, plain=plain, printed=printed, published=published)
+
 
 PARAMETERS_HOW = (
     "How to read: the source prints no parameters. Estimators never see the true values; they are rebuilt here from the "

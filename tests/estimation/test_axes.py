@@ -75,6 +75,38 @@ def test_a_mirrored_triad_and_wrong_units_are_named():
 
 
 @pytest.mark.parametrize(
+    ("signs", "northern", "southern"),
+    [
+        ([-1, 1, 1], "x: -x, y: +y, z: +z", "x: +x, y: -y, z: -z"),
+        ([1, 1, -1], "x: +x, y: +y, z: -z", "x: -x, y: -y, z: +z"),
+        ([-1, -1, 1], "x: -x, y: -y, z: +z", "x: +x, y: +y, z: -z"),
+    ],
+)
+def test_a_magnetometer_with_a_wrong_sign_is_named_in_both_its_readings(signs, northern, southern):
+    samples, truth, static = moving()
+    found = identify(replace(samples, mag=samples.mag * signs), truth, static)
+    (remark,) = remarks_on(found)
+    (other,) = {northern, southern} - {found["mag"].axes}
+    assert f"it fits '{found['mag'].axes}' or that with all signs reversed, '{other}'" in remark
+    assert f"'{northern}' if the field points down" in remark and f"'{southern}' if it points up" in remark
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_magnetometer_with_all_signs_reversed_differs_by_the_dip_alone(sign):
+    samples, truth, static = moving()
+    found = identify(replace(samples, mag=sign * samples.mag), truth, static)
+    assert found["mag"].axes == STRAIGHT and not remarks_on(found)
+    assert found["mag"].field_dip_deg == pytest.approx(sign * np.degrees(np.arctan2(39, 24)), abs=0.5)
+
+
+def test_a_level_field_does_not_tell_the_two_readings_apart():
+    samples, truth, static = moving()
+    level = Rotation.from_quat(truth.q_world_from_sensor, scalar_first=True).inv().apply([0, 45.0, 0.5])
+    (remark,) = remarks_on(identify(replace(samples, mag=level * [1, -1, 1]), truth, static))
+    assert "all signs reversed" in remark and "points" not in remark
+
+
+@pytest.mark.parametrize(
     ("changed", "named"),
     [
         (lambda q: rotation.conjugate(q), "w x y z, sensor from earth, z up"),

@@ -12,6 +12,7 @@ from testbench.clock import SystemClock
 from testbench.estimation.calibration.gyroscope import gravity_turns, static_bias
 from testbench.estimation.calibration.turns import Turn
 from testbench.exceptions import NotFoundError, SessionError
+from testbench.model.integrators import get_integrator, steps_as_printed
 from testbench.pipeline import make_plan
 from testbench.records.published import load_published_tables
 from testbench.records.session import Session
@@ -19,8 +20,9 @@ from testbench.records.study import StudyRecord
 from testbench.studies import STUDIES, get_study
 from testbench.studies.bench import StudyBench
 from testbench.studies.gimvebo import true_parameters
-from testbench.studies.gimvebo_faults import fit_in_degrees, in_degrees, norms, norms_as_printed, speed_factor
+from testbench.studies.gimvebo_faults import as_printed, fit_in_degrees, in_degrees, norms, norms_as_printed, speed_factor
 from testbench.studies.gimvebo_recording import read_part
+from testbench.studies.gimvebo_words import agreement, tustin_angle
 
 # Sums of each published table as printed: a digit that was copied wrongly changes one.
 SUMS = {
@@ -139,6 +141,45 @@ def test_degrees_taken_for_radians_give_norms_and_angles_like_the_published_ones
         if label.endswith("after the fit"):
             before = rows[label.replace("after", "before")]
             assert 10 < row.values[1] < before.values[1] < 130
+
+
+def test_the_misplaced_half_is_said_of_both_equations_and_the_angle_of_tustin_is_not_claimed(study):
+    table = study.table("faults")
+    rows = {row.label: row for row in table.rows}
+    plain = rows["angle [deg], Tustin (trapezoid), deg/s, after the fit"]
+    printed = rows["angle [deg], Tustin as printed, deg/s, after the fit"]
+    assert plain.published == printed.published and plain.published[1] == 55.77
+    assert max(plain.values[1], printed.values[1]) < 0.9 * 55.77
+    assert "Eq. 2.38 prints the same 1/2 for RK4" in table.why and "third quartile of 1 excludes it" in table.why
+    assert (
+        f"do not explain the factor of two in the angle of Tustin: with rates in deg/s {plain.values[1]:.1f} deg" in table.why
+    )
+    assert f"{printed.values[1]:.1f} deg with the 1/2" in table.why
+    assert "does not tell why" in study.table("4.5").why
+
+
+def test_twice_the_rate_leads_where_the_formula_as_printed_leads(part):
+    method, turn = get_integrator("trapezoid"), part.held_out.turns[0]
+    (doubled,) = as_printed([turn])
+    stages, _ = method.stages_from_samples(turn.gyr)
+    twice, _ = method.stages_from_samples(doubled.gyr)
+    printed, correct = steps_as_printed(method, stages, turn.interval), method.steps(twice, turn.interval)
+    for q in (printed, correct):
+        q /= np.linalg.norm(q, axis=1)[:, None]
+    np.testing.assert_allclose(printed, correct, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("factors", "word"), [((1.69, 1.67), "nearly the same"), ((1.5, 1.72), "similar"), ((2.0, 1.2), "different")]
+)
+def test_the_word_for_two_speeds_follows_their_ratio(factors, word):
+    assert f"ask for {word} speed" in agreement(*factors)
+    assert f"ask for {word} speed" in agreement(*factors[::-1])
+
+
+def test_an_angle_as_large_as_the_published_one_would_be_called_so():
+    assert tustin_angle(30.0, 54.0, 55.77).startswith("The two together may explain")
+    assert tustin_angle(30.0, 45.0, 55.77).startswith("The two together do not explain")
 
 
 def test_every_number_is_traceable_to_a_session_that_is_kept(study):
