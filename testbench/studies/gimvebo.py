@@ -79,6 +79,7 @@ def run(bench: StudyBench) -> StudyRecord:
         tuple(tables),
         (_figure(part, calibrated, published),),
         software_versions(),
+        trace="The first one is that of all tables but the last.",
     )
 
 

@@ -18,13 +18,15 @@ from testbench.records.joint_definition import FlexionAngle
 from testbench.records.published import PublishedTables, load_published_tables
 from testbench.records.session import Session
 from testbench.records.strict import EulerSequence
-from testbench.records.study import StudyRow, StudyTable, Value
-from testbench.studies.curves import StudyCurve, StudyCurves, StudyResult, StudySurface
+from testbench.records.study import StudyCurve, StudyCurves, StudyRow, StudySurface, StudyTable, Value
 from testbench.studies.misalignment_session import session_curves, session_table
+from testbench.studies.result import StudyResult
 
 FLEXION_DEG = np.arange(0.0, 71.0, 5.0)
 MISALIGNMENT_DEG = np.arange(-20.0, 21.0, 2.0)
 """The grid of the source: 15 flexions by 21 misalignments."""
+SHOWN_EVERY_DEG = 10
+"""Flexions that are multiples of this have a curve in the figure."""
 SEQUENCE = "ZYX"
 SURFACE_DEGREES = (4, 2)
 """In flexion and misalignment; the source does not state its own. The next smaller ones leave 2.5 times the residual."""
@@ -216,14 +218,16 @@ def sensor_table(flexion_deg: np.ndarray, error_deg: np.ndarray, sequence: str, 
 def _theory_curves(magnitudes: np.ndarray, flexion_deg: np.ndarray, misalignment_deg: np.ndarray, sequence: str) -> StudyCurves:
     curves = []
     for flexion, magnitude in zip(flexion_deg, magnitudes, strict=True):
-        if not np.isfinite(magnitude).all():
+        if not np.isfinite(magnitude).all() or flexion % SHOWN_EVERY_DEG:
             continue
-        curves.append(StudyCurve(f"{flexion:g} deg", misalignment_deg, magnitude, "simulation"))
+        group = f"{flexion:g} deg"
+        curves.append(StudyCurve(group, misalignment_deg, magnitude, "simulation", group))
         if flexion in (60, 70):
             fit = fit_quadratic(misalignment_deg, magnitude)
-            curves.append(StudyCurve(f"{flexion:g} deg, parabola", misalignment_deg, fit.at(misalignment_deg), "fit"))
+            curves.append(StudyCurve(f"{group}, parabola", misalignment_deg, fit.at(misalignment_deg), "fit", group))
     caption = f"|error| of the {sequence} flexion over the misalignment about X, by flexion"
-    return StudyCurves(caption, "misalignment [deg]", "|error| [deg]", tuple(curves))
+    how = "How to read: points are the joint-angle code on simulated quaternions, lines the parabolas fitted to them."
+    return StudyCurves(caption, "misalignment [deg]", "|error| [deg]", tuple(curves), how)
 
 
 def _findings(grids: Mapping[AxisName, np.ndarray], flexion_deg: np.ndarray, sequence: str) -> tuple[str, ...]:

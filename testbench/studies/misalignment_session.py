@@ -16,8 +16,7 @@ from testbench.records.joint_definition import FlexionAngle
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import JointDefinition
 from testbench.records.session import Session
-from testbench.records.study import StudyRow, StudyTable
-from testbench.studies.curves import StudyCurve, StudyCurves
+from testbench.records.study import StudyCurve, StudyCurves, StudyRow, StudyTable
 
 
 def session_curves(
@@ -42,18 +41,19 @@ def session_curves(
         curves = []
         own = [row for row in rows if row.sequence == definition.label]
         for flexion in chosen:
-            here = [row for row in own if row.flexion_deg == flexion]
+            here, group = [row for row in own if row.flexion_deg == flexion], f"{flexion:g} deg"
             misalignments = np.array(sorted({float(row.misalignment_deg or 0.0) for row in here}))
             theory = theoretical_error(definition, flexion, misalignments)
             if theory is not None:
-                curves.append(StudyCurve(f"theory, {flexion:g} deg", misalignments, theory, "theory"))
+                curves.append(StudyCurve(f"theory, {group}", misalignments, theory, "theory", group))
             for name in dict.fromkeys(row.filter for row in here):
                 mine = [row for row in here if row.filter == name]
                 if name == here[0].filter:  # the poses are the same for all
                     simulated = simulated_errors(session, joint, definition, mine)
-                    curves.append(StudyCurve(f"simulation, {flexion:g} deg", *_by_misalignment(mine, simulated), "simulation"))
+                    points = _by_misalignment(mine, simulated)
+                    curves.append(StudyCurve(f"simulation, {group}", *points, "simulation", group))
                 measured = np.array([row.flexion_mean_abs_error_deg for row in mine])
-                curves.append(StudyCurve(f"{name}, {flexion:g} deg", *_by_misalignment(mine, measured), "measurement"))
+                curves.append(StudyCurve(f"{name}, {group}", *_by_misalignment(mine, measured), "measurement", group))
         figures.append(
             StudyCurves(
                 f"{joint}: |error| of the {definition.label} flexion over the misalignment",

@@ -20,11 +20,13 @@ from testbench.records.estimate import Estimate
 from testbench.records.plan import PlannedStep
 from testbench.records.published import load_published_tables
 from testbench.records.session import Session
-from testbench.records.study import StudyRow, StudyTable, Value
-from testbench.studies.curves import StudyCurve, StudyCurves, StudyResult
+from testbench.records.study import StudyCurve, StudyCurves, StudyRow, StudyTable, Value
+from testbench.studies.result import StudyResult
 
 CYCLES_VARIABLE, ROLL_VARIABLE = "gait_cycles", "roll_deg"
 """Of the protocol: how many cycles were commanded, and the coupled roll (a walker always has some)."""
+SHOWN_SAMPLES = 400
+"""Of a curve over time, about; a figure cannot show more."""
 MARGIN_S = 1.5
 """Rest before and after a swing that goes with it [s], longer than the window of the step detection; the drift is from the one
 to the other."""
@@ -218,8 +220,10 @@ def drift_curves(session: Session, estimate: Estimate, result: SwingResult, sens
         error = np.degrees(heading_error(q[rows], q_true))
         known = np.flatnonzero(np.isfinite(error))
         if len(known):
-            curves.append(StudyCurve(key, seconds, error - error[known[0]], "measurement"))
-    return StudyCurves(f"Error of the yaw, {result.step.name}", "time [s]", "error [deg]", tuple(curves))
+            shown = known[:: max(len(known) // SHOWN_SAMPLES, 1)]
+            curves.append(StudyCurve(key, seconds[shown], error[shown] - error[known[0]], "measurement"))
+    how = "How to read: heading against the arm's, from the rest before the swing on; beyond 180 deg it wraps."
+    return StudyCurves(f"Error of the yaw, {result.step.name}", "time [s]", "error [deg]", tuple(curves), how)
 
 
 def _rows(time_ns: np.ndarray, step: PlannedStep) -> np.ndarray:
