@@ -17,7 +17,7 @@ from testbench.reporting.tables import Cell, Row, Table, label, number, signific
 FILE = "report.html"
 SYMBOLS = ("circle", "diamond", "square", "triangle-up", "star", "hexagon")
 """Of measurements, filter by filter; simulation has `SIMULATED`."""
-SIMULATED = "x-thin-open"
+SIMULATED = "circle-open"
 MOST_POINTS = 100
 """A curve with more is a series over time and drawn as a line."""
 SMALLEST_FIXED = 1e-3
@@ -129,7 +129,11 @@ def _table(table: StudyTable) -> Table:
 
 
 def _as_printed(value: Value) -> Cell:
-    return Cell(f"{value:.7g}", kind="number") if isinstance(value, int | float) else text(value)
+    return Cell(f"{value:.7g}", kind="number") if isinstance(value, int | float) else _word(value)
+
+
+def _word(value: str | None) -> Cell:
+    return number(None) if value is None else text(value)
 
 
 def _cells(table: StudyTable, values: tuple[Value, ...]) -> list[Cell]:
@@ -140,7 +144,7 @@ def _cells(table: StudyTable, values: tuple[Value, ...]) -> list[Cell]:
             tiny = 0 < abs(value) < SMALLEST_FIXED and decimals > 5
             cells.append(significant(value, 3) if tiny else number(value, decimals))
         else:
-            cells.append(text(value))
+            cells.append(_word(value))
     return cells
 
 

@@ -42,7 +42,7 @@ PROTOCOL = "gimvebo_gyro"
 
 def run(bench: StudyBench) -> StudyRecord:
     """Run the protocol for every part on the simulated gimbal and compute the tables."""
-    started = f"{bench.clock.utc():%Y-%m-%dT%H:%M:%SZ}"
+    started = bench.now()
     published = load_published_tables("reference_3")
     the_plan = make_plan(PROTOCOL)
     parts: list[Part] = []

@@ -7,6 +7,7 @@ comes from the same joint-angle code that sessions are estimated with; no fitted
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -18,7 +19,8 @@ from testbench.records.joint_definition import FlexionAngle
 from testbench.records.published import PublishedTables, load_published_tables
 from testbench.records.session import Session
 from testbench.records.strict import EulerSequence
-from testbench.records.study import StudyCurve, StudyCurves, StudyRow, StudySurface, StudyTable, Value
+from testbench.records.study import StudyCurve, StudyCurves, StudyRecord, StudyRow, StudySurface, StudyTable, Value
+from testbench.studies.bench import StudyBench
 from testbench.studies.misalignment_session import session_curves, session_table
 from testbench.studies.result import StudyResult
 
@@ -33,6 +35,31 @@ SURFACE_DEGREES = (4, 2)
 SEQUENCES: tuple[str, ...] = get_args(EulerSequence)
 AXIS_NAMES: tuple[AxisName, ...] = get_args(AxisName)
 TURNS = {"X": "roll", "Y": "pitch", "Z": "yaw"}
+
+PROTOCOL, FILTERS = "elbow_flexion", ("device", "vqf_6d")
+"""The session, and the filters that stand for the sensors in it."""
+QUESTION = (
+    "How wrong does a misaligned segment make a flexion angle, by which sequence, and how much of a session's error is that?"
+)
+
+
+def run(bench: StudyBench) -> StudyRecord:
+    """Run the elbow under misalignment and put the theory beside it."""
+    started = bench.now()
+    result = bench.run(PROTOCOL, FILTERS)
+    bench.say("theory, fits and tables")
+    study = misalignment_study(session=result.session, evaluation=result.evaluation)
+    measured = study.table("elbow measured")
+    found = tuple(
+        f"{row.label}: the definition is wrong by {row.values[1]:.3f} deg in the mean and {row.values[2]:.2f} deg at most, "
+        f"what was measured by {row.values[3]:.3f} and {row.values[4]:.2f} deg."
+        for row in measured.rows
+    )
+    settings = {"protocol": PROTOCOL, "seed": bench.seed, "filters": ", ".join(FILTERS)}
+    return replace(study, findings=study.findings + found).record(
+        "misalignment", "Misaligned segments", QUESTION, started, settings, [str(result.session.path)],
+        "It gives what is called simulation and measurement in the figures of the elbow and its table; the rest is theory.",
+    )  # fmt: skip
 
 
 def misalignment_study(

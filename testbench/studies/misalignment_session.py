@@ -28,14 +28,15 @@ def session_curves(
     orientations in each pose, without any sensor; measurement what each filter gave.
 
     Args:
-        flexions_deg: Those to show; the three largest that the session commanded if None.
+        flexions_deg: Those to show; three of those that the session commanded, the largest among them, if None.
 
     Raises:
         InputError: The protocol commands no misalignment and flexion for this joint.
     """
     rows = _posed_rows(evaluation, joint)
     flexions = sorted({row.flexion_deg for row in rows if row.flexion_deg is not None})
-    chosen = [f for f in flexions if flexions_deg is None or f in flexions_deg][-3:]
+    spread = {flexions[len(flexions) // 3], flexions[2 * len(flexions) // 3], flexions[-1]}
+    chosen = [f for f in flexions if f in (spread if flexions_deg is None else flexions_deg)]
     figures = []
     for definition in session.analysis.joints[joint].definitions():
         curves = []
@@ -96,6 +97,8 @@ def session_table(session: Session, evaluation: Evaluation, joint: str) -> Study
         ),
         tuple(body),
         "How to read: the definition's error is that of the true poses; what a filter adds or takes is the sensors'.",
+        "A sequence that sees the heading also sees what a filter loses of it: where the sensors' headings drift apart, the "
+        "drift adds to the misalignment on one side and takes from it on the other, most of all by a filter without magnetometer.",
         decimals=(0, 3, 3, 3, 3),
     )
 

@@ -7,7 +7,7 @@ walker, is not in them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from testbench.records.estimate import Estimate
 from testbench.records.plan import PlannedStep
 from testbench.records.published import load_published_tables
 from testbench.records.session import Session
-from testbench.records.study import StudyCurve, StudyCurves, StudyRow, StudyTable, Value
+from testbench.records.study import StudyCurve, StudyCurves, StudyRecord, StudyRow, StudyTable, Value
+from testbench.studies.bench import StudyBench
 from testbench.studies.result import StudyResult
 
 CYCLES_VARIABLE, ROLL_VARIABLE = "gait_cycles", "roll_deg"
@@ -38,6 +39,41 @@ AREA = (
     "The yaw that is lost by taking body rates for Euler rates is the area that pitch and roll enclose, pi A_pitch A_roll a "
     "cycle, whatever the frequency; without roll there is none."
 )
+
+PROTOCOL = "shank_swing"
+QUESTION = "How far do two Euler filters drift in yaw on a walker's swing, and what of cycles, distance and path is left?"
+FILTERS_OF_SOURCE = ("euler_ekf_simple", "euler_ekf")
+
+
+def run(bench: StudyBench) -> StudyRecord:
+    """Swing the shank and judge every filter of the protocol."""
+    started = bench.now()
+    result = bench.run(PROTOCOL)
+    bench.say("cycles, paths and drifts")
+    study = pedestrian_study(result.session, result.estimate)
+    settings = {"protocol": PROTOCOL, "seed": bench.seed, "parameters": "universal"}
+    swings = swing_results(result.session, result.estimate, PUBLISHED["universal"])
+    return replace(study, findings=(*_findings(swings), *study.findings)).record(
+        "reference-4", "Steps and path of a swung shank", QUESTION, started, settings, [str(result.session.path)]
+    )
+
+
+def _findings(results: list[SwingResult]) -> tuple[str, ...]:
+    """The answer in sentences, of the swings with a coupled roll."""
+    wrong = [r for r in results if r.cycle_error]
+    counts = " and ".join(str(n) for n in sorted({r.cycles for r in results if r.cycles is not None}))
+    told = ", ".join(f"{r.filter} in {r.step.name} by {r.cycle_error:+d}" for r in wrong)
+    found = [f"Gait cycles, {counts} commanded: " + (f"miscounted {told}." if wrong else "counted exactly by every filter.")]
+    for cycles in sorted({r.cycles for r in results if r.cycles is not None}):
+        own = {r.filter: r for r in results if r.cycles == cycles and r.step.variables.get(ROLL_VARIABLE)}
+        if all(name in own for name in FILTERS_OF_SOURCE):
+            simple, improved = (abs(float(np.degrees(own[name].drift.drift))) for name in FILTERS_OF_SOURCE)
+            ends = [own[name].position_error for name in FILTERS_OF_SOURCE]
+            found.append(
+                f"Over {cycles} cycles with a coupled roll the yaw drifts by {simple:.1f} deg by the simple prediction and by "
+                f"{improved:.1f} deg by the improved one; the path ends {ends[0]:.2f} and {ends[1]:.2f} m off."
+            )
+    return tuple(found)
 
 
 @dataclass(frozen=True)
