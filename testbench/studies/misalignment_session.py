@@ -97,8 +97,8 @@ def session_table(session: Session, evaluation: Evaluation, joint: str) -> Study
         ),
         tuple(body),
         "How to read: the definition's error is that of the true poses; what a filter adds or takes is the sensors'.",
-        "A sequence that sees the heading also sees what a filter loses of it: where the sensors' headings drift apart, the "
-        "drift adds to the misalignment on one side and takes from it on the other, most of all by a filter without magnetometer.",
+        "A sequence that sees the heading also sees what a filter loses of it: where the sensors drift apart in heading, this "
+        "adds to the misalignment on one side and takes from it on the other, most of all by a filter without magnetometer.",
         decimals=(0, 3, 3, 3, 3),
     )
 
