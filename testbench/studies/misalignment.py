@@ -128,14 +128,13 @@ def fit_table(
         magnitudes: Of the error, shape (f, d) [deg]. published: Fits on the same grid, or None.
     """
     theirs = {row.label: row for row in published.tables["misalignment"].rows} if published else {}
+    remarks = [f"At {label} deg {row.remark}." for label, row in theirs.items() if row.remark]
     rows = []
     for flexion, magnitude in zip(flexion_deg, magnitudes, strict=True):
         if np.isfinite(magnitude).all():
             beside = theirs.get(f"{flexion:g}")
             values = _fit_values(fit_quadratic(misalignment_deg, magnitude))
-            rows.append(
-                StudyRow(f"{flexion:g} deg", values, tuple(beside.values) if beside else (), beside.remark if beside else "")
-            )
+            rows.append(StudyRow(f"{flexion:g} deg", values, tuple(beside.values) if beside else ()))
     return StudyTable(
         "fits",
         "Quadratic fits a d² + b d + c of |error| over the misalignment d about X, by flexion",
@@ -143,7 +142,7 @@ def fit_table(
         tuple(rows),
         "How to read: a is how fast the error grows with the square of the misalignment, with its 95 % confidence interval. "
         "The residual is the model's, not noise: |error| is no parabola.",
-        "They agree to the last digit printed.",
+        " ".join(["They agree to the last digit printed.", *remarks]) if theirs else "",
         decimals=(5, 5, 5, 1, 5, 4, 4, 5),
         ratio_column=0,
         short="Quadratic fits",

@@ -124,12 +124,13 @@ def pedestrian_study(
         InputError: The session has no judged sweep or no truth for the sensor.
     """
     results = swing_results(session, estimate, parameters, sensor)
-    longest = max(results, key=lambda r: r.step.end_ns - r.step.start_ns)
+    most = max(r.step.variables.get(ROLL_VARIABLE, 0.0) for r in results)
+    rolling = {r.step.index: r for r in results if r.step.variables.get(ROLL_VARIABLE, 0.0) == most}
     return StudyResult(
         load_published_tables("reference_4").source,
         (DISTANCES, AREA),
         (cycle_table(results), drift_table(results), published_table("10"), published_table("14")),
-        (drift_curves(session, estimate, longest, sensor),),
+        tuple(drift_curves(session, estimate, result, sensor) for result in rolling.values()),
     )
 
 
@@ -198,7 +199,7 @@ def cycle_table(results: list[SwingResult]) -> StudyTable:
 
 
 def drift_table(results: list[SwingResult]) -> StudyTable:
-    """Yaw drift by filter; the published figures stand beside the Euler filters where there is a coupled roll."""
+    """Yaw drift by filter; published figures stand beside the Euler filters in the shortest swing with roll."""
     front = load_published_tables("reference_4").tables["yaw drift"].rows[0]
     simple, improved = front.values
     published: dict[str, Value] = {
@@ -206,10 +207,12 @@ def drift_table(results: list[SwingResult]) -> StudyTable:
         "euler_ekf": improved, "euler_ekf_as_printed": improved,
     }  # fmt: skip
     rows = []
+    shortest = min((r.cycles for r in results if r.cycles is not None), default=None)
     for r in results:
         cycles = r.cycles or len(r.true_walk.cycles)
         size = abs(float(np.degrees(r.drift.drift)))
-        beside = published.get(r.filter) if r.step.variables.get(ROLL_VARIABLE) != 0 else None
+        corridor = r.cycles == shortest and r.step.variables.get(ROLL_VARIABLE) != 0
+        beside = published.get(r.filter) if corridor else None
         values = (size, size / cycles if cycles else None, float(np.degrees(r.drift.largest)))
         rows.append(StudyRow(f"{r.step.name}, {r.filter}", values, (beside, None, None) if beside is not None else ()))
     return StudyTable(
@@ -253,12 +256,13 @@ def drift_curves(session: Session, estimate: Estimate, result: SwingResult, sens
     q_true, seconds = truth_at(truth, time), (time - time[0]) / NANOSECONDS
     curves = []
     for key, q in own.orientation.items():
-        error = np.degrees(heading_error(q[rows], q_true))
+        error = heading_error(q[rows], q_true)
         known = np.flatnonzero(np.isfinite(error))
         if len(known):
             shown = known[:: max(len(known) // SHOWN_SAMPLES, 1)]
+            error[known] = np.degrees(np.unwrap(error[known]))
             curves.append(StudyCurve(key, seconds[shown], error[shown] - error[known[0]], "measurement"))
-    how = "How to read: heading against the arm's, from the rest before the swing on; beyond 180 deg it wraps."
+    how = "How to read: heading against the arm's, from the rest before the swing on."
     return StudyCurves(f"Error of the yaw, {result.step.name}", "time [s]", "error [deg]", tuple(curves), how)
 
 

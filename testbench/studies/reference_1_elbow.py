@@ -110,7 +110,7 @@ def flexion_table(evaluation: Evaluation, published: PublishedResults) -> StudyT
             printed: tuple[Value, ...] = ()
             note = ""
             if theirs is not None:
-                printed = (*theirs.mean_abs_error_deg, _mean(theirs.mean_abs_error_deg))
+                printed = (*theirs.mean_abs_error_deg, _printed_mean(theirs))
                 note = f"beside table {theirs.table}"
             rows.append(StudyRow(f"{title}, {name}, {sequence}", (*values, _mean(values)), printed, note))
     return StudyTable(
@@ -140,6 +140,11 @@ def _mean(values: list[float | None]) -> float | None:
     return float(np.mean(known)) if known else None
 
 
+def _printed_mean(row: FlexionErrors) -> float:
+    """Mean over the flexions, with the two decimals of the source."""
+    return round(_mean(row.mean_abs_error_deg) or 0.0, 2)
+
+
 def heading_model(flexion_deg: np.ndarray, offset_deg: float, heading_deg: float) -> np.ndarray:
     """|error| [deg] of the middle angle of YXZ, shape (f,): the elbow starts off zero, one sensor is turned about the vertical.
 
@@ -166,9 +171,9 @@ def _growing(published: PublishedResults) -> FlexionErrors:
 def heading_table(published: PublishedResults) -> StudyTable:
     """What an offset and a heading error make of the flexion by YXZ, beside the table that grows."""
     offset, heading, rmse = heading_fit(published)
-    flexions, theirs = published.flexion_deg, _growing(published).mean_abs_error_deg
+    flexions, theirs = published.flexion_deg, _growing(published)
     model = heading_model(np.array(flexions), offset, heading).tolist()
-    row = StudyRow("explained", (*model, _mean(model)), (*theirs, _mean(theirs)))
+    row = StudyRow("explained", (*model, _mean(model)), (*theirs.mean_abs_error_deg, _printed_mean(theirs)))
     return StudyTable(
         "heading",
         "Table 5.7 explained: an elbow that starts off zero, and two sensors apart in heading",
