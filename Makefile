@@ -16,11 +16,11 @@ unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV PIP_USER PIP_TARGET PIP_PREFIX PIP_RE
 
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
-.PHONY: help setup run test check format bench lock clean
+.PHONY: help setup run reproduce test check format bench lock clean
 
 help: ## Show what can be made
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | while IFS="$$(printf '\t')" read -r name text; do \
-		printf '  make %-8s %s\n' "$$name" "$$text"; \
+		printf '  make %-9s %s\n' "$$name" "$$text"; \
 	done
 
 setup: $(VENV)/.project-installed ## Create .venv with the locked dependencies and this project
@@ -51,6 +51,9 @@ $(VENV)/.project-installed: $(VENV)/.lock-installed pyproject.toml
 
 run: setup ## Run a protocol on the simulated bench (PROTOCOL=protocols/elbow_flexion.yaml)
 	$(BIN)/testbench run $(PROTOCOL)
+
+reproduce: setup ## Run the published experiments on the simulated bench, their tables beside ours (reports in logs/)
+	$(BIN)/testbench study --reproduce --parts 1
 
 test: setup ## Run all tests (PYTEST_ARGS="-k name", PYTEST_WORKERS=2)
 	$(BIN)/python -m pytest -q -n $(PYTEST_WORKERS) $(PYTEST_ARGS)

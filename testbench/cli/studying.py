@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,8 @@ from testbench.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
     from testbench.records.study import StudyRecord, StudyTable
+    from testbench.studies import Study
+    from testbench.studies.bench import StudyBench
 
 
 def _complete_study(incomplete: str) -> list[str]:
@@ -27,28 +30,29 @@ def study(
     logs: Annotated[Path, typer.Option("--logs", help="Folder that the sessions and the study are kept in.")] = Path("logs"),
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first simulated part.")] = 0,
     parts: Annotated[int, typer.Option("--parts", min=1, help="How many simulated parts to run.")] = 5,
+    reproduce: Annotated[
+        bool, typer.Option("--reproduce", help="Run every study of a publication (reference-1, ...) instead, one by one.")
+    ] = False,
     listed: Annotated[bool, typer.Option("--list", help="List the studies instead.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:
     """Run a study and write its tables and report."""
     from testbench.exceptions import InputError
-    from testbench.studies import STUDIES, get_study
+    from testbench.studies import STUDIES, get_study, references
 
     if listed:
         return _say_list({study.name: study.description for study in STUDIES.values()}, json)
-    if name is None:
-        raise InputError(f"which study? known: {', '.join(STUDIES)}")
+    if (name is None) != reproduce:
+        known = ", ".join(STUDIES)
+        raise InputError(f"--reproduce takes no name: {name}" if reproduce else f"which study? known: {known}")
     from testbench.clock import SystemClock
-    from testbench.reporting.study_report import study_report
     from testbench.studies.bench import StudyBench
-    from testbench.studies.folder import new_folder
 
-    clock = SystemClock()
-    chosen = get_study(name)
-    record = chosen.run(StudyBench(logs, clock, seed, parts, _tell if not json and sys.stderr.isatty() else _keep_quiet))
-    folder = new_folder(logs, name, clock)
-    record.save(folder)
-    report = study_report(record, folder)
+    tell = _tell if not json and sys.stderr.isatty() else _keep_quiet
+    bench = StudyBench(logs, SystemClock(), seed, parts, tell)
+    if name is None:
+        return _reproduce(references(), bench, json)
+    record, folder, report = _run(get_study(name), bench)
     if json:
         say_json({"study": str(folder), "report": str(report), **record.to_dict()})
     else:
@@ -56,6 +60,34 @@ def study(
         say(f"study:  {folder}")
         say(f"report: {report}")
     return None
+
+
+def _run(chosen: Study, bench: StudyBench) -> tuple[StudyRecord, Path, Path]:
+    """The record of a study, its folder and its report."""
+    from testbench.reporting.study_report import study_report
+    from testbench.studies.folder import new_folder
+
+    record = chosen.run(bench)
+    folder = new_folder(bench.logs, chosen.name, bench.clock)
+    record.save(folder)
+    return record, folder, study_report(record, folder)
+
+
+def _reproduce(studies: list[Study], bench: StudyBench, json: bool) -> None:
+    """Run several, and say what each found and where its report lies."""
+    done = []
+    for chosen in studies:
+        begin = time.perf_counter()
+        record, folder, report = _run(chosen, bench)
+        seconds = time.perf_counter() - begin
+        done.append({"study": str(folder), "report": str(report), "seconds": seconds, "findings": list(record.findings)})
+        if not json:
+            say(f"{chosen.name}: {record.title}, beside {record.source} ({seconds:.0f} s)")
+            for finding in record.findings:
+                say(f"- {finding}")
+            say(f"report: {report}\n")
+    if json:
+        say_json({"studies": done})
 
 
 def _tell(text: str) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -121,6 +121,62 @@ class StudyBoxes:
     logarithmic: bool = False
 
 
+CurveKind = Literal["theory", "fit", "simulation", "measurement"]
+
+
+@dataclass(frozen=True, eq=False)
+class StudyCurve:
+    """One line or one set of points of a figure.
+
+    Attributes:
+        kind: "theory" and "fit" are drawn as lines, "simulation" and "measurement" as points. x, y: Shape (n,), NaN where there
+        is no value. group: Curves of one group have one colour; the curve's own name if empty.
+    """
+
+    name: str
+    x: np.ndarray
+    y: np.ndarray
+    kind: CurveKind
+    group: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON, which has no NaN."""
+        return {"name": self.name, "x": _numbers(self.x), "y": _numbers(self.y), "kind": self.kind, "group": self.group}
+
+
+@dataclass(frozen=True, eq=False)
+class StudyCurves:
+    """Curves that share their axes; the axes' titles carry the unit. how: How to read it."""
+
+    caption: str
+    x_axis: str
+    y_axis: str
+    curves: tuple[StudyCurve, ...]
+    how: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**vars(self), "curves": [curve.to_dict() for curve in self.curves]}
+
+
+@dataclass(frozen=True, eq=False)
+class StudySurface:
+    """Values over a grid, z of shape (len(y), len(x)); the axes' titles carry the unit. how: How to read it."""
+
+    caption: str
+    x_axis: str
+    y_axis: str
+    z_axis: str
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    how: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON, which has no NaN."""
+        return {**vars(self), "x": _numbers(self.x), "y": _numbers(self.y), "z": [_numbers(row) for row in self.z]}
+
+
 @dataclass(frozen=True)
 class StudyRecord:
     """A finished study.
@@ -128,7 +184,8 @@ class StudyRecord:
     Attributes:
         name, title, question: What was asked. source: The publication it stands beside, as cited. started_utc: ISO 8601.
         settings: What it was run with. sessions: Folders that its numbers come from. findings: The answer, in sentences.
-        tables, figures: In order. software: Versions.
+        tables, figures, curves, surfaces: In order. software: Versions. trace: Which numbers come from which session, where
+        not all come from all.
     """
 
     name: str
@@ -142,6 +199,9 @@ class StudyRecord:
     tables: tuple[StudyTable, ...]
     figures: tuple[StudyBoxes, ...] = ()
     software: dict[str, str] = field(default_factory=dict)
+    curves: tuple[StudyCurves, ...] = ()
+    surfaces: tuple[StudySurface, ...] = ()
+    trace: str = ""
 
     def table(self, key: str) -> StudyTable:
         """A table by its key.
@@ -153,7 +213,9 @@ class StudyRecord:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; rows carry the ratio of their table's ratio column."""
-        data = {"schema_version": SCHEMA_VERSION, **asdict(self)}
+        data = {"schema_version": SCHEMA_VERSION, **asdict(replace(self, curves=(), surfaces=()))}
+        data["curves"] = [curves.to_dict() for curves in self.curves]
+        data["surfaces"] = [surface.to_dict() for surface in self.surfaces]
         for table, plain in zip(self.tables, data["tables"], strict=True):
             for row, entry in zip(table.rows, plain["rows"], strict=True):
                 entry["ratio"] = None if table.ratio_column is None else row.ratio(table.ratio_column)
@@ -177,9 +239,11 @@ class StudyRecord:
         try:
             data["tables"] = tuple(_table(table) for table in data["tables"])
             data["figures"] = tuple(_boxes(figure) for figure in data["figures"])
+            data["curves"] = tuple(_curves(curves) for curves in data.get("curves", ()))
+            data["surfaces"] = tuple(_surface(surface) for surface in data.get("surfaces", ()))
             data["sessions"], data["findings"] = tuple(data["sessions"]), tuple(data["findings"])
             return StudyRecord(**data)
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise SessionError(f"{folder / FILE} is damaged: {error}") from None
 
 
@@ -193,3 +257,22 @@ def _boxes(data: dict[str, Any]) -> StudyBoxes:
         return {name: BoxNumbers(**{**box, "outliers": tuple(box["outliers"])}) for name, box in boxes.items()}
 
     return StudyBoxes(**{**data, "boxes": read(data["boxes"]), "published": read(data["published"])})
+
+
+def _numbers(values: np.ndarray) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in values]
+
+
+def _array(values: list[Any]) -> np.ndarray:
+    return np.array(values, dtype=float)  # None becomes NaN
+
+
+def _curves(data: dict[str, Any]) -> StudyCurves:
+    curves = tuple(StudyCurve(**{**curve, "x": _array(curve["x"]), "y": _array(curve["y"])}) for curve in data["curves"])
+    if unknown := {curve.kind for curve in curves} - set(get_args(CurveKind)):
+        raise ValueError(f"no kind of curve: {', '.join(sorted(unknown))}")
+    return StudyCurves(**{**data, "curves": curves})
+
+
+def _surface(data: dict[str, Any]) -> StudySurface:
+    return StudySurface(**{**data, **{name: _array(data[name]) for name in "xyz"}})

@@ -35,7 +35,7 @@ class Curve:
 
     Attributes:
         name: For the legend. x, y: Shape (n,). sd: Half height of its band, shape (n,), or None for none. dashed: A reference.
-        hidden: Shown only once its name is clicked.
+        hidden: Shown only once its name is clicked. mode: "lines", "markers" or both, as plotly has it. symbol: Of the markers.
     """
 
     name: str
@@ -45,6 +45,8 @@ class Curve:
     sd: Sequence[float] | None = None
     dashed: bool = False
     hidden: bool = False
+    mode: str = "lines+markers"
+    symbol: str = ""
 
 
 def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
@@ -59,13 +61,17 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
         data.append(
             {
                 "type": "scatter",
-                "mode": "lines+markers",
+                "mode": curve.mode,
                 "name": _text(curve.name),
                 "legendgroup": _text(curve.name),
                 "x": _rounded(curve.x),
                 "y": _rounded(curve.y),
                 "line": {"color": curve.colour, "width": 2, "dash": "dot" if curve.dashed else "solid"},
-                "marker": {"size": 6, "symbol": "diamond-open" if curve.dashed else "circle"},
+                "marker": {
+                    "size": 6,
+                    "color": curve.colour,
+                    "symbol": curve.symbol or ("diamond-open" if curve.dashed else "circle"),
+                },
                 "visible": "legendonly" if curve.hidden else True,
                 "hovertemplate": "%{y:.3f}",
             }

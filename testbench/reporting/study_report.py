@@ -5,14 +5,21 @@ from __future__ import annotations
 from datetime import datetime
 from pathlib import Path
 
-from testbench.records.study import StudyBoxes, StudyRecord, StudyTable, Value
-from testbench.reporting.figures import box_plots
+import numpy as np
+
+from testbench.records.study import StudyBoxes, StudyCurves, StudyRecord, StudySurface, StudyTable, Value
+from testbench.reporting.figures import Curve, Figure, box_plots, error_curves, heat_map
 from testbench.reporting.page import Block, Figures, Section, Sentence
 from testbench.reporting.palette import COLOURS, REFERENCE
 from testbench.reporting.render import render_page
 from testbench.reporting.tables import Cell, Row, Table, label, number, significant, text
 
 FILE = "report.html"
+SYMBOLS = ("circle", "diamond", "square", "triangle-up", "star", "hexagon")
+"""Of measurements, filter by filter; simulation has `SIMULATED`."""
+SIMULATED = "circle-open"
+MOST_POINTS = 100
+"""A curve with more is a series over time and drawn as a line."""
 SMALLEST_FIXED = 1e-3
 """Numbers below this, of a column with enough decimals to lose them, are shown with significant digits."""
 
@@ -54,7 +61,43 @@ def _answer(study: StudyRecord) -> Section:
     blocks: list[Block] = [Sentence(finding) for finding in study.findings]
     blocks.append(Sentence("Ours are simulated: models of the arm and of the sensor, with errors drawn from the data sheet."))
     blocks += [_figure(figure) for figure in study.figures]
+    blocks += [Figures(curves.caption, {curves.caption: draw_curves(curves)}, curves.how) for curves in study.curves]
+    for axis in dict.fromkeys(surface.z_axis for surface in study.surfaces):
+        blocks.append(_surfaces([surface for surface in study.surfaces if surface.z_axis == axis]))
     return Section("answer", "Answer", blocks)
+
+
+def draw_curves(curves: StudyCurves) -> Figure:
+    """Theory as lines, fits as dotted ones, simulation and measurement as points; long series of points as lines."""
+    groups = list(dict.fromkeys(curve.group or curve.name for curve in curves.curves))
+    drawn = []
+    for curve in curves.curves:
+        group = curve.group or curve.name
+        points = curve.kind in ("simulation", "measurement") and len(curve.x) <= MOST_POINTS
+        measured = [c for c in curves.curves if c.kind == "measurement" and (c.group or c.name) == group]
+        symbol = SYMBOLS[measured.index(curve) % len(SYMBOLS)] if curve in measured else SIMULATED
+        drawn.append(
+            Curve(
+                curve.name,
+                curve.x.tolist(),
+                curve.y.tolist(),
+                COLOURS[groups.index(group) % len(COLOURS)],
+                dashed=curve.kind == "fit",
+                mode="markers" if points else "lines",
+                symbol=symbol,
+            )
+        )
+    return error_curves(drawn, curves.x_axis, curves.y_axis)
+
+
+def _surfaces(surfaces: list[StudySurface]) -> Figures:
+    """Heat maps with the same colours for the same values."""
+    largest = max([1e-9, *(float(np.nanmax(surface.z)) for surface in surfaces if np.isfinite(surface.z).any())])
+    figures = {
+        s.caption: heat_map(s.caption, s.x.tolist(), s.y.tolist(), s.z, s.x_axis, s.y_axis, s.z_axis, largest) for s in surfaces
+    }
+    how = " ".join(dict.fromkeys(s.how for s in surfaces if s.how)) or "How to read: the same colour is the same value in all."
+    return Figures(f"Surfaces of {surfaces[0].z_axis}", figures, how, small=True)
 
 
 def _figure(figure: StudyBoxes) -> Figures:
@@ -86,7 +129,11 @@ def _table(table: StudyTable) -> Table:
 
 
 def _as_printed(value: Value) -> Cell:
-    return Cell(f"{value:.7g}", kind="number") if isinstance(value, int | float) else text(value)
+    return Cell(f"{value:.7g}", kind="number") if isinstance(value, int | float) else _word(value)
+
+
+def _word(value: str | None) -> Cell:
+    return number(None) if value is None else text(value)
 
 
 def _cells(table: StudyTable, values: tuple[Value, ...]) -> list[Cell]:
@@ -97,7 +144,7 @@ def _cells(table: StudyTable, values: tuple[Value, ...]) -> list[Cell]:
             tiny = 0 < abs(value) < SMALLEST_FIXED and decimals > 5
             cells.append(significant(value, 3) if tiny else number(value, decimals))
         else:
-            cells.append(text(value))
+            cells.append(_word(value))
     return cells
 
 
@@ -106,5 +153,5 @@ def _provenance(study: StudyRecord) -> Section:
     entries += [(key, str(value)) for key, value in study.settings.items()]
     entries += [(f"version of {name}", version) for name, version in study.software.items()]
     rows = [Row([label(name), Cell(value, kind="code")]) for name, value in entries]
-    how = "How to read: every number of ours comes from these sessions; the first one is that of all tables but the last."
+    how = f"How to read: every number of ours comes from these sessions. {study.trace}".strip()
     return Section("provenance", "Provenance", [Table("Sessions and versions", [Cell("entry"), Cell("value")], rows, how)])

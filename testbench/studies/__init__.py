@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,7 @@ class Study:
     def run(self, bench: StudyBench) -> StudyRecord:
         """Run it; its module is loaded now."""
         function: Callable[[StudyBench], StudyRecord] = import_module(self.module).run
-        return function(bench)
+        return replace(function(bench), name=self.name)
 
 
 STUDIES = {
@@ -41,6 +41,36 @@ STUDIES = {
             "The two gains of Madgwick's filter, beside the sweeps of de Miguel Pueyo 2024, and what a true bias state gains",
             "testbench.studies.beta_zeta",
         ),
+        Study(
+            "misalignment",
+            "Misaligned segments: theory, its fits, every sequence, and a session beside them",
+            "testbench.studies.misalignment",
+        ),
+        Study(
+            "reference-1",
+            "Joint angles of an elbow played by a UR3e, beside section 4 and tables 5.1 to 5.10 of Castellanos Alonso 2023",
+            "testbench.studies.reference_1",
+        ),
+        Study(
+            "reference-2",
+            "The study beta_zeta under the name of its publication, de Miguel Pueyo 2024",
+            "testbench.studies.beta_zeta",
+        ),
+        Study(
+            "reference-3",
+            "The study gimvebo under the name of its publication, Botina & Vergara 2018",
+            "testbench.studies.gimvebo",
+        ),
+        Study(
+            "reference-4",
+            "Gait cycles, path and yaw drift of a swung shank, beside Cabezuelo Gutiérrez 2019",
+            "testbench.studies.pedestrian",
+        ),
+        Study(
+            "reference-5",
+            "The Kalman filter of a kinematic chain, beside tables 4.1 to 4.4 of Quijano & Valencia 2018",
+            "testbench.studies.reference_5_record",
+        ),
     )
 }
 """Every study by its name."""
@@ -55,3 +85,8 @@ def get_study(name: str) -> Study:
     if name not in STUDIES:
         raise NotFoundError("study", name, list(STUDIES))
     return STUDIES[name]
+
+
+def references() -> list[Study]:
+    """The studies that stand for one publication each, in order."""
+    return [study for name, study in sorted(STUDIES.items()) if name.startswith("reference-")]

@@ -50,7 +50,7 @@ PROTOCOL = "gimvebo_gyro"
 
 def run(bench: StudyBench) -> StudyRecord:
     """Run the protocol for every part on the simulated gimbal and compute the tables."""
-    started = f"{bench.clock.utc():%Y-%m-%dT%H:%M:%SZ}"
+    started = bench.now()
     published = load_published_tables("reference_3")
     the_plan = make_plan(PROTOCOL)
     parts: list[Part] = []
@@ -87,6 +87,7 @@ def run(bench: StudyBench) -> StudyRecord:
         tuple(tables),
         (_figure(part, calibrated, published),),
         software_versions(),
+        trace="The first one is that of all tables but the last.",
     )
 
 

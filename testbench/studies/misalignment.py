@@ -7,6 +7,7 @@ comes from the same joint-angle code that sessions are estimated with; no fitted
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -18,19 +19,47 @@ from testbench.records.joint_definition import FlexionAngle
 from testbench.records.published import PublishedTables, load_published_tables
 from testbench.records.session import Session
 from testbench.records.strict import EulerSequence
-from testbench.records.study import StudyRow, StudyTable, Value
-from testbench.studies.curves import StudyCurve, StudyCurves, StudyResult, StudySurface
+from testbench.records.study import StudyCurve, StudyCurves, StudyRecord, StudyRow, StudySurface, StudyTable, Value
+from testbench.studies.bench import StudyBench
 from testbench.studies.misalignment_session import session_curves, session_table
+from testbench.studies.result import StudyResult
 
 FLEXION_DEG = np.arange(0.0, 71.0, 5.0)
 MISALIGNMENT_DEG = np.arange(-20.0, 21.0, 2.0)
 """The grid of the source: 15 flexions by 21 misalignments."""
+SHOWN_EVERY_DEG = 10
+"""Flexions that are multiples of this have a curve in the figure."""
 SEQUENCE = "ZYX"
 SURFACE_DEGREES = (4, 2)
 """In flexion and misalignment; the source does not state its own. The next smaller ones leave 2.5 times the residual."""
 SEQUENCES: tuple[str, ...] = get_args(EulerSequence)
 AXIS_NAMES: tuple[AxisName, ...] = get_args(AxisName)
 TURNS = {"X": "roll", "Y": "pitch", "Z": "yaw"}
+
+PROTOCOL, FILTERS = "elbow_flexion", ("device", "vqf_6d")
+"""The session, and the filters that stand for the sensors in it."""
+QUESTION = (
+    "How wrong does a misaligned segment make a flexion angle, by which sequence, and how much of a session's error is that?"
+)
+
+
+def run(bench: StudyBench) -> StudyRecord:
+    """Run the elbow under misalignment and put the theory beside it."""
+    started = bench.now()
+    result = bench.run(PROTOCOL, FILTERS)
+    bench.say("theory, fits and tables")
+    study = misalignment_study(session=result.session, evaluation=result.evaluation)
+    measured = study.table("elbow measured")
+    found = tuple(
+        f"{row.label}: the definition is wrong by {row.values[1]:.3f} deg in the mean and {row.values[2]:.2f} deg at most, "
+        f"what was measured by {row.values[3]:.3f} and {row.values[4]:.2f} deg."
+        for row in measured.rows
+    )
+    settings = {"protocol": PROTOCOL, "seed": bench.seed, "filters": ", ".join(FILTERS)}
+    return replace(study, findings=study.findings + found).record(
+        "misalignment", "Misaligned segments", QUESTION, started, settings, [str(result.session.path)],
+        "It gives what is called simulation and measurement in the figures of the elbow and its table; the rest is theory.",
+    )  # fmt: skip
 
 
 def misalignment_study(
@@ -99,14 +128,13 @@ def fit_table(
         magnitudes: Of the error, shape (f, d) [deg]. published: Fits on the same grid, or None.
     """
     theirs = {row.label: row for row in published.tables["misalignment"].rows} if published else {}
+    remarks = [f"At {label} deg {row.remark}." for label, row in theirs.items() if row.remark]
     rows = []
     for flexion, magnitude in zip(flexion_deg, magnitudes, strict=True):
         if np.isfinite(magnitude).all():
             beside = theirs.get(f"{flexion:g}")
             values = _fit_values(fit_quadratic(misalignment_deg, magnitude))
-            rows.append(
-                StudyRow(f"{flexion:g} deg", values, tuple(beside.values) if beside else (), beside.remark if beside else "")
-            )
+            rows.append(StudyRow(f"{flexion:g} deg", values, tuple(beside.values) if beside else ()))
     return StudyTable(
         "fits",
         "Quadratic fits a d² + b d + c of |error| over the misalignment d about X, by flexion",
@@ -114,7 +142,7 @@ def fit_table(
         tuple(rows),
         "How to read: a is how fast the error grows with the square of the misalignment, with its 95 % confidence interval. "
         "The residual is the model's, not noise: |error| is no parabola.",
-        "They agree to the last digit printed.",
+        " ".join(["They agree to the last digit printed.", *remarks]) if theirs else "",
         decimals=(5, 5, 5, 1, 5, 4, 4, 5),
         ratio_column=0,
         short="Quadratic fits",
@@ -216,14 +244,16 @@ def sensor_table(flexion_deg: np.ndarray, error_deg: np.ndarray, sequence: str, 
 def _theory_curves(magnitudes: np.ndarray, flexion_deg: np.ndarray, misalignment_deg: np.ndarray, sequence: str) -> StudyCurves:
     curves = []
     for flexion, magnitude in zip(flexion_deg, magnitudes, strict=True):
-        if not np.isfinite(magnitude).all():
+        if not np.isfinite(magnitude).all() or flexion % SHOWN_EVERY_DEG:
             continue
-        curves.append(StudyCurve(f"{flexion:g} deg", misalignment_deg, magnitude, "simulation"))
+        group = f"{flexion:g} deg"
+        curves.append(StudyCurve(group, misalignment_deg, magnitude, "simulation", group))
         if flexion in (60, 70):
             fit = fit_quadratic(misalignment_deg, magnitude)
-            curves.append(StudyCurve(f"{flexion:g} deg, parabola", misalignment_deg, fit.at(misalignment_deg), "fit"))
+            curves.append(StudyCurve(f"{group}, parabola", misalignment_deg, fit.at(misalignment_deg), "fit", group))
     caption = f"|error| of the {sequence} flexion over the misalignment about X, by flexion"
-    return StudyCurves(caption, "misalignment [deg]", "|error| [deg]", tuple(curves))
+    how = "How to read: points are the joint-angle code on simulated quaternions, lines the parabolas fitted to them."
+    return StudyCurves(caption, "misalignment [deg]", "|error| [deg]", tuple(curves), how)
 
 
 def _findings(grids: Mapping[AxisName, np.ndarray], flexion_deg: np.ndarray, sequence: str) -> tuple[str, ...]:

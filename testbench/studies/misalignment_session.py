@@ -16,8 +16,7 @@ from testbench.records.joint_definition import FlexionAngle
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import JointDefinition
 from testbench.records.session import Session
-from testbench.records.study import StudyRow, StudyTable
-from testbench.studies.curves import StudyCurve, StudyCurves
+from testbench.records.study import StudyCurve, StudyCurves, StudyRow, StudyTable
 
 
 def session_curves(
@@ -29,31 +28,33 @@ def session_curves(
     orientations in each pose, without any sensor; measurement what each filter gave.
 
     Args:
-        flexions_deg: Those to show; the three largest that the session commanded if None.
+        flexions_deg: Those to show; three of those that the session commanded, the largest among them, if None.
 
     Raises:
         InputError: The protocol commands no misalignment and flexion for this joint.
     """
     rows = _posed_rows(evaluation, joint)
     flexions = sorted({row.flexion_deg for row in rows if row.flexion_deg is not None})
-    chosen = [f for f in flexions if flexions_deg is None or f in flexions_deg][-3:]
+    spread = {flexions[len(flexions) // 3], flexions[2 * len(flexions) // 3], flexions[-1]}
+    chosen = [f for f in flexions if f in (spread if flexions_deg is None else flexions_deg)]
     figures = []
     for definition in session.analysis.joints[joint].definitions():
         curves = []
         own = [row for row in rows if row.sequence == definition.label]
         for flexion in chosen:
-            here = [row for row in own if row.flexion_deg == flexion]
+            here, group = [row for row in own if row.flexion_deg == flexion], f"{flexion:g} deg"
             misalignments = np.array(sorted({float(row.misalignment_deg or 0.0) for row in here}))
             theory = theoretical_error(definition, flexion, misalignments)
             if theory is not None:
-                curves.append(StudyCurve(f"theory, {flexion:g} deg", misalignments, theory, "theory"))
+                curves.append(StudyCurve(f"theory, {group}", misalignments, theory, "theory", group))
             for name in dict.fromkeys(row.filter for row in here):
                 mine = [row for row in here if row.filter == name]
                 if name == here[0].filter:  # the poses are the same for all
                     simulated = simulated_errors(session, joint, definition, mine)
-                    curves.append(StudyCurve(f"simulation, {flexion:g} deg", *_by_misalignment(mine, simulated), "simulation"))
+                    points = _by_misalignment(mine, simulated)
+                    curves.append(StudyCurve(f"simulation, {group}", *points, "simulation", group))
                 measured = np.array([row.flexion_mean_abs_error_deg for row in mine])
-                curves.append(StudyCurve(f"{name}, {flexion:g} deg", *_by_misalignment(mine, measured), "measurement"))
+                curves.append(StudyCurve(f"{name}, {group}", *_by_misalignment(mine, measured), "measurement", group))
         figures.append(
             StudyCurves(
                 f"{joint}: |error| of the {definition.label} flexion over the misalignment",
@@ -96,6 +97,8 @@ def session_table(session: Session, evaluation: Evaluation, joint: str) -> Study
         ),
         tuple(body),
         "How to read: the definition's error is that of the true poses; what a filter adds or takes is the sensors'.",
+        "A sequence that sees the heading also sees what a filter loses of it: where the sensors drift apart in heading, this "
+        "adds to the misalignment on one side and takes from it on the other, most of all by a filter without magnetometer.",
         decimals=(0, 3, 3, 3, 3),
     )
 

@@ -7,7 +7,7 @@ walker, is not in them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,11 +20,14 @@ from testbench.records.estimate import Estimate
 from testbench.records.plan import PlannedStep
 from testbench.records.published import load_published_tables
 from testbench.records.session import Session
-from testbench.records.study import StudyRow, StudyTable, Value
-from testbench.studies.curves import StudyCurve, StudyCurves, StudyResult
+from testbench.records.study import StudyCurve, StudyCurves, StudyRecord, StudyRow, StudyTable, Value
+from testbench.studies.bench import StudyBench
+from testbench.studies.result import StudyResult
 
 CYCLES_VARIABLE, ROLL_VARIABLE = "gait_cycles", "roll_deg"
 """Of the protocol: how many cycles were commanded, and the coupled roll (a walker always has some)."""
+SHOWN_SAMPLES = 400
+"""Of a curve over time, about; a figure cannot show more."""
 MARGIN_S = 1.5
 """Rest before and after a swing that goes with it [s], longer than the window of the step detection; the drift is from the one
 to the other."""
@@ -36,6 +39,41 @@ AREA = (
     "The yaw that is lost by taking body rates for Euler rates is the area that pitch and roll enclose, pi A_pitch A_roll a "
     "cycle, whatever the frequency; without roll there is none."
 )
+
+PROTOCOL = "shank_swing"
+QUESTION = "How far do two Euler filters drift in yaw on a walker's swing, and what of cycles, distance and path is left?"
+FILTERS_OF_SOURCE = ("euler_ekf_simple", "euler_ekf")
+
+
+def run(bench: StudyBench) -> StudyRecord:
+    """Swing the shank and judge every filter of the protocol."""
+    started = bench.now()
+    result = bench.run(PROTOCOL)
+    bench.say("cycles, paths and drifts")
+    study = pedestrian_study(result.session, result.estimate)
+    settings = {"protocol": PROTOCOL, "seed": bench.seed, "parameters": "universal"}
+    swings = swing_results(result.session, result.estimate, PUBLISHED["universal"])
+    return replace(study, findings=(*_findings(swings), *study.findings)).record(
+        "reference-4", "Steps and path of a swung shank", QUESTION, started, settings, [str(result.session.path)]
+    )
+
+
+def _findings(results: list[SwingResult]) -> tuple[str, ...]:
+    """The answer in sentences, of the swings with a coupled roll."""
+    wrong = [r for r in results if r.cycle_error]
+    counts = " and ".join(str(n) for n in sorted({r.cycles for r in results if r.cycles is not None}))
+    told = ", ".join(f"{r.filter} in {r.step.name} by {r.cycle_error:+d}" for r in wrong)
+    found = [f"Gait cycles, {counts} commanded: " + (f"miscounted {told}." if wrong else "counted exactly by every filter.")]
+    for cycles in sorted({r.cycles for r in results if r.cycles is not None}):
+        own = {r.filter: r for r in results if r.cycles == cycles and r.step.variables.get(ROLL_VARIABLE)}
+        if all(name in own for name in FILTERS_OF_SOURCE):
+            simple, improved = (abs(float(np.degrees(own[name].drift.drift))) for name in FILTERS_OF_SOURCE)
+            ends = [own[name].position_error for name in FILTERS_OF_SOURCE]
+            found.append(
+                f"Over {cycles} cycles with a coupled roll the yaw drifts by {simple:.1f} deg by the simple prediction and by "
+                f"{improved:.1f} deg by the improved one; the path ends {ends[0]:.2f} and {ends[1]:.2f} m off."
+            )
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -86,12 +124,13 @@ def pedestrian_study(
         InputError: The session has no judged sweep or no truth for the sensor.
     """
     results = swing_results(session, estimate, parameters, sensor)
-    longest = max(results, key=lambda r: r.step.end_ns - r.step.start_ns)
+    most = max(r.step.variables.get(ROLL_VARIABLE, 0.0) for r in results)
+    rolling = {r.step.index: r for r in results if r.step.variables.get(ROLL_VARIABLE, 0.0) == most}
     return StudyResult(
         load_published_tables("reference_4").source,
         (DISTANCES, AREA),
         (cycle_table(results), drift_table(results), published_table("10"), published_table("14")),
-        (drift_curves(session, estimate, longest, sensor),),
+        tuple(drift_curves(session, estimate, result, sensor) for result in rolling.values()),
     )
 
 
@@ -160,7 +199,7 @@ def cycle_table(results: list[SwingResult]) -> StudyTable:
 
 
 def drift_table(results: list[SwingResult]) -> StudyTable:
-    """Yaw drift by filter; the published figures stand beside the Euler filters where there is a coupled roll."""
+    """Yaw drift by filter; published figures stand beside the Euler filters in the shortest swing with roll."""
     front = load_published_tables("reference_4").tables["yaw drift"].rows[0]
     simple, improved = front.values
     published: dict[str, Value] = {
@@ -168,10 +207,12 @@ def drift_table(results: list[SwingResult]) -> StudyTable:
         "euler_ekf": improved, "euler_ekf_as_printed": improved,
     }  # fmt: skip
     rows = []
+    shortest = min((r.cycles for r in results if r.cycles is not None), default=None)
     for r in results:
         cycles = r.cycles or len(r.true_walk.cycles)
         size = abs(float(np.degrees(r.drift.drift)))
-        beside = published.get(r.filter) if r.step.variables.get(ROLL_VARIABLE) != 0 else None
+        corridor = r.cycles == shortest and r.step.variables.get(ROLL_VARIABLE) != 0
+        beside = published.get(r.filter) if corridor else None
         values = (size, size / cycles if cycles else None, float(np.degrees(r.drift.largest)))
         rows.append(StudyRow(f"{r.step.name}, {r.filter}", values, (beside, None, None) if beside is not None else ()))
     return StudyTable(
@@ -215,11 +256,14 @@ def drift_curves(session: Session, estimate: Estimate, result: SwingResult, sens
     q_true, seconds = truth_at(truth, time), (time - time[0]) / NANOSECONDS
     curves = []
     for key, q in own.orientation.items():
-        error = np.degrees(heading_error(q[rows], q_true))
+        error = heading_error(q[rows], q_true)
         known = np.flatnonzero(np.isfinite(error))
         if len(known):
-            curves.append(StudyCurve(key, seconds, error - error[known[0]], "measurement"))
-    return StudyCurves(f"Error of the yaw, {result.step.name}", "time [s]", "error [deg]", tuple(curves))
+            shown = known[:: max(len(known) // SHOWN_SAMPLES, 1)]
+            error[known] = np.degrees(np.unwrap(error[known]))
+            curves.append(StudyCurve(key, seconds[shown], error[shown] - error[known[0]], "measurement"))
+    how = "How to read: heading against the arm's, from the rest before the swing on."
+    return StudyCurves(f"Error of the yaw, {result.step.name}", "time [s]", "error [deg]", tuple(curves), how)
 
 
 def _rows(time_ns: np.ndarray, step: PlannedStep) -> np.ndarray:

@@ -8,11 +8,22 @@ import subprocess
 from html import unescape
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from testbench.records.study import BoxNumbers, StudyBoxes, StudyRecord, StudyRow, StudyTable
+from testbench.exceptions import SessionError
+from testbench.records.study import (
+    BoxNumbers,
+    StudyBoxes,
+    StudyCurve,
+    StudyCurves,
+    StudyRecord,
+    StudyRow,
+    StudySurface,
+    StudyTable,
+)
 from testbench.reporting.figures import box_plots
-from testbench.reporting.study_report import render_study, study_report
+from testbench.reporting.study_report import draw_curves, render_study, study_report
 
 CHROMIUM = shutil.which("chromium")
 
@@ -28,8 +39,18 @@ def study() -> StudyRecord:
     other = StudyTable("parts", "Other parts", ("median [deg]",), (StudyRow("a", (1.0,)),), "How to read: thus.")
     boxes = StudyBoxes("Boxes", "angle [deg]", {"RK4": BoxNumbers(0.1, 0.2, 0.3, 0.4, 0.5, (0.9,)), "RK4, with g": BoxNumbers(
         0.01, 0.02, 0.03, 0.04, 0.05)}, {"RK4, published": BoxNumbers(7, 17, 24, 44, 74)}, "How.", True)  # fmt: skip
+    x = np.array([0.0, 10, 20])
+    curves = StudyCurves("Curves <d>", "misalignment [deg]", "|error| [deg]", (
+        StudyCurve("theory, 60 deg", x, x**2 / 80, "theory", "60 deg"), StudyCurve("fit", x, x**2 / 81, "fit", "60 deg"),
+        StudyCurve("simulation, 60 deg", x, x**2 / 79, "simulation", "60 deg"),
+        StudyCurve("device, 60 deg", x, np.array([0.1, np.nan, 5.0]), "measurement", "60 deg"),
+        StudyCurve("vqf, 60 deg", x, x**2 / 78, "measurement", "60 deg"),
+        StudyCurve("over time", np.arange(500.0), np.zeros(500), "measurement")), "How to read: curves.")  # fmt: skip
+    surfaces = (StudySurface("About X", "d [deg]", "f [deg]", "|e| [deg]", x, x[:2], np.array([[0, 1.0, 2], [3, np.nan, 5]])),
+                StudySurface("About Z", "d [deg]", "f [deg]", "|e| [deg]", x, x[:2], np.zeros((2, 3))))  # fmt: skip
     return StudyRecord("demo", "Demo study", "Why?", "Someone, 2018", "2026-01-02T03:04:05Z", {"seed": 1, "plan_hash": "f00"},
-                       ("logs/a_session",), ("It works.",), (table, other), (boxes,), {"numpy": "2.4"})  # fmt: skip
+                       ("logs/a_session",), ("It works.",), (table, other), (boxes,), {"numpy": "2.4"},
+                       curves=(curves,), surfaces=surfaces, trace="The first is that of all.")  # fmt: skip
 
 
 def words(page: str) -> str:
@@ -50,6 +71,38 @@ def test_findings_sessions_and_versions_are_there(study):
         assert text in shown
     assert "not measured" not in shown
     assert "Ours are simulated" in shown
+    assert "come from these sessions." not in shown and "comes from these sessions. The first is that of all." in shown
+
+
+def test_theory_is_a_line_and_measurements_are_points_of_one_colour(study):
+    theory, fit, simulation, device, vqf, series = draw_curves(study.curves[0])["data"]
+    assert [entry["mode"] for entry in (theory, fit, simulation, device, vqf, series)] == [
+        "lines", "lines", "markers", "markers", "markers", "lines"
+    ]  # fmt: skip
+    assert theory["line"]["dash"] == "solid" and fit["line"]["dash"] == "dot"
+    assert len({entry["line"]["color"] for entry in (theory, fit, simulation, device, vqf)}) == 1
+    assert series["line"]["color"] != theory["line"]["color"]
+    assert len({entry["marker"]["symbol"] for entry in (simulation, device, vqf)}) == 3
+    assert device["y"] == [0.1, None, 5.0]
+
+
+def test_curves_and_surfaces_come_back_from_the_file_as_they_were(study, tmp_path):
+    study.save(tmp_path)
+    again = StudyRecord.load(tmp_path)
+    assert again.to_dict() == study.to_dict()
+    device = again.curves[0].curves[3]
+    np.testing.assert_array_equal(device.y, [0.1, np.nan, 5.0])
+    assert again.surfaces[0].z.shape == (2, 3) and np.isnan(again.surfaces[0].z[1, 1])
+    file = tmp_path / "study.json"
+    file.write_text(file.read_text(encoding="utf-8").replace('"theory"', '"guess"'), encoding="utf-8")
+    with pytest.raises(SessionError, match="no kind of curve: guess"):
+        StudyRecord.load(tmp_path)
+
+
+def test_surfaces_share_their_colours(study):
+    page = render_study(study)
+    assert re.findall(r'"zmax": ?([0-9.]+)', page) == ["5.0", "5.0"]
+    assert "Curves &lt;d&gt;" in page and "Surfaces of |e| [deg]" in page
 
 
 def test_the_page_is_one_file_that_asks_nobody(study, tmp_path):

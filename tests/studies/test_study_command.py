@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from testbench.cli.studying import study
 from testbench.exceptions import InputError
 from testbench.records.study import StudyRecord
+from testbench.studies import STUDIES
 from testbench.studies.folder import new_folder
 
 
@@ -26,14 +28,14 @@ def call(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_studies_are_listed(tmp_path):
     assert "gimvebo" in call("study", "--list", cwd=tmp_path).stdout
     listed = json.loads(call("study", "--list", "--json", cwd=tmp_path).stdout)
-    assert {"gimvebo", "beta_zeta"} <= {entry["name"] for entry in listed["studies"]}
+    assert {"gimvebo", "misalignment", "reference-1", "reference-3", "reference-4"} <= {e["name"] for e in listed["studies"]}
 
 
 def test_an_unknown_study_is_refused_before_anything_runs(tmp_path):
     for arguments in (["study", "bode"], ["study"]):
         result = call(*arguments, cwd=tmp_path)
         assert result.returncode == 2
-        assert "known: gimvebo" in result.stderr
+        assert "known: " in result.stderr and "gimvebo" in result.stderr
     assert list(tmp_path.iterdir()) == []
 
 
@@ -50,6 +52,23 @@ def test_a_study_keeps_its_sessions_its_tables_and_its_report(tmp_path):
     assert (tmp_path / session / "evaluation.json").is_file()
     sessions = json.loads(call("sessions", "--logs", "kept", "--json", cwd=tmp_path).stdout)["sessions"]
     assert [entry["session"] for entry in sessions] == [Path(session).name]  # the study's own folder is no session
+
+
+def test_reproduce_takes_no_name(tmp_path):
+    result = call("study", "gimvebo", "--reproduce", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "--reproduce takes no name" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_publication_is_reproduced_and_says_where_its_report_lies(tmp_path, monkeypatch, capsys):
+    chosen = {name: entry for name, entry in STUDIES.items() if name in ("gimvebo", "reference-4")}  # one has no publication
+    monkeypatch.setattr("testbench.studies.STUDIES", chosen)
+    study(None, tmp_path / "kept", 0, 1, reproduce=True, json=True)
+    (entry,) = json.loads(capsys.readouterr().out)["studies"]
+    assert StudyRecord.load(Path(entry["study"])).name == "reference-4"
+    assert Path(entry["report"]).is_file()
+    assert entry["seconds"] < 120 and "counted exactly" in entry["findings"][0]
 
 
 def test_a_folder_for_a_study_is_new_and_an_impossible_one_is_refused(tmp_path, clock):

@@ -1,0 +1,135 @@
+"""The study reference-1: its published numbers, its bars, and what explains the table that grows."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from testbench.clock import SystemClock
+from testbench.model import rotation
+from testbench.records.published import load_published, load_published_tables
+from testbench.records.session import Session
+from testbench.records.study import StudyRecord
+from testbench.reporting.study_report import render_study
+from testbench.studies import get_study
+from testbench.studies.bench import StudyBench
+from testbench.studies.reference_1_elbow import heading_fit, heading_model
+
+# Sums of each published table as printed: a digit that was copied wrongly changes one.
+SUMS = {"5.1": 12.58, "rest": 5.8236, "annex G readings": 11.3144, "annex G forces": -2, "annex G": -1.2836}
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory) -> StudyRecord:
+    return get_study("reference-1").run(StudyBench(tmp_path_factory.mktemp("logs"), SystemClock()))
+
+
+def test_published_tables_are_those_of_the_source():
+    tables = load_published_tables("reference_1_static").tables
+    assert set(tables) == set(SUMS)
+    for name, table in tables.items():
+        total = sum(value for row in table.rows for value in row.values if value is not None)
+        assert total == pytest.approx(SUMS[name], abs=1e-9), name
+
+
+def test_the_sensors_are_as_noisy_at_rest_as_the_published_ones(study):
+    rows = {row.label: row for row in study.table("noise").rows}
+    assert len(rows) == 5
+    for label, row in rows.items():
+        compared = [1, 2, 3] if label != "MATRIX, gyroscope" else [1, 3]  # 0.72 deg/s of y is of one part
+        for column in compared:
+            assert row.ratio(column) == pytest.approx(1, abs=0.12), (label, column)
+    for row in study.table("rest").rows:
+        x, y, z, error = row.values
+        assert error == pytest.approx(100 * abs(np.linalg.norm([x, y, z]) / 9.80665 - 1), abs=0.01)
+        assert 0 < error < 4
+
+
+def test_a_bias_in_the_model_takes_what_the_published_map_leaves(study):
+    rows = {row.label: row for row in study.table("calibration").rows}
+    assert len(rows) == 8 and sum(bool(row.published) for row in rows.values()) == 4
+    for label, row in rows.items():
+        if row.published:
+            assert 2 < row.values[6] < 40, label
+            assert row.published[6] == max(row.published[:3])
+        else:
+            assert row.values[6] < 1, label
+    for kind, sd in (("Xsens DOT", (0.69, 0.67, 1.1)), ("MATRIX", (2.8, 3.0, 2.85))):
+        assert rows[f"3D, {kind}, attitude_aided"].values[3:6] == pytest.approx(sd, rel=0.1)
+
+
+def test_the_worked_example_is_that_of_the_source_to_the_digits_printed(study):
+    rows = study.table("annex G").rows
+    for row in rows[:4]:
+        for ours, theirs in zip(row.values, row.published, strict=True):
+            assert ours is theirs is None or ours == pytest.approx(theirs, abs=5.1e-5), row.label
+    before, after = (row.values for row in rows[-2:])
+    assert before[2] > 15 and after[2] < 1  # the bias in z
+
+
+def test_every_filter_and_sequence_stands_beside_the_published_tables(study):
+    rows = {row.label: row for row in study.table("flexion").rows}
+    wanted = {
+        f"Xsens DOT, {name}, {seq}" for name in ("device", "imufilter", "ecompass", "triad") for seq in ("ZXZ", "YXZ", "ZYZ")
+    }
+    assert set(rows) == wanted | {f"MATRIX, imufilter, {seq}" for seq in ("ZXZ", "YXZ", "ZYZ")}
+    beside = {label: row.published[:15] for label, row in rows.items() if row.published}
+    assert beside == {
+        f"{row.sensor}, {row.filters[0]}, {row.sequence}": tuple(row.mean_abs_error_deg)
+        for row in load_published().flexion_mean_abs_error
+    }
+    for label, row in rows.items():
+        assert row.values[15] == pytest.approx(np.mean(row.values[:15])) and row.values[15] < 0.5, label
+
+
+def test_yxz_grows_with_the_flexion_and_zxz_does_not(study):
+    rows = {row.label: row.values[:15] for row in study.table("growth").rows}
+    assert rows["YXZ, theory"][14] == pytest.approx(7.9909, abs=1e-4)
+    for name in ("device", "vqf_6d"):
+        grown = np.array(rows[f"YXZ, {name}"])
+        assert 7 < grown[14] < 10 and (np.diff(grown) > 0).all()
+        assert max(rows[f"ZXZ, {name}"]) < 0.5
+
+
+def test_the_heading_model_is_what_turned_sensors_give():
+    """An elbow about x that starts at 4 deg, its distal sensor seen turned about the vertical by 24 deg, by scipy's angles."""
+    from scipy.spatial.transform import Rotation
+
+    flexion = np.arange(0, 71, 5.0)
+    joint = Rotation.from_euler("z", 24, degrees=True) * Rotation.from_rotvec(np.radians(flexion + 4.0)[:, None] * [1.0, 0, 0])
+    seen = joint.as_euler("YXZ", degrees=True)[:, 1]
+    np.testing.assert_allclose(heading_model(flexion, 4.0, 24.0), np.abs(seen - flexion), atol=1e-9)
+    q = rotation.from_euler("ZXY", np.radians([24.0, 4.0, 0.0]))
+    assert np.degrees(rotation.to_euler("YXZ", q))[1] == pytest.approx(heading_model(np.array([0.0]), 4.0, 24.0)[0])
+
+
+def test_an_offset_and_a_heading_explain_the_table_that_grows(study):
+    offset, heading, rmse = heading_fit(load_published())
+    assert rmse < 0.12
+    assert abs(heading) == pytest.approx(23.8, abs=0.2) and offset == pytest.approx(4.3, abs=0.1)
+    known = heading_model(np.array(load_published().flexion_deg), 2.5, 31.0)
+    table = load_published().flexion_mean_abs_error
+    other = [row.model_copy(update={"mean_abs_error_deg": known.tolist()}) if row.table == "5.7" else row for row in table]
+    found = heading_fit(load_published().model_copy(update={"flexion_mean_abs_error": other}))
+    assert (found[0], abs(found[1])) == pytest.approx((2.5, 31.0), abs=1e-4) and found[2] < 1e-6
+    (row,) = study.table("heading").rows
+    assert row.ratio(15) == pytest.approx(1, abs=0.01)
+
+
+def test_theory_simulation_and_measurement_are_in_one_figure_of_the_report(study):
+    figures = {curves.caption: curves for curves in study.curves}
+    kinds = {curve.kind for curve in figures["elbow: |error| of the YXZ flexion over the misalignment"].curves}
+    assert kinds == {"theory", "simulation", "measurement"}
+    assert len(study.surfaces) == 3
+    page = render_study(study)
+    assert all(caption in page for caption in figures)
+
+
+def test_every_number_can_be_traced(study):
+    assert [Session(path).manifest["seed"] for path in study.sessions] == [0] * 4
+    assert all(Session(path).name in study.trace for path in study.sessions)
+    assert study.name == "reference-1"
+    assert study.table("fits").rows[-1].ratio(0) == pytest.approx(1, abs=3e-4)
+    assert json.loads(json.dumps(study.to_dict(), allow_nan=False))["curves"]
