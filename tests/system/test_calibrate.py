@@ -11,7 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from testbench.cli import main
 from testbench.drivers.imus.simulated import SimulatedImu
+from testbench.estimation.calibration.gyroscope import attitude
 from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.prepared import prepare
 from testbench.estimation.calibration.session_calibration import METHODS
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.exceptions import FileProblems, InputError, NotFoundError
@@ -296,3 +298,34 @@ def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, 
     again = load_calibration(tmp_path / "warm.yaml").triads["accelerometer"]
     np.testing.assert_array_equal(again.drift, acc.drift)
     assert again.reference == acc.reference
+
+
+def test_a_gyroscope_that_warms_up_gives_its_drift_and_keeps_its_response_to_gravity(altered_protocol, tmp_path):
+    """Without the drift, bias and response to force take the warming for themselves."""
+
+    def warm(data):
+        data["sensors"]["forearm"] = {**data["sensors"]["forearm"], "preset": "mpu6050"}
+        data["motion"] = {"speed": 0.42, "acceleration": 0.5, "jerk": 0.5}  # within 250 deg/s
+        data["environment"] = {"temperature_deg_c": 20, "warm_up_deg_c": 15, "warm_up_time_s": 60}
+
+    session = run(altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path, with_report=False).session
+    real = born_with(session)[1]
+    for method in ("attitude", "rate_table"):
+        found = calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration.triads["gyroscope"]
+        fit, drift = found.fits
+        assert np.abs(real.drift).max() > 10 * drift.sd.max()
+        np.testing.assert_allclose(found.drift, real.drift, atol=4 * float(drift.sd.max()))
+        g_sd = max(sd for name, sd in zip(fit.names, fit.sd, strict=True) if "_g_" in name)
+        g = fit.block("gyr_g_").reshape(3, 3)
+        np.testing.assert_allclose(g, real.g_matrix, atol=4 * float(g_sd))
+        assert g_sd < 3e-5
+        if method == "attitude":
+            without = attitude(prepare(session, "forearm", None).gyroscope_recording(None))
+            assert np.abs(without.g_matrix - real.g_matrix).max() > 3 * np.abs(g - real.g_matrix).max()
+        expected = real.bias + real.drift * (found.reference - 25)  # deg C that the simulated part's bias holds at
+        np.testing.assert_allclose(found.bias, expected, atol=np.radians(0.03))
+        save_calibration(
+            tmp_path / f"{method}.yaml", calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration
+        )
+        again = load_calibration(tmp_path / f"{method}.yaml").triads["gyroscope"]
+        assert again.reference == found.reference

@@ -18,6 +18,7 @@ from testbench.estimation.calibration.prepared import Prepared, Segmentation, pr
 from testbench.estimation.calibration.session_mounting import MOUNTING_METHODS, find_mounting
 from testbench.estimation.calibration.shared_frame import take_mounting_out
 from testbench.estimation.calibration.validation import cross_validate, validate
+from testbench.estimation.calibration.warming import with_drift
 from testbench.exceptions import InputError, NotFoundError
 from testbench.records.calibration import TriadCalibration
 from testbench.records.calibration_file import SensorCalibration
@@ -167,7 +168,7 @@ def _gyroscope(
     for candidate in wanted:
         method = GYROSCOPE_METHODS[candidate]
         try:
-            return prepared.with_held_out_turns(method.function, recording, held_out)
+            return prepared.with_held_out_turns(with_drift(method.function), recording, held_out)
         except (PoorExcitation, InputError) as error:
             if name:
                 raise

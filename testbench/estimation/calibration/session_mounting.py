@@ -45,7 +45,7 @@ def find_mounting(
     if prepared.truth is None:
         raise InputError(f"the method {name} compares the sensor with the arm; this recording has no truth")
     samples = prepared.samples
-    gyr, acc, mag = calibration.apply(samples.gyr, samples.acc, samples.mag)
+    gyr, acc, mag = calibration.apply(samples.gyr, samples.acc, samples.mag, prepared.warmth)
     rest = np.zeros(len(gyr), bool)
     for begin, end in prepared.rests:
         rest[begin:end] = True
