@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from testbench.cli import main
 from testbench.drivers.imus.simulated import SimulatedImu
-from testbench.estimation.calibration.gyroscope import attitude
+from testbench.estimation.calibration.gyroscope import IN_RUN, attitude
 from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.poses import SETTLING_M_S2
 from testbench.estimation.calibration.prepared import prepare
 from testbench.estimation.calibration.session_calibration import METHODS
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
@@ -111,6 +112,20 @@ def test_a_rate_table_of_a_sensor_that_integrates_is_not_biased(sessions):
         response = found.fits[0].values.reshape(3, 7)[:, :3]
         off.append(np.diag(response - born_with(session)[1].matrix))
     assert np.abs(np.mean(off, axis=0)).max() < 5e-5
+
+
+def test_a_bias_is_not_stated_better_than_its_in_run_part(sessions):
+    """All rests of a session share it, however many they are; of eighteen biases as many are off as is stated."""
+    off = []
+    for seed in range(3, 9):
+        session = sessions("calibration_optimal", seed=seed)
+        triads = calibrate_sensor(session, "forearm", ["attitude_aided", "rate_table"]).calibration.triads
+        for name, real, floor in zip(("accelerometer", "gyroscope"), born_with(session), (SETTLING_M_S2, IN_RUN), strict=True):
+            fit = triads[name].fits[0]
+            bias = [i for i, key in enumerate(fit.names) if "bias" in key]
+            assert (fit.sd[bias] > floor).all()
+            off.append((fit.values[bias] - real.bias) / fit.sd[bias])
+    assert np.sqrt(np.mean(np.square(off))) < 1.2  # 2 without
 
 
 def test_a_chosen_design_beats_the_six_poses_where_it_was_predicted_to(sessions):

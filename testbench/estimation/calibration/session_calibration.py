@@ -10,10 +10,11 @@ import numpy as np
 
 from testbench.estimation.calibration.arm_uncertainty import shifted_truths, with_arm_uncertainty
 from testbench.estimation.calibration.axis_model import orthogonality
+from testbench.estimation.calibration.gyroscope import IN_RUN
 from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
 from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
-from testbench.estimation.calibration.poses import StaticPoses
+from testbench.estimation.calibration.poses import SETTLING_M_S2, StaticPoses
 from testbench.estimation.calibration.prepared import Prepared, Segmentation, prepare
 from testbench.estimation.calibration.session_mounting import MOUNTING_METHODS, find_mounting
 from testbench.estimation.calibration.shared_frame import take_mounting_out
@@ -67,6 +68,7 @@ def calibrate(
         triads["magnetometer"] = magnetometer
     if not triads and "mounting" not in chosen:
         raise InputError(f"{session.path}: nothing could be calibrated: {'; '.join(remarks) or 'no method fits the recording'}")
+    triads = {name: _with_in_run(name, found) for name, found in triads.items()}
     if prepared.truth is not None:
         triads, added = with_arm_uncertainty(prepared, shifted_truths(session, sensor, prepared.truth), triads, field)
         remarks += added
@@ -119,6 +121,22 @@ def _accelerometer(
         figures = _held_out_poses(found, others)
         return replace(found, validation=figures or cross_validate(method.function, prepared.poses))
     return None
+
+
+def _with_in_run(triad: str, found: TriadCalibration) -> TriadCalibration:
+    """The triad with the in-run bias that its rests share in the covariance of its bias.
+
+    The methods take it to be drawn anew for each rest; it wanders slowly, and a whole session may lie to one side of the
+    turn-on bias. `static_bias` and `gravity_turns` count it already.
+    """
+    sd = {"accelerometer": SETTLING_M_S2, "gyroscope": IN_RUN if found.method in {"attitude", "rate_table"} else 0.0}.get(triad)
+    if not sd:
+        return found
+    fits = []
+    for fit in found.fits:
+        bias = [name.removeprefix("gyr_").startswith(("bias_", "offset_")) for name in fit.names]
+        fits.append(replace(fit, covariance=fit.covariance + sd**2 * np.diag(np.array(bias, float))))
+    return replace(found, fits=tuple(fits))
 
 
 def _orthogonality(poses: StaticPoses) -> list[str]:
