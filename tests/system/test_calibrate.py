@@ -11,7 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from testbench.cli import main
 from testbench.drivers.imus.simulated import SimulatedImu
+from testbench.estimation.calibration.gyroscope import IN_RUN, attitude
 from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.poses import SETTLING_M_S2
+from testbench.estimation.calibration.prepared import prepare
 from testbench.estimation.calibration.session_calibration import METHODS
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.exceptions import FileProblems, InputError, NotFoundError
@@ -109,6 +112,20 @@ def test_a_rate_table_of_a_sensor_that_integrates_is_not_biased(sessions):
         response = found.fits[0].values.reshape(3, 7)[:, :3]
         off.append(np.diag(response - born_with(session)[1].matrix))
     assert np.abs(np.mean(off, axis=0)).max() < 5e-5
+
+
+def test_a_bias_is_not_stated_better_than_its_in_run_part(sessions):
+    """All rests of a session share it, however many they are; of eighteen biases as many are off as is stated."""
+    off = []
+    for seed in range(3, 9):
+        session = sessions("calibration_optimal", seed=seed)
+        triads = calibrate_sensor(session, "forearm", ["attitude_aided", "rate_table"]).calibration.triads
+        for name, real, floor in zip(("accelerometer", "gyroscope"), born_with(session), (SETTLING_M_S2, IN_RUN), strict=True):
+            fit = triads[name].fits[0]
+            bias = [i for i, key in enumerate(fit.names) if "bias" in key]
+            assert (fit.sd[bias] > floor).all()
+            off.append((fit.values[bias] - real.bias) / fit.sd[bias])
+    assert np.sqrt(np.mean(np.square(off))) < 1.2  # 2 without
 
 
 def test_a_chosen_design_beats_the_six_poses_where_it_was_predicted_to(sessions):
@@ -319,3 +336,34 @@ def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, 
     again = load_calibration(tmp_path / "warm.yaml").triads["accelerometer"]
     np.testing.assert_array_equal(again.drift, acc.drift)
     assert again.reference == acc.reference
+
+
+def test_a_gyroscope_that_warms_up_gives_its_drift_and_keeps_its_response_to_gravity(altered_protocol, tmp_path):
+    """Without the drift, bias and response to force take the warming for themselves."""
+
+    def warm(data):
+        data["sensors"]["forearm"] = {**data["sensors"]["forearm"], "preset": "mpu6050"}
+        data["motion"] = {"speed": 0.42, "acceleration": 0.5, "jerk": 0.5}  # within 250 deg/s
+        data["environment"] = {"temperature_deg_c": 20, "warm_up_deg_c": 15, "warm_up_time_s": 60}
+
+    session = run(altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path, with_report=False).session
+    real = born_with(session)[1]
+    for method in ("attitude", "rate_table"):
+        found = calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration.triads["gyroscope"]
+        fit, drift = found.fits
+        assert np.abs(real.drift).max() > 10 * drift.sd.max()
+        np.testing.assert_allclose(found.drift, real.drift, atol=4 * float(drift.sd.max()))
+        g_sd = max(sd for name, sd in zip(fit.names, fit.sd, strict=True) if "_g_" in name)
+        g = fit.block("gyr_g_").reshape(3, 3)
+        np.testing.assert_allclose(g, real.g_matrix, atol=4 * float(g_sd))
+        assert g_sd < 3e-5
+        if method == "attitude":
+            without = attitude(prepare(session, "forearm", None).gyroscope_recording(None))
+            assert np.abs(without.g_matrix - real.g_matrix).max() > 3 * np.abs(g - real.g_matrix).max()
+        expected = real.bias + real.drift * (found.reference - 25)  # deg C that the simulated part's bias holds at
+        np.testing.assert_allclose(found.bias, expected, atol=np.radians(0.03))
+        save_calibration(
+            tmp_path / f"{method}.yaml", calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration
+        )
+        again = load_calibration(tmp_path / f"{method}.yaml").triads["gyroscope"]
+        assert again.reference == found.reference

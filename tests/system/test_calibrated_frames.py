@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.estimation.calibration.gyroscope import matrix_of
 from testbench.estimation.calibration.session_calibration import calibrate
+from testbench.estimation.calibration.session_mounting import axes_sd
 from testbench.estimation.calibration.shared_frame import ARM_AIDED
 from testbench.estimation.estimator import estimate
 from testbench.model import rotation
@@ -118,6 +119,15 @@ def test_a_mounting_named_beside_the_arms_methods_replaces_the_one_they_contain(
     real = Rotation.from_euler("XYZ", CROOKED_DEG, degrees=True)
     left = Rotation.from_matrix(result.calibration.mounting.R_believed_from_sensor) * real.inv()
     assert np.degrees(left.magnitude()) < 0.6
+
+
+def test_the_uncertainty_of_a_mounting_holds_that_of_the_axes_it_turns(crooked_sessions):
+    """The gyroscope's axes by gravity alone are known to some 0.1 deg; rates corrected by them cannot say more."""
+    found = calibrate(crooked_sessions[0], "forearm", ["norm_only", "gravity_turns", "mounting_rates"]).calibration
+    axes = axes_sd(found.triads["gyroscope"])
+    misalignments = found.triads["gyroscope"].fits[0].sd[3:9]
+    assert misalignments.min() <= axes <= misalignments.max()
+    assert (found.mounting.fit.sd > axes).all()
 
 
 def test_the_list_of_arm_aided_methods_holds_names_that_exist():

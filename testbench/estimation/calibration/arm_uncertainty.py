@@ -16,6 +16,7 @@ from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
 from testbench.estimation.calibration.prepared import Prepared
 from testbench.estimation.calibration.shared_frame import ARM_AIDED
+from testbench.estimation.calibration.warming import with_drift
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.calibration import TriadCalibration
@@ -103,7 +104,7 @@ def _again(
         accelerometer = found["accelerometer"] = ACCELEROMETER_METHODS[accelerometer.method].function(moved.poses)
     if "gyroscope" in concerned:
         method = GYROSCOPE_METHODS[triads["gyroscope"].method]
-        found["gyroscope"] = method.function(moved.gyroscope_recording(accelerometer))
+        found["gyroscope"] = with_drift(method.function)(moved.gyroscope_recording(accelerometer))
     if "magnetometer" in concerned:
         name = triads["magnetometer"].method
         method_of_field = MAGNETOMETER_METHODS["known_field" if name == "attitude_aided" else name]  # which that is, of a field

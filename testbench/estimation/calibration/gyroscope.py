@@ -349,6 +349,8 @@ def gravity_direction_errors(
         calibration: To correct with; `TriadCalibration("none")` for raw readings. turns: With `up_before` and `up_after`; turns
         that the calibration was not made from, if it is to be judged. integrator, stages: As for `gravity_turns`.
     """
+    if calibration.reference is not None:
+        turns = [turn.without_drift(calibration.drift, calibration.reference) for turn in turns]
     integration = TurnIntegration(turns, get_integrator(integrator), stages)
     ends = integration.run(calibration.matrix, calibration.bias, calibration.g_matrix).q_before_from_after
     before, after = (np.array([getattr(turn, key) for turn in turns], dtype=float) for key in ("up_before", "up_after"))

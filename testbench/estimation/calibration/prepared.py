@@ -116,7 +116,7 @@ class Prepared:
         spread = []
         for readings in (
             self.samples.acc,
-            self.samples.acc if accelerometer is None else accelerometer.apply(self.samples.acc),
+            self.samples.acc if accelerometer is None else accelerometer.apply(self.samples.acc, temperature=self.warmth),
         ):
             within = readings[inside]
             means = np.array([within[which == i].mean(axis=0) for i in range(len(self.rests))])
@@ -137,9 +137,15 @@ class Prepared:
         force = self.felt(accelerometer)
         up = force / np.linalg.norm(force, axis=1, keepdims=True)
         up_sd = float(np.sqrt(self.poses.variance.mean()) / STANDARD_GRAVITY)
-        rests = [Rest(self.samples.gyr[begin:end], felt) for (begin, end), felt in zip(self.rests, force, strict=True)]
+        warmth = self.warmth
+        rests = [
+            Rest(self.samples.gyr[begin:end], felt, None if warmth is None else warmth[begin:end])
+            for (begin, end), felt in zip(self.rests, force, strict=True)
+        ]
         reach = max(round(TURN_MARGIN_S / self.samples.interval), 1)
-        felt_along = self.samples.acc if accelerometer is None else accelerometer.apply(self.samples.acc)
+        felt_along = self.samples.acc
+        if accelerometer is not None:
+            felt_along = accelerometer.apply(felt_along, temperature=self.warmth)
         attitude = rate = sound = None
         if self.truth is not None:
             at = self.time_ns - round(self.rate_delay * NANOSECONDS)
@@ -157,6 +163,7 @@ class Prepared:
                     q_world_from_sensor=attitude[piece] if known and attitude is not None else None,
                     rate=rate[piece] if known and rate is not None and sound is not None and sound[piece].all() else None,
                     force=felt_along[piece], up_sd=up_sd, attitude_sd=float(DIRECTION_SD),
+                    temperature=None if warmth is None else warmth[piece],
                 )
             )  # fmt: skip
         return GyroscopeRecording(rests, turns)

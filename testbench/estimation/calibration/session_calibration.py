@@ -10,14 +10,16 @@ import numpy as np
 
 from testbench.estimation.calibration.arm_uncertainty import shifted_truths, with_arm_uncertainty
 from testbench.estimation.calibration.axis_model import orthogonality
+from testbench.estimation.calibration.gyroscope import IN_RUN
 from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
 from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
-from testbench.estimation.calibration.poses import StaticPoses
+from testbench.estimation.calibration.poses import SETTLING_M_S2, StaticPoses
 from testbench.estimation.calibration.prepared import Prepared, Segmentation, prepare
 from testbench.estimation.calibration.session_mounting import MOUNTING_METHODS, find_mounting
 from testbench.estimation.calibration.shared_frame import take_mounting_out
 from testbench.estimation.calibration.validation import cross_validate, validate
+from testbench.estimation.calibration.warming import with_drift
 from testbench.exceptions import InputError, NotFoundError
 from testbench.records.calibration import TriadCalibration
 from testbench.records.calibration_file import SensorCalibration
@@ -66,6 +68,7 @@ def calibrate(
         triads["magnetometer"] = magnetometer
     if not triads and "mounting" not in chosen:
         raise InputError(f"{session.path}: nothing could be calibrated: {'; '.join(remarks) or 'no method fits the recording'}")
+    triads = {name: _with_in_run(name, found) for name, found in triads.items()}
     if prepared.truth is not None:
         triads, added = with_arm_uncertainty(prepared, shifted_truths(session, sensor, prepared.truth), triads, field)
         remarks += added
@@ -122,6 +125,22 @@ def _accelerometer(
     return None
 
 
+def _with_in_run(triad: str, found: TriadCalibration) -> TriadCalibration:
+    """The triad with the in-run bias that its rests share in the covariance of its bias.
+
+    The methods take it to be drawn anew for each rest; it wanders slowly, and a whole session may lie to one side of the
+    turn-on bias. `static_bias` and `gravity_turns` count it already.
+    """
+    sd = {"accelerometer": SETTLING_M_S2, "gyroscope": IN_RUN if found.method in {"attitude", "rate_table"} else 0.0}.get(triad)
+    if not sd:
+        return found
+    fits = []
+    for fit in found.fits:
+        bias = [name.removeprefix("gyr_").startswith(("bias_", "offset_")) for name in fit.names]
+        fits.append(replace(fit, covariance=fit.covariance + sd**2 * np.diag(np.array(bias, float))))
+    return replace(found, fits=tuple(fits))
+
+
 def _orthogonality(poses: StaticPoses) -> list[str]:
     """What poses that turn two axes through the vertical say of the angle between these; nothing of other poses."""
     try:
@@ -169,7 +188,7 @@ def _gyroscope(
     for candidate in wanted:
         method = GYROSCOPE_METHODS[candidate]
         try:
-            return prepared.with_held_out_turns(method.function, recording, held_out)
+            return prepared.with_held_out_turns(with_drift(method.function), recording, held_out)
         except (PoorExcitation, InputError) as error:
             if name:
                 raise

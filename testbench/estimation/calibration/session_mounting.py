@@ -21,7 +21,7 @@ from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.truth import truth_at
-from testbench.records.calibration import MountingCalibration
+from testbench.records.calibration import MountingCalibration, TriadCalibration
 from testbench.records.calibration_file import SensorCalibration
 from testbench.records.fit import Fit
 from testbench.records.plan import PlannedStep
@@ -45,14 +45,39 @@ def find_mounting(
     if prepared.truth is None:
         raise InputError(f"the method {name} compares the sensor with the arm; this recording has no truth")
     samples = prepared.samples
-    gyr, acc, mag = calibration.apply(samples.gyr, samples.acc, samples.mag)
+    gyr, acc, mag = calibration.apply(samples.gyr, samples.acc, samples.mag, prepared.warmth)
     rest = np.zeros(len(gyr), bool)
     for begin, end in prepared.rests:
         rest[begin:end] = True
     if "gyroscope" not in calibration.triads:
         gyr = gyr - gyr[rest].mean(axis=0)
     corrected = replace(prepared, samples=replace(samples, gyr=gyr, acc=acc, mag=mag))
-    return MOUNTING_METHODS[name](corrected, rest, sweeps)
+    found = MOUNTING_METHODS[name](corrected, rest, sweeps)
+    sd = [axes_sd(calibration.triads[triad]) for triad in ("accelerometer", "gyroscope") if triad in calibration.triads]
+    if not sd:
+        return found
+    covariance = found.fit.covariance + np.eye(3) * float(np.sum(np.square(sd)))
+    return replace(found, fit=replace(found.fit, covariance=covariance))
+
+
+def axes_sd(triad: TriadCalibration) -> float:
+    """How far the corrected axes of a triad may be turned as a whole, by its fit [rad].
+
+    Two entries across the diagonal, m_ij and m_ji, turn the axes by half their difference; the RMS of what such entries are
+    known to is taken for either, and roughly for the turn about each axis, as they need not be independent.
+    """
+    across = [
+        variance
+        for fit in triad.fits
+        for name, variance in zip(fit.names, np.diag(fit.covariance), strict=True)
+        if _across(name)
+    ]
+    return float(np.sqrt(np.mean(across))) if across else 0.0
+
+
+def _across(name: str) -> bool:
+    kind, _, entry = name.removeprefix("gyr_").partition("_")
+    return kind == "misalignment" or (kind in {"response", "map"} and entry[0] != entry[1])
 
 
 def _by_rates(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]) -> MountingCalibration:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,10 +16,16 @@ class Rest:
 
     Attributes:
         gyr: Raw readings, shape (n, 3) [rad/s]. force: Specific force felt, shape (3,) [m/s^2]; None where nobody knows.
+        temperature: Of the part, shape (n,) [deg C], or None.
     """
 
     gyr: np.ndarray
     force: np.ndarray | None = None
+    temperature: np.ndarray | None = None
+
+    def without_drift(self, drift: np.ndarray, reference: float) -> Rest:
+        """The readings as they would be at a temperature [deg C]; `drift` of shape (3,) [rad/s/K]."""
+        return replace(self, gyr=_at_reference(self.gyr, self.temperature, drift, reference))
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class Turn:
         up_after: Unit vector of the specific force at rest, in the axes that the calibration shall give, such as those of a
         calibrated accelerometer, shape (3,). q_world_from_sensor: At every sample, shape (n, 4). rate: True rate in those axes,
         shape (n, 3) [rad/s]. force: Specific force, shape (n, 3) [m/s^2]. up_sd, attitude_sd: Standard uncertainty of either
-        direction, and of an attitude, about each axis [rad].
+        direction, and of an attitude, about each axis [rad]. temperature: Of the part, shape (n,) [deg C].
     """
 
     gyr: np.ndarray
@@ -45,6 +51,11 @@ class Turn:
     force: np.ndarray | None = None
     up_sd: float = 0.0
     attitude_sd: float = 0.0
+    temperature: np.ndarray | None = None
+
+    def without_drift(self, drift: np.ndarray, reference: float) -> Turn:
+        """As of `Rest`."""
+        return replace(self, gyr=_at_reference(self.gyr, self.temperature, drift, reference))
 
     def __post_init__(self) -> None:
         if self.gyr.ndim != 2 or self.gyr.shape[1] != 3 or len(self.gyr) < 2:
@@ -61,7 +72,14 @@ class Turn:
             return None if array is None else array[begin:end]
 
         known = (cut(self.q_world_from_sensor), cut(self.rate), cut(self.force))
-        return Turn(self.gyr[begin:end], self.interval, None, None, *known, attitude_sd=self.attitude_sd)
+        warmth = cut(self.temperature)
+        return Turn(self.gyr[begin:end], self.interval, None, None, *known, attitude_sd=self.attitude_sd, temperature=warmth)
+
+
+def _at_reference(gyr: np.ndarray, temperature: np.ndarray | None, drift: np.ndarray, reference: float) -> np.ndarray:
+    if temperature is None:
+        return gyr
+    return np.asarray(gyr - np.nan_to_num(temperature - reference)[:, None] * drift)
 
 
 @dataclass(frozen=True)
@@ -70,6 +88,13 @@ class GyroscopeRecording:
 
     rests: Sequence[Rest] = field(default=())
     turns: Sequence[Turn] = field(default=())
+
+    def without_drift(self, drift: np.ndarray, reference: float) -> GyroscopeRecording:
+        """As of `Rest`, all of it."""
+        return GyroscopeRecording(
+            [rest.without_drift(drift, reference) for rest in self.rests],
+            [turn.without_drift(drift, reference) for turn in self.turns],
+        )
 
 
 def turns_between_rests(
