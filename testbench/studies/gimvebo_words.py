@@ -76,8 +76,8 @@ FAULTS = (
     "They also leave the search for scales, which starts at 1 where π/180 would be right, in a minimum near its start: "
     "angles of about 90 deg before, tens of degrees after, as published. The factor 1/2 before the bracket, as eq. 2.36 is"
     " printed, together with it puts the norm of a Tustin step at 0.5 and above.{agree} Eq. 2.38 prints the same 1/2 for "
-    "RK4, but there the published third quartile of 1 excludes it: a step at rest would have the norm 0.5. So it is a misprint at least once,"
-    " and may be one both times. {angle} Not everything is explained: "
+    "RK4, but there the published third quartile of 1 excludes it: a step at rest would have the norm 0.5. So it is a "
+    "misprint at least once, and may be one both times. {angle} Not everything is explained: "
     "Tustin norms below 0.5 cannot come about in this way, the quartiles hang on how the published motions divide into "
     "rest and turning, and how the norms were taken is not said. The text alone does not decide."
 )
