@@ -202,5 +202,6 @@ def on_regular_grid(kind: OrientationFilter, samples: UniformSamples) -> np.ndar
         return np.column_stack([np.interp(grid, time, column) for column in array.T])
 
     mag = None if samples.mag is None else spread(samples.mag)
-    regular = UniformSamples(float(grid[1] - grid[0]), spread(samples.gyr), spread(samples.acc), mag)
+    device_q = None if samples.device_q is None else rotation.interpolate(time, samples.device_q, grid)
+    regular = UniformSamples(float(grid[1] - grid[0]), spread(samples.gyr), spread(samples.acc), mag, device_q)
     return rotation.interpolate(grid, kind.run(regular), time)

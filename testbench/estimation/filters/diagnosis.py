@@ -5,15 +5,30 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from testbench.estimation.filters.base import OrientationFilter, UniformSamples
-from testbench.estimation.filters.known_motions import Check, error_deg, judge, pose, recording, recordings
+from testbench.estimation.filters.known_motions import (
+    BIAS_RAD_S,
+    BIASED,
+    TURN_LIMIT_DEG,
+    TURN_S,
+    Check,
+    error_deg,
+    judge,
+    pose,
+    recording,
+    recordings,
+)
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.earths import Q_ENU_FROM
 
+FIXED_S = (0.01, 0.02, 0.005, 1 / 60, 1.0)
+"""Intervals that are most likely to be taken for every interval [s]."""
+MOST_LATE = 12
 TRIADS = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 
 
@@ -54,6 +69,30 @@ def _single() -> Iterator[Mistake]:
         yield Mistake(f"its earth frame is {name} ({words}): it must be ENU (east, north, up)", after=_left(q))
 
 
+def _timing() -> Iterator[Mistake]:
+    """Every interval taken for the same, or an output that comes late."""
+    words = "it takes every interval for the mean one: where `intervals` are given, each sample has its own"
+    yield Mistake(words, lambda samples: replace(samples, gyr=samples.gyr * (samples.steps() / samples.interval)[:, None]))
+    for interval in FIXED_S:
+        yield Mistake(
+            f"it takes every interval for {1000 * interval:.3g} ms: it comes with the samples",
+            lambda samples, interval=interval: replace(samples, gyr=samples.gyr * (samples.steps() / interval)[:, None]),  # type: ignore[misc]
+        )
+    for late in range(1, MOST_LATE + 1):
+        words = f"its output comes {late} sample{'s' if late > 1 else ''} late"
+        yield Mistake(words, lambda samples, late=late: _followed(samples, late), lambda q, late=late: q[late:])  # type: ignore[misc]
+
+
+def _followed(samples: UniformSamples, count: int) -> UniformSamples:
+    """The samples, and the last of them some times more, for a filter that is behind."""
+    more: dict[str, Any] = {
+        key: np.concatenate([array, np.repeat(array[-1:], count, axis=0)])
+        for key in ("gyr", "acc", "mag", "device_q", "intervals")
+        if (array := getattr(samples, key)) is not None
+    }
+    return replace(samples, **more)
+
+
 def _double() -> Iterator[Mistake]:
     yield Mistake("its quaternion is in the order x, y, z, w, and conjugated", after=lambda q: rotation.conjugate(_rolled(q)))
     for name in ("NED", "NWU"):
@@ -71,7 +110,8 @@ def _rolled(q: np.ndarray) -> np.ndarray:
 def _axes(needs: tuple[str, ...]) -> Iterator[Mistake]:
     """Every way to permute and reverse the axes of one triad, or of the whole sensor."""
     triads = tuple(key for key in TRIADS if key in needs)
-    for quantities, what in [*(((key,), f"of the {TRIADS[key]}") for key in triads), (triads, "of the sensor")]:
+    together = [(triads, "of the sensor")] if triads else []
+    for quantities, what in [*(((key,), f"of the {TRIADS[key]}") for key in triads), *together]:
         for matrix, words in _signed_permutations():
             yield Mistake(f"{words} {what}", _mapped(quantities, matrix))
 
@@ -102,20 +142,35 @@ def _signed_permutations() -> list[tuple[np.ndarray, str]]:
 def diagnose(kind: OrientationFilter, checks: list[Check]) -> str:
     """The mistake whose undoing lets a failing filter pass, in words; else what it fails at."""
     needs = kind.needs
+    groups = recordings(needs)
+    failed = [check for check in checks if not check.passed]
+    if [check.name for check in failed] == [BIASED]:
+        return _of_bias(failed[0])
     screen = [
         recording("tilted", pose(60, -35, 25), np.array([0.6, -0.48, 0.64])),
         recording("elsewhere", pose(-100, 20, -140), np.array([-0.64, 0.6, 0.48])),
+        *(case for check in failed for case in groups[check.name] if check.name != BIASED and case.name == check.where),
     ]
-    for mistake in itertools.chain(_single(), _axes(needs), _double()):
+    if "device_q" not in needs:
+        screen = [replace(case, samples=replace(case.samples, device_q=None)) for case in screen]
+    for mistake in itertools.chain(_timing(), _single(), _axes(needs), _double()):
         run = _undone(kind, mistake)
-        if all(error_deg(case, run(case.samples), needs) < 2.0 for case in screen) and all(
-            check.passed for check in judge(run, needs, recordings())
+        if all(error_deg(case, run(case.samples), needs) < TURN_LIMIT_DEG for case in screen) and all(
+            check.passed for check in judge(run, needs, groups)
         ):
             return mistake.words
-    failed = [check for check in checks if not check.passed]
     if {check.name for check in failed} <= {"rest in 24 poses", "start in any pose", "known heading"}:
         return "it does not find its start within 6 s: it should take it from the first sample, and from any pose"
     return f"it is {failed[0].worst_deg:.1f} deg off at '{failed[0].name}', {failed[0].where}; the cause cannot be told"
+
+
+def _of_bias(check: Check) -> str:
+    """The gyroscope alone is off by what its bias amounts to, and twice that says that it was added once more."""
+    alone = float(np.degrees(BIAS_RAD_S)) * TURN_S
+    off = f"{check.worst_deg:.1f} deg off after {TURN_S:g} s with a bias of 1 deg/s, the gyroscope alone {alone:.1f} deg"
+    if check.worst_deg is not None and 1.5 * alone < check.worst_deg < 2.5 * alone:
+        return f"it adds the bias of the gyroscope instead of taking it away: it is {off}"
+    return f"it makes more of the bias of the gyroscope than there is: it is {off}"
 
 
 def _undone(kind: OrientationFilter, mistake: Mistake) -> Callable[[UniformSamples], np.ndarray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,8 +16,18 @@ RATE_HZ = 100.0
 REST_S, TURN_S = 6.0, 2.0
 """Time to settle before a turn, and time of the turn [s]."""
 TURN_RAD_S = np.radians(40.0)
+FAST_RAD_S, FAST_TURN_S = np.radians(400.0), 0.2
+"""A turn of which a sample is twice the limit."""
+BIAS_RAD_S = np.radians(1.0)
+"""Bias of the gyroscope in one check, that of a poor small sensor at power-up."""
+PATTERN = np.array([0.6, 0.8, 1.2, 1.4])
+"""Intervals at rest, over and over, as multiples of the mean one; in the turn they are longer by `STRETCH`."""
+STRETCH = 1.5
 FIELD_UT = np.array([0.0, 24.0, -39.0])
 """North along y, about that of northern Spain (IGRF-13) [uT]."""
+
+DEVICE_HEADING_RAD = np.radians(25.0)
+"""Heading of the earth that the device's own orientation refers to."""
 
 Run = Callable[[UniformSamples], np.ndarray]
 
@@ -28,13 +38,15 @@ class Recording:
 
     Attributes:
         name: For people. samples: What it gives. q_true: q_earth_from_sensor, shape (n, 4). begin: First sample of the turn,
-        or None at rest.
+        or None at rest. behind: Axis of the turn in the sensor, shape (3,), where only being late in it is judged: feedback of
+        a high gain that compares a sample with the orientation before it runs ahead in a fast turn, and is no mistake.
     """
 
     name: str
     samples: UniformSamples
     q_true: np.ndarray
     begin: int | None
+    behind: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -61,17 +73,40 @@ def axis_aligned() -> list[np.ndarray]:
     return [matrix for matrix in signed if np.linalg.det(matrix) > 0]
 
 
-def recording(name: str, start: np.ndarray, axis: np.ndarray | None = None) -> Recording:
-    """Rest, and then a turn about an axis of the sensor if one is given; rates are means over the interval before."""
-    rest = round(REST_S * RATE_HZ)
-    turn = 0 if axis is None else round(TURN_S * RATE_HZ)
-    angle = TURN_RAD_S * np.clip(np.arange(rest + turn) - rest + 1, 0, None) / RATE_HZ
+def recording(
+    name: str,
+    start: np.ndarray,
+    axis: np.ndarray | None = None,
+    *,
+    rate_hz: float = RATE_HZ,
+    turn_rad_s: float = TURN_RAD_S,
+    turn_s: float = TURN_S,
+    bias_rad_s: float = 0.0,
+    irregular: bool = False,
+) -> Recording:
+    """Rest, and then a turn about an axis of the sensor if one is given; rates are means over the interval before.
+
+    Args:
+        name: For people. start: q_earth_from_sensor, shape (4,). axis: Unit vector in the sensor, shape (3,); None: rest only.
+        rate_hz, turn_rad_s, turn_s: Of sampling, and of the turn. bias_rad_s: Of the gyroscope, about the same axis.
+        irregular: Whether the intervals differ, those of the turn in the mean from those of the rest.
+    """
+    rest = round(REST_S * rate_hz)
+    turn = 0 if axis is None else round(turn_s * rate_hz)
     along = np.zeros(3) if axis is None else axis
+    moving = np.arange(rest + turn) >= rest
+    intervals = np.full(rest + turn, 1 / rate_hz)
+    if irregular:
+        intervals *= np.resize(PATTERN, rest + turn) * np.where(moving, STRETCH, 1.0)
+    angle = turn_rad_s * np.cumsum(np.where(moving, intervals, 0.0))
     q = rotation.multiply(start, rotation.from_rotation_vector(angle[:, None] * along))
-    gyr = np.where(angle[:, None] > 0, TURN_RAD_S * along, 0.0)
+    gyr = np.where(moving[:, None], turn_rad_s * along, 0.0) + bias_rad_s * along
     back = rotation.conjugate(q)
     acc = rotation.rotate(back, np.array([0.0, 0.0, STANDARD_GRAVITY]))
-    samples = UniformSamples(1 / RATE_HZ, gyr, acc, rotation.rotate(back, FIELD_UT))
+    device = rotation.multiply(rotation.from_heading(DEVICE_HEADING_RAD), q)
+    samples = UniformSamples(
+        float(intervals.mean()), gyr, acc, rotation.rotate(back, FIELD_UT), device, intervals if irregular else None
+    )
     return Recording(name, samples, q, rest - 1 if turn else None)
 
 
@@ -80,8 +115,19 @@ def pose(*angles_deg: float) -> np.ndarray:
     return rotation.from_euler("ZYX", np.radians(angles_deg))
 
 
-def recordings() -> dict[str, list[Recording]]:
-    """Those of each check."""
+def recordings(needs: tuple[str, ...]) -> dict[str, list[Recording]]:
+    """Those of each check, for a filter that needs these; the device's orientation is in them for one that asks for it."""
+    groups = _groups()
+    if "device_q" in needs:
+        return groups
+    return {name: [_without_device(case) for case in cases] for name, cases in groups.items()}
+
+
+def _without_device(case: Recording) -> Recording:
+    return replace(case, samples=replace(case.samples, device_q=None))
+
+
+def _groups() -> dict[str, list[Recording]]:
     rests = [recording(f"axes {matrix.astype(int).tolist()}", rotation.from_matrix(matrix)) for matrix in axis_aligned()]
     poses = [(70, 20, 35), (-130, -50, 160), (15, 75, -100), (200, -10, -170), (-60, 40, 95), (110, -80, 10)]
     anywhere = [recording(f"ZYX {angles} deg", pose(*angles)) for angles in poses]
@@ -94,25 +140,57 @@ def recordings() -> dict[str, list[Recording]]:
                 for angles in ((0, 0, 0), (60, -35, 25), (-100, 20, -140))
             ]
             groups[f"turn about {'+' if sign > 0 else '-'}{name}"] = turns
+    x, y, z = np.eye(3)
+    upright = {"x": (x, pose(0, -90, 0)), "y": (y, pose(0, 0, 90)), "z": (z, pose(0, 0, 0))}
+    start, axis = pose(60, -35, 25), np.array([0.6, -0.48, 0.64])
+    groups["other rates"] = [
+        recording(f"{rate:g} Hz", start, sign * axis, rate_hz=rate) for rate in (50, 200) for sign in (1, -1)
+    ]
+    groups["irregular intervals"] = [
+        recording(f"about {words} axis", start, axis, irregular=True) for words, axis in (("a general", axis), ("the z", z))
+    ]
+    fast = [
+        (recording(f"about {name}", start, axis, turn_rad_s=FAST_RAD_S, turn_s=FAST_TURN_S), axis)
+        for name, axis in (("x", x), ("y", y), ("z", z))
+    ]
+    groups["late in a fast turn"] = [replace(case, behind=axis) for case, axis in fast]
+    groups[BIASED] = [
+        recording(f"{'+' if sign > 0 else '-'}1 deg/s about {name}, upright", start, axis, bias_rad_s=sign * BIAS_RAD_S)
+        for name, (axis, start) in upright.items()
+        for sign in (1, -1)
+    ]
     return groups
 
 
-LIMIT_DEG = {"rest in 24 poses": 1.0, "start in any pose": 2.0, "known heading": 2.0}
+BIASED = "gyroscope with a bias"
+LIMIT_DEG = {
+    "rest in 24 poses": 1.0, "start in any pose": 2.0, "known heading": 2.0,
+    BIASED: 1.1 * float(np.degrees(BIAS_RAD_S)) * TURN_S,
+}  # fmt: skip
+"""With a bias, a tenth more than the turn that the gyroscope alone makes of it."""
 TURN_LIMIT_DEG = 2.0
 """Right filters stay below half of these; the smallest of the faults that are looked for is far above."""
 
 
 def error_deg(case: Recording, q: np.ndarray, needs: tuple[str, ...]) -> float:
-    """Largest error of what a filter with these inputs can know: total, inclination, or the turn since the rest [deg]."""
+    """Largest error of what a filter with these inputs can know: total, inclination, or the turn since the rest [deg].
+
+    With a bias the turn since the rest alone: only of that is it known how far off the gyroscope by itself would be.
+    """
+    level = "acc" in needs or "device_q" in needs
+    biased = case.begin is not None and bool(np.any(case.samples.gyr[case.begin]))
     errors = []
     off = rotation.multiply(q[-1], rotation.conjugate(case.q_true[-1]))
-    if "acc" in needs:
-        errors.append(rotation.angle(off) if "mag" in needs else rotation.inclination_angle(off))
-    if case.begin is not None and ("gyr" in needs or "mag" in needs):
+    if level and not biased:
+        errors.append(rotation.angle(off) if "mag" in needs and "acc" in needs else rotation.inclination_angle(off))
+    if case.begin is not None and any(need in needs for need in ("gyr", "mag", "device_q")):
         turned = rotation.multiply(rotation.conjugate(q[case.begin]), q[-1])
         expected = rotation.multiply(rotation.conjugate(case.q_true[case.begin]), case.q_true[-1])
-        errors.append(rotation.angle(rotation.multiply(turned, rotation.conjugate(expected))))
-    elif case.begin is None and "acc" not in needs:
+        wrong = rotation.multiply(turned, rotation.conjugate(expected))
+        if case.behind is not None:
+            return max(0.0, float(np.degrees(-rotation.to_rotation_vector(wrong) @ case.behind)))
+        errors.append(rotation.angle(wrong))
+    elif case.begin is None and not level:
         errors.append(rotation.angle(rotation.multiply(rotation.conjugate(q[0]), q[-1])))
     return float(np.degrees(np.max(errors))) if errors else 0.0
 
