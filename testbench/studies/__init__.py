@@ -32,11 +32,6 @@ STUDIES = {
     study.name: study
     for study in (
         Study(
-            "gimvebo",
-            "Integrators in the calibration of a gyroscope on a gimbal, beside tables 4.1 to 4.7 of Botina & Vergara 2018",
-            "testbench.studies.gimvebo",
-        ),
-        Study(
             "misalignment",
             "Misaligned segments: theory, its fits, every sequence, and a session beside them",
             "testbench.studies.misalignment",
@@ -58,6 +53,11 @@ STUDIES = {
             "testbench.studies.pedestrian",
         ),
         # reference-5: the Kalman filter of a kinematic chain.
+        Study(
+            "gimvebo",
+            "Integrators in the calibration of a gyroscope on a gimbal, beside tables 4.1 to 4.7 of Botina & Vergara 2018",
+            "testbench.studies.gimvebo",
+        ),
     )
 }
 """Every study by its name."""
