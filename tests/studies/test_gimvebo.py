@@ -73,9 +73,9 @@ def test_published_interquartile_ranges_fit_their_quartiles_but_for_the_one_the_
 
 
 def test_unknown_publications_and_studies_are_refused_with_those_that_exist():
-    with pytest.raises(NotFoundError, match=r"known: .*reference_3"):
+    with pytest.raises(NotFoundError, match="reference_3"):
         load_published_tables("reference_1")
-    with pytest.raises(NotFoundError, match=r"known: .*gimvebo"):
+    with pytest.raises(NotFoundError, match="gimvebo"):
         get_study("bode")
     assert all(entry.description for entry in STUDIES.values())
 

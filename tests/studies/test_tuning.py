@@ -149,7 +149,7 @@ def test_objectives_that_a_session_lacks_are_refused(quick, noisy, tmp_path):
         tune(get_filter("madgwick_marg"), Sessions.given([no_field], []), "total_rmse_deg", NOW, ["beta"])
     blind = Session(shutil.copytree(noisy[0].path, tmp_path / "blind"))
     (blind.path / "truth_imu.parquet").unlink()
-    with pytest.raises(SessionError, match="truth is not known"):
+    with pytest.raises(SessionError, match=r"truth_imu\.parquet is missing"):
         tune(get_filter("madgwick_marg"), Sessions.given([blind], []), "total_rmse_deg", NOW, ["beta"])
 
 
