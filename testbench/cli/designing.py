@@ -44,6 +44,7 @@ def design(
     import numpy as np
 
     from testbench.pipeline import design_calibration
+    from testbench.planning.designed import LEFT_OUT
     from testbench.planning.experiment_design import Wanted
 
     names = tuple(name.strip() for name in joints.split(",") if name.strip()) if joints else None
@@ -56,9 +57,10 @@ def design(
         say_json({"file": str(out), "duration_s": found.plan.duration, "parameters": listed, "efficiency": found.efficiency})
         return
     say_table(
-        f"Predicted standard uncertainty, {poses} poses and {turns} turns against {found.compared}",
+        f"Predicted standard uncertainty, {poses} poses and {turns} turns against {found.compared}, each as it is",
         ["parameter", "unit", found.compared, "designed", "ratio"],
         rows,
     )
     say(found.sentence)
+    say(LEFT_OUT)
     say(f"written: {out}, {found.plan.duration:.0f} s on {found.plan.robot.name}")

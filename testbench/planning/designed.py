@@ -12,7 +12,7 @@ import numpy as np
 from testbench.exceptions import CollisionError, InputError, NotFoundError
 from testbench.model.calibration_information import pose_information
 from testbench.planning.design_protocol import protocol_text
-from testbench.planning.experiment_design import ACCELEROMETER_SIZE, Design, Designer, Wanted
+from testbench.planning.experiment_design import ACCELEROMETER_SIZE, ARM_DIRECTION, Design, Designer, Wanted
 from testbench.planning.optimal_design import efficiency
 from testbench.planning.planner import plan
 from testbench.records.plan import Plan
@@ -20,6 +20,7 @@ from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import load_robot
 
 MOST_DETOURS = 20
+LEFT_OUT = "The moves between poses turn the gyroscope too; they are left out of what is predicted for it."
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,13 @@ class PredictedRow:
 
 @dataclass(frozen=True)
 class DesignedProtocol:
-    """What came out: the checked plan, the table, and by how much the accelerometer's variances fall at equal time at rest."""
+    """What came out.
+
+    Attributes:
+        plan: Checked. compared: Name of the protocol compared with. rows: The table, each protocol as it is. efficiency: By
+        how much the accelerometer's variances fall at as many visits and as much time at rest; None where the other protocol
+        does not determine them. sentence: The same in words, with what it rests on.
+    """
 
     plan: Plan
     compared: str
@@ -72,7 +79,7 @@ def design_protocol(out: Path, robot_name: str, like: str, sensor_name: str | No
     sentence = _sentence(gain, like, wanted)
     chosen = f"{wanted.poses} poses and {wanted.turns} turns"
     purpose = f"{chosen} chosen to leave the calibration least uncertain ({wanted.criterion}-optimal)"
-    notes = [f"Designed for {robot.name}: {sentence}"]
+    notes = [f"Designed for {robot.name}: {sentence}", LEFT_OUT]
 
     def text(via_home: set[int]) -> str:
         return protocol_text(out.stem, purpose, robot, name, sensors[name], design, via_home, notes)
@@ -100,11 +107,15 @@ def _checked(text: Callable[[set[int]], str], poses: int) -> tuple[set[int], Pla
 
 
 def _gain(designer: Designer, q: np.ndarray, dwell: float, design: Design, wanted: Wanted) -> float | None:
-    """Ratio of the accelerometer's variances at equal time at rest; None where the other protocol does not determine them."""
-    before = pose_information(designer.force(q), designer.noise(dwell)).sum(axis=0)
+    """Ratio of the accelerometer's variances at as many visits and as much time at rest; None where it is not determined.
+
+    What does not average out over a rest, in-run bias and the arm's direction, is drawn anew for each visit: a protocol of
+    fewer poses is compared as if it came back to them until both have paid as many visits.
+    """
+    share = len(q) * dwell / len(design.q)
+    before = pose_information(designer.force(q), designer.noise(share)).sum(axis=0) * (len(design.q) / len(q))
     if np.linalg.matrix_rank(before * np.outer(ACCELEROMETER_SIZE, ACCELEROMETER_SIZE), tol=1e-6) < len(before):
         return None
-    share = len(q) * dwell / len(design.q)
     after = pose_information(designer.force(design.q), designer.noise(share)).sum(axis=0)
     return efficiency(after, before, ACCELEROMETER_SIZE, wanted.criterion)
 
@@ -113,7 +124,10 @@ def _sentence(gain: float | None, like: str, wanted: Wanted) -> str:
     if gain is None:
         return f"{like} does not determine the accelerometer; this design does"
     kind = "geometric mean" if wanted.criterion == "D" else "sum"
-    return f"the {kind} of the accelerometer's variances falls {gain:.2f} times against {like} in the same time at rest"
+    return (
+        f"the {kind} of the accelerometer's variances falls {gain:.2f} times against {like} with as many visits and as much "
+        f"time at rest, with the arm's direction known to {np.degrees(ARM_DIRECTION):g} deg in each"
+    )
 
 
 def _rows(compared: Design, design: Design) -> list[PredictedRow]:
