@@ -52,7 +52,8 @@ class MountingCalibration:
     """How a sensor really sits against its mounting as believed.
 
     Attributes:
-        method: As `testbench calibrate` spells it. R_believed_from_sensor: Shape (3, 3). fit: Its rotation vector [rad].
+        method: As `testbench calibrate` spells it, or from which method of a triad. R_believed_from_sensor: Shape (3, 3).
+        fit: Its rotation vector [rad].
         remarks: What a user must know of it, as sentences.
     """
 

@@ -93,7 +93,7 @@ class MagnetometerEntry(_TriadEntry):
 class MountingEntry(StrictModel):
     """How the sensor really sits against its mounting as believed."""
 
-    method: str = Field(min_length=1, description="As `testbench calibrate` spells it.")
+    method: str = Field(min_length=1, description="As `testbench calibrate` spells it, or from which method of a triad.")
     matrix: Rows = Field(description="R_believed_from_sensor, 3 by 3, rows; a rotation.")
     rotation_deg: Angles3 = Field(description="The same as a rotation vector, for people [deg].")
     fit: FitEntry = Field(description="The same in rad, with its covariance.")
