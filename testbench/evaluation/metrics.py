@@ -54,7 +54,9 @@ def summarise(errors: np.ndarray) -> Summary:
 
     Quantiles are linear between order statistics (Hyndman & Fan 1996, type 7), as numpy's are.
     """
-    return Summary(len(errors), *(float(value) for value in _summary(np.ascontiguousarray(errors, dtype=np.float64))))
+    errors = np.ascontiguousarray(errors, dtype=np.float64)
+    found = _summary(errors, np.sort(errors), np.sort(np.abs(errors)))  # numpy sorts several times faster than compiled loops
+    return Summary(len(errors), *(float(value) for value in found))
 
 
 @njit(cache=True)
@@ -66,11 +68,11 @@ def _quantile(ordered: np.ndarray, share: float) -> float:
 
 
 @njit(cache=True)
-def _summary(errors: np.ndarray) -> tuple[float, float, float, float, float, float, float, float]:
+def _summary(
+    errors: np.ndarray, ordered: np.ndarray, magnitude: np.ndarray
+) -> tuple[float, float, float, float, float, float, float, float]:
     n = len(errors)
     mean = errors.mean()
-    magnitude = np.sort(np.abs(errors))
-    ordered = np.sort(errors)
     square = 0.0
     spread = 0.0
     for error in errors:

@@ -126,10 +126,14 @@ def summarise_sensor(sensor: SensorErrors, budgets: list[UncertaintyBudget]) -> 
     time = sensor.estimate.host_time_ns
     true = {"heading": rotation.heading_angle(sensor.q_true), "inclination": rotation.inclination_angle(sensor.q_true)}
     rate = rate_in_world(time, sensor.q_true)
+    estimates = {
+        key: {"heading": rotation.heading_angle(q), "inclination": rotation.inclination_angle(q)}
+        for key, q in sensor.estimate.orientation.items()
+    }
     for motion, mask in sensor.by_motion().items():
         for key, errors in sensor.errors.items():
             own = sensor.estimate.orientation[key]
-            estimated = {"heading": rotation.heading_angle(own), "inclination": rotation.inclination_angle(own)}
+            estimated = estimates[key]
             for part, error in (("total", errors.total), ("heading", errors.heading), ("inclination", errors.inclination)):
                 found = _summary(sensor, key, part, motion, np.degrees(error), mask)
                 if part in true:
