@@ -53,7 +53,7 @@ def bench_filters() -> None:
         f"Filters: {SAMPLES:,} samples (the ahrs package: {PEER_SAMPLES:,})",
         ["filter", "samples", "peer", "samples", "ours : peer"],
         rows,
-        "vqf and imufusion called directly are the same compiled code: a ratio of 1 means that the bench adds nothing to it.",
+        "vqf called directly is the same compiled code: a ratio of 1 means that the bench adds nothing to it.",
     )
     first_call()
 

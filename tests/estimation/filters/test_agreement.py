@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import ahrs
 import imufusion
 import numpy as np
@@ -10,7 +12,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 from vqf import PyVQF
 
-from testbench.estimation.filters import get_filter
+from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.estimation.filters.maths import with_north
 from testbench.model import rotation
 from testbench.model.earths import to_earth_frame
@@ -346,14 +348,48 @@ def test_vqf_is_its_authors_form_in_python(parameters):
     assert degrees_between(get_filter("vqf_6d", parameters).run(samples), theirs["quat6D"]) < SAME
 
 
-def test_fusion_with_a_magnetometer_is_the_package_called_directly():
-    ours = get_filter("fusion_9d", {"gain": 0.7}).run(SAMPLES)
+def imufusion_loop(samples: UniformSamples, parameters: dict[str, float], magnetometer: bool) -> np.ndarray:
+    """What its authors' package makes of the samples after the first, started where ours starts."""
     theirs, settings = imufusion.Ahrs(), imufusion.AhrsSettings()
-    settings.convention, settings.sample_rate, settings.gain = imufusion.CONVENTION_ENU, 1 / DT, 0.7
-    settings.acceleration_rejection = settings.magnetic_rejection = 10.0
-    settings.rejection_timeout = 5.0
+    settings.convention, settings.sample_rate = imufusion.CONVENTION_ENU, 1 / samples.interval
+    settings.gain = parameters.get("gain", 0.5)
+    settings.acceleration_rejection = parameters.get("acceleration_rejection_deg", 10.0)
+    settings.magnetic_rejection = parameters.get("magnetic_rejection_deg", 10.0)
+    settings.rejection_timeout = parameters.get("rejection_timeout_s", 5.0)
+    settings.gyroscope_range = parameters.get("gyroscope_range_deg_s", 0.0)
     theirs.set_settings(settings)
-    theirs.set_quaternion(get_filter("ecompass").run(SAMPLES)[0])
-    for gyr, acc, mag in zip(SAMPLES.gyr, SAMPLES.acc, SAMPLES.mag, strict=True):
-        theirs.update(np.degrees(gyr), acc / 9.80665, mag)
-    assert degrees_between(ours[-1:], theirs.get_quaternion()[None]) < 1e-3
+    theirs.set_quaternion(get_filter("ecompass" if magnetometer else "tilt").run(samples.piece(slice(0, 1)))[0])
+    q, rest = np.empty((len(samples) - 1, 4)), samples.piece(slice(1, None))
+    assert rest.mag is not None
+    for i, (gyr, acc, mag) in enumerate(zip(np.degrees(rest.gyr), rest.acc / 9.80665, rest.mag, strict=True)):
+        if magnetometer:
+            theirs.update(gyr, acc, mag)
+        else:
+            theirs.update_no_magnetometer(gyr, acc)
+        q[i] = theirs.get_quaternion()
+    return q
+
+
+def disturbed(samples: UniformSamples) -> UniformSamples:
+    """Shaken for two seconds of every six, with a field that is bent for three of every eight, and a turn too fast."""
+    time = np.arange(len(samples)) * samples.interval
+    shaken, bent = (time % 6 > 4)[:, None], (time % 8 > 5)[:, None]
+    gyr, acc = samples.gyr.copy(), samples.acc + shaken * np.array([6.0, -4.0, 2.0])
+    assert samples.mag is not None
+    gyr[(time > 20) & (time < 20.2)] *= 40.0
+    return replace(samples, gyr=gyr, acc=acc, mag=samples.mag + bent * np.array([30.0, -20.0, 10.0]))
+
+
+@pytest.mark.parametrize("magnetometer", [False, True])
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {}, {"gain": 0.7, "acceleration_rejection_deg": 0.0}, {"rejection_timeout_s": 0.5}, {"rejection_timeout_s": 0.0},
+        {"gyroscope_range_deg_s": 300.0}, {"gain": 0.0},
+    ],
+)  # fmt: skip
+def test_fusion_is_its_authors_package(parameters, magnetometer):
+    """In single precision there; a rejection decided the other way at its threshold would show as tenths of a degree."""
+    samples = disturbed(SAMPLES)
+    ours = get_filter("fusion_9d" if magnetometer else "fusion", parameters).run(samples)
+    assert degrees_between(ours[1:], imufusion_loop(samples, parameters, magnetometer)) < 5e-3

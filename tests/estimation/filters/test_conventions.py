@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 
-import imufusion
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -161,22 +160,6 @@ def test_vqf_is_the_package_called_directly():
     np.testing.assert_array_equal(get_filter("vqf_9d").run(samples), batch["quat9D"])
     np.testing.assert_allclose(get_filter("vqf_6d").run(samples), batch["quat6D"], atol=1e-12)
     np.testing.assert_array_equal(get_filter("vqf_offline").run(samples), offlineVQF(gyr, acc, mag, 1 / RATE)["quat9D"])
-
-
-def test_fusion_is_the_package_called_directly():
-    samples, _ = walk(10)
-    fusion = get_filter("fusion")
-    reference = imufusion.Ahrs()
-    settings = imufusion.AhrsSettings()
-    settings.convention, settings.sample_rate = imufusion.CONVENTION_ENU, RATE
-    settings.gain = fusion.parameters["gain"]
-    settings.acceleration_rejection = fusion.parameters["acceleration_rejection_deg"]
-    settings.rejection_timeout = fusion.parameters["rejection_timeout_s"]
-    reference.set_settings(settings)
-    reference.set_quaternion(tilt(samples.acc[0]))
-    for gyr, acc in zip(samples.gyr, samples.acc, strict=True):
-        reference.update_no_magnetometer(np.degrees(gyr), acc / 9.80665)
-    np.testing.assert_allclose(fusion.run(samples)[-1], reference.get_quaternion(), atol=1e-6)
 
 
 @pytest.mark.parametrize("name", FILTERS)

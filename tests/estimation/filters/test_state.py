@@ -17,7 +17,6 @@ from testbench.model import rotation
 from tests.estimation.filters.motions import heading_deg, inclination_deg, wander
 
 RECURSIVE = [name for name, kind in FILTERS.items() if issubclass(kind, RecursiveFilter)]
-WRITABLE = [name for name in RECURSIVE if not name.startswith("fusion")]
 SAMPLES, TRUE = wander(6)
 SAMPLES = replace(SAMPLES, device_q=TRUE)
 
@@ -49,7 +48,7 @@ def test_sample_by_sample_gives_what_the_whole_gives(name):
     np.testing.assert_array_equal(np.array(rows), kind.run(SAMPLES)[:200])
 
 
-@pytest.mark.parametrize("name", WRITABLE)
+@pytest.mark.parametrize("name", RECURSIVE)
 def test_the_state_survives_being_written_as_json(name):
     kind = get_filter(name)
     _, state = kind.advance(SAMPLES.piece(slice(0, 300)))
@@ -67,14 +66,6 @@ def test_what_is_not_the_filters_own_state_is_refused():
     _, state = get_filter("vqf_6d").advance(SAMPLES)
     with pytest.raises(InputError, match=r"was run every 0\.01 s"):
         get_filter("vqf_6d").advance(replace(SAMPLES, interval=0.02), state)
-
-
-def test_fusion_says_that_a_state_has_been_used():
-    kind = get_filter("fusion")
-    _, state = kind.advance(SAMPLES.piece(slice(0, 100)))
-    kind.advance(SAMPLES.piece(slice(100, 200)), state)
-    with pytest.raises(InputError, match="resumed once"):
-        kind.advance(SAMPLES.piece(slice(100, 200)), state)
 
 
 IRREGULAR = [name for name, kind in FILTERS.items() if kind.sampling != "memoryless" and not kind.known_faults]
@@ -111,7 +102,7 @@ def test_samples_before_the_first_usable_one_give_the_identity_and_then_it_start
     acc[:5] = np.nan
     mag[:7] = 0.0
     q = get_filter(name).run(UniformSamples(0.01, SAMPLES.gyr, acc, mag))
-    if name.startswith(("fusion", "gyro", "euler_ekf_as", "euler_ekf_simple_as")):
+    if name.startswith(("gyro", "euler_ekf_as", "euler_ekf_simple_as")):
         return  # these start at once, from nothing
     first = 7 if "mag" in FILTERS[name].needs else 5
     assert np.isfinite(q).all()
@@ -121,7 +112,7 @@ def test_samples_before_the_first_usable_one_give_the_identity_and_then_it_start
         np.testing.assert_array_equal(q[:first], np.tile([1.0, 0, 0, 0], (first, 1)))
 
 
-@pytest.mark.parametrize("name", [name for name in WRITABLE if FILTERS[name].sampling == "native" and name != "gyro"])
+@pytest.mark.parametrize("name", [name for name in RECURSIVE if FILTERS[name].sampling == "native" and name != "gyro"])
 def test_a_hole_in_accelerometer_and_magnetometer_is_bridged_by_the_gyroscope(name):
     acc, mag = SAMPLES.acc.copy(), np.array(SAMPLES.mag)
     acc[300:340], mag[300:340] = np.nan, np.nan
