@@ -59,24 +59,22 @@ def step_series(errors: np.ndarray, steps: Sequence[np.ndarray], moving: bool, e
         pieces = [piece for rows in steps for piece in np.array_split(rows, runs)]
     else:
         return None
-    return _sums(errors, pieces, equally)
+    return _sums(errors[np.concatenate(pieces)], np.array([len(piece) for piece in pieces]), equally)
 
 
 def sample_series(errors: np.ndarray) -> ErrorSeries:
     """The series of a recording without steps, shape (n,): equal runs of samples."""
     runs = min(LONGEST_SERIES, len(errors))
-    return _sums(errors, np.array_split(np.arange(len(errors)), runs), False)
+    longer = len(errors) % runs  # the first so many runs have a sample more
+    return _sums(errors, len(errors) // runs + (np.arange(runs) < longer), False)
 
 
-def _sums(errors: np.ndarray, pieces: Sequence[np.ndarray], equally: bool) -> ErrorSeries:
-    rows = np.concatenate(pieces)
-    sizes = np.array([len(piece) for piece in pieces])
+def _sums(errors: np.ndarray, sizes: np.ndarray, equally: bool) -> ErrorSeries:
+    """Sums of errors, shape (n,), over consecutive pieces of these sizes, shape (m,)."""
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    e = errors[rows]
-    weight = np.ones(len(pieces)) if equally else sizes.astype(float)
+    weight = np.ones(len(sizes)) if equally else sizes.astype(float)
     scale = weight / sizes
-    sums = (np.add.reduceat(values, starts) * scale for values in (e, np.abs(e), e**2))
-    return ErrorSeries(weight, *sums)
+    return ErrorSeries(weight, *(np.add.reduceat(values, starts) * scale for values in (errors, np.abs(errors), errors**2)))
 
 
 def block_length(series: np.ndarray) -> int:

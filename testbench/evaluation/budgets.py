@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.evaluation.dynamics import rate_in_world
+from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.flexion import JointErrors
 from testbench.evaluation.sensitivity import flexion_by_joints, judged_configurations, turning_by_joints
 from testbench.evaluation.uncertainty import (
@@ -98,19 +98,17 @@ def _joint_budget(
 
 
 def sensor_budgets(
-    session: Session, estimate: Estimate, name: str, q_true: np.ndarray, judged: np.ndarray, steps: list[PlannedStep],
+    session: Session, estimate: Estimate, name: str, true: TrueTurning, judged: np.ndarray, steps: list[PlannedStep],
     arm: Arm | None,
 ) -> list[UncertaintyBudget]:  # fmt: skip
     """Budgets of a sensor's total, heading and inclination errors.
 
     Args:
-        q_true: q_world_from_sensor by the truth at the estimate's instants, shape (n, 4). judged: Which count, shape (n,).
-        steps: Judged steps of the protocol.
+        true: The truth at the estimate's instants. judged: Which count, shape (n,). steps: Judged steps of the protocol.
     """
     sensor, aligned = estimate.sensors[name], session.analysis.estimate.align
     time = sensor.host_time_ns
-    turning = np.degrees(rate_in_world(time, q_true)[judged])
-    turning = turning[np.isfinite(turning).all(axis=1)]
+    turning = np.degrees(true.rate[judged & np.isfinite(true.rate[:, 0])])
     counts = np.array([np.sum(judged[slice(*np.searchsorted(time, [s.start_ns, s.end_ns]))]) for s in steps])
     steps = [step for step, count in zip(steps, counts, strict=True) if count]
     configurations = None if arm is None else judged_configurations(arm.samples, steps)
@@ -119,7 +117,6 @@ def sensor_budgets(
         axes = turning_by_joints(arm.kinematics, session.analysis.sensors[name], configurations.q)
         pose = arm.reference_pose(session)
         reference = None if pose is None else turning_by_joints(arm.kinematics, session.analysis.sensors[name], pose)[0]
-    vertical = rotation.to_matrix(q_true[judged])[:, 2, :] if judged.any() else np.zeros((1, 3))
     budgets = []
     for part in PARTS:
         speed = _length(turning, part) if len(turning) else np.zeros(1)
@@ -140,7 +137,7 @@ def sensor_budgets(
         )
         # Axes of the sensor that a mounting error turns it about: all three, the vertical ones, the level ones.
         mounted = {"total": np.sqrt(3.0), "heading": 1.0, "inclination": np.sqrt(2.0)}[part]
-        lasting = float(np.linalg.norm(vertical.mean(axis=0))) if part == "heading" else mounted
+        lasting = _mean_vertical(true.q[judged]) if part == "heading" else mounted
         sources = [
             *arm_sources(arm.robot, arm.samples, steps, c),
             None if part == "heading" else levelling_source(arm.robot, float(np.sqrt(2.0))),
@@ -150,6 +147,13 @@ def sensor_budgets(
         ]
         budgets.append(combine(name, part, None, sources, missing))
     return budgets
+
+
+def _mean_vertical(q_world_from_sensor: np.ndarray) -> float:
+    """Length of the mean of the vertical seen in the sensor, shape (n, 4): 1 where it stays, 0 where all directions came."""
+    if not len(q_world_from_sensor):
+        return 0.0
+    return float(np.linalg.norm(rotation.to_matrix(q_world_from_sensor)[:, 2, :].mean(axis=0)))
 
 
 def _length(vectors: np.ndarray, part: str) -> np.ndarray:

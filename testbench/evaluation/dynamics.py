@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -70,40 +71,84 @@ def angle_delay(time_ns: np.ndarray, estimated: np.ndarray, true: np.ndarray, sw
     return delay, _clustered_sd(x, residual, _runs(np.floor(t / CLUSTER_S) + 1e6 * which)) / abs(float(gain))
 
 
-def orientation_delay(
-    time_ns: np.ndarray, q_estimated: np.ndarray, q_true: np.ndarray, rate_true: np.ndarray, moving: np.ndarray
-) -> Delay | None:
+@dataclass(frozen=True)
+class TrueTurning:
+    """How the truth turns at a sensor's instants; worked out once for all filters.
+
+    Attributes:
+        time_ns: Shape (n,). q: q_world_from_sensor, shape (n, 4). rate: In the world, by differences of orientations; NaN at
+        the ends and beside gaps, shape (n, 3) [rad/s]. window: Samples of the moving average that takes slow errors out.
+        fast_rate: The rate less its moving average, shape (n, 3) [rad/s].
+    """
+
+    time_ns: np.ndarray
+    q: np.ndarray
+    rate: np.ndarray
+    window: int
+    fast_rate: np.ndarray
+
+    @staticmethod
+    def of(time_ns: np.ndarray, q_world_from_sensor: np.ndarray) -> TrueTurning:
+        """Of the truth at some instants, shapes (n,) [ns] and (n, 4)."""
+        rate = rate_in_world(time_ns, q_world_from_sensor)
+        interval = float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else 1.0
+        window = max(round(SLOW_S / max(interval, 1e-6)), 3)
+        return TrueTurning(time_ns, q_world_from_sensor, rate, window, _without_slow(np.nan_to_num(rate), window))
+
+
+def _without_slow(signal: np.ndarray, window: int) -> np.ndarray:
+    """A signal less its moving average, shape (n, 3)."""
+    slow = uniform_filter1d(signal, window, axis=0)
+    return np.asarray(np.subtract(signal, slow, out=slow))
+
+
+def orientation_delay(q_estimated: np.ndarray, true: TrueTurning, moving: np.ndarray) -> Delay | None:
     """The delay of an estimated orientation behind the true one.
 
     An estimate that is late by d has the error -d w, with w the true angular rate; d by least squares over all three axes,
-    after slow errors are taken out of both by the same moving average.
+    after slow errors are taken out of both by the same moving average. Its uncertainty lets residuals hang together over 2 s.
 
     Args:
-        time_ns: Shape (n,). q_estimated, q_true: q_world_from_sensor, shape (n, 4). rate_true: In the world, NaN where
-        unknown, shape (n, 3) [rad/s]. moving: Which samples count, shape (n,).
+        q_estimated: q_world_from_sensor, shape (n, 4). true: The truth at the same instants. moving: Which samples count,
+        shape (n,).
 
     Returns:
         None where the truth hardly turns.
     """
-    if moving.sum() < 20 or len(time_ns) < 20:
+    if moving.sum() < 20 or len(moving) < 20:
         return None
-    time = (time_ns - time_ns[0]) / NANOSECONDS
-    known = np.isfinite(q_true[:, 0]) & np.isfinite(q_estimated[:, 0])
-    error = np.zeros((len(time), 3))
-    error[known] = rotation.to_rotation_vector(rotation.multiply(q_estimated[known], rotation.conjugate(q_true[known])))
-    usable = moving & known & np.isfinite(rate_true[:, 0])
-    rate = np.where(np.isfinite(rate_true), rate_true, 0.0)
-    window = max(round(SLOW_S / max(float(np.median(np.diff(time))), 1e-6)), 3)
-    fast_error = (error - uniform_filter1d(error, window, axis=0))[usable]
-    fast_rate = (rate - uniform_filter1d(rate, window, axis=0))[usable]
-    if usable.sum() < 20 or not np.sqrt(np.mean(np.sum(fast_rate**2, axis=1))) > LEAST_RATE:
+    error = rotation.turn_between(true.q, q_estimated)
+    usable = moving & np.isfinite(error[:, 0]) & np.isfinite(true.rate[:, 0])
+    count = int(usable.sum())
+    if count < 20:
         return None
-    x, y = -fast_rate.ravel()[:, None], fast_error.ravel()
-    delay = float(x[:, 0] @ y / (x[:, 0] @ x[:, 0]))
+    time = (true.time_ns - true.time_ns[0]) / NANOSECONDS
+    cluster = _runs(np.floor(time[usable] / CLUSTER_S))
+    products, squares = _sums_by_cluster(_without_slow(np.nan_to_num(error), true.window), true.fast_rate, usable, cluster)
+    size = float(squares.sum())
+    if not np.sqrt(size / count) > LEAST_RATE:
+        return None
+    delay = -float(products.sum()) / size
     if abs(delay) > _LONGEST_S:
         return None
-    clusters = np.repeat(_runs(np.floor(time[usable] / CLUSTER_S)), 3)
-    return delay, _clustered_sd(x, y - x[:, 0] * delay, clusters)
+    scores = products + delay * squares
+    return delay, float(np.sqrt(np.sum(scores**2) * (len(scores) / max(len(scores) - 1, 1)))) / size
+
+
+@njit(cache=True)
+def _sums_by_cluster(
+    error: np.ndarray, rate: np.ndarray, usable: np.ndarray, cluster: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of error times rate and of squared rates over each cluster of usable samples, shapes (clusters,)."""
+    products, squares = np.zeros(cluster[-1] + 1), np.zeros(cluster[-1] + 1)
+    place = 0
+    for i in range(len(error)):
+        if usable[i]:
+            for axis in range(3):
+                products[cluster[place]] += error[i, axis] * rate[i, axis]
+                squares[cluster[place]] += rate[i, axis] ** 2
+            place += 1
+    return products, squares
 
 
 def rate_in_world(time_ns: np.ndarray, q_world_from_sensor: np.ndarray) -> np.ndarray:
@@ -111,10 +156,8 @@ def rate_in_world(time_ns: np.ndarray, q_world_from_sensor: np.ndarray) -> np.nd
     q = q_world_from_sensor
     rate = np.full((len(q), 3), np.nan)
     if len(q) > 2:
-        known = np.isfinite(q[2:, 0]) & np.isfinite(q[:-2, 0])
-        turn = rotation.to_rotation_vector(rotation.multiply(q[2:][known], rotation.conjugate(q[:-2][known])))
-        seconds = (time_ns[2:] - time_ns[:-2])[known] / NANOSECONDS
-        rate[1:-1][known] = turn / np.maximum(seconds, 1e-9)[:, None]
+        seconds = (time_ns[2:] - time_ns[:-2]) / NANOSECONDS
+        np.divide(rotation.turn_between(q[:-2], q[2:]), np.maximum(seconds, 1e-9)[:, None], out=rate[1:-1])
     return rate
 
 

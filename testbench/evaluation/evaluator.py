@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.evaluation.budgets import Arm, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import evaluate_chain
+from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
@@ -87,9 +88,10 @@ def _judge_sensor(
     result.series[f"orientation_{name}"] = errors.series()
     result.orientation.extend(sensor_rows(errors))
     if errors.judged.any():
-        own = sensor_budgets(session, estimate, name, errors.q_true, errors.judged, steps or [], arm)
+        true = TrueTurning.of(sensor.host_time_ns, errors.q_true)
+        own = sensor_budgets(session, estimate, name, true, errors.judged, steps or [], arm)
         result.uncertainty.extend(own)
-        result.orientation_summary.extend(summarise_sensor(errors, own))
+        result.orientation_summary.extend(summarise_sensor(errors, own, true))
         result.orientation_sweeps.extend(sweep_rows(errors))
         _add_ranking(result, *rank_sensor(errors))
     return metrics

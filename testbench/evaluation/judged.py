@@ -35,7 +35,7 @@ def sound_truth(session: Session, sensor: str) -> tuple[Truth | None, int]:
     truth = session.truth(sensor)
     if truth is None or truth.rate is not None:
         return truth, 0
-    return without_jumps(truth, _fastest(session, sensor))
+    return without_jumps(truth, lambda: _fastest(session, sensor))
 
 
 def _fastest(session: Session, sensor: str) -> float:

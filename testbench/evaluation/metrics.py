@@ -25,8 +25,26 @@ def orientation_errors(q_estimated: np.ndarray, q_true: np.ndarray) -> Orientati
     Args:
         q_estimated, q_true: Shape (n, 4).
     """
-    error = rotation.multiply(q_estimated, rotation.conjugate(q_true))
-    return OrientationErrors(rotation.angle(error), rotation.heading_angle(error), rotation.inclination_angle(error))
+    found = _error_angles(np.ascontiguousarray(q_estimated, dtype=float), np.ascontiguousarray(q_true, dtype=float))
+    return OrientationErrors(*found)
+
+
+@njit(cache=True)
+def _error_angles(q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """`rotation.angle`, `heading_angle` and `inclination_angle` of q conj(p) in one pass, shape (3, n)."""
+    angles = np.empty((3, len(q)))
+    for i in range(len(q)):
+        w, x, y, z = rotation.product(q[i, 0], q[i, 1], q[i, 2], q[i, 3], p[i, 0], -p[i, 1], -p[i, 2], -p[i, 3])
+        level2 = x * x + y * y
+        angles[0, i] = 2.0 * np.arctan2(np.sqrt(level2 + z * z), abs(w))
+        heading = 2.0 * np.arctan2(z, w)
+        if heading >= np.pi:
+            heading -= 2.0 * np.pi
+        elif heading < -np.pi:
+            heading += 2.0 * np.pi
+        angles[1, i] = heading
+        angles[2, i] = 2.0 * np.arctan2(np.sqrt(level2), np.sqrt(w * w + z * z))
+    return angles
 
 
 @dataclass(frozen=True)
@@ -55,7 +73,8 @@ def summarise(errors: np.ndarray) -> Summary:
     Quantiles are linear between order statistics (Hyndman & Fan 1996, type 7), as numpy's are.
     """
     errors = np.ascontiguousarray(errors, dtype=np.float64)
-    found = _summary(errors, np.sort(errors), np.sort(np.abs(errors)))  # numpy sorts several times faster than compiled loops
+    ordered = np.sort(errors)  # numpy sorts several times faster than compiled loops
+    found = _summary(errors, ordered, ordered if ordered[0] >= 0 else np.sort(np.abs(errors)))
     return Summary(len(errors), *(float(value) for value in found))
 
 
@@ -92,10 +111,42 @@ LEAST_SPREAD = np.radians(1.0)
 
 def correlation(estimated: np.ndarray, true: np.ndarray) -> float | None:
     """Pearson's correlation of estimated and true angles [rad], shape (n,); None where the true ones hardly change."""
-    if len(true) < 3 or not true.std() > LEAST_SPREAD or not estimated.std() > 0:
+    if len(true) < 3:
         return None
-    centred = estimated - estimated.mean()
-    return float(np.clip(np.mean(centred * (true - true.mean())) / (estimated.std() * true.std()), -1, 1))
+    variance, of_true, together = _moments(estimated, true)
+    if not np.sqrt(of_true) > LEAST_SPREAD or not variance > 0:
+        return None
+    return float(np.clip(together / np.sqrt(variance * of_true), -1, 1))
+
+
+@njit(cache=True)
+def _moments(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float]:
+    """Variances and covariance of two series."""
+    mean_a, mean_b = a.mean(), b.mean()
+    aa = bb = ab = 0.0
+    for i in range(len(a)):
+        x, y = a[i] - mean_a, b[i] - mean_b
+        aa += x * x
+        bb += y * y
+        ab += x * y
+    return aa / len(a), bb / len(a), ab / len(a)
+
+
+@njit(cache=True)
+def unwrapped_pair(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two angles [rad] without jumps of a whole turn: the true one unwrapped, the estimated one brought next to it, (n,)."""
+    turn = 2 * np.pi
+    near, smooth = np.empty(len(true)), np.empty(len(true))
+    offset = 0.0
+    for i in range(len(true)):
+        if i > 0:
+            step = true[i] - true[i - 1]
+            if abs(step) > np.pi:
+                offset -= turn * np.round(step / turn)
+        smooth[i] = true[i] + offset
+        error = estimated[i] - smooth[i]
+        near[i] = smooth[i] + error - turn * np.round(error / turn)
+    return near, smooth
 
 
 def rms(errors: np.ndarray) -> float:

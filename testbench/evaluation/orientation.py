@@ -7,9 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.evaluation.blocks import ErrorSeries, intervals, sample_series, step_series
-from testbench.evaluation.dynamics import amplitude_and_frequency, convergence_times, orientation_delay, rate_in_world
+from testbench.evaluation.dynamics import TrueTurning, amplitude_and_frequency, convergence_times, orientation_delay
 from testbench.evaluation.judged import rows_by_step
-from testbench.evaluation.metrics import OrientationErrors, correlation, orientation_errors, rms, summarise
+from testbench.evaluation.metrics import (
+    OrientationErrors,
+    correlation,
+    orientation_errors,
+    rms,
+    summarise,
+    unwrapped_pair,
+)
 from testbench.evaluation.ranking import MEAN_SQUARE, rank_filters
 from testbench.model import rotation
 from testbench.model.noise import random_stream
@@ -20,9 +27,6 @@ from testbench.records.evaluation_rows import Comparison, ErrorSummary, Orientat
 from testbench.records.plan import PlannedStep
 from testbench.records.samples import Truth
 from testbench.records.uncertainty import UncertaintyBudget
-
-PIECE = 100_000
-"""Samples that are compared together; bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -83,18 +87,8 @@ def sensor_errors(name: str, estimate: SensorEstimate, truth: Truth, steps: list
     if steps is not None:
         counted = [(step, rows[judged[rows]]) for step, rows in rows_by_step(steps, time, estimate.static)]
         by_step = [(step, rows) for step, rows in counted if len(rows)]
-    errors = {key: _errors(q, q_true) for key, q in estimate.orientation.items()}
+    errors = {key: orientation_errors(q, q_true) for key, q in estimate.orientation.items()}
     return SensorErrors(name, estimate, q_true, judged, by_step, errors)
-
-
-def _errors(q: np.ndarray, q_true: np.ndarray) -> OrientationErrors:
-    """Errors computed in pieces, for they may be long."""
-    parts = np.empty((3, len(q)))
-    for begin in range(0, len(q), PIECE):
-        piece = slice(begin, begin + PIECE)
-        errors = orientation_errors(q[piece], q_true[piece])
-        parts[:, piece] = errors.total, errors.heading, errors.inclination
-    return OrientationErrors(*parts)
 
 
 def sensor_rows(sensor: SensorErrors) -> list[OrientationRow]:
@@ -119,36 +113,40 @@ def evaluate_sensor(
     return sensor_rows(found), found.series()
 
 
-def summarise_sensor(sensor: SensorErrors, budgets: list[UncertaintyBudget]) -> list[OrientationSummary]:
-    """Every part of the error by every filter: over all judged samples, at rest and in motion."""
-    result = []
+def summarise_sensor(
+    sensor: SensorErrors, budgets: list[UncertaintyBudget], true: TrueTurning
+) -> list[OrientationSummary]:  # fmt: skip
+    """Every part of the error by every filter: over all judged samples, at rest and in motion.
+
+    Args:
+        sensor: Its errors. budgets: Of the session. true: How the truth turns at the same instants.
+    """
+    motions = sensor.by_motion()
+    result: dict[str, list[OrientationSummary]] = {motion: [] for motion in motions}
     stated = {budget.quantity: budget for budget in budgets if budget.owner == sensor.name}
-    time = sensor.estimate.host_time_ns
-    true = {"heading": rotation.heading_angle(sensor.q_true), "inclination": rotation.inclination_angle(sensor.q_true)}
-    rate = rate_in_world(time, sensor.q_true)
-    estimates = {
-        key: {"heading": rotation.heading_angle(q), "inclination": rotation.inclination_angle(q)}
-        for key, q in sensor.estimate.orientation.items()
-    }
-    for motion, mask in sensor.by_motion().items():
-        for key, errors in sensor.errors.items():
-            own = sensor.estimate.orientation[key]
-            estimated = estimates[key]
-            for part, error in (("total", errors.total), ("heading", errors.heading), ("inclination", errors.inclination)):
-                found = _summary(sensor, key, part, motion, np.degrees(error), mask)
-                if part in true:
-                    found = replace(found, correlation=_correlation(estimated[part][mask], true[part][mask], part))
+    true_angles = {"heading": rotation.heading_angle(sensor.q_true), "inclination": rotation.inclination_angle(sensor.q_true)}
+    for key, errors in sensor.errors.items():
+        own = sensor.estimate.orientation[key]
+        for part, error in (("total", errors.total), ("heading", errors.heading), ("inclination", errors.inclination)):
+            estimated = None
+            if part in true_angles:
+                estimated = rotation.heading_angle(own) if part == "heading" else rotation.inclination_angle(own)
+            budget = stated.get(part)
+            expanded = (None, None) if budget is None else (budget.expanded_deg, budget.expanded_magnitude_deg)
+            degrees = np.degrees(error)
+            for motion, mask in motions.items():
+                found = _summary(sensor, key, part, motion, degrees, mask)
+                if estimated is not None:
+                    found = replace(found, correlation=_correlation(estimated[mask], true_angles[part][mask], part))
                 if part == "total" and motion == "dynamic":
-                    delay = orientation_delay(time, own, sensor.q_true, rate, mask)
+                    delay = orientation_delay(own, true, mask)
                     if delay is not None:
                         sd = _finite(sensor.estimate.clock.offset_sd_s)
                         found = replace(found, latency_ms=1e3 * delay[0], latency_sd_ms=1e3 * float(np.hypot(delay[1], sd)))
                 if part == "total" and motion == "all":
                     found = _with_settling(found, sensor, error)
-                budget = stated.get(part)
-                expanded = (None, None) if budget is None else (budget.expanded_deg, budget.expanded_magnitude_deg)
-                result.append(OrientationSummary(sensor.name, key, motion, part, found, *expanded))
-    return result
+                result[motion].append(OrientationSummary(sensor.name, key, motion, part, found, *expanded))
+    return [row for rows in result.values() for row in rows]
 
 
 def rank_sensor(sensor: SensorErrors) -> tuple[list[RankRow], list[Comparison]]:
@@ -188,8 +186,8 @@ def sweep_rows(sensor: SensorErrors) -> list[OrientationSweepRow]:
 
 def _series(sensor: SensorErrors, error: np.ndarray, mask: np.ndarray) -> ErrorSeries | None:
     if sensor.steps is None:
-        rows = np.flatnonzero(mask)
-        return sample_series(error[rows]) if len(rows) else None
+        counted = error[mask]
+        return sample_series(counted) if len(counted) else None
     kept = [(step, rows[mask[rows]]) for step, rows in sensor.steps]
     pieces = [(step, rows) for step, rows in kept if len(rows)]
     moving = bool(pieces) and all(step.kind == "sweep" for step, _ in pieces)
@@ -199,12 +197,13 @@ def _series(sensor: SensorErrors, error: np.ndarray, mask: np.ndarray) -> ErrorS
 def _summary(
     sensor: SensorErrors, key: str, part: str, motion: str, error: np.ndarray, mask: np.ndarray
 ) -> ErrorSummary:  # fmt: skip
-    found = summarise(error[mask])
+    counted = error[mask]
+    found = summarise(counted)
     steps = 0 if sensor.steps is None else sum(bool(mask[rows].any()) for _, rows in sensor.steps)
     result = ErrorSummary(
         found.n, steps, found.mean, found.mean_abs, found.rmse, found.median, found.iqr, found.p95_abs, found.max_abs
     )  # fmt: skip
-    series = _series(sensor, error, mask)
+    series = sample_series(counted) if sensor.steps is None else _series(sensor, error, mask)
     if series is None:
         return result
     sure = intervals(series, random_stream(0, sensor.name, key, part, motion, "bootstrap"))
@@ -233,9 +232,8 @@ def _with_settling(summary: ErrorSummary, sensor: SensorErrors, error: np.ndarra
 
 
 def _correlation(estimated: np.ndarray, true: np.ndarray, part: str) -> float | None:
-    if part == "heading":  # a heading may pass 180 deg
-        true = np.unwrap(true)
-        estimated = true + rotation.wrap(estimated - true)
+    if part == "heading":
+        estimated, true = unwrapped_pair(estimated, true)
     return correlation(estimated, true)
 
 

@@ -28,15 +28,26 @@ def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 def _products(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Row by row, shapes (n, 4) and (n, 4), where either may be a single row for all, shape (1, 4)."""
     n = max(len(p), len(q)) if len(p) and len(q) else 0
-    product = np.empty((n, 4))
+    products = np.empty((n, 4))
     for row in range(n):
-        pw, px, py, pz = p[row if len(p) > 1 else 0]
-        qw, qx, qy, qz = q[row if len(q) > 1 else 0]
-        product[row, 0] = pw * qw - px * qx - py * qy - pz * qz
-        product[row, 1] = pw * qx + px * qw + py * qz - pz * qy
-        product[row, 2] = pw * qy - px * qz + py * qw + pz * qx
-        product[row, 3] = pw * qz + px * qy - py * qx + pz * qw
-    return product
+        a, b = p[row if len(p) > 1 else 0], q[row if len(q) > 1 else 0]
+        products[row, 0], products[row, 1], products[row, 2], products[row, 3] = product(
+            a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]
+        )
+    return products
+
+
+@njit(cache=True)
+def product(
+    pw: float, px: float, py: float, pz: float, qw: float, qx: float, qy: float, qz: float
+) -> tuple[float, float, float, float]:
+    """Hamilton product of one pair, for compiled loops."""
+    return (
+        pw * qw - px * qx - py * qy - pz * qz,
+        pw * qx + px * qw + py * qz - pz * qy,
+        pw * qy - px * qz + py * qw + pz * qx,
+        pw * qz + px * qy - py * qx + pz * qw,
+    )
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
@@ -87,9 +98,43 @@ def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
 
 
 def to_rotation_vector(q: np.ndarray) -> np.ndarray:
-    """Rotation vectors [rad] of length up to pi, shape (..., 4) to (..., 3)."""
+    """Rotation vectors [rad] of length up to pi, shape (..., 4) to (..., 3); exact for small angles."""
     q = np.asarray(q, float)
-    return np.asarray(Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_rotvec().reshape(*q.shape[:-1], 3))
+    return _rotation_vectors(np.ascontiguousarray(q).reshape(-1, 4)).reshape(*q.shape[:-1], 3)
+
+
+@njit(cache=True)
+def _rotation_vectors(q: np.ndarray) -> np.ndarray:
+    """Row by row, shapes (n, 4) to (n, 3)."""
+    vector = np.empty((len(q), 3))
+    for row in range(len(q)):
+        vector[row, 0], vector[row, 1], vector[row, 2] = _vector(q[row, 0], q[row, 1], q[row, 2], q[row, 3])
+    return vector
+
+
+def turn_between(q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
+    """Rotation vectors [rad], in the outer frame, of q_to conj(q_from), shapes (n, 4) and (n, 4) to (n, 3); one pass."""
+    return _turns(np.ascontiguousarray(q_from, dtype=float), np.ascontiguousarray(q_to, dtype=float))
+
+
+@njit(cache=True)
+def _turns(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Row by row, shapes (n, 4) and (n, 4) to (n, 3)."""
+    vector = np.empty((len(p), 3))
+    for row in range(len(p)):
+        w, x, y, z = product(q[row, 0], q[row, 1], q[row, 2], q[row, 3], p[row, 0], -p[row, 1], -p[row, 2], -p[row, 3])
+        vector[row, 0], vector[row, 1], vector[row, 2] = _vector(w, x, y, z)
+    return vector
+
+
+@njit(cache=True)
+def _vector(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """The rotation vector of one quaternion [rad]."""
+    if w < 0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = np.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * np.arctan2(sine, w) / sine if sine > 1e-150 else 2.0
+    return scale * x, scale * y, scale * z
 
 
 def from_euler(sequence: str, angles: np.ndarray) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from testbench.frames import NANOSECONDS
@@ -27,23 +29,25 @@ def truth_at(truth: Truth, time_ns: np.ndarray) -> np.ndarray:
     return result
 
 
-def without_jumps(truth: Truth, fastest: float) -> tuple[Truth, int]:
+def without_jumps(truth: Truth, fastest: Callable[[], float]) -> tuple[Truth, int]:
     """The truth with its jumps blanked out: single orientations that leave and come back faster than the sensor ever turned.
 
     Args:
-        truth: As recorded. fastest: The sensor's largest angular rate [rad/s].
+        truth: As recorded. fastest: Gives the sensor's largest angular rate [rad/s]; asked where there may be a jump only.
 
     Returns:
         The truth, NaN on either side of a jump, and the number of orientations blanked.
     """
     q, time = truth.q_world_from_sensor, truth.host_time_ns / NANOSECONDS
     known = np.flatnonzero(np.isfinite(q).all(axis=1))
-    if len(known) < 3 or not fastest > 0:
+    if len(known) < 3:
         return truth, 0
     angle = rotation.angle(rotation.multiply(rotation.conjugate(q[known[:-1]]), q[known[1:]]))
     interval = np.maximum(np.diff(time[known]), 1e-9)
-    jump = (angle > LEAST_JUMP) & (angle / interval > JUMP_FACTOR * fastest)
-    if not jump.any():
+    wide = angle > LEAST_JUMP
+    limit = JUMP_FACTOR * fastest() if wide.any() else 0.0
+    jump = wide & (angle / interval > limit)
+    if not (limit > 0 and jump.any()):
         return truth, 0
     bad = np.zeros(len(known), dtype=bool)
     bad[:-1] |= jump

@@ -89,7 +89,7 @@ def test_a_jump_of_the_truth_is_blanked_and_counted_and_a_sign_flip_is_not():
     q = np.tile([1.0, 0.0, 0.0, 0.0], (100, 1))
     q[30:] *= -1
     q[60] = [0.0, 1.0, 0.0, 0.0]
-    truth, count = without_jumps(Truth((np.arange(100) * 1e7).astype(np.int64), q), fastest=1.0)
+    truth, count = without_jumps(Truth((np.arange(100) * 1e7).astype(np.int64), q), fastest=lambda: 1.0)
     assert count == 3
     assert np.flatnonzero(np.isnan(truth.q_world_from_sensor[:, 0])).tolist() == [59, 60, 61]
 

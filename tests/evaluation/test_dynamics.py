@@ -7,6 +7,7 @@ import pytest
 
 from testbench.evaluation.dynamics import (
     CONVERGENCE_BAND,
+    TrueTurning,
     amplitude_and_frequency,
     angle_delay,
     convergence_times,
@@ -80,16 +81,16 @@ def test_a_delay_of_an_orientation_is_found_beside_a_drift_of_heading(delay, dri
     true = orientation(T)
     estimated = rotation.multiply(rotation.from_heading(drift * T), orientation(T - delay))
     moving = (T > 1) & (T < 19)
-    found, _ = orientation_delay(TIME_NS, estimated, true, rate_in_world(TIME_NS, true), moving)
+    found, _ = orientation_delay(estimated, TrueTurning.of(TIME_NS, true), moving)
     assert found == pytest.approx(delay, rel=0.03, abs=2e-4)
 
 
 def test_an_orientation_that_rests_or_is_unknown_has_no_delay():
     still = np.tile([1.0, 0, 0, 0], (N, 1))
     everywhere = np.ones(N, bool)
-    assert orientation_delay(TIME_NS, still, still, rate_in_world(TIME_NS, still), everywhere) is None
+    assert orientation_delay(still, TrueTurning.of(TIME_NS, still), everywhere) is None
     lost = np.full((N, 4), np.nan)
-    assert orientation_delay(TIME_NS, still, lost, rate_in_world(TIME_NS, lost), everywhere) is None
+    assert orientation_delay(still, TrueTurning.of(TIME_NS, lost), everywhere) is None
 
 
 def dwell(begin_s: float, end_s: float) -> PlannedStep:
