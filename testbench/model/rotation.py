@@ -187,7 +187,8 @@ def heading_angle(q_world_error: np.ndarray) -> np.ndarray:
 def inclination_angle(q_world_error: np.ndarray) -> np.ndarray:
     """Angle [rad] that remains of a rotation once its heading is taken away (Laidig & Seel 2023, VQF), (..., 4) to (...)."""
     q = np.asarray(q_world_error, float)
-    return 2.0 * np.arctan2(np.hypot(q[..., 1], q[..., 2]), np.hypot(q[..., 0], q[..., 3]))
+    level, upright = q[..., 1] ** 2 + q[..., 2] ** 2, q[..., 0] ** 2 + q[..., 3] ** 2
+    return np.asarray(2.0 * np.arctan2(np.sqrt(level), np.sqrt(upright)))
 
 
 def wrap(angle_rad: np.ndarray) -> np.ndarray:
