@@ -18,6 +18,7 @@ from testbench.estimation.chain.session import estimate_chain
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.tuned import choose_tuned
 from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion, fit_frames_by_vectors
+from testbench.estimation.resting_heading import drift_remark
 from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
 from testbench.estimation.vector_mounting import VectorMounting, mounting_from_vectors
@@ -123,6 +124,7 @@ class PreparedSensor:
         skipped: dict[str, str] = {}
         remarks = list(self.estimate.remarks)
         running: dict[str, OrientationFilter] = {}
+        resting = self.estimate.static & ~self.estimate.flagged
         for kind in filters:
             key, missing, refusal = kind.name, kind.missing(self.uniform), self.access.refuses(kind)
             if missing:
@@ -137,6 +139,9 @@ class PreparedSensor:
             orientation[key] = apply_frames(q, frames[key])
             if warning is not None:
                 remarks.append(f"{key}: {warning}")
+            drift = drift_remark(running[key], orientation[key], self.estimate.host_time_ns, resting)
+            if drift is not None:
+                remarks.append(drift)
         return replace(self.estimate, orientation=orientation, frames=frames, skipped=skipped, remarks=remarks)
 
 
