@@ -156,7 +156,7 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
             )
         )
     else:
-        section.blocks.append(Sentence("No limits are set, so nothing is passed or failed."))
+        section.blocks.append(Sentence("No limits were stated, so nothing is passed or failed."))
     if others:
         section.blocks.append(
             _metrics(
@@ -173,8 +173,7 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
         cells = [label(metric.name), *(text(value) for value in (metric.filter, metric.sequence, metric.section))]
         cells += [plus_minus(metric.value, metric.expanded_uncertainty), _interval(metric), text(metric.unit)]
         if limits and metric.outcome is not None:
-            outcome = metric.outcome.value
-            cells += [text(_limits(metric)), Cell(outcome.replace("_", " "), kind=f"badge {outcome}")]
+            cells += [text(_limits(metric)), Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}")]
         rows.append(Row([*cells, text(metric.meaning, kind="wide")]))
     titles = ["metric", "filter", "sequence", "section"]
     columns = [

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from testbench.records.evaluation import Outcome
+from testbench.cli.output import say_evaluation
+from testbench.records.evaluation import Metric, Outcome
 from testbench.records.published import load_published
 from testbench.records.session import Session
 from testbench.reporting.palette import COLOURS, REFERENCE, rgb
@@ -90,6 +91,22 @@ def test_the_report_names_what_was_run_and_the_verdict(quick_page: Page, quick: 
         "seed",
     ):
         assert words.lower() in quick_page.words.lower()
+
+
+@pytest.mark.parametrize("outcome", [None, *Outcome])
+def test_report_and_terminal_give_the_verdict_in_the_same_words(
+    imported: Judged, outcome: Outcome | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    evaluation = imported.evaluation
+    if outcome is not None:
+        limited = Metric("imu.total_rmse_deg", 0.5, "deg", None, 1.0, outcome, "")
+        evaluation = replace(evaluation, metrics=[limited], outcome=outcome)
+    page = report(imported.session, imported.estimate, evaluation).read_text(encoding="utf-8")
+    found = re.search(r'<span class="badge (\w+) large">([^<]+)</span>', page)
+    assert found is not None
+    say_evaluation(evaluation, "session", None)
+    assert f"outcome: {found[2]}\n" in capsys.readouterr().out
+    assert found[2] == ("no limits were stated" if outcome is None else outcome.value.replace("_", " "))
 
 
 def test_an_imported_recording_is_not_spoken_of_as_a_run(imported: Judged) -> None:
