@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from testbench.exceptions import FileProblems, NotFoundError, Problem
+from testbench.records.file_kinds import why_no_protocol
 from testbench.records.protocol import (
     JOINT_METRICS,
     RESERVED_NAMES,
@@ -21,7 +22,15 @@ from testbench.records.protocol import (
 from testbench.records.protocol_steps import Step
 from testbench.records.sensor import PRESET_SUFFIXES, ImuParameters, list_presets
 from testbench.records.shipped import shipped_folder
-from testbench.records.yaml_file import YamlDocument, few, load_yaml, validation_problems
+from testbench.records.yaml_file import (
+    YamlDocument,
+    few,
+    load_yaml,
+    locate,
+    parse_yaml,
+    read_text,
+    validation_problems,
+)
 
 DEEPEST_INCLUDE = 5
 
@@ -60,7 +69,11 @@ def _exists(file: Path) -> bool:
 
 
 def _load(file: Path, including: tuple[Path, ...], loaded: dict[Path, Protocol]) -> Protocol:
-    document = load_yaml(file, ProtocolSpec)
+    try:
+        document = load_yaml(file, ProtocolSpec)
+    except FileProblems:
+        _refuse_no_protocol(file)
+        raise
     presets, problems = _read_presets(document)
     protocol = Protocol(document, presets=presets)
     problems += _Names(document).check()
@@ -79,6 +92,21 @@ def _load(file: Path, including: tuple[Path, ...], loaded: dict[Path, Protocol])
     if problems:
         raise FileProblems(file, few(problems))
     return protocol
+
+
+def _refuse_no_protocol(file: Path) -> None:
+    """One sentence in place of the many faults of a file that is something else.
+
+    Raises:
+        FileProblems: It is no protocol; says what it looks like.
+    """
+    data, _ = parse_yaml(read_text(file), file)
+    if isinstance(data, dict):
+        fields = ProtocolSpec.model_fields
+        needed = [name for name, field in reversed(fields.items()) if field.is_required()]  # `sections` tells most
+        reason = why_no_protocol(data, needed, list(fields))
+        if reason is not None:
+            raise FileProblems(file, [locate({}, (), reason)]) from None
 
 
 def _read_presets(document: YamlDocument[ProtocolSpec]) -> tuple[dict[str, str], list[Problem]]:
