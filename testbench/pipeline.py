@@ -223,11 +223,12 @@ def calibrate(
     held_out: Sequence[Session] = (),
     with_report: bool = True,
     field: np.ndarray | None = None,
+    turn_angle: float | None = None,
 ) -> MadeCalibration:
     """Calibrate a sensor and keep the result.
 
     Args:
-        session, methods, segmentation, held_out, field: As for `calibrate_sensor`.
+        session, methods, segmentation, held_out, field, turn_angle: As for `calibrate_sensor`.
         sensor: May be None where the session has one. out: A .yaml file, or a folder, in which
             the file is called after the date and the sensor. with_report: Whether to write an HTML report beside it.
 
@@ -249,7 +250,7 @@ def calibrate(
         if target.exists():
             raise InputError(f"{target} exists already; calibrations are kept, not replaced")
     software = f"testbench {version('imu-testbench')}"
-    result = calibrate_sensor(session, name, methods, segmentation, held_out, software, field)
+    result = calibrate_sensor(session, name, methods, segmentation, held_out, software, field, turn_angle)
     if out.suffix not in SUFFIXES:
         out.mkdir(parents=True, exist_ok=True)
     save_calibration(file, result.calibration)
