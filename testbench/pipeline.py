@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -243,7 +242,7 @@ def calibrate(
     if out.suffix not in SUFFIXES:
         if out.exists() and not out.is_dir():
             raise InputError(f"{out} is neither a .yaml file nor a folder")
-        moment = datetime.fromisoformat(session.manifest["started_utc"])
+        moment = session.recorded_at or session.started
         file = out / f"{moment:%Y%m%dT%H%M%SZ}_{name}.yaml"
     page = file.with_suffix(".html")
     for target in (file, page) if with_report else (file,):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import datetime
 from functools import partial
 
 import numpy as np
@@ -86,9 +85,11 @@ def calibrate(
     if "mounting" in chosen and mounting is not None:
         remarks.append(f"the mounting by {chosen['mounting']} takes the place of the one {mounting.method}")
         mounting = None
+    if session.recorded_at is None:
+        remarks.append("the date of the recording is unknown: the calibration bears the date of its import")
     device = session.manifest["sensors"][sensor].get("device_tag")
     calibration = SensorCalibration(
-        sensor, str(device) if device else None, datetime.fromisoformat(session.manifest["started_utc"]), session.name,
+        sensor, str(device) if device else None, session.recorded_at or session.started, session.name,
         session.fingerprint, software, prepared.temperature, triads, mounting=mounting,
     )  # fmt: skip
     if "mounting" in chosen:  # of the sensor's own axes, whole, whatever the triads contained of it
