@@ -64,6 +64,7 @@ def calibrate(
         float | None,
         typer.Option(
             "--turn-deg",
+            metavar="DEG",
             help="Of ferraris_gyroscope: angle of the largest turn about each axis; negative: clockwise, against the axis.",
         ),
     ] = None,

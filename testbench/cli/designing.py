@@ -39,7 +39,9 @@ def design(
         CriterionName, typer.Option("--criterion", help="D: volume of the confidence ellipsoid; A: sum of variances.")
     ] = CriterionName.D,
     dwell: Annotated[float, typer.Option("--dwell", metavar="S", min=1, max=600, help="Rest at each pose in seconds.")] = 5.0,
-    turn: Annotated[float, typer.Option("--turn-deg", min=10, max=180, help="Amplitude of a turn in degrees.")] = 90.0,
+    turn: Annotated[
+        float, typer.Option("--turn-deg", metavar="DEG", min=10, max=180, help="Amplitude of a turn in degrees.")
+    ] = 90.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the candidate poses.")] = 0,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:

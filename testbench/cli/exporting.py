@@ -43,7 +43,7 @@ def export(
         ),
     ] = None,
     frame: Annotated[
-        ExportFrame, typer.Option("--frame", help="Of .sto: OpenSim's ground (y up), or the world (z up).")
+        ExportFrame, typer.Option("--frame", help="Frame of a .sto: OpenSim's ground (y up), or the world (z up).")
     ] = ExportFrame.opensim,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier export.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,

@@ -48,7 +48,9 @@ def import_files(
     out: Annotated[Path, typer.Option("--out", help="Folder of the session, to be made.")],
     mapping: Annotated[
         str | None,
-        typer.Option("--mapping", help="Of the generic format: a YAML file, or one that ships.", rich_help_panel=OPEN_PANEL),
+        typer.Option(
+            "--mapping", help="Mapping of the generic format: a YAML file, or one that ships.", rich_help_panel=OPEN_PANEL
+        ),
     ] = None,
     rate: Annotated[
         float | None,
@@ -119,10 +121,11 @@ def import_files(
         float, typer.Option("--truth-offset", metavar="S", help="Added to the log's times.", rich_help_panel=TRUTH_PANEL)
     ] = 0.0,
     truth_rate: Annotated[
-        float | None, typer.Option("--truth-rate", metavar="HZ", help="Of a log without times.", rich_help_panel=TRUTH_PANEL)
+        float | None,
+        typer.Option("--truth-rate", metavar="HZ", help="Rate of a log without times.", rich_help_panel=TRUTH_PANEL),
     ] = None,
     joint_unit: Annotated[
-        JointUnit | None, typer.Option("--joint-unit", help="Of the joint angles.", rich_help_panel=TRUTH_PANEL)
+        JointUnit | None, typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL)
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:
