@@ -22,15 +22,7 @@ from testbench.records.protocol import (
 from testbench.records.protocol_steps import Step
 from testbench.records.sensor import PRESET_SUFFIXES, ImuParameters, list_presets
 from testbench.records.shipped import shipped_folder
-from testbench.records.yaml_file import (
-    YamlDocument,
-    few,
-    load_yaml,
-    locate,
-    parse_yaml,
-    read_text,
-    validation_problems,
-)
+from testbench.records.yaml_file import YamlDocument, few, load_yaml, validation_problems
 
 DEEPEST_INCLUDE = 5
 
@@ -69,11 +61,7 @@ def _exists(file: Path) -> bool:
 
 
 def _load(file: Path, including: tuple[Path, ...], loaded: dict[Path, Protocol]) -> Protocol:
-    try:
-        document = load_yaml(file, ProtocolSpec)
-    except FileProblems:
-        _refuse_no_protocol(file)
-        raise
+    document = load_yaml(file, ProtocolSpec, _no_protocol)
     presets, problems = _read_presets(document)
     protocol = Protocol(document, presets=presets)
     problems += _Names(document).check()
@@ -94,19 +82,11 @@ def _load(file: Path, including: tuple[Path, ...], loaded: dict[Path, Protocol])
     return protocol
 
 
-def _refuse_no_protocol(file: Path) -> None:
-    """One sentence in place of the many faults of a file that is something else.
-
-    Raises:
-        FileProblems: It is no protocol; says what it looks like.
-    """
-    data, _ = parse_yaml(read_text(file), file)
-    if isinstance(data, dict):
-        fields = ProtocolSpec.model_fields
-        needed = [name for name, field in reversed(fields.items()) if field.is_required()]  # `sections` tells most
-        reason = why_no_protocol(data, needed, list(fields))
-        if reason is not None:
-            raise FileProblems(file, [locate({}, (), reason)]) from None
+def _no_protocol(data: dict[str, Any]) -> str | None:
+    """What a file that is something else looks like, None where it may be meant as a protocol."""
+    fields = ProtocolSpec.model_fields
+    needed = [name for name, field in reversed(fields.items()) if field.is_required()]  # `sections` tells most
+    return why_no_protocol(data, needed, list(fields))
 
 
 def _read_presets(document: YamlDocument[ProtocolSpec]) -> tuple[dict[str, str], list[Problem]]:
