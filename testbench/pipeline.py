@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -15,10 +14,10 @@ from testbench.clock import Clock, SystemClock
 from testbench.estimation import estimate
 from testbench.estimation.calibration.prepared import Segmentation
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
-from testbench.estimation.filters import OrientationFilter, get_filter
+from testbench.estimation.filters import FILTERS, OrientationFilter, get_filter
 from testbench.estimation.filters.tuned import choose_tuned
 from testbench.evaluation import evaluate
-from testbench.exceptions import InputError, SessionError
+from testbench.exceptions import InputError, NotFoundError, SessionError
 from testbench.execution import execute
 from testbench.execution.executor import Progress
 from testbench.formats.exporters import TRUTH, Exported, ExportSource, Frame, check_options, prepare_export, write_export
@@ -127,17 +126,31 @@ def load_or_estimate(
     With calibrations or tuned parameters it is always made anew, and one with tuned parameters is not taken for one without
     where filters are named.
     """
-    if calibrations is None and not tunings and (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
-        try:
-            stored = Estimate.load(session.path)
-        except SessionError:
-            stored = None
-        if stored is not None and stored.fingerprint == session.fingerprint and _has_filters(stored, filters):
+    if calibrations is None and not tunings:
+        stored = _stored_estimate(session)
+        if stored is not None and _has_filters(stored, filters):
             return stored
     known = None if calibrations is None else load_calibrations(calibrations)
     estimated = estimate(session, filters, known, load_tunings(tunings))
     estimated.save(session.path)
     return estimated
+
+
+def _stored_estimate(session: Session) -> Estimate | None:
+    """The estimate on disk if it can be read and was made from this very recording."""
+    if not (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
+        return None
+    try:
+        stored = Estimate.load(session.path)
+    except SessionError:
+        return None
+    return stored if stored.fingerprint == session.fingerprint else None
+
+
+def _filters_of(estimated: Estimate | None) -> list[str]:
+    """Names of the filters that ran, or were skipped, for any sensor."""
+    sensors = [] if estimated is None else estimated.sensors.values()
+    return list(dict.fromkeys(key for sensor in sensors for key in (*sensor.orientation, *sensor.skipped)))
 
 
 def _has_filters(stored: Estimate, filters: Sequence[str | OrientationFilter] | None) -> bool:
@@ -209,11 +222,12 @@ def calibrate(
     held_out: Sequence[Session] = (),
     with_report: bool = True,
     field: np.ndarray | None = None,
+    turn_angle: float | None = None,
 ) -> MadeCalibration:
     """Calibrate a sensor and keep the result.
 
     Args:
-        session, methods, segmentation, held_out, field: As for `calibrate_sensor`.
+        session, methods, segmentation, held_out, field, turn_angle: As for `calibrate_sensor`.
         sensor: May be None where the session has one. out: A .yaml file, or a folder, in which
             the file is called after the date and the sensor. with_report: Whether to write an HTML report beside it.
 
@@ -228,14 +242,14 @@ def calibrate(
     if out.suffix not in SUFFIXES:
         if out.exists() and not out.is_dir():
             raise InputError(f"{out} is neither a .yaml file nor a folder")
-        moment = datetime.fromisoformat(session.manifest["started_utc"])
+        moment = session.recorded_at or session.started
         file = out / f"{moment:%Y%m%dT%H%M%SZ}_{name}.yaml"
     page = file.with_suffix(".html")
     for target in (file, page) if with_report else (file,):
         if target.exists():
             raise InputError(f"{target} exists already; calibrations are kept, not replaced")
     software = f"testbench {version('imu-testbench')}"
-    result = calibrate_sensor(session, name, methods, segmentation, held_out, software, field)
+    result = calibrate_sensor(session, name, methods, segmentation, held_out, software, field, turn_angle)
     if out.suffix not in SUFFIXES:
         out.mkdir(parents=True, exist_ok=True)
     save_calibration(file, result.calibration)
@@ -246,17 +260,20 @@ def calibrate(
     return MadeCalibration(result, file, page if with_report else None)
 
 
-def design_calibration(out: Path, robot: str, like: str, sensor: str | None, wanted: Wanted) -> DesignedProtocol:
+def design_calibration(
+    out: Path, robot: str, like: str, sensor: str | None, wanted: Wanted, link: str | None = None
+) -> DesignedProtocol:
     """Design a calibration, compare it with the static poses of a protocol, check it, and write it.
 
     Args:
         out: Protocol file to write. robot: Name or file. like: Protocol that describes the sensor and is compared with.
         sensor: Which of its sensors; may be None where there is one. wanted: How many poses and turns, and how.
+        link: That carries the sensor on this arm, in the mounting that `like` states; the link that `like` names if None.
 
     Raises:
         InputError: The file exists, or nothing can be designed.
     """
-    return design_protocol(out, robot, like, sensor, wanted)
+    return design_protocol(out, robot, like, sensor, link, wanted)
 
 
 def show(session: Session, web: bool = False, save: Path | None = None, screenshot: Path | None = None) -> list[Path]:
@@ -290,7 +307,7 @@ def export(
     session: Session,
     name: str,
     out: str | Path | None = None,
-    filter_name: str | None = None,
+    filter_name: str | OrientationFilter | None = None,
     frame: Frame = "opensim",
     force: bool = False,
 ) -> Exported:
@@ -298,21 +315,27 @@ def export(
 
     Args:
         session: The recording. name: Of the format; `testbench.formats.exporters.EXPORTS` has them all. out: File or folder to
-            write; one in the session's folder `export` if None. filter_name: Whose orientation; "truth" for the true one.
+            write; one in the session's folder `export` if None. filter_name: Whose orientation: "truth" for the true one, one
+            that the estimate holds, one of the bench, or a filter of your own, which is run anew.
         frame: Of orientations for OpenSim. force: Replace an earlier export.
 
     Raises:
-        InputError: The place is taken, or the session lacks what the format needs; nothing is written then.
+        NotFoundError: No such filter. InputError: The place is taken, or the session lacks what the format needs; nothing is
+        written then.
     """
-    check_options(name, filter_name, frame)
+    key = filter_name.name if isinstance(filter_name, OrientationFilter) else filter_name
+    check_options(name, key, frame)
     path = prepare_export(name, session, Path(out) if out is not None else None, force)
-    if filter_name is not None and filter_name != TRUTH:
-        get_filter(filter_name)
-    estimated = load_or_estimate(session)
-    ran = {key for sensor in estimated.sensors.values() for key in (*sensor.orientation, *sensor.skipped)}
-    if filter_name is not None and filter_name not in {TRUTH, *ran}:
+    stored = _stored_estimate(session)
+    if isinstance(filter_name, str) and filter_name not in {TRUTH, *FILTERS, *_filters_of(stored)}:
+        raise NotFoundError("filter", filter_name, list(dict.fromkeys([TRUTH, *FILTERS, *_filters_of(stored)])))
+    if isinstance(filter_name, OrientationFilter):
         estimated = estimate(session, [filter_name])  # beside what the session keeps, which stays as it is
-    source = ExportSource(session, estimated, filter_name, frame)
+    else:
+        estimated = stored or load_or_estimate(session)
+        if filter_name is not None and filter_name not in {TRUTH, *_filters_of(estimated)}:
+            estimated = estimate(session, [filter_name])
+    source = ExportSource(session, estimated, key, frame)
     return write_export(name, source, path, _write_recording if name == "rrd" else None)
 
 

@@ -234,14 +234,17 @@ def sessions(
     json: JsonOption = False,
 ) -> None:
     """List the recorded sessions with their status."""
-    from testbench.records.evaluation import FILE
+    from testbench.records.evaluation import FILE, NO_LIMITS, Outcome
     from testbench.records.session import damaged_sessions, list_sessions
     from testbench.records.storage import read_json
 
     rows = []
     for session in list_sessions(logs):
         file = session.path / FILE
-        outcome = read_json(file)["outcome"] if file.is_file() else "-"
+        judged = read_json(file) if file.is_file() else {}
+        outcome = judged.get("outcome", "-")
+        if outcome == Outcome.NOT_MEASURED and not json:
+            outcome = Outcome.NOT_MEASURED.words if any(m.get("outcome") for m in judged["metrics"]) else NO_LIMITS
         duration = session.manifest.get("duration_s")
         rows.append(
             [

@@ -60,6 +60,14 @@ def calibrate(
         tuple[float, float, float] | None,
         typer.Option("--field-ut", metavar="X Y Z", help="Field of the earth in the world in uT, where it is known."),
     ] = None,
+    turn: Annotated[
+        float | None,
+        typer.Option(
+            "--turn-deg",
+            metavar="DEG",
+            help="Of ferraris_gyroscope: angle of the largest turn about each axis; negative: clockwise, against the axis.",
+        ),
+    ] = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Do not write the report beside the file.")] = False,
     listed: Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="List the methods.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
@@ -80,6 +88,7 @@ def calibrate(
         [Session(path) for path in held_out or []],
         not no_report,
         None if field is None else np.array(field),
+        None if turn is None else float(np.radians(turn)),
     )
     result = made.result
     if json:

@@ -34,6 +34,20 @@ def parse_filters(text: str | None) -> list[str | OrientationFilter] | None:
     return chosen
 
 
+def parse_filter(text: str | None) -> str | OrientationFilter | None:
+    """A filter by name, or a user's own from a file or an installed package, once it has passed the self-test.
+
+    A name that is neither stays a name: an estimate may hold it.
+    """
+    if text is None:
+        return None
+    from testbench.estimation.filters import FILTERS
+    from testbench.estimation.filters.plugins import find_filter, installed_filters
+
+    own = text.rpartition(":")[0].endswith(".py") or (text not in FILTERS and text in installed_filters())
+    return _sound(find_filter(text)) if own else text
+
+
 def _sound(kind: OrientationFilter) -> OrientationFilter:
     """A user's own filter, once it has passed the self-test: one with a wrong unit or sign is not ranked beside the others."""
     from testbench.estimation.filters.self_test import self_test

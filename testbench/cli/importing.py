@@ -48,7 +48,9 @@ def import_files(
     out: Annotated[Path, typer.Option("--out", help="Folder of the session, to be made.")],
     mapping: Annotated[
         str | None,
-        typer.Option("--mapping", help="Of the generic format: a YAML file, or one that ships.", rich_help_panel=OPEN_PANEL),
+        typer.Option(
+            "--mapping", help="Mapping of the generic format: a YAML file, or one that ships.", rich_help_panel=OPEN_PANEL
+        ),
     ] = None,
     rate: Annotated[
         float | None,
@@ -63,6 +65,15 @@ def import_files(
     axes: Annotated[
         str | None,
         typer.Option("--axes", help="Sensor axes: a map that ships, or 'x: -z, y: -y, z: -x'.", rich_help_panel=OPEN_PANEL),
+    ] = None,
+    recorded_at: Annotated[
+        str | None,
+        typer.Option(
+            "--recorded-at",
+            metavar="ISO-DATE",
+            help="When it was recorded, e.g. 2021-08-20T20:21:13+08:00, where the files do not say.",
+            rich_help_panel=OPEN_PANEL,
+        ),
     ] = None,
     truth: Annotated[
         Path | None, typer.Option("--truth", help="A robot's joint log or poses, or orientations.", rich_help_panel=TRUTH_PANEL)
@@ -110,10 +121,11 @@ def import_files(
         float, typer.Option("--truth-offset", metavar="S", help="Added to the log's times.", rich_help_panel=TRUTH_PANEL)
     ] = 0.0,
     truth_rate: Annotated[
-        float | None, typer.Option("--truth-rate", metavar="HZ", help="Of a log without times.", rich_help_panel=TRUTH_PANEL)
+        float | None,
+        typer.Option("--truth-rate", metavar="HZ", help="Rate of a log without times.", rich_help_panel=TRUTH_PANEL),
     ] = None,
     joint_unit: Annotated[
-        JointUnit | None, typer.Option("--joint-unit", help="Of the joint angles.", rich_help_panel=TRUTH_PANEL)
+        JointUnit | None, typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL)
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:
@@ -133,7 +145,7 @@ def import_files(
             "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate and --joint-unit describe the "
             "file of --truth"
         )
-    session = import_recording(format_name, files, out, SystemClock(), options, wanted, axes)
+    session = import_recording(format_name, files, out, SystemClock(), options, wanted, axes, recorded_at)
     manifest = session.manifest
     if json:
         say_json(
@@ -142,6 +154,8 @@ def import_files(
                 "samples": manifest["samples"],
                 "rate_hz": {name: sensor["rate_hz"] for name, sensor in manifest["sensors"].items()},
                 "duration_s": manifest["duration_s"],
+                "recorded_utc": manifest["recorded_utc"],
+                "recorded_by": manifest["recorded_by"],
                 "notes": manifest["notes"],
             }
         )
@@ -151,6 +165,8 @@ def import_files(
     for note in manifest["notes"]:
         say(f"note: {note}")
     say(f"duration: {manifest['duration_s']:.1f} s")
+    dated = f"{manifest['recorded_utc']}, by {manifest['recorded_by']}" if manifest["recorded_utc"] else "date unknown"
+    say(f"recorded: {dated}")
     say(f"session: {session.path}")
 
 

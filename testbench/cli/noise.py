@@ -19,7 +19,8 @@ def noise(
     sensor: Annotated[str | None, typer.Option("--sensor", help="Which sensor; needed where the session has several.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Write the sensor as a preset for protocols.")] = None,
     like: Annotated[
-        str | None, typer.Option("--like", help="Preset that gives what a rest cannot show, such as ranges.")
+        str | None,
+        typer.Option("--like", help="Preset (a name or a .yaml file) that gives what a rest cannot show, such as ranges."),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
 ) -> None:
@@ -44,10 +45,12 @@ def noise(
             raise InputError(f"the session has several sensors ({', '.join(names)}); say which with --sensor")
         own = [row for row in rows if row.sensor == name]
         span = max((row.span_s for row in own), default=0.0)
-        origin = f"measured in session {opened.name}, sensor {name}, {span:.0f} s at rest"
+        origin = f"sensor {name} of session {opened.name}, {span:.0f} s at rest"
         rate = estimated.sensors[name].timing.sampling_rate_hz
-        parameters, notes = measured_sensor(own, _base(opened, name, like), origin, rate)
+        base, base_name = _base(opened, name, like)
+        parameters, notes = measured_sensor(own, base, origin, rate, base_name)
         save_sensor(out, parameters)
+        notes.append(f"all that is not noise, such as ranges, bandwidths and turn-on biases, is copied from {base_name}")
     if json:
         say_json(
             {
@@ -67,13 +70,19 @@ def noise(
         say(f"written: {out}; name it in a protocol beside it as preset: {out.name}")
 
 
-def _base(session: Session, name: str, like: str | None) -> ImuParameters:
+def _base(session: Session, name: str, like: str | None) -> tuple[ImuParameters, str]:
+    """The data sheet to start from, and what it is, a phrase."""
     from testbench.exceptions import InputError
-    from testbench.records.sensor import load_preset
+    from testbench.records.sensor import PRESET_SUFFIXES, ImuParameters, load_preset
+    from testbench.records.yaml_file import load_yaml
 
+    if like is not None and like.endswith(PRESET_SUFFIXES):
+        return load_yaml(Path(like), ImuParameters).value, f"the preset file {Path(like).name}"
     if like is not None:
-        return load_preset(like)
+        return load_preset(like), f"the preset {like}"
     described = session.analysis.sensors.get(name)
     if described is None:
         raise InputError(f"nothing is known of the range of sensor '{name}'; name a preset that resembles it with --like")
-    return described.imu()
+    changed = " as changed in" if described.parameters else " named by"
+    kind = f"the preset {described.preset}{changed}" if described.preset else "the parameters in"
+    return described.imu(), f"{kind} the session's protocol"

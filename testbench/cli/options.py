@@ -32,5 +32,4 @@ RobotOption = Annotated[
 
 def exit_code(evaluation: Any) -> int:
     """0 pass or no limits, 1 when a limit was broken or what it limits could not be measured."""
-    limited = any(metric.outcome is not None for metric in evaluation.metrics)
-    return int(limited and evaluation.outcome in {"fail", "not_measured"})
+    return int(evaluation.limited and evaluation.outcome in {"fail", "not_measured"})

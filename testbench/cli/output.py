@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 from testbench.records.numbers import show_number
 
-COLOURS = {"pass": "green", "marginal": "yellow", "fail": "red", "not_measured": "magenta"}
+COLOURS = {"pass": "green", "marginal": "yellow", "fail": "red", "not measured": "magenta"}
 
 
 def say_error(message: str) -> None:
@@ -118,14 +118,14 @@ def say_warnings(plan: Plan) -> None:
 
 def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> None:
     """The summary of a session."""
-    judged = [m for m in evaluation.metrics if m.outcome is not None]
-    if judged:
+    if evaluation.limited:
         say_table(
             "Verdict",
             ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome"],
             [
-                [m.name, m.filter or "", m.section or "", m.value, m.expanded_uncertainty, m.lower, m.upper, m.outcome]
-                for m in judged
+                [m.name, m.filter or "", m.section or "", m.value, m.expanded_uncertainty, m.lower, m.upper, m.outcome.words]
+                for m in evaluation.metrics
+                if m.outcome is not None
             ],
         )
     keys = sorted({(r.joint, r.section, r.filter, r.sequence) for r in evaluation.joint_angle})
@@ -155,8 +155,7 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
     say_noise(evaluation.noise)
     for note in evaluation.notes:
         say(f"note: {note}")
-    unlimited = not judged and evaluation.outcome == "not_measured"
-    say("outcome: no limits were stated" if unlimited else f"outcome: {evaluation.outcome}")
+    say(f"outcome: {evaluation.verdict}")
     say(f"session: {session}")
     if report:
         say(f"report:  {report}")

@@ -43,7 +43,7 @@ def tune(
     test_share: Annotated[
         float | None, typer.Option("--test-share", help="Draw this part of the sessions for the test instead, 0 to 1.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of that draw.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the draw of --test-share.")] = 0,
     leave_one_out: Annotated[
         bool, typer.Option("--leave-one-out", help="Also test each session by the set that all others choose.")
     ] = False,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from functools import partial
 from typing import Any
 
@@ -148,8 +147,7 @@ class PreparedSensor:
 def _stored(session: Session, name: str, calibrations: list[SensorCalibration]) -> SensorCalibration | None:
     """The stored calibration of a sensor that is nearest in time."""
     tag = session.manifest["sensors"][name].get("device_tag")
-    at = datetime.fromisoformat(session.manifest["started_utc"])
-    return find_calibration(calibrations, name, str(tag) if tag else None, at)
+    return find_calibration(calibrations, name, str(tag) if tag else None, session.recorded_at)
 
 
 def _check_calibrations(session: Session, calibrations: list[SensorCalibration]) -> None:
@@ -172,7 +170,8 @@ def _stored_remarks(session: Session, name: str, stored: SensorCalibration | Non
     same = f"of the same device, {tag}" if tag and stored.device == str(tag) else "matched by the sensor's name alone"
     methods = ", ".join(f"{triad} by {method}" for triad, method in stored.summary()["methods"].items())
     origin = (f"{stored.file}, " if stored.file else "") + f"session {stored.session} of {stored.calibrated:%Y-%m-%d}"
-    return [f"its raw samples were first corrected by a stored calibration ({origin}, {methods}; {same})"]
+    undated = "" if session.recorded_at else "; when the session was recorded, and how long from that, is unknown"
+    return [f"its raw samples were first corrected by a stored calibration ({origin}, {methods}; {same}{undated})"]
 
 
 def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:

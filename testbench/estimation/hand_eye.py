@@ -8,53 +8,33 @@ with a single axis of motion, turning the world and the mounting about that axis
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from testbench.estimation.shown_mounting import ShownMounting
 from testbench.model import rotation
 
-REFUSED, DOUBTFUL = 0.05, 0.17
-"""Observability, the RMS sine of the motion about the least moved axis, below which a solution is refused, or warned of."""
 MOST_PAIRS = 5_000
 
 
 @dataclass(frozen=True)
-class HandEye:
-    """World and mounting that reconcile two series of orientations.
+class HandEye(ShownMounting):
+    """World and mounting that reconcile two series of orientations; observability is that of the motion.
 
     Attributes:
-        q_world_from_earth, q_body_from_sensor: Shape (4,). residual: RMS angle that is left [rad].
+        q_world_from_earth: Shape (4,). residual: RMS angle that is left [rad].
         world_sd, mounting_sd: Standard uncertainties about each axis, shape (3,) [rad].
-        observability: RMS sine of the motion about the least moved axis [1].
-        blind_axis: In the sensor frame, the axis about which least can be told, shape (3,).
         mounting_covariance: Of a small rotation about the axes of the sensor, shape (3, 3) [rad^2].
     """
 
+    MISSING: ClassVar[str] = "the motion is nearly all about one axis"
+    ADVICE: ClassVar[str] = "add rotations of 30 deg or more about an axis across it"
     q_world_from_earth: np.ndarray
-    q_body_from_sensor: np.ndarray
     residual: float
     world_sd: np.ndarray
     mounting_sd: np.ndarray
-    observability: float
-    blind_axis: np.ndarray
     mounting_covariance: np.ndarray
-
-    @property
-    def trusted(self) -> bool:
-        """Whether the motion showed all six angles."""
-        return self.observability >= REFUSED
-
-    def warning(self) -> str | None:
-        """What motion is missing, as a sentence; None where nothing is."""
-        if self.observability >= DOUBTFUL:
-            return None
-        x, y, z = self.blind_axis
-        verdict = "cannot be solved" if not self.trusted else "is doubtful"
-        return (
-            f"the mounting {verdict}: the motion is nearly all about one axis, ({x:.2f}, {y:.2f}, {z:.2f}) in the sensor "
-            f"(it reaches {self.observability:.3f} beside it, {DOUBTFUL} is wanted); "
-            "add rotations of 30 deg or more about an axis across it"
-        )
 
 
 def solve_hand_eye(q_world_from_body: np.ndarray, q_earth_from_sensor: np.ndarray, independent: float | None = None) -> HandEye:
@@ -103,7 +83,10 @@ def _with_uncertainty(z: np.ndarray, x: np.ndarray, residual: float, sensor: np.
     norm = np.linalg.norm(blind)
     blind = blind / norm if norm > 0 else blind
     blind = blind * (1 if blind[np.argmax(np.abs(blind))] > 0 else -1)
-    return HandEye(z, x, residual, sd[3:], sd[:3], observability, blind, covariance[:3, :3])
+    return HandEye(
+        x, observability, blind, q_world_from_earth=z, residual=residual, world_sd=sd[3:], mounting_sd=sd[:3],
+        mounting_covariance=covariance[:3, :3],
+    )  # fmt: skip
 
 
 def _principal(rows: np.ndarray) -> np.ndarray:

@@ -7,44 +7,27 @@ the two kinds of vectors weigh in by what each leaves unexplained.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from testbench.estimation.hand_eye import DOUBTFUL, REFUSED
+from testbench.estimation.shown_mounting import ShownMounting
 from testbench.model import rotation
 
 ROUNDS = 4
 
 
 @dataclass(frozen=True)
-class VectorMounting:
-    """How a sensor sits in the body.
+class VectorMounting(ShownMounting):
+    """How a sensor sits in the body; observability is that of the vectors beside the axis they show least.
 
     Attributes:
-        q_body_from_sensor: Shape (4,). sd: Standard uncertainty about each axis of the sensor, shape (3,) [rad].
-        observability: RMS sine between the vectors and the axis they show least [1]. blind_axis: That axis in the sensor, (3,).
+        sd: Standard uncertainty about each axis of the sensor, shape (3,) [rad].
     """
 
-    q_body_from_sensor: np.ndarray
+    MISSING: ClassVar[str] = "rates and gravity all lie along one axis"
+    ADVICE: ClassVar[str] = "add turns or rests about an axis across it"
     sd: np.ndarray
-    observability: float
-    blind_axis: np.ndarray
-
-    @property
-    def trusted(self) -> bool:
-        """Whether the vectors showed all three angles."""
-        return self.observability >= REFUSED
-
-    def warning(self) -> str | None:
-        """What is missing, as a sentence; None where nothing is."""
-        if self.observability >= DOUBTFUL:
-            return None
-        x, y, z = self.blind_axis
-        verdict = "is doubtful" if self.trusted else "cannot be solved"
-        return (
-            f"the mounting {verdict}: rates and gravity all lie along one axis, ({x:.2f}, {y:.2f}, {z:.2f}) in the sensor; "
-            "add turns or rests about an axis across it"
-        )
 
 
 def mounting_from_vectors(groups: list[tuple[np.ndarray, np.ndarray, float]]) -> VectorMounting:
@@ -82,4 +65,5 @@ def mounting_from_vectors(groups: list[tuple[np.ndarray, np.ndarray, float]]) ->
     observability = float(np.sqrt(max(values[0], 0.0) / total)) if total > 0 else 0.0
     covariance = np.linalg.pinv(information, rcond=1e-12)
     blind = vectors[:, 0] * (1 if vectors[np.argmax(np.abs(vectors[:, 0])), 0] > 0 else -1)
-    return VectorMounting(rotation.from_matrix(R), np.sqrt(np.maximum(np.diag(covariance), 0)), observability, blind)
+    found = np.sqrt(np.maximum(np.diag(covariance), 0))
+    return VectorMounting(rotation.from_matrix(R), observability, blind, sd=found)

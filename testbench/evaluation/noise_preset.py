@@ -29,18 +29,19 @@ What this leaves out is, for normal noise of standard deviation s, within (4 s^2
 
 
 def measured_sensor(
-    rows: list[NoiseRow], base: ImuParameters, origin: str, rate: float | None = None
+    rows: list[NoiseRow], base: ImuParameters, origin: str, rate: float | None = None, base_name: str = "a data sheet"
 ) -> tuple[ImuParameters, list[str]]:
     """The data sheet with the noise that was measured.
 
     White noise is taken by axis, less that of rounding to the counts of `base`, which the simulated sensor adds again; slow
     changes of the bias as the RMS over the axes that show them. A rest that shows a random walk and no bias instability has its
     slow changes in the walk, and no instability stands beside it. What else the rest was too short to show, and all that a rest
-    cannot show (ranges, bandwidths, scale and turn-on bias over parts, clock), stays as in `base`.
+    cannot show (ranges, bandwidths, scale and turn-on bias over parts, clock), stays as in `base`. The description and the
+    source of the new sensor say which is which.
 
     Args:
         rows: One sensor's noise at rest. base: The data sheet to start from. origin: Where the numbers come from, a phrase.
-        rate: Output rate [Hz]; that of `base` if None.
+        rate: Output rate [Hz]; that of `base` if None. base_name: What `base` is, a phrase.
 
     Returns:
         The sensor, and sentences on what was not measured.
@@ -52,22 +53,30 @@ def measured_sensor(
         raise InputError("the recording holds no rest of 10 s or more, so no noise was measured")
     changes: dict[str, dict[str, object]] = {}
     kept: list[str] = []
+    measured: list[str] = [] if rate is None else ["the output rate"]
     for quantity, triad in TRIADS.items():
         own = {row.axis: row for row in rows if row.quantity == quantity}
         sheet = getattr(base, triad)
+        if sheet is None and own:
+            kept.append(f"{triad}: its noise was measured and is not in the file, because {base_name} has no {triad}")
+        if sheet is not None and not own:
+            kept.append(f"{triad}: nothing was measured, the recording holds none; all of it copied from {base_name}")
         if not own or sheet is None:
             continue
         density = list(getattr(sheet, WHITE[quantity]))
+        shown = ""
         for i, axis in enumerate("xyz"):
-            measured = own[axis].noise_density if axis in own else None
-            if measured is None:
+            white = own[axis].noise_density if axis in own else None
+            if white is None:
                 kept.append(f"{triad} {axis}: white noise lost among the others; {density[i]:g} kept")
                 continue
-            unrounded = _without_rounding(own[axis], measured, sheet.triad().resolution)
+            unrounded = _without_rounding(own[axis], white, sheet.triad().resolution)
             if unrounded is None:
                 kept.append(f"{triad} {axis}: white noise hidden by the counts of the sensor; {density[i]:g} kept")
             else:
                 density[i] = float(f"{unrounded:.4g}")
+                shown += axis
+        measured += [f"white noise of the {triad} ({', '.join(shown)})"] if shown else []
         changes[triad] = {WHITE[quantity]: density}
         if quantity in SLOW:
             found = {kind: [value for row in own.values() if (value := getattr(row, kind)) is not None] for kind in KINDS}
@@ -75,6 +84,7 @@ def measured_sensor(
                 words = kind.replace("_", " ")
                 if found[kind]:
                     changes[triad][key] = float(f"{np.sqrt(np.mean(np.square(found[kind]))):.4g}")
+                    measured.append(f"{words} of the {triad}")
                 elif kind == "bias_instability" and found["rate_random_walk"]:
                     changes[triad][key] = 0.0
                     kept.append(
@@ -83,8 +93,12 @@ def measured_sensor(
                 else:
                     kept.append(f"{triad}: {words} not shown by this rest; {getattr(sheet, key):g} kept")
     update: dict[str, object] = {triad: getattr(base, triad).model_copy(update=values) for triad, values in changes.items()}
-    update["description"] = f"{base.description or 'Inertial sensor'}; noise as measured"
-    update["source"] = f"Noise: {origin}. The rest: {base.source or 'as given there'}"
+    update["description"] = f"Noise as measured ({origin}); all else copied from {base_name}"
+    update["source"] = (
+        f"Measured ({origin}): {', '.join(measured) or 'nothing'}. Copied from {base_name}: everything else"
+        + (f"; in particular {'; '.join(kept)}" if kept else "")
+        + f". What {base_name} rests on: {base.source or 'not stated'}"
+    )
     if rate is not None:
         update["rate_hz"] = float(f"{rate:.6g}")
     return ImuParameters.model_validate(base.model_copy(update=update).model_dump()), kept

@@ -54,6 +54,12 @@ FORMATS = {
 }
 
 
+UNDATED = (
+    "the date of the recording is unknown: of several stored calibrations none can be chosen as the nearest in time, and one "
+    "made from it bears the date of the import; state it with --recorded-at 2021-08-20"
+)
+
+
 def import_recording(
     name: str,
     files: list[Path],
@@ -62,13 +68,15 @@ def import_recording(
     options: Options | None = None,
     truth: TruthOptions | None = None,
     axes: str | None = None,
+    recorded_at: str | None = None,
 ) -> Session:
     """Turn foreign files into a session.
 
     Args:
         name: Of the format. files: To read. out: Folder of the session, to be made. clock: For the date.
         options: Answers to what the files leave open. truth: Where the truth is, if not in the files. axes: Axis map for every
-            sensor, by name or as "x: -z, y: -y, z: -x".
+            sensor, by name or as "x: -z, y: -y, z: -x". recorded_at: When it was recorded, ISO 8601, where the files do not
+            say, or say it wrongly.
 
     Raises:
         NotFoundError: No such format; lists those that exist.
@@ -76,6 +84,7 @@ def import_recording(
         FileProblems: A file is not of this format; nothing is written then.
     """
     from testbench.formats.axes import find_axes
+    from testbench.formats.dates import earliest, recorded_in_name, stated_date
     from testbench.formats.options import Options
     from testbench.formats.plausibility import check_units
     from testbench.formats.recording import write_recording
@@ -84,9 +93,13 @@ def import_recording(
     if name not in FORMATS:
         raise NotFoundError("format", name, list(FORMATS))
     _check_out(out)
+    stated = None if recorded_at is None else stated_date(recorded_at)
     options = options if options is not None else Options()
     recording = FORMATS[name].read(files, options)
     options.check_all_used(name)
+    recording.recorded = stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
+    if recording.recorded is None:
+        recording.notes.append(UNDATED)
     for key, sensor in recording.sensors.items():
         head = sensor.head()
         if head is None or not len(head):

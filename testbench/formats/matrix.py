@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.dates import earliest, recorded
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
 from testbench.formats.tables.source import Columns, Kind
-from testbench.formats.tables.text_table import find_table
+from testbench.formats.tables.text_table import find_table, head_of, split_line
 from testbench.formats.tables.timeline import SpreadTime, StampedTime, rate_of_stamps
 from testbench.frames import NANOSECONDS
 
@@ -38,18 +39,21 @@ def read(files: list[Path], options: Options) -> Recording:
     if not files:
         raise InputError("a MATRIX recording needs at least one file")
     names = unique_names(stem_without_stamp(file.stem) for file in files)
-    sensors, notes = {}, []
+    sensors, notes, dates = {}, [], []
     for name, file in zip(names, files, strict=True):
-        sensors[name], own = _sensor(file, options)
+        sensors[name], own, first = _sensor(file, options)
+        dates.append(recorded(first, f"dateTime in {file.name}"))
         notes += [f"{name}: {note}" for note in own]
     if len(files) > 1:
         notes.append("the host time of each sensor begins at 0 with its own first sample")
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = sensor_name(files[0].stem) if len(files) == 1 else "matrix"
-    return Recording(label, "MATRIX recording (accelerometer and gyroscope)", sensors, suitable_analysis(heads), notes)
+    purpose = "MATRIX recording (accelerometer and gyroscope)"
+    return Recording(label, purpose, sensors, suitable_analysis(heads), notes, recorded=earliest(dates))
 
 
-def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str]]:
+def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], str]:
+    """The sensor, notes, and its first stamp as it is written."""
     header = re.compile(r"(?=.*\bdateTime\b)(?=.*\bacc_x\b)", re.IGNORECASE)
     table, _ = find_table(file, header, "a MATRIX export (its header has dateTime, acc_x..z, gyr_x..z)")
     titles = {name.lower(): name for name in table.names}
@@ -80,4 +84,6 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str]]:
     if left:
         notes.append(f"columns that were not read: {', '.join(left)}")
     stream = SampleStream(table, kinds, convert, lambda: SpreadTime(stamp, rate))
-    return ImportedSensor(stream, rate, "MATRIX (ICM-40607), accelerometer and gyroscope"), notes
+    first = next((line for line in head_of(file)[table.first_line - 1 :] if line.strip()), "")
+    stamps_text = dict(zip(table.names, split_line(first, table.separator), strict=False)).get(stamp, "")
+    return ImportedSensor(stream, rate, "MATRIX (ICM-40607), accelerometer and gyroscope"), notes, stamps_text

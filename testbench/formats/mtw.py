@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.dates import earliest, recorded
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
@@ -76,7 +77,8 @@ def read(files: list[Path], options: Options) -> Recording:
         notes.append("the host time of each sensor begins at 0 with its own first sample")
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = sensor_name(files[0].stem) if len(files) == 1 else "mtw"
-    return Recording(label, "Xsens recording exported by MT Manager", sensors, suitable_analysis(heads), notes)
+    date = earliest(recorded(header.get("Start Time"), f"Start Time in {table.file.name}") for table, header in opened)
+    return Recording(label, "Xsens recording exported by MT Manager", sensors, suitable_analysis(heads), notes, recorded=date)
 
 
 def _name(table: TextTable, header: dict[str, str]) -> str:

@@ -2,11 +2,13 @@
 
 At rest an accelerometer reads 9.81 m/s^2, and nothing else: that tells g, mg and m/s^2 apart. While a sensor turns, the
 specific force turns in its frame as da/dt = -omega x a, whatever the unit of a; the slope of one against the other tells
-rad/s from deg/s.
+rad/s from deg/s. Between two rests the rates, integrated, must turn gravity from where it was to where it is: that tells a
+gyroscope at half or twice its scale, whatever the accelerations on the way.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -16,6 +18,7 @@ from testbench.exceptions import InputError
 from testbench.formats.options import Options
 from testbench.formats.units import Unit, find_unit, unit_names
 from testbench.frames import STANDARD_GRAVITY
+from testbench.model import rotation
 from testbench.records.samples import ImuSamples
 
 REST_WINDOW_S = 0.5
@@ -31,6 +34,17 @@ SLOPE_WITHIN = 2.0
 LEAST_EXPLAINED = 0.5
 """Turning must explain this part of the changes of the specific force (R^2); linear acceleration does the rest."""
 MOST_CHUNKS = 20
+FACTORS = (1.0, 2.0, 0.5)
+"""Of the scale, as it is and at the wrong one of two neighbouring range settings."""
+REST_RATE_SPREAD = 0.05
+"""At rest no axis of a gyroscope varies by more than this (standard deviation) [rad/s]."""
+LONGEST_TURN_S = 20.0
+"""From rest to rest: over longer ones the error of a bias adds up."""
+LEAST_TILT = np.radians(30)
+"""By which a turn must tilt gravity to count."""
+FEWEST_TURNS = 3
+MISSED, HIT = np.radians(15), 1 / 3
+"""A scale is asked about if turns miss gravity by so much, and another one misses it by this part of that."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +105,46 @@ def _turning(chunk: ImuSamples, rate: float) -> np.ndarray:
     known = calm & np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
     x, y = x[known], y[known]
     return np.array([np.sum(x * x), np.sum(x * y), np.sum(y * y), 3 * len(x)])
+
+
+def missed_by_factor(samples: ImuSamples, rate: float) -> tuple[np.ndarray, int]:
+    """How far the turns between rests miss the direction of gravity after them, with the gyroscope taken so many times.
+
+    Args:
+        samples: In the units of a session. rate: [Hz].
+
+    Returns:
+        Median angle by each of `FACTORS`, shape (3,) [rad], and the number of turns that tilt gravity enough to tell.
+    """
+    size = max(round(REST_WINDOW_S * rate), 4)
+    count = len(samples) // size
+    acc, gyr = (a[: count * size].reshape(count, size, 3) for a in (samples.acc, samples.gyr))
+    if count < 2 or not np.isfinite(gyr).any():
+        return np.full(len(FACTORS), np.nan), 0
+    mean = acc.mean(axis=1)
+    norm = np.linalg.norm(mean, axis=1)
+    still = (acc.std(axis=1).max(axis=1) <= REST_SPREAD * norm) & (gyr.std(axis=1).max(axis=1) <= REST_RATE_SPREAD) & (norm > 0)
+    rests = np.flatnonzero(still)
+    missed = []
+    for before, after in itertools.pairwise(rests):
+        if after == before + 1 or (after - before) * size > LONGEST_TURN_S * rate:
+            continue
+        up, wanted = mean[before] / norm[before], mean[after] / norm[after]
+        turn = samples.gyr[before * size : (after + 1) * size] - (gyr[before].mean(axis=0) + gyr[after].mean(axis=0)) / 2
+        if np.arccos(np.clip(up @ wanted, -1, 1)) < LEAST_TILT or not np.isfinite(turn).all():
+            continue
+        ends = [rotation.rotate(rotation.conjugate(_whole(turn * (factor / rate))), up) for factor in FACTORS]
+        missed.append([np.arccos(np.clip(end @ wanted, -1, 1)) for end in ends])
+    return (np.median(missed, axis=0), len(missed)) if missed else (np.full(len(FACTORS), np.nan), 0)
+
+
+def _whole(steps: np.ndarray) -> np.ndarray:
+    """The rotation that rotation vectors one after another come to, shape (n, 3) [rad] to (4,)."""
+    q = rotation.from_rotation_vector(steps)
+    while len(q) > 1:
+        even = rotation.multiply(q[: len(q) // 2 * 2 : 2], q[1::2])
+        q = np.concatenate([even, q[-1:]]) if len(q) % 2 else even
+    return np.asarray(q[0])
 
 
 def _slope(sums: np.ndarray) -> float | None:
@@ -166,7 +220,24 @@ def check_units(samples: ImuSamples, rate: float, sensor: str, options: Options)
             wrong = "deg/s taken for rad/s" if slope < 1 else "rad/s taken for deg/s"
             told = f"sensor '{sensor}': the accelerometer turns {slope:.3g} times as far as the gyroscope says"
             raise InputError(f"{told}; it looks like {wrong}. {_answer('gyr')}")
+    if not options.answered("gyr"):
+        _check_scale(samples, rate, sensor)
     return notes
+
+
+def _check_scale(samples: ImuSamples, rate: float, sensor: str) -> None:
+    """Refuse a gyroscope at half or twice its scale."""
+    missed, turns = missed_by_factor(samples, rate)
+    best = int(np.argmin(missed)) if turns >= FEWEST_TURNS else 0
+    if best == 0 or missed[0] < MISSED or missed[best] > HIT * missed[0]:
+        return
+    as_is, other = np.degrees(missed[[0, best]])
+    raise InputError(
+        f"sensor '{sensor}': its gyroscope's turns from rest to rest miss the direction of gravity after them by {as_is:.0f} "
+        f"deg (median of {turns}), and by {other:.0f} deg if it turned {FACTORS[best]:g} times as far as it says: it looks "
+        f"like the scale of another range setting. Correct the scale in the file or the mapping (scale: {FACTORS[best]:g}), "
+        f"or: {_answer('gyr')}"
+    )
 
 
 def _acc_question(sensor: str, evidence: Evidence) -> str:

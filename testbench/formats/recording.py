@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from testbench.clock import Clock
 from testbench.exceptions import FileProblems, Problem, SessionError
+from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import Analysis
@@ -59,6 +60,7 @@ class Recording:
     Attributes:
         name: Of the recording. purpose: A sentence for people. sensors: By name. analysis: Filters and alignment that suit it.
         notes: What the importer noticed, such as a stale first row it dropped. steps: Of the arm, where its poses are known.
+        recorded: When it was made, None where nobody says.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Recording:
     analysis: Analysis
     notes: list[str] = field(default_factory=list)
     steps: list[PlannedStep] = field(default_factory=list)
+    recorded: Recorded | None = None
 
 
 def write_recording(recording: Recording, files: list[Path], format_name: str, out: Path, clock: Clock) -> Session:
@@ -92,6 +95,8 @@ def write_recording(recording: Recording, files: list[Path], format_name: str, o
         "kind": "import",
         "format": format_name,
         "source": [file.name for file in files],
+        "recorded_utc": recording.recorded.at.isoformat(timespec="seconds") if recording.recorded else None,
+        "recorded_by": recording.recorded.source if recording.recorded else None,
         "protocol": {"name": recording.name, "purpose": recording.purpose},
         "notes": recording.notes,
     })  # fmt: skip

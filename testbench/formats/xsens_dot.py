@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.dates import Recorded, earliest, recorded
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
@@ -92,7 +93,13 @@ def read(files: list[Path], options: Options) -> Recording:
         notes += [f"{name}: {note}" for note in dot.notes]
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     tag = sensor_name(stem_without_stamp(files[0].stem)) if len(files) == 1 else "xsens_dot"
-    return Recording(tag, "Xsens DOT recording exported by the vendor's app", sensors, suitable_analysis(heads), notes)
+    return Recording(
+        tag, "Xsens DOT recording exported by the vendor's app", sensors, suitable_analysis(heads), notes, recorded=_date(dots)
+    )
+
+
+def _date(dots: list[DotFile]) -> Recorded | None:
+    return earliest(recorded(dot.header.get("StartTime"), f"StartTime in {dot.table.file.name}") for dot in dots)
 
 
 def _open(file: Path) -> DotFile:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,10 +16,12 @@ from testbench.model.calibration_information import pose_information
 from testbench.planning.design_protocol import protocol_text
 from testbench.planning.experiment_design import ACCELEROMETER_SIZE, ARM_DIRECTION, Design, Designer, Wanted
 from testbench.planning.optimal_design import efficiency
-from testbench.planning.planner import plan
+from testbench.planning.planner import find_robot, plan
 from testbench.records.plan import Plan
+from testbench.records.protocol import Protocol, Sensor
 from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import load_robot
+from testbench.records.robot import Robot, load_robot
+from testbench.records.strict import NAME_PATTERN
 
 MOST_DETOURS = 20
 LEFT_OUT = "The moves between poses turn the gyroscope too; they are left out of what is predicted for it."
@@ -39,22 +43,35 @@ class DesignedProtocol:
     """What came out.
 
     Attributes:
-        plan: Checked. compared: Name of the protocol compared with. rows: The table, each protocol as it is. efficiency: By
-        how much the accelerometer's variances fall at as many visits and as much time at rest; None where the other protocol
-        does not determine them. sentence: The same in words, with what it rests on.
+        plan: Checked. compared: Name of the protocol compared with. compared_on: Name of the arm that makes it.
+        rows: The table, each protocol as it is. efficiency: By how much the accelerometer's variances fall at as many visits
+        and as much time at rest; None where the other protocol does not determine them. sentence: The same in words, with what
+        it rests on.
     """
 
     plan: Plan
     compared: str
+    compared_on: str
     rows: list[PredictedRow]
     efficiency: float | None
     sentence: str
 
 
-def design_protocol(out: Path, robot_name: str, like: str, sensor_name: str | None, wanted: Wanted) -> DesignedProtocol:
+class _NoWay(Exception):
+    """No clear way leads to a pose, given by its index."""
+
+    def __init__(self, pose: int, error: CollisionError):
+        self.pose, self.error = pose, error
+
+
+def design_protocol(
+    out: Path, robot_name: str, like: str, sensor_name: str | None, link: str | None, wanted: Wanted
+) -> DesignedProtocol:
     """Design, compare, check and write a calibration protocol; see `pipeline.design_calibration`."""
     if out.suffix not in {".yaml", ".yml"}:
         raise InputError(f"{out}: a protocol is a .yaml file")
+    if not re.match(NAME_PATTERN, out.stem):
+        raise InputError(f"{out}: the protocol is called after its file, by a letter, then up to 63 letters, digits and _")
     if out.exists():
         raise InputError(f"{out} exists already; nothing was written")
     if not out.parent.is_dir():
@@ -67,26 +84,59 @@ def design_protocol(out: Path, robot_name: str, like: str, sensor_name: str | No
     if name not in sensors:
         raise NotFoundError("sensor", name, list(sensors))
     robot = load_robot(robot_name)
-    designer = Designer(robot, sensors[name])
-    design = designer.design(wanted)
-    q, dwell = designer.poses_of(plan(protocol, robot))
-    lost = [name for name, sd in design.accelerometer.items() if not np.isfinite(sd)]
-    if lost:
-        raise InputError(f"poses of these joints leave {', '.join(lost)} undetermined; let other joints move with --joints")
-    compared = designer.judged(q, [], dwell)
-    rows = _rows(compared, design)
-    gain = _gain(designer, q, dwell, design, wanted)
-    sentence = _sentence(gain, like, wanted)
+    sensor = sensors[name] if link is None else sensors[name].model_copy(update={"link": link})
+    designer = Designer(robot, sensor)
+    before, q, dwell = _compared(protocol, robot, sensors[name])
     chosen = f"{wanted.poses} poses and {wanted.turns} turns"
     purpose = f"{chosen} chosen to leave the calibration least uncertain ({wanted.criterion}-optimal)"
-    notes = [f"Designed for {robot.name}: {sentence}", LEFT_OUT]
-
-    def text(via_home: set[int]) -> str:
-        return protocol_text(out.stem, purpose, robot, name, sensors[name], design, via_home, notes)
-
-    via_home, checked = _checked(text, len(design.q))
+    without: set[tuple[float, ...]] = set()
+    while True:
+        design = designer.design(wanted, without)
+        lost = [name for name, sd in design.accelerometer.items() if not np.isfinite(sd)]
+        if lost:
+            raise InputError(f"poses of these joints leave {', '.join(lost)} undetermined; let other joints move with --joints")
+        gain = _gain(before, q, dwell, designer, design, wanted)
+        sentence = _sentence(gain, like if before.robot.name == robot.name else f"{like} on {before.robot.name}", wanted)
+        notes = [f"Designed for {robot.name}: {sentence}", LEFT_OUT]
+        if link is not None:
+            notes.append(f"The mounting is that of {like}, in the link {link}: correct it to where the sensor sits.")
+        text = partial(_text, out.stem, purpose, robot, name, sensor, design, notes)
+        try:
+            via_home, checked = _checked(text, len(design.q))
+            break
+        except _NoWay as found:
+            without.add(tuple(design.q[found.pose]))
+            if len(without) > MOST_DETOURS:
+                raise InputError(f"no clear way was found: {found.error}; let other joints move with --joints") from None
     out.write_text(text(via_home), encoding="utf-8")
-    return DesignedProtocol(checked, like, rows, gain, sentence)
+    rows = _rows(before.judged(q, [], dwell), design)
+    return DesignedProtocol(checked, like, before.robot.name, rows, gain, sentence)
+
+
+def _compared(protocol: Protocol, robot: Robot, sensor: Sensor) -> tuple[Designer, np.ndarray, float]:
+    """The static poses to compare with and their dwell [s]: on this arm if it can make them, else on the protocol's own."""
+    own = find_robot(protocol, None)
+    try:
+        planned = plan(protocol, robot)
+    except InputError:
+        if robot.name == own.name:
+            raise
+        planned = plan(protocol, own)
+    designer = Designer(planned.robot, sensor)
+    return designer, *designer.poses_of(planned)
+
+
+def _text(
+    name: str,
+    purpose: str,
+    robot: Robot,
+    sensor_name: str,
+    sensor: Sensor,
+    design: Design,
+    notes: list[str],
+    via_home: set[int],
+) -> str:
+    return protocol_text(name, purpose, robot, sensor_name, sensor, design, via_home, notes)
 
 
 def _checked(text: Callable[[set[int]], str], poses: int) -> tuple[set[int], Plan]:
@@ -100,20 +150,25 @@ def _checked(text: Callable[[set[int]], str], poses: int) -> tuple[set[int], Pla
                 return via_home, plan(load_protocol(file))
             except CollisionError as error:
                 blocked = [k for k in range(poses) if error.step == f"pose {k + 1}"]
-                if not blocked or blocked[0] in via_home:
+                leaving = [k for k in range(1, poses) if error.step == f"home before pose {k + 1}"]
+                if leaving:
+                    raise _NoWay(leaving[0] - 1, error) from None
+                if not blocked:
                     raise InputError(f"no clear way was found: {error}; let other joints move with --joints") from None
+                if blocked[0] in via_home or blocked[0] == 0:
+                    raise _NoWay(blocked[0], error) from None
                 via_home.add(blocked[0])
     raise InputError(f"no clear way through {poses} poses was found in {MOST_DETOURS} tries; ask for fewer")
 
 
-def _gain(designer: Designer, q: np.ndarray, dwell: float, design: Design, wanted: Wanted) -> float | None:
+def _gain(compared: Designer, q: np.ndarray, dwell: float, designer: Designer, design: Design, wanted: Wanted) -> float | None:
     """Ratio of the accelerometer's variances at as many visits and as much time at rest; None where it is not determined.
 
     What does not average out over a rest, in-run bias and the arm's direction, is drawn anew for each visit: a protocol of
     fewer poses is compared as if it came back to them until both have paid as many visits.
     """
     share = len(q) * dwell / len(design.q)
-    before = pose_information(designer.force(q), designer.noise(share)).sum(axis=0) * (len(design.q) / len(q))
+    before = pose_information(compared.force(q), compared.noise(share)).sum(axis=0) * (len(design.q) / len(q))
     if np.linalg.matrix_rank(before * np.outer(ACCELEROMETER_SIZE, ACCELEROMETER_SIZE), tol=1e-6) < len(before):
         return None
     after = pose_information(designer.force(design.q), designer.noise(share)).sum(axis=0)

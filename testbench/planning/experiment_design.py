@@ -7,6 +7,7 @@ what comes out is checked.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,13 +104,16 @@ class Designer:
         robot: The arm. sensor: Where it sits, and its data sheet.
 
     Raises:
-        NotFoundError: The arm has no such link.
+        InputError: The arm has no such link; names the one that its last joint moves.
     """
 
     def __init__(self, robot: Robot, sensor: Sensor):
         self.robot, self.sensor = robot, sensor
         self.kinematics = Kinematics(robot)
-        self.kinematics.check_link(sensor.link)
+        try:
+            self.kinematics.check_link(sensor.link)
+        except NotFoundError as error:
+            raise InputError(f"{error}; say which carries the sensor with --link, such as {self._last_moved()}") from None
         self.collision = CollisionModel(self.kinematics)
         self.margin = robot.spec.collision.margin_mm / 1000
         self.offset = Pose.from_placement(sensor.mounting)
@@ -126,14 +130,18 @@ class Designer:
             gyr.bias_instability,
         )  # fmt: skip
 
-    def design(self, wanted: Wanted) -> Design:
+    def design(self, wanted: Wanted, without: Collection[tuple[float, ...]] = ()) -> Design:
         """The poses and turns that tell most.
+
+        Args:
+            wanted: How many, and how. without: Poses that are not to be chosen [rad].
 
         Raises:
             InputError: A joint does not carry the sensor, or too few poses are clear of collisions.
         """
         columns = self._columns(wanted.joints)
         candidates = self._candidates(columns, wanted.seed)
+        candidates = candidates[[tuple(row) not in without for row in candidates]]
         if len(candidates) < max(wanted.poses, 4):
             raise InputError(
                 f"of {2 * CANDIDATES} poses tried only {len(candidates)} are clear of collisions; "
@@ -193,10 +201,18 @@ class Designer:
         return [self.robot.joint_names.index(name) for name in joints]
 
     def _carries(self, joint: int) -> bool:
+        return self._moves(joint, self.sensor.link)
+
+    def _moves(self, joint: int, link: str) -> bool:
         v = np.zeros(len(self.robot.joint_names))
         v[joint] = 1.0
-        motion = self.kinematics.frame_motion(self.sensor.link, self.robot.home, v)
+        motion = self.kinematics.frame_motion(link, self.robot.home, v)
         return bool(np.linalg.norm(motion.angular_velocity_in_frame) > 1e-9)
+
+    def _last_moved(self) -> str:
+        """The first link that the last joint of the arm moves: its flange, as a rule."""
+        last = len(self.robot.joint_names) - 1
+        return next(link for link in self.kinematics.link_names if self._moves(last, link))
 
     def _candidates(self, columns: list[int], seed: int) -> np.ndarray:
         home, limits = self.robot.home, self.robot.position_limits

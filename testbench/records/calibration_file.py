@@ -238,14 +238,25 @@ def load_calibration(file: Path) -> SensorCalibration:
 
 
 def find_calibration(
-    calibrations: list[SensorCalibration], sensor: str, device: str | None, at: datetime
+    calibrations: list[SensorCalibration], sensor: str, device: str | None, at: datetime | None
 ) -> SensorCalibration | None:
     """The one nearest in time: of the same device where both name theirs, else of the same sensor name; None without any.
 
     Args:
-        calibrations: To choose from. sensor, device: Of the session. at: When it was recorded.
+        calibrations: To choose from. sensor, device: Of the session. at: When it was recorded; None where nobody knows.
+
+    Raises:
+        InputError: Several fit, and without a date none is nearest.
     """
     same = [c for c in calibrations if (c.device == device if c.device and device else c.sensor == sensor)]
+    if at is None:
+        if len(same) > 1:
+            raise InputError(
+                f"the date of this recording is unknown, so that none of the {len(same)} stored calibrations of sensor "
+                f"'{sensor}' is the nearest in time; name one file of them with --calibration, or import the recording again "
+                "with --recorded-at"
+            )
+        return same[0] if same else None
     return min(same, key=lambda c: abs((c.calibrated - at).total_seconds()), default=None)
 
 

@@ -35,6 +35,15 @@ class Outcome(StrEnum):
     FAIL = "fail"
     NOT_MEASURED = "not_measured"
 
+    @property
+    def words(self) -> str:
+        """For people."""
+        return self.value.replace("_", " ")
+
+
+NO_LIMITS = "no limits were stated"
+"""What people are told where nothing was limited: `not_measured` would read as if the bench had failed to measure."""
+
 
 SEVERITY = [Outcome.PASS, Outcome.MARGINAL, Outcome.NOT_MEASURED, Outcome.FAIL]
 
@@ -243,6 +252,16 @@ class Evaluation:
     tuned: list[TunedRow] = field(default_factory=list)
     series: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     chain: list[ChainRow] = field(default_factory=list)
+
+    @property
+    def limited(self) -> bool:
+        """Whether the protocol states a limit for anything."""
+        return any(metric.outcome is not None for metric in self.metrics)
+
+    @property
+    def verdict(self) -> str:
+        """The outcome in the words that terminal and report share."""
+        return self.outcome.words if self.limited or self.outcome is not Outcome.NOT_MEASURED else NO_LIMITS
 
     def to_dict(self) -> dict[str, Any]:
         """The content of evaluation.json."""

@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from testbench.exceptions import FileProblems, NotFoundError, Problem
+from testbench.records.file_kinds import why_no_protocol
 from testbench.records.protocol import (
     JOINT_METRICS,
     RESERVED_NAMES,
@@ -60,7 +61,7 @@ def _exists(file: Path) -> bool:
 
 
 def _load(file: Path, including: tuple[Path, ...], loaded: dict[Path, Protocol]) -> Protocol:
-    document = load_yaml(file, ProtocolSpec)
+    document = load_yaml(file, ProtocolSpec, _no_protocol)
     presets, problems = _read_presets(document)
     protocol = Protocol(document, presets=presets)
     problems += _Names(document).check()
@@ -79,6 +80,13 @@ def _load(file: Path, including: tuple[Path, ...], loaded: dict[Path, Protocol])
     if problems:
         raise FileProblems(file, few(problems))
     return protocol
+
+
+def _no_protocol(data: dict[str, Any]) -> str | None:
+    """What a file that is something else looks like, None where it may be meant as a protocol."""
+    fields = ProtocolSpec.model_fields
+    needed = [name for name, field in reversed(fields.items()) if field.is_required()]  # `sections` tells most
+    return why_no_protocol(data, needed, list(fields))
 
 
 def _read_presets(document: YamlDocument[ProtocolSpec]) -> tuple[dict[str, str], list[Problem]]:

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
@@ -97,6 +98,34 @@ class Session:
     @property
     def name(self) -> str:
         return self.path.name
+
+    @property
+    def started(self) -> datetime:
+        """When the run or recording began; of an import, when it was made.
+
+        Raises:
+            SessionError: The manifest has no date.
+        """
+        return self._date("started_utc")
+
+    @property
+    def recorded_at(self) -> datetime | None:
+        """When the samples were taken; None where nobody knows, as of an import whose files do not say.
+
+        Raises:
+            SessionError: What the manifest has is no date.
+        """
+        if self.manifest.get("kind") != "import":
+            return self.started
+        return self._date("recorded_utc") if self.manifest.get("recorded_utc") else None
+
+    def _date(self, key: str) -> datetime:
+        text = str(self.manifest.get(key))
+        try:
+            moment = datetime.fromisoformat(text)
+        except ValueError:
+            raise SessionError(f"{self.path}: {key} of the manifest is no date: {text}") from None
+        return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
     @property
     def status(self) -> RunStatus:

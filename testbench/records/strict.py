@@ -12,7 +12,8 @@ EulerSequence = Literal[
 ]  # fmt: skip
 """Intrinsic Euler sequences, spelt in upper case as SciPy does."""
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,63}$")]
+NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
+Name = Annotated[str, Field(pattern=NAME_PATTERN)]
 """A word that can stand in an expression, a file name and a metric."""
 
 Angles3 = Annotated[list[float], Field(min_length=3, max_length=3)]

@@ -7,6 +7,7 @@ from the path of each value to its line and column, so that a validation error c
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -74,8 +75,14 @@ class YamlDocument(Generic[Record]):
         return FileProblems(self.file, [locate(self.places, path, message)])
 
 
-def load_yaml(file: str | Path, record: type[Record]) -> YamlDocument[Record]:
+def load_yaml(
+    file: str | Path, record: type[Record], another_kind: Callable[[dict[str, Any]], str | None] | None = None
+) -> YamlDocument[Record]:
     """Read and validate one YAML file.
+
+    Args:
+        file: Its path. record: What it shall be. another_kind: Of the content of a file that does not fit, the sentence that
+        takes the place of all its faults where it is something else, or None.
 
     Raises:
         FileProblems: The file is missing, too large, not YAML, or does not fit the record; every problem at once.
@@ -90,7 +97,9 @@ def load_yaml(file: str | Path, record: type[Record]) -> YamlDocument[Record]:
     try:
         value = record.model_validate(data)
     except ValidationError as error:
-        raise FileProblems(file, few(validation_problems(error, places, record=record))) from None
+        told = another_kind(data) if another_kind is not None else None
+        problems = few(validation_problems(error, places, record=record)) if told is None else [locate({}, (), told)]
+        raise FileProblems(file, problems) from None
     return YamlDocument(value, text, file, places)
 
 

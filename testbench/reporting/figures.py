@@ -19,6 +19,8 @@ from testbench.reporting.palette import REFERENCE, translucent
 
 Figure = dict[str, Any]
 
+FLAT = 8.0
+"""The highest curve over the median of ours from which a linear axis leaves half of these an eighth of its height."""
 _MARGIN = {"l": 58, "r": 14, "t": 34, "b": 46}
 
 
@@ -50,10 +52,12 @@ class Curve:
 
 
 def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
-    """Lines with markers and bands."""
+    """Lines with markers and bands; on a logarithmic axis, without bands, where a linear one would leave most of them flat."""
     data: list[Figure] = []
+    curves = list(curves)
+    logarithmic = flat_on_a_linear_axis(curves)
     for curve in curves:
-        if curve.sd is not None:
+        if curve.sd is not None and not logarithmic:
             low = [max(y - s, 0.0) for y, s in zip(curve.y, curve.sd, strict=True) if y is not None]
             high = [y + s for y, s in zip(curve.y, curve.sd, strict=True) if y is not None]
             x = [value for value, y in zip(curve.x, curve.y, strict=True) if y is not None]
@@ -65,7 +69,7 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
                 "name": _text(curve.name),
                 "legendgroup": _text(curve.name),
                 "x": _rounded(curve.x),
-                "y": _rounded(curve.y),
+                "y": _rounded([None if logarithmic and y is not None and y <= 0 else y for y in curve.y]),
                 "line": {"color": curve.colour, "width": 2, "dash": "dot" if curve.dashed else "solid"},
                 "marker": {
                     "size": 6,
@@ -79,7 +83,23 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
     layout = _layout(380, hovermode="x unified")
     layout["xaxis"] = _axis(x_title)
     layout["yaxis"] = _axis(y_title, rangemode="tozero")
+    if logarithmic:
+        layout["yaxis"] = _axis(y_title) | {"type": "log", "zeroline": False, "dtick": 1, "exponentformat": "none"}
     return {"data": data, "layout": layout}
+
+
+def flat_on_a_linear_axis(curves: Sequence[Curve]) -> bool:
+    """Whether half of our curves would keep to the lowest part of an axis that shows every curve that is not hidden."""
+    tops = {
+        dashed: [
+            max(known)
+            for curve in curves
+            if curve.dashed is dashed and not curve.hidden
+            if (known := [y for y in curve.y if y is not None and np.isfinite(y)])
+        ]
+        for dashed in (False, True)
+    }
+    return bool(tops[False]) and max(*tops[False], *tops[True], 0.0) >= FLAT * float(np.median(tops[False]))
 
 
 def _band(x: list[float], low: list[float], high: list[float], curve: Curve) -> Figure:

@@ -106,7 +106,8 @@ def _pose_blocks(
                 f"Mean |flexion error| over commanded flexion: {where}",
                 figures,
                 "How to read: lower is better. The band is one standard deviation of the samples within a pose, to either "
-                f"side.{_diamonds(published)}",
+                "side. Where some curves lie far above most of ours, the vertical axis is logarithmic and without bands."
+                f"{_diamonds(published)}",
             )
         )
     if len(errors.flexions) > 1 and len(errors.misalignments) > 1:

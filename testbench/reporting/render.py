@@ -29,6 +29,7 @@ def render_page(
     tiles: Sequence[Tile],
     sections: Sequence[Section],
     outcome: str | None = None,
+    verdict: str = "",
     simulated: bool = False,
     kind: str = "report",
     footer: str = ERRORS,
@@ -37,13 +38,15 @@ def render_page(
 
     Args:
         title, purpose: Its head. facts: Names and values below it. tiles: Numbers worth seeing first. sections: The body.
-        outcome: Badge beside the title, or None. simulated: Whether to say that the samples come from models.
+        outcome: Colour of the badge beside the title, None for no badge. verdict: Its words.
+        simulated: Whether to say that the samples come from models.
         kind: What the page is, for the window's title. footer: Its last line.
     """
     return _template().render(
         title=title,
         purpose=purpose,
         outcome=outcome,
+        verdict=verdict,
         simulated=simulated,
         kind=kind,
         footer=footer,

@@ -70,6 +70,7 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
         title=described.get("name") or session.name,
         purpose=described.get("purpose") or "",
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
+        verdict=evaluation.verdict if evaluation else "not evaluated",
         simulated=is_simulated(session),
         facts=facts(session),
         tiles=_tiles(evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}),

@@ -18,7 +18,7 @@ from testbench.reporting.tables import NOTHING, Cell, Row, Table, digits, header
 
 SHOWN = {
     "schema_version", "session", "status", "started_utc", "clocks", "software", "sensors", "analysis", "kind", "seed",
-    "protocol", "robot", "plan", "message", "duration_s", "files", "arm",
+    "protocol", "robot", "plan", "message", "duration_s", "files", "arm", "recorded_utc", "recorded_by",
 }  # fmt: skip
 """Entries of the manifest that have a place of their own."""
 DATES = {"run": "Started", "import": "Imported", "recording": "Recorded"}
@@ -36,6 +36,7 @@ def facts(session: Session) -> list[tuple[str, str]]:
         ("Protocol" if ran else "Recording", protocol.get("name")),
         ("Files", ", ".join(map(str, files)) if isinstance(files, list) else None),
         ("Robot", _robot(session, robot, arm)),
+        ("Recorded", _recorded(manifest) if manifest.get("kind") == "import" else None),
         (DATES.get(str(manifest.get("kind")), "Started"), _date(manifest.get("started_utc"))),
         ("Duration", duration(manifest.get("duration_s"))),
         ("Steps", f"{len(session.steps)} finished" if session.steps else None),
@@ -57,6 +58,12 @@ def _robot(session: Session, robot: dict[str, Any], arm: dict[str, Any]) -> str:
         return str(robot.get("name") or NO_ROBOT.get(str(session.manifest.get("kind")), "none"))
     described = session.robot.spec.description or session.robot.name
     return described + (f" ({arm['driver']})" if arm.get("driver") else "")
+
+
+def _recorded(manifest: dict[str, Any]) -> str:
+    """Date of the recording that was imported, and who says so."""
+    date = manifest.get("recorded_utc")
+    return f"{_date(date)}, by {manifest.get('recorded_by')}" if date else "date unknown"
 
 
 def _date(value: Any) -> str:
@@ -156,7 +163,7 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
             )
         )
     else:
-        section.blocks.append(Sentence("No limits are set, so nothing is passed or failed."))
+        section.blocks.append(Sentence("No limits were stated, so nothing is passed or failed."))
     if others:
         section.blocks.append(
             _metrics(
@@ -173,8 +180,7 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
         cells = [label(metric.name), *(text(value) for value in (metric.filter, metric.sequence, metric.section))]
         cells += [plus_minus(metric.value, metric.expanded_uncertainty), _interval(metric), text(metric.unit)]
         if limits and metric.outcome is not None:
-            outcome = metric.outcome.value
-            cells += [text(_limits(metric)), Cell(outcome.replace("_", " "), kind=f"badge {outcome}")]
+            cells += [text(_limits(metric)), Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}")]
         rows.append(Row([*cells, text(metric.meaning, kind="wide")]))
     titles = ["metric", "filter", "sequence", "section"]
     columns = [

@@ -5,9 +5,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from testbench import plan
-from testbench.exceptions import InputError, NotFoundError
+from testbench.exceptions import CollisionError, Contact, InputError, NotFoundError
 from testbench.model.calibration_information import ObservationNoise, pose_information, predicted_sd, turn_information
 from testbench.pipeline import design_calibration
+from testbench.planning import designed
 from testbench.planning.designed import _gain
 from testbench.planning.experiment_design import ACCELEROMETER_SIZE, Designer, Wanted
 from testbench.planning.optimal_design import choose, efficiency, merit
@@ -95,7 +96,7 @@ def test_coming_back_to_the_same_poses_is_no_gain():
     q, dwell = designer.poses_of(plan("calibration_3d"))
     for visits in (1, 2, 3):
         again = designer.judged(np.tile(q, (visits, 1)), [], dwell)
-        assert _gain(designer, q, dwell, again, Wanted(criterion="D")) == pytest.approx(1.0, abs=1e-9)
+        assert _gain(designer, q, dwell, designer, again, Wanted(criterion="D")) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_the_shipped_design_is_what_the_command_makes(tmp_path):
@@ -113,6 +114,46 @@ def test_another_arm_and_few_joints_will_do(tmp_path):
     np.testing.assert_allclose(q[:, [0, 1, 2, 5]], np.tile(found.plan.robot.home[[0, 1, 2, 5]], (8, 1)), atol=1e-9)
 
 
+def test_an_arm_with_other_links_is_designed_for_and_compared_with_the_protocol_on_its_own_arm(tmp_path):
+    """The GIMVEBO has three joints and three links, none of the names of the protocol's arm."""
+    out = tmp_path / "gimbal.yaml"
+    with pytest.raises(InputError, match=r"known: base_link, y_arm, x_arm, z_arm; .*--link, such as z_arm"):
+        design_calibration(out, "gimvebo", "calibration_3d", None, Wanted())
+    found = design_calibration(out, "gimvebo", "calibration_3d", None, Wanted(8, 0), "z_arm")
+    assert (found.compared, found.compared_on) == ("calibration_3d", "ur3e")
+    assert "against calibration_3d on ur3e" in found.sentence
+    written = load_protocol(out)
+    assert written.spec.sensors["forearm"].link == "z_arm"
+    assert "in the link z_arm: correct it" in out.read_text()
+    own = Designer(load_robot("ur3e"), load_protocol("calibration_3d").spec.sensors["forearm"])
+    q, dwell = own.poses_of(plan("calibration_3d"))
+    before = own.judged(q, [], dwell).accelerometer  # the six poses tell the same of the sensor, whatever arm is designed for
+    assert {row.parameter: row.compared for row in found.rows if row.parameter in before} == pytest.approx(before)
+    elsewhere = Designer(load_robot("gimvebo"), written.spec.sensors["forearm"])
+    q, _ = elsewhere.poses_of(plan(written))
+    force = elsewhere.force(q) / 9.80665
+    assert np.linalg.eigvalsh(force.T @ force / len(force))[0] > 0.1  # every axis of the sensor feels gravity
+
+
+def test_a_pose_that_no_clear_way_leads_to_is_replaced(tmp_path, monkeypatch):
+    refused = []
+
+    def checked(text, poses):
+        planned = check(text, poses)
+        if not refused:
+            refused.append(tuple(Designer(planned[1].robot, sensor).poses_of(planned[1])[0][2]))
+            contact = Contact("base_link", "z_arm", -0.001, 1.0, "pose 3")
+            raise designed._NoWay(2, CollisionError(contact, 0.005, contact))
+        return planned
+
+    check, sensor = designed._checked, load_protocol("gimvebo_gyro").spec.sensors["imu"]
+    monkeypatch.setattr(designed, "_checked", checked)
+    found = design_calibration(tmp_path / "gimbal.yaml", "gimvebo", "calibration_3d", None, Wanted(8, 0), "z_arm")
+    poses = Designer(found.plan.robot, sensor).poses_of(found.plan)[0]
+    assert len(poses) == 8
+    assert not np.isclose(poses, refused[0], atol=1e-9).all(axis=1).any()
+
+
 def test_refusals(tmp_path):
     out = tmp_path / "x.yaml"
     with pytest.raises(NotFoundError, match="known: shoulder_pan_joint"):
@@ -121,6 +162,8 @@ def test_refusals(tmp_path):
         design_calibration(out, "ur3e", "elbow_flexion", None, Wanted())
     with pytest.raises(InputError, match="no static pose"):
         design_calibration(out, "ur3e", "static_noise", "dot", Wanted())
+    with pytest.raises(InputError, match="called after its file"):
+        design_calibration(tmp_path / "no name.yaml", "ur3e", "calibration_3d", None, Wanted())
     with pytest.raises(InputError, match=r"is a \.yaml file"):
         design_calibration(tmp_path / "x.txt", "ur3e", "calibration_3d", None, Wanted())
     assert not list(tmp_path.iterdir())

@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from testbench.records.evaluation import Outcome
+from testbench.cli.output import say_evaluation
+from testbench.records.evaluation import Metric, Outcome
 from testbench.records.published import load_published
 from testbench.records.session import Session
+from testbench.reporting.figures import Curve, error_curves
 from testbench.reporting.palette import COLOURS, REFERENCE, rgb
 from testbench.reporting.report import report
 from tests.reporting.conftest import Judged, copy_of
@@ -92,6 +94,22 @@ def test_the_report_names_what_was_run_and_the_verdict(quick_page: Page, quick: 
         assert words.lower() in quick_page.words.lower()
 
 
+@pytest.mark.parametrize("outcome", [None, *Outcome])
+def test_report_and_terminal_give_the_verdict_in_the_same_words(
+    imported: Judged, outcome: Outcome | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    evaluation = imported.evaluation
+    if outcome is not None:
+        limited = Metric("imu.total_rmse_deg", 0.5, "deg", None, 1.0, outcome, "")
+        evaluation = replace(evaluation, metrics=[limited], outcome=outcome)
+    page = report(imported.session, imported.estimate, evaluation).read_text(encoding="utf-8")
+    found = re.search(r'<span class="badge (\w+) large">([^<]+)</span>', page)
+    assert found is not None
+    say_evaluation(evaluation, "session", None)
+    assert f"outcome: {found[2]}\n" in capsys.readouterr().out
+    assert found[2] == ("no limits were stated" if outcome is None else outcome.value.replace("_", " "))
+
+
 def test_an_imported_recording_is_not_spoken_of_as_a_run(imported: Judged) -> None:
     words = re.sub(r"\s+", " ", Page(report(imported.session, imported.estimate, imported.evaluation).read_text()).words)
     for said in (
@@ -115,6 +133,20 @@ def test_a_recording_of_devices_is_dated_as_one_and_says_what_it_cannot_repeat(i
     for said in ("Recorded2026-01-02", "none: devices recorded alone", "cannot be measured again", "98.0 samples in a second"):
         assert said in words, said
     assert "same plan" not in words and "Started" not in words
+
+
+def test_curves_far_below_others_are_not_left_flat() -> None:
+    x = [0.0, 10.0, 20.0]
+    own = [Curve("a", x, [0.02, 0.0, 0.05], "#123456", [0.01] * 3), Curve("b", x, [0.01, 0.03, None], "#654321", [0.01] * 3)]
+    far = Curve("published", x, [2.0, 5.0, 1.0], REFERENCE, dashed=True)
+    flat = error_curves([*own, far], "x", "y")
+    assert flat["layout"]["yaxis"]["type"] == "log"
+    assert [trace["y"] for trace in flat["data"]] == [[0.02, None, 0.05], [0.01, 0.03, None], [2, 5, 1]]  # no bands, no zero
+    for beside in ([], [replace(far, hidden=True)], [replace(far, y=[0.1, 0.1, 0.2])]):
+        shown = error_curves([*own, *beside], "x", "y")
+        assert shown["layout"]["yaxis"]["rangemode"] == "tozero"
+        assert "type" not in shown["layout"]["yaxis"]
+        assert sum(trace.get("fill") == "toself" for trace in shown["data"]) == 2
 
 
 def test_every_table_and_figure_says_how_to_read_it(quick_page: Page) -> None:

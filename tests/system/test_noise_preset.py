@@ -8,7 +8,7 @@ from testbench.cli import main
 from testbench.exceptions import FileProblems
 from testbench.pipeline import run
 from testbench.records.protocol_file import load_protocol
-from testbench.records.sensor import ImuParameters
+from testbench.records.sensor import ImuParameters, load_preset
 from testbench.records.yaml_file import load_yaml
 
 
@@ -48,7 +48,7 @@ def test_a_measured_sensor_simulates_with_the_same_noise(measured, altered_proto
         for axis in before:
             assert after[axis] == pytest.approx(before[axis], rel=tolerance), (key, axis)
     kept = yaml.safe_load((second.session.path / "included_my_matrix.yaml").read_text(encoding="utf-8"))
-    assert kept["description"].endswith("noise as measured")
+    assert kept["description"].endswith("all else copied from the preset matrix named by the session's protocol")
     other = run("static_noise", seed=7, logs=folder / "logs", with_report=False)
     ratio = [by_axis(other.evaluation, "dot", "sd")[a] / by_axis(second.evaluation, "matrix", "sd")[a] for a in [("acc", "x")]]
     assert np.all(np.array(ratio) < 0.5)  # the noise is the part's, not anyone's
@@ -62,7 +62,26 @@ def test_what_was_measured_stands_in_the_file(measured):
     white = [np.sqrt(density["gyr", a] ** 2 - rounding**2) for a in "xyz"]
     assert sheet.gyroscope.noise_density_deg_s_sqrthz == pytest.approx(white, rel=1e-3)
     assert sheet.accelerometer.range_g == 8  # from the data sheet: a rest does not show it
-    assert first.session.name in sheet.source
+    assert f"Measured (sensor matrix of session {first.session.name}, " in sheet.source
+    assert "white noise of the gyroscope (x, y, z)" in sheet.source
+
+
+def test_what_another_preset_gave_is_said(measured, tmp_path, capsys):
+    """MATRIX has no magnetometer: one that comes with the preset was not measured, and neither file nor terminal hides it."""
+    _, first = measured
+    out = tmp_path / "mixed.yaml"
+    assert command("noise", first.session.path, "--sensor", "matrix", "--like", "xsens_dot", "--out", out) in (0, None)
+    sheet = load_yaml(out, ImuParameters).value
+    copied = "magnetometer: nothing was measured, the recording holds none; all of it copied from the preset xsens_dot"
+    assert sheet.magnetometer is not None
+    assert copied in sheet.source
+    assert copied in " ".join(capsys.readouterr().out.split())
+    assert "DOT" not in sheet.description.replace("xsens_dot", "")
+    assert sheet.accelerometer.noise_density_ug_sqrthz != load_preset("xsens_dot").accelerometer.noise_density_ug_sqrthz
+    again = tmp_path / "again.yaml"
+    assert command("noise", first.session.path, "--sensor", "dot", "--like", out, "--out", again) in (0, None)
+    assert "copied from the preset file mixed.yaml" in load_yaml(again, ImuParameters).value.description
+    assert "magnetometer: nothing" not in again.read_text()
 
 
 def test_refusals(measured, tmp_path, capsys):

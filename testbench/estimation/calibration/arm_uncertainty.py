@@ -66,6 +66,8 @@ def with_arm_uncertainty(
     accelerometer = triads.get("accelerometer")
     by_arm = accelerometer is not None and accelerometer.method in ARM_AIDED
     concerned = {name: found for name, found in triads.items() if by_arm or found.method in ARM_AIDED}
+    if "gyroscope" in concerned and concerned["gyroscope"].method == "ferraris_gyroscope":
+        del concerned["gyroscope"]  # its turns are of a stated angle about its own faces: the arm has no part in it
     if not concerned or not truths:
         return triads, []
     added = {name: [np.zeros_like(fit.covariance) for fit in found.fits] for name, found in concerned.items()}

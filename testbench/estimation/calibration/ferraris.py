@@ -10,18 +10,22 @@ The faces are taken to be exactly level: what a crooked table or housing adds lo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.estimation.calibration.attitude_aided import calibration_of
 from testbench.estimation.calibration.faces import face_of, need_all_faces, six_faces
+from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance
+from testbench.estimation.calibration.turns import GyroscopeRecording
 from testbench.exceptions import InputError
 from testbench.records.calibration import TriadCalibration
 from testbench.records.fit import Fit
 
+ABOUT_ONE_AXIS = 0.95
+"""A turn is about one axis where this share of it is, as a face is up (`faces.LEAST_SHARE`)."""
 LEVEL = "the faces are taken to be exactly level; what tilts them looks like cross-axis error"
 
 
@@ -113,6 +117,61 @@ def ferraris_gyroscope(
         covariance,
     )
     return TriadCalibration("ferraris", np.linalg.inv(response), bias, g_matrix=g_matrix, fits=(fit,), remarks=(LEVEL,))
+
+
+def largest_turns(recording: GyroscopeRecording) -> list[int]:
+    """Indices of the largest turns about x, y and z of the sensor, by its own rates.
+
+    Raises:
+        PoorExcitation: No turn is about one of the axes.
+    """
+    bias = np.concatenate([rest.gyr for rest in recording.rests]).mean(axis=0)
+    swept = np.array([(turn.gyr - bias).sum(axis=0) * turn.interval for turn in recording.turns]).reshape(-1, 3)
+    chosen = []
+    for axis in range(3):
+        about = np.abs(swept[:, axis]) >= ABOUT_ONE_AXIS * np.linalg.norm(swept, axis=1)
+        known = [i for i in np.flatnonzero(about).tolist() if recording.turns[i].force is not None]
+        if not known:
+            names = [f"response_{i}{AXES[axis]}" for i in AXES]
+            raise PoorExcitation(names, float("inf"), f"no turn from rest to rest is about the axis {AXES[axis]}")
+        chosen.append(max(known, key=lambda i: abs(swept[i, axis])))
+    return chosen
+
+
+def ferraris_of_recording(recording: GyroscopeRecording, angle: float | None = None) -> TriadCalibration:
+    """The same from rests and the turns between them, of which the largest about each axis is the known one.
+
+    Args:
+        recording: Rests with the force they feel, and each face up in one of them; turns with their force. angle: Of each
+        known turn [rad], negative for clockwise ones (seen against the axis); None where nobody states it.
+
+    Raises:
+        InputError: The angle is not stated. PoorExcitation: A face is never up, or no turn is about one of the axes.
+    """
+    if angle is None:
+        raise InputError(
+            "the method ferraris_gyroscope needs the angle of its turns about x, y and z; state it with --turn-deg, such as "
+            "--turn-deg 360 (where an arm made them, the method attitude knows it)"
+        )
+    rests = [rest for rest in recording.rests if rest.force is not None]
+    force = np.array([rest.force for rest in rests]).reshape(-1, 3)
+    magnitude = float(np.linalg.norm(force, axis=1).mean()) if len(rests) else float("nan")
+    count = np.array([len(rest.gyr) for rest in rests])
+    mean = np.array([rest.gyr.mean(axis=0) for rest in rests]).reshape(-1, 3)
+    variance = np.array([rest.gyr.var(axis=0, ddof=1) / len(rest.gyr) for rest in rests]).reshape(-1, 3)
+    still = StaticPoses(mean, variance, magnitude, count=count)
+    felt = StaticPoses(force, np.ones_like(force), magnitude, count=count)  # of it only the means are asked for
+    largest = [recording.turns[i] for i in largest_turns(recording)]
+    turns = [Turn(turn.gyr, turn.force, turn.interval) for turn in largest if turn.force is not None]
+    found = ferraris_gyroscope(still, felt, turns, angle)
+    reading = np.diag(np.linalg.inv(found.matrix))
+    if (reading <= 0).any():
+        told = ", ".join(f"{axis} {np.degrees(angle * value):.1f} deg" for axis, value in zip(AXES, reading, strict=True))
+        raise InputError(
+            f"by the gyroscope its largest turns are {told}, where --turn-deg states {np.degrees(angle):g} deg for each: one "
+            "sense of turning for all three axes, negative if clockwise"
+        )
+    return replace(found, method="ferraris_gyroscope")
 
 
 def _response_names() -> list[str]:

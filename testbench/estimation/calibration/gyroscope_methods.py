@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from testbench.estimation.calibration.ferraris import ferraris_of_recording
 from testbench.estimation.calibration.gyroscope import attitude, gravity_turns, static_bias
 from testbench.estimation.calibration.rate_table import rate_table
 from testbench.exceptions import NotFoundError
@@ -17,9 +18,9 @@ class GyroscopeMethod:
 
     Attributes:
         name: As `testbench calibrate` spells it. needs: What the recording must know: "rests", "up" (direction of gravity
-        before and after each turn), "attitude" or "rate" (at every sample), "force" (for the response to it). gives: What it
-        determines. source: Where it comes from. function: From a `GyroscopeRecording` and the method's options to the
-        calibration.
+        before and after each turn), "attitude" or "rate" (at every sample), "force" (for the response to it), or a phrase.
+        gives: What it determines. source: Where it comes from. function: From a `GyroscopeRecording` and the method's options
+        to the calibration.
     """
 
     name: str
@@ -53,6 +54,13 @@ GYROSCOPE_METHODS = {
             "bias, response to rate and to force",
             "tests on a rate table, IEEE Std 952-1997",
             rate_table,
+        ),
+        GyroscopeMethod(
+            "ferraris_gyroscope",
+            ("rests with each face up", "a turn of a known angle about each axis (--turn-deg)"),
+            "bias, response to rate and to force",
+            "Ferraris, Grimaldi & Parvis 1995",
+            ferraris_of_recording,
         ),
     )
 }

@@ -11,7 +11,8 @@ import numpy as np
 
 from testbench.estimation.calibration.least_squares import PoorExcitation, covariance_of
 from testbench.estimation.calibration.triad_model import AXES
-from testbench.estimation.hand_eye import REFUSED, solve_hand_eye
+from testbench.estimation.hand_eye import solve_hand_eye
+from testbench.estimation.shown_mounting import REFUSED
 from testbench.model import rotation
 from testbench.records.fit import Fit
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import datetime
+from functools import partial
 
 import numpy as np
 
 from testbench.estimation.calibration.arm_uncertainty import shifted_truths, with_arm_uncertainty
 from testbench.estimation.calibration.axis_model import orthogonality
-from testbench.estimation.calibration.gyroscope import IN_RUN
+from testbench.estimation.calibration.ferraris import largest_turns
+from testbench.estimation.calibration.gyroscope import IN_RUN, validated
 from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
 from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
@@ -18,6 +19,7 @@ from testbench.estimation.calibration.poses import SETTLING_M_S2, StaticPoses
 from testbench.estimation.calibration.prepared import Prepared, Segmentation, prepare
 from testbench.estimation.calibration.session_mounting import MOUNTING_METHODS, find_mounting
 from testbench.estimation.calibration.shared_frame import take_mounting_out
+from testbench.estimation.calibration.turns import GyroscopeRecording, Turn
 from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.estimation.calibration.warming import with_drift
 from testbench.exceptions import InputError, NotFoundError
@@ -26,6 +28,9 @@ from testbench.records.calibration_file import SensorCalibration
 from testbench.records.calibration_result import CalibrationResult
 from testbench.records.session import Session
 
+SCALE_WITHIN = 1.5
+"""Largest factor that a calibration may find between a gyroscope and the rate: data sheets of consumer parts state 3 %, and a
+wrong range setting is a factor of 2."""
 METHODS: dict[str, str] = (
     dict.fromkeys(ACCELEROMETER_METHODS, "accelerometer")
     | dict.fromkeys(GYROSCOPE_METHODS, "gyroscope")
@@ -37,7 +42,7 @@ METHODS: dict[str, str] = (
 
 def calibrate(
     session: Session, sensor: str, methods: Sequence[str] = (), segmentation: Segmentation | None = None,
-    held_out: Sequence[Session] = (), software: str = "", field: np.ndarray | None = None,
+    held_out: Sequence[Session] = (), software: str = "", field: np.ndarray | None = None, turn_angle: float | None = None,
 ) -> CalibrationResult:  # fmt: skip
     """Calibrate a sensor.
 
@@ -46,12 +51,15 @@ def calibrate(
         none is named. segmentation: Which witness says where the rests are; the arm if it was there. held_out: Sessions of the
         same sensor, in the same mounting, whose poses validate; cross-validation without any. software: For the record.
         field: Of the earth in the world, shape (3,) [uT]; None where nobody states it.
+        turn_angle: Of the known turns of `ferraris_gyroscope` [rad]; None where nobody states it.
 
     Raises:
         NotFoundError: No such sensor or method. InputError: Two methods for one triad, or nothing to calibrate from.
         PoorExcitation: The recording does not determine a parameter of a method that was asked for.
     """
     chosen = _by_triad(methods, field)
+    if turn_angle is not None and chosen.get("gyroscope") != "ferraris_gyroscope":
+        raise InputError("--turn-deg is for the method ferraris_gyroscope; name it with --method, or leave the angle out")
     prepared = prepare(session, sensor, segmentation)
     others = [prepare(other, sensor, None) for other in held_out]
     remarks = list(prepared.remarks)
@@ -60,7 +68,7 @@ def calibrate(
     if accelerometer is not None:
         triads["accelerometer"] = accelerometer
     remarks += _orthogonality(prepared.poses)
-    gyroscope = _gyroscope(prepared, others, accelerometer, chosen.get("gyroscope"), not methods, remarks)
+    gyroscope = _gyroscope(prepared, others, accelerometer, chosen.get("gyroscope"), not methods, remarks, turn_angle)
     if gyroscope is not None:
         triads["gyroscope"] = gyroscope
     magnetometer = _magnetometer(prepared, others, accelerometer, chosen.get("magnetometer"), not methods, remarks, field)
@@ -77,9 +85,11 @@ def calibrate(
     if "mounting" in chosen and mounting is not None:
         remarks.append(f"the mounting by {chosen['mounting']} takes the place of the one {mounting.method}")
         mounting = None
+    if session.recorded_at is None:
+        remarks.append("the date of the recording is unknown: the calibration bears the date of its import")
     device = session.manifest["sensors"][sensor].get("device_tag")
     calibration = SensorCalibration(
-        sensor, str(device) if device else None, datetime.fromisoformat(session.manifest["started_utc"]), session.name,
+        sensor, str(device) if device else None, session.recorded_at or session.started, session.name,
         session.fingerprint, software, prepared.temperature, triads, mounting=mounting,
     )  # fmt: skip
     if "mounting" in chosen:  # of the sensor's own axes, whole, whatever the triads contained of it
@@ -131,7 +141,10 @@ def _with_in_run(triad: str, found: TriadCalibration) -> TriadCalibration:
     The methods take it to be drawn anew for each rest; it wanders slowly, and a whole session may lie to one side of the
     turn-on bias. `static_bias` and `gravity_turns` count it already.
     """
-    sd = {"accelerometer": SETTLING_M_S2, "gyroscope": IN_RUN if found.method in {"attitude", "rate_table"} else 0.0}.get(triad)
+    sd = {
+        "accelerometer": SETTLING_M_S2,
+        "gyroscope": IN_RUN if found.method in {"attitude", "rate_table", "ferraris_gyroscope"} else 0.0,
+    }.get(triad)
     if not sd:
         return found
     fits = []
@@ -177,7 +190,7 @@ def joined(several: list[StaticPoses]) -> StaticPoses:
 
 def _gyroscope(
     prepared: Prepared, others: list[Prepared], accelerometer: TriadCalibration | None, name: str | None, free: bool,
-    remarks: list[str],
+    remarks: list[str], turn_angle: float | None,
 ) -> TriadCalibration | None:  # fmt: skip
     if (name is None and not free) or not prepared.has_gyroscope:
         return None
@@ -186,14 +199,48 @@ def _gyroscope(
     aided = [key for key, method in GYROSCOPE_METHODS.items() if "attitude" in method.needs] if prepared.has_truth else []
     wanted = [name] if name else [*aided, "gravity_turns", "static_bias"]
     for candidate in wanted:
-        method = GYROSCOPE_METHODS[candidate]
+        function = GYROSCOPE_METHODS[candidate].function
         try:
-            return prepared.with_held_out_turns(with_drift(method.function), recording, held_out)
+            if candidate == "ferraris_gyroscope":
+                found = with_drift(partial(function, angle=turn_angle))(recording)
+                unused = _unused_turns(recording, held_out)
+                found = validated(found, unused) if unused else found
+            else:
+                found = prepared.with_held_out_turns(with_drift(function), recording, held_out)
         except (PoorExcitation, InputError) as error:
             if name:
                 raise
             remarks.append(f"gyroscope by {candidate}: {error}")
+        else:
+            refuse_implausible_scale(found)
+            return found
     return None
+
+
+def _unused_turns(recording: GyroscopeRecording, others: list[GyroscopeRecording]) -> list[Turn]:
+    """Turns that Ferraris did not calibrate from: of other recordings, or all but the largest about each axis."""
+    if others:
+        return [turn for other in others for turn in other.turns]
+    used = largest_turns(recording)
+    return [turn for i, turn in enumerate(recording.turns) if i not in used]
+
+
+def refuse_implausible_scale(found: TriadCalibration) -> None:
+    """Refuse a gyroscope whose scale no part has: the range setting, the unit or a stated angle is wrong.
+
+    Raises:
+        InputError: Says by how much.
+    """
+    scale = np.linalg.norm(np.linalg.inv(found.matrix), axis=0)
+    if np.all((scale > 1 / SCALE_WITHIN) & (scale < SCALE_WITHIN)):
+        return
+    told = ", ".join(f"{axis} {value:.4g}" for axis, value in zip("xyz", scale, strict=True))
+    turns = "; or the turns were not of the angle that --turn-deg states" if found.method == "ferraris_gyroscope" else ""
+    raise InputError(
+        f"the gyroscope reads so many times the rate of its turns, by {found.method}: {told}. Parts are within a few percent "
+        f"of 1: it was read at the wrong range setting or in the wrong unit, and a calibration would hide it{turns}. Correct "
+        "the scale where the file is read (testbench import --unit, or scale in a mapping) and calibrate again"
+    )
 
 
 def _magnetometer(

@@ -23,6 +23,7 @@ from testbench.records.fit import Fit
 ARM_AIDED = (
     *(method.name for method in (*ACCELEROMETER_METHODS.values(), *MAGNETOMETER_METHODS.values()) if method.needs_expected),
     "ferraris",  # by the faces, which the poses put level
+    "ferraris_gyroscope",
     "attitude",
     "rate_table",
 )

@@ -45,6 +45,9 @@
     const figure = JSON.parse(holder.querySelector("script").textContent);
     const change = scheme(figure.layout);
     for (const key of Object.keys(change)) put(figure.layout, key, change[key]);
+    // On a phone the names in a legend stand one or two in a row: they must not take the room of the curves.
+    const named = figure.data.filter((trace) => trace.type === "scatter" && trace.showlegend !== false).length;
+    if (narrow.matches && named > 2) figure.layout.height += 14 * named;
     const small = holder.parentElement.classList.contains("small-figures");
     return Plotly.newPlot(holder, figure.data, figure.layout, small || narrow.matches ? Object.assign({}, config, { displayModeBar: false }) : config);
   }

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+from testbench.cli import filtering
 from testbench.cli.app import app
 from testbench.cli.filtering import parse_filters
 from testbench.estimation import estimate
@@ -17,7 +21,8 @@ from testbench.estimation.filters import plugins
 from testbench.estimation.filters.plugins import find_filter
 from testbench.estimation.filters.self_test import self_test
 from testbench.exceptions import InputError, NotFoundError
-from testbench.pipeline import load_or_estimate
+from testbench.pipeline import export, load_or_estimate
+from testbench.records.session import Session
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "03_a_filter_of_your_own.py"
 HEAD = "from testbench.estimation.filters import OrientationFilter, get_filter\nfrom testbench.model import rotation\n"
@@ -128,3 +133,31 @@ def test_a_protocol_cannot_name_code(altered_protocol):
     path = altered_protocol("quick", lambda content: content.update(estimate={"filters": [f"{EXAMPLE}:SteadyHand"]}, accept=[]))
     with pytest.raises(FileProblems):
         plan(path)
+
+
+def test_a_filter_of_the_users_own_can_be_exported(quick, tmp_path, monkeypatch):
+    """By its file, by the name it is installed under, and by its name alone once the session's estimate holds it."""
+    tested = []
+    monkeypatch.setattr(filtering, "_sound", lambda kind: tested.append(kind.name) or kind)  # the self-test takes seconds
+    session = Session(shutil.copytree(quick.session.path, tmp_path / "quick"))
+    before = sorted(path.name for path in (session.path / "estimate").iterdir())
+
+    def exported(out: str, wanted: str) -> np.ndarray:
+        command = ["export", str(session.path), "--to", "parquet", "--out", str(tmp_path / out), "--filter", wanted]
+        result = CliRunner().invoke(app, command, catch_exceptions=False)
+        assert "orientation by: steady_hand" in result.output
+        columns = [f"steady_hand_q_world_from_sensor_{axis}" for axis in "wxyz"]
+        return pq.read_table(tmp_path / out / "imu_arm.parquet").select(columns).to_pandas().to_numpy()
+
+    q = exported("by_file", f"{EXAMPLE}:SteadyHand")
+    assert sorted(path.name for path in (session.path / "estimate").iterdir()) == before  # the session's own stays as it is
+    alone = estimate(session, [find_filter(f"{EXAMPLE}:SteadyHand")])
+    np.testing.assert_allclose(q, alone.sensors["arm"].orientation["steady_hand"], atol=1e-12)
+    monkeypatch.setattr(plugins, "installed_filters", lambda: {"hand": EntryPoint("hand", "unused:X", plugins.GROUP)})
+    monkeypatch.setattr(EntryPoint, "load", lambda point: type(find_filter(f"{EXAMPLE}:SteadyHand")))
+    np.testing.assert_array_equal(exported("installed", "hand"), q)
+    assert tested == ["steady_hand"] * 2
+    with pytest.raises(NotFoundError, match=r"unknown filter 'steady_hand'; known: truth, device, .*vqf_6d"):
+        export(session, "csv", tmp_path / "unknown", "steady_hand")
+    alone.save(session.path)
+    np.testing.assert_array_equal(exported("by_name", "steady_hand"), q)
