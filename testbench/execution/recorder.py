@@ -65,7 +65,11 @@ class Recorder:
                 "kind": "run",
                 "seed": seed,
                 "protocol": {"name": spec.name, "purpose": spec.purpose, "file": plan.protocol.document.file.name},
-                "robot": {"name": plan.robot.name, "urdf": str(plan.robot.urdf)},
+                "robot": {
+                    "name": plan.robot.name,
+                    "file": None if plan.robot.file is None else str(plan.robot.file),
+                    "urdf": str(plan.robot.urdf),
+                },
                 "plan": {"hash": plan.hash, "check": plan.check.to_dict()},
                 **details,
             },

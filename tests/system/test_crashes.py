@@ -22,6 +22,7 @@ from testbench.execution.recovery import recover
 from testbench.pipeline import analyse
 from testbench.records.sensor import load_preset
 from testbench.records.session import RunStatus, Session, list_sessions
+from testbench.records.shipped import shipped_folder
 from testbench.records.storage import read_parquet
 from tests.system.crashes import ROOT, comparable, crash, moments, undisturbed
 
@@ -185,6 +186,19 @@ def test_nothing_is_resumed_that_is_no_longer_the_same(tiny_plan, tmp_path, cloc
     with pytest.raises(InputError, match=expected):
         resume(session.path, protocol=protocol, with_report=False)
     assert Session(session.path).status is RunStatus.ERROR
+
+
+def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_own_file(tiny, tmp_path, clock):
+    own = tmp_path / "own"
+    shutil.copytree(shipped_folder("robots") / "ur3e", own)
+    file = own / "robot.yaml"
+    file.write_text(file.read_text().replace("record_hz: 125", "record_hz: 250"))
+    session = broken_off(plan(tiny, own), tmp_path, clock, 1.0)
+    file.write_text(file.read_text().replace("record_hz: 250", "record_hz: 500"))
+    with pytest.raises(InputError, match=r"robot file differs:\n(.*\n)*-  record_hz: 250\n\+  record_hz: 500"):
+        resume(session.path, with_report=False)
+    file.write_text(file.read_text().replace("record_hz: 500", "record_hz: 250"))
+    assert resume(session.path, with_report=False).session.status is RunStatus.COMPLETED
 
 
 def on_a_small_disk(command: list[str], folder: Path, size_kb: int) -> subprocess.CompletedProcess[str]:
