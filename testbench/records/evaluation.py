@@ -20,6 +20,7 @@ from testbench.records.evaluation_rows import (
     RankRow,
     TunedRow,
 )
+from testbench.records.replacing import replaced_folder
 from testbench.records.storage import plain_values, read_json, read_parquet, write_json, write_parquet
 from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
 
@@ -252,12 +253,12 @@ class Evaluation:
         return result
 
     def save(self, session_folder: Path) -> None:
-        """Write evaluation.json and the error signals."""
-        folder = session_folder / FOLDER
-        folder.mkdir(exist_ok=True)
-        for name, columns in self.series.items():
-            write_parquet(folder / f"{name}.parquet", columns, {"content": "errors against the truth"})
-        write_json(session_folder / FILE, self.to_dict())
+        """Write evaluation.json and the error signals, in place of earlier ones."""
+        with replaced_folder(session_folder / FOLDER, session_folder / FILE) as folder:
+            for name, columns in self.series.items():
+                write_parquet(folder / f"{name}.parquet", columns, {"content": "errors against the truth"})
+            write_json(folder / FILE, self.to_dict())
+        (session_folder / FOLDER / FILE).rename(session_folder / FILE)
 
     @staticmethod
     def load(session_folder: Path) -> Evaluation:
@@ -301,6 +302,22 @@ class Evaluation:
             series,
             [ChainRow(**row) for row in data["chain"]],
         )
+
+
+def stored_outcome(session_folder: Path) -> Outcome | None:
+    """The verdict on a session as it was last evaluated; None where it was not.
+
+    Raises:
+        SessionError: What was written of it is damaged.
+    """
+    file = session_folder / FILE
+    if not file.is_file():
+        return None
+    data = read_json(file)
+    outcome = data.get("outcome") if isinstance(data, dict) else None
+    if outcome not in list(Outcome):
+        raise SessionError(f"{file} is damaged: its outcome is {outcome!r:.50}; run `testbench evaluate` again")
+    return Outcome(outcome)
 
 
 def _budget(row: dict[str, Any]) -> UncertaintyBudget:
