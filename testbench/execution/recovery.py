@@ -8,8 +8,8 @@ from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
 from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import ARM, EVENTS, MANIFEST, Event, RunStatus, Session
-from testbench.records.session_writer import file_hashes
+from testbench.records.session import ARM, MANIFEST, Event, RunStatus, Session
+from testbench.records.session_writer import file_hashes, note_end
 from testbench.records.storage import Journal, compact, read_parquet, write_json
 
 SMALLEST_JOURNAL = 64
@@ -48,8 +48,7 @@ def recover(session: Session) -> Session:
     except (KeyError, TypeError, ValueError):
         raise SessionError(f"{path / MANIFEST} is damaged: it does not say how long the plan is") from None
     message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
-    with (path / EVENTS).open("a", encoding="utf-8") as events:
-        events.write("\n" + Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}).to_json() + "\n")
+    note_end(session, Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}))
     manifest = session.manifest | {"status": RunStatus.ABORTED, "message": message, "duration_s": duration}
     write_json(path / MANIFEST, manifest | {"files": file_hashes(path)})
     return Session(path)
