@@ -74,6 +74,8 @@ def plan(
     from testbench.frames import NANOSECONDS
     from testbench.pipeline import make_plan
 
+    if out is not None and not out.parent.is_dir():
+        raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
     the_plan = make_plan(protocol, robot)
     if out is not None:
         try:

@@ -55,7 +55,9 @@ estimate: {{filters: [device, vqf_6d, vqf_9d], align: reference_pose, calibrate:
 PROGRAM = """
 import json, resource, sys, time
 from pathlib import Path
-stage, folder = sys.argv[1], Path(sys.argv[2])
+stage, folder, block = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
+from testbench.execution import truth
+truth.BLOCK = block or truth.BLOCK
 path = folder / "logs" / "campaign"
 begun = time.perf_counter()
 found = {}
@@ -125,9 +127,9 @@ def write_campaign(folder: Path, hours: float) -> None:
     (folder / "campaign.yaml").write_text(PROTOCOL.format(rounds=rounds), encoding="utf-8")
 
 
-def measure(folder: Path, stage: str) -> Measured:
-    """Run a stage of the campaign in a folder, in a process of its own."""
-    words = [sys.executable, "-c", PROGRAM, stage, str(folder)]
+def measure(folder: Path, stage: str, block: int = 0) -> Measured:
+    """Run a stage of the campaign in a folder, in a process of its own; `block` is in place of `truth.BLOCK` unless 0."""
+    words = [sys.executable, "-c", PROGRAM, stage, str(folder), str(block)]
     result = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     if result.returncode != 0:
         raise RuntimeError(f"{stage} failed:\n{result.stderr}")
@@ -137,7 +139,7 @@ def measure(folder: Path, stage: str) -> Measured:
 
 def break_off(folder: Path, part: float = 0.5) -> None:
     """Run the campaign, and kill it once this part of it is recorded."""
-    words = [sys.executable, "-c", PROGRAM, "run", str(folder)]
+    words = [sys.executable, "-c", PROGRAM, "run", str(folder), "0"]
     with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         for line in process.stdout:
@@ -158,7 +160,6 @@ def bench_long_campaign(hours: float = 0.25) -> None:
                 shutil.rmtree(folder / "logs")
                 break_off(folder)
             measured[stage] = measure(folder, stage)
-            print(stage, measured[stage], flush=True)
     rows: list[list[str | Text]] = [
         [Text(stage), duration(m.took_s), f"{3600 * hours / m.took_s:.0f}", f"{m.peak_mb:.0f} MB"]
         for stage, m in measured.items()
