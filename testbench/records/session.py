@@ -23,7 +23,7 @@ from testbench.records.near import MOST_THINNED, Instants, is_long, read_near
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import Analysis
 from testbench.records.robot import Robot, robot_from_text
-from testbench.records.samples import TRUTH_FORCE, TRUTH_RATE, ArmSamples, ImuSamples, Truth
+from testbench.records.samples import TRUTH_Q, TRUTH_RATE, ArmSamples, ImuSamples, Truth
 from testbench.records.storage import (
     ROWS_PER_GROUP,
     parquet_shape,
@@ -208,14 +208,18 @@ class Session:
         """The truth of a sensor, for what looks at the whole of it; of a long one perhaps evenly spread samples.
 
         Returns:
-            The truth, without forces where it is long, and whether it is: then `near` gives the rest.
+            The truth, and whether it is long: then it has rates or, where it has none, orientations, and `near` gives the rest.
         """
         file = self._truth_file(sensor)
         if file is None or not is_long(file):
             return self.truth(sensor), False
         rows, columns = parquet_shape(file)
-        read = {name: name for name in columns if name not in TRUTH_FORCE}
-        return Truth.from_columns(read_stacked(file, read, every=-(-rows // MOST_THINNED))), True
+        rates = TRUTH_RATE[0] in columns
+        groups: dict[str, str | list[str]] = {"host_time_ns": "host_time_ns"}
+        groups |= {"rate": TRUTH_RATE} if rates else {"q": TRUTH_Q}
+        table = read_stacked(file, groups, every=-(-rows // MOST_THINNED))
+        q = np.broadcast_to(np.nan, (len(table["host_time_ns"]), 4)) if rates else table["q"]
+        return Truth(table["host_time_ns"], q, table.get("rate")), True
 
     def truth(self, sensor: str) -> Truth | None:
         """What the sensor went through, or None where nobody knows."""
