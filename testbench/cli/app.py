@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -74,6 +74,8 @@ def plan(
     from testbench.frames import NANOSECONDS
     from testbench.pipeline import make_plan
 
+    if out is not None and not out.parent.is_dir():
+        raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
     the_plan = make_plan(protocol, robot)
     if out is not None:
         try:
@@ -234,17 +236,18 @@ def sessions(
     json: JsonOption = False,
 ) -> None:
     """List the recorded sessions with their status."""
-    from testbench.records.evaluation import FILE, NO_LIMITS, Outcome
+    from testbench.exceptions import SessionError
+    from testbench.records.evaluation import stored_verdict
     from testbench.records.session import damaged_sessions, list_sessions
-    from testbench.records.storage import read_json
 
-    rows = []
+    rows: list[list[Any]] = []
+    causes: dict[str, str] = {}
     for session in list_sessions(logs):
-        file = session.path / FILE
-        judged = read_json(file) if file.is_file() else {}
-        outcome = judged.get("outcome", "-")
-        if outcome == Outcome.NOT_MEASURED and not json:
-            outcome = Outcome.NOT_MEASURED.words if any(m.get("outcome") for m in judged["metrics"]) else NO_LIMITS
+        try:
+            verdict = stored_verdict(session.path)
+            outcome = "-" if verdict is None else str(verdict[0]) if json else verdict[1]
+        except SessionError as error:
+            outcome, causes[session.name] = "damaged", str(error)
         duration = session.manifest.get("duration_s")
         rows.append(
             [
@@ -256,12 +259,17 @@ def sessions(
                 session.manifest.get("started_utc"),
             ]
         )
-    rows += [[name, None, "damaged", "-", None, None] for name in damaged_sessions(logs)]
+    damaged = damaged_sessions(logs)
+    rows += [[name, None, "damaged", "-", None, None] for name in damaged]
+    causes |= damaged
     if json:
         keys = ["session", "kind", "status", "outcome", "duration_s", "started_utc"]
-        say_json({"sessions": [dict(zip(keys, row, strict=True)) for row in rows]})
+        found = [dict(zip(keys, row, strict=True)) for row in rows]
+        say_json({"sessions": [entry | {"damage": causes.get(str(entry["session"]))} for entry in found]})
     else:
         say_table(f"Sessions in {logs}", ["session", "kind", "status", "outcome", "duration [s]", "started (UTC)"], rows)
+        for name, cause in causes.items():
+            say(f"{name} is damaged: {cause}")
 
 
 @app.command()

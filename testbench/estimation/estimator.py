@@ -28,6 +28,7 @@ from testbench.model.joint_angle import joint_angle_series, segment_orientation
 from testbench.model.truth import truth_at
 from testbench.records.calibration_file import SensorCalibration, find_calibration
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, JointEstimate, SensorEstimate
+from testbench.records.near import Instants
 from testbench.records.plan import PlannedStep
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import Session
@@ -199,11 +200,13 @@ def prepare_sensor(session: Session, name: str, calibrations: list[SensorCalibra
         raise SessionError(f"{session.path}: sensor '{name}' has {count} samples; nothing can be estimated")
     settings, stored = session.analysis.estimate, _stored(session, name, calibrations or [])
     access = open_samples(session, name, None if stored is None else _corrector(stored))
-    samples, truth = access.samples, session.truth(name)
+    samples, (truth, thinned) = access.samples, session.thinned_truth(name)
     description = session.manifest["sensors"][name]
     rate_delay = float(description.get("rate_delay_s") or 0.0)
     clock = fit_clock(samples, truth, rate_delay) if settings.align_clock else ClockFit()
     time = clock.to_host(samples.device_time_ns)
+    if thinned:
+        truth = session.near(Instants({name: time}, time)).truth(name)
     uniform, rows = access.regular(clock)
     static = detect_static(uniform.turning(), uniform.interval, rows)[rows]
     quality = access.quality(clock, static)

@@ -20,7 +20,9 @@ from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
 from testbench.records.evaluation_rows import Comparison, RankRow, TunedRow
+from testbench.records.near import Instants, united
 from testbench.records.plan import PlannedStep
+from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus, Session
 
 NORM_MEANING = "error of the mean specific force at rest against standard gravity"
@@ -32,6 +34,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     Args:
         session: The recording. estimate: What `estimate` made of it.
     """
+    session = session.near(_instants(session, estimate))
     steps = judged_steps(session.steps) if session.has_protocol or session.steps else None
     result = Evaluation(session.name, [], [], [], Outcome.NOT_MEASURED)
     result.notes.extend(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
@@ -40,13 +43,13 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     result.tuned.extend(_tuned_rows(estimate))
     result.notes.extend(tuning_notes(result.tuned))
     arm = Arm.of(session)
+    recorded = session.arm() if arm is None else arm.samples
     norms = [metric for name in estimate.sensors for metric in _judge_sensor(session, estimate, name, steps, arm, result)]
     if steps is not None and not steps:
         result.notes.append("no step of the protocol was finished, so there is nothing to judge")
     for name in estimate.joints:
-        _judge_joint(session, estimate, name, steps or [], arm, result)
+        _judge_joint(session, estimate, name, steps or [], arm, recorded, result)
     result.notes.extend(estimate.remarks)
-    recorded = session.arm()
     for one in estimate.chain:
         if recorded is None:
             break
@@ -59,6 +62,20 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
     return replace(result, metrics=metrics, outcome=outcome)
+
+
+def _instants(session: Session, estimate: Estimate) -> Instants:
+    """When each truth, and the arm, is asked for: at a sensor's own instants, and at those of the joints and chains."""
+    wanted = {name: [sensor.host_time_ns] for name, sensor in estimate.sensors.items()}
+    arm = []
+    for name, joint in estimate.joints.items():
+        defined = session.analysis.joints[name]
+        arm.append(joint.host_time_ns)
+        for sensor in (defined.proximal, defined.distal):
+            wanted[sensor].append(joint.host_time_ns)
+    arm += [chain.host_time_ns for chain in estimate.chain]
+    arm = arm or [times[0] for times in list(wanted.values())[:1]]
+    return Instants({name: united(times) for name, times in wanted.items()}, united(arm))
 
 
 def _judge_sensor(
@@ -120,10 +137,11 @@ def tuning_notes(rows: list[TunedRow]) -> list[str]:
 
 
 def _judge_joint(
-    session: Session, estimate: Estimate, name: str, steps: list[PlannedStep], arm: Arm | None, result: Evaluation
-) -> None:
+    session: Session, estimate: Estimate, name: str, steps: list[PlannedStep], arm: Arm | None, recorded: ArmSamples | None,
+    result: Evaluation,
+) -> None:  # fmt: skip
     """Add a joint's rows to the result."""
-    errors = joint_errors(session, name, estimate, steps, session.arm())
+    errors = joint_errors(session, name, estimate, steps, recorded)
     if errors is None:
         result.notes.append(f"{name}: no truth, so its angle is not judged")
         return

@@ -23,8 +23,8 @@ from testbench.execution.recorder import IMU_NOTES
 from testbench.frames import NANOSECONDS
 from testbench.records.protocol import Analysis, Estimation
 from testbench.records.samples import ImuSamples
-from testbench.records.session import EVENTS, MANIFEST, Event, RunStatus, Session
-from testbench.records.session_writer import SessionWriter, file_hashes
+from testbench.records.session import MANIFEST, Event, RunStatus, Session
+from testbench.records.session_writer import SessionWriter, file_hashes, note_end
 from testbench.records.storage import compact, read_parquet, write_json
 
 CHUNK_NS = NANOSECONDS // 4
@@ -353,8 +353,7 @@ def recover_recording(session: Session) -> Session:
         times = read_parquet(path / f"imu_{name}.parquet", ["host_time_ns"])["host_time_ns"]
         last = max(last, int(times.max())) if len(times) else last
     message = f"cut off after {last / NANOSECONDS:.1f} s and recovered"
-    with (path / EVENTS).open("a", encoding="utf-8") as events:
-        events.write("\n" + Event(last, "recording_aborted", {"message": message}).to_json() + "\n")
+    note_end(session, Event(last, "recording_aborted", {"message": message}))
     closing = {"status": RunStatus.ABORTED, "message": message, "duration_s": last / NANOSECONDS}
     write_json(path / MANIFEST, session.manifest | closing | {"files": file_hashes(path)})
     return Session(path)

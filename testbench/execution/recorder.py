@@ -17,7 +17,7 @@ from testbench.records.plan import Plan, PlannedStep
 from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import ARM, PLAN, Event, RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
-from testbench.records.storage import read_parquet
+from testbench.records.storage import last_value
 
 IMU_NOTES = {
     "content": "raw samples of an inertial sensor, in the sensor frame",
@@ -65,7 +65,11 @@ class Recorder:
                 "kind": "run",
                 "seed": seed,
                 "protocol": {"name": spec.name, "purpose": spec.purpose, "file": plan.protocol.document.file.name},
-                "robot": {"name": plan.robot.name, "urdf": str(plan.robot.urdf)},
+                "robot": {
+                    "name": plan.robot.name,
+                    "file": None if plan.robot.file is None else str(plan.robot.file),
+                    "urdf": str(plan.robot.urdf),
+                },
                 "plan": {"hash": plan.hash, "check": plan.check.to_dict()},
                 **details,
             },
@@ -159,7 +163,6 @@ class Recorder:
     def _close(self, status: RunStatus, message: str, details: dict[str, Any]) -> Session:
         self._writer.compact()
         write_truth(self.path, self.plan.robot, self.plan.protocol.spec.sensors)
-        times = read_parquet(self.path / f"{ARM}.parquet", ["host_time_ns"])["host_time_ns"]
-        duration = float(times[-1]) / NANOSECONDS if len(times) else 0.0
+        duration = float(last_value(self.path / f"{ARM}.parquet", "host_time_ns") or 0) / NANOSECONDS
         self._writer.close(status, message=message, duration_s=duration, **details)
         return Session(self.path)

@@ -8,9 +8,9 @@ from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
 from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import ARM, EVENTS, MANIFEST, Event, RunStatus, Session
-from testbench.records.session_writer import file_hashes
-from testbench.records.storage import Journal, compact, read_parquet, write_json
+from testbench.records.session import ARM, MANIFEST, Event, RunStatus, Session
+from testbench.records.session_writer import file_hashes, note_end
+from testbench.records.storage import Journal, compact, last_value, write_json
 
 SMALLEST_JOURNAL = 64
 """A journal of fewer bytes was cut off before its schema was whole; it held nothing."""
@@ -41,15 +41,13 @@ def recover(session: Session) -> Session:
     if not (path / f"{ARM}.parquet").is_file() or session.robot is None:
         raise SessionError(f"{path}: the arm's recording is lost; what the sensors recorded is in imu_*.parquet")
     write_truth(path, session.robot, session.analysis.sensors)
-    times = read_parquet(path / f"{ARM}.parquet", ["host_time_ns"])["host_time_ns"]
-    duration = float(times[-1]) / NANOSECONDS if len(times) else 0.0
+    duration = float(last_value(path / f"{ARM}.parquet", "host_time_ns") or 0) / NANOSECONDS
     try:
         planned = float(session.manifest["plan"]["check"]["duration_s"])
     except (KeyError, TypeError, ValueError):
         raise SessionError(f"{path / MANIFEST} is damaged: it does not say how long the plan is") from None
     message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
-    with (path / EVENTS).open("a", encoding="utf-8") as events:
-        events.write("\n" + Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}).to_json() + "\n")
+    note_end(session, Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}))
     manifest = session.manifest | {"status": RunStatus.ABORTED, "message": message, "duration_s": duration}
     write_json(path / MANIFEST, manifest | {"files": file_hashes(path)})
     return Session(path)

@@ -103,9 +103,13 @@ def refuse_differences(session: Session, plan: Plan, sensors: dict[str, Any]) ->
 
 
 def _todays_robot(session: Session) -> Robot | None:
-    """The robot of that name as it is today, or None where there is none of that name."""
+    """The robot as it is today, from the file it was read from, or of that name where no file is stated; None if there is none.
+
+    An arm's own file may bear the name of one that ships with the bench: the name alone would find the wrong one.
+    """
+    named = session.manifest["robot"]
     try:
-        return load_robot(str(session.manifest["robot"]["name"]))
+        return load_robot(Path(named["file"]) if named.get("file") else str(named["name"]))
     except InputError:
         return None
 

@@ -6,9 +6,11 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 
 from testbench.exceptions import SessionError
+from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import Smoothing
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.pieces import overlapping
@@ -16,7 +18,7 @@ from testbench.records.protocol import Sensor
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples, Truth
 from testbench.records.session import ARM
-from testbench.records.storage import parquet_shape, read_parquet, read_parquet_batches, to_table, write_parquet_batches
+from testbench.records.storage import parquet_shape, read_parquet_batches, to_table, write_parquet_batches
 
 BLOCK = 200_000
 """Rows of the arm that are looked at together; bounds the memory."""
@@ -44,8 +46,7 @@ def write_truth(folder: Path, robot: Robot, sensors: Mapping[str, Sensor]) -> No
     missing = [name for name in wanted if name not in present]
     if missing:
         raise SessionError(f"{recorded} lacks the column {missing[0]}; it has {', '.join(present)[:300]}")
-    times = read_parquet(recorded, ["host_time_ns"])["host_time_ns"]
-    smoothing = Smoothing.of(times)
+    smoothing = Smoothing.at(*_count_and_interval(recorded))
     for name, sensor in sensors.items():
 
         def batches(sensor: Sensor = sensor) -> Iterator[pa.Table]:
@@ -57,6 +58,17 @@ def write_truth(folder: Path, robot: Robot, sensors: Mapping[str, Sensor]) -> No
         pieces = batches()
         first = next(pieces)
         write_parquet_batches(folder / f"truth_{name}.parquet", first.schema, chain([first], pieces))
+
+
+def _count_and_interval(recorded: Path) -> tuple[int, float]:
+    """Number of rows, and their median interval [s]; in the least memory, since this alone needs something of every row."""
+    count = parquet_shape(recorded)[0]
+    steps, last, done = np.empty(max(count - 1, 0), dtype=np.uint32), np.zeros(0, dtype=np.int64), 0
+    for columns in read_parquet_batches(recorded, ["host_time_ns"]):
+        step = np.diff(np.concatenate([last, columns["host_time_ns"]]))
+        steps[done : done + len(step)] = np.clip(step, 0, np.iinfo(np.uint32).max)
+        last, done = columns["host_time_ns"][-1:], done + len(step)
+    return count, float(np.median(steps, overwrite_input=True)) / NANOSECONDS if len(steps) else 0.0
 
 
 def kinematic_truth(kinematics: Kinematics, samples: ArmSamples, sensor: Sensor, smoothing: Smoothing | None = None) -> Truth:

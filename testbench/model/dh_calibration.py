@@ -78,7 +78,7 @@ def calibrated(robot: Robot, calibration: ArmCalibration, folder: Path) -> Robot
     """The robot with its own kinematics; its corrected URDF is written into a folder."""
     urdf = folder / f"{robot.name}_calibrated.urdf"
     urdf.write_text(corrected_urdf(robot, calibration), encoding="utf-8")
-    return Robot(robot.spec, urdf, robot.text)
+    return Robot(robot.spec, urdf, robot.text, robot.file)
 
 
 def _inherited(root: ElementTree.Element, joints: dict[str | None, ElementTree.Element], first: str) -> np.ndarray:

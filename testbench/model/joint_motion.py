@@ -28,10 +28,13 @@ class Smoothing:
     @staticmethod
     def of(time_ns: np.ndarray) -> Smoothing:
         """What suits a recording at a regular interval, from its times, shape (n,)."""
-        n = len(time_ns)
+        return Smoothing.at(len(time_ns), float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else 0.0)
+
+    @staticmethod
+    def at(n: int, interval: float) -> Smoothing:
+        """What suits n samples at an interval [s]."""
         if n < 5:
             return Smoothing(0, 0.0)
-        interval = float(np.median(np.diff(time_ns))) / NANOSECONDS
         return Smoothing(min(max(2 * round(SMOOTHING_S / interval / 2) + 1, 5), n - 1 + n % 2), interval)
 
     def acceleration(self, v_measured: np.ndarray) -> np.ndarray:

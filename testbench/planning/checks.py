@@ -21,6 +21,8 @@ TOLERANCE = 1e-6
 """Relative excess over a limit that is put down to rounding."""
 CHUNK = 50_000
 """Configurations looked at together; bounds the memory."""
+MOST_KNOWN = 200_000
+"""Configurations remembered as looked at; bounds the memory."""
 
 
 def check_plan(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: list[PlannedStep]) -> PlanCheck:
@@ -31,13 +33,13 @@ def check_plan(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: 
         CollisionError: Two links, or a link and the floor, come too near.
         SensorRangeError: A sensor would saturate.
     """
-    times = trajectory.sample_moving(round(NANOSECONDS / robot.spec.rates.control_hz))
     locate = _Locator(steps)
     kinematics = Kinematics(robot)
     limits, clearance = _Limits(robot, locate), _Clearance(kinematics, locate)
     sensors = [_SensorRange(name, sensor, kinematics, locate) for name, sensor in protocol.spec.sensors.items()]
-    for begin in range(0, len(times), CHUNK):
-        chunk = times[begin : begin + CHUNK]
+    count = 0
+    for chunk in trajectory.sample_moving(round(NANOSECONDS / robot.spec.rates.control_hz), CHUNK):
+        count += len(chunk)
         q, v, a = trajectory.at(chunk)
         if clearance.contact is None:
             limits.look(chunk, q, v, a)
@@ -46,7 +48,7 @@ def check_plan(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: 
             sensor.look(chunk, q, v, a)
     clearance.refuse_contact()
     uses = [sensor.use() for sensor in sensors]
-    return PlanCheck(trajectory.duration, len(steps), limits.uses(), uses, clearance.smallest, len(times))
+    return PlanCheck(trajectory.duration, len(steps), limits.uses(), uses, clearance.smallest, count)
 
 
 class _Locator:
@@ -131,6 +133,8 @@ class _Clearance:
         key = np.round(q, 4).tobytes()
         if key in self._known:
             return
+        if len(self._known) >= MOST_KNOWN:
+            self._known.clear()
         self._known.add(key)
         nearest = self.model.nearest(q)
         if nearest is None:

@@ -6,6 +6,7 @@ intermediate waypoints would call a cloud service and are not used; moves are ch
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -18,8 +19,9 @@ from testbench.records.protocol_steps import Motion
 from testbench.records.robot import Robot
 from testbench.records.trajectory import Trajectory
 
-SINE_KNOT_S = 0.004
-"""Spacing of the knots of a sine; the quintic between them follows a 5 Hz sine to 1e-9 of its amplitude."""
+KNOTS_A_CYCLE, SINE_KNOT_S = 50, 0.004
+"""Knots of a sine a cycle of its fastest harmonic, and their least spacing; the quintic between so many follows a sine to 1e-9
+of its amplitude. Hours of slow sweeps stay small."""
 
 
 ATTEMPTS, JERK_STEP = 10, 1e-3
@@ -105,8 +107,8 @@ class MotionBuilder:
 
     def trajectory(self) -> Trajectory:
         """All that was appended."""
-        states = np.concatenate(self._states)
-        return Trajectory(np.concatenate(self._time), states[:, 0].copy(), states[:, 1].copy(), states[:, 2].copy())
+        q, v, a = (np.concatenate([states[:, order] for states in self._states]) for order in range(3))
+        return Trajectory(np.concatenate(self._time), q, v, a)
 
     def _append(self, times: np.ndarray, states: np.ndarray) -> None:
         if len(times):
@@ -148,8 +150,7 @@ class MotionBuilder:
         """Sines and Fourier series under their fades; the longest decides the duration, the others rest at their end."""
         durations = [(sweep.cycles + 2 * sweep.ramp_cycles) / sweep.frequency for sweep in sweeps]
         total_ns = round(max(durations) * NANOSECONDS)
-        count = max(math.ceil(total_ns / NANOSECONDS / SINE_KNOT_S), 2)
-        times = np.unique(np.round(np.linspace(0, total_ns, count + 1)).astype(np.int64))[1:-1]
+        times = _knots(sweeps, durations, total_ns)
         states = np.zeros((len(times), 3, len(self.q)))
         states[:, 0] = self.q
         for sweep, duration in zip(sweeps, durations, strict=True):
@@ -160,6 +161,26 @@ class MotionBuilder:
                 states[inside, order, sweep.joint] += state[order][inside]
         self._append(times, states)
         self._rest(total_ns, self.q)
+
+
+def _knots(sweeps: list[SineCommand | FourierCommand], durations: list[float], total_ns: int) -> np.ndarray:
+    """Times of the knots within waves [ns], shape (n,): evenly between the ends of their fades, where their jerk jumps."""
+    fastest = max(s.frequency * (1 if isinstance(s, SineCommand) else len(s.amplitudes)) for s in sweeps)
+    spacing = max(1 / (KNOTS_A_CYCLE * fastest), SINE_KNOT_S)
+    ends = [time for s, duration in zip(sweeps, durations, strict=True) for time in _fade_ends(s, duration)]
+    edges = [0.0]
+    for time in sorted(ends):
+        if edges[-1] + SINE_KNOT_S <= time <= total_ns / NANOSECONDS - SINE_KNOT_S:
+            edges.append(time)
+    edges.append(total_ns / NANOSECONDS)
+    spans = itertools.pairwise(edges)
+    parts = [np.linspace(a, b, max(math.ceil((b - a) / spacing - 1e-6), 2) + 1)[:-1] for a, b in spans]
+    return np.unique(np.round(np.concatenate(parts) * NANOSECONDS).astype(np.int64))[1:]
+
+
+def _fade_ends(sweep: SineCommand | FourierCommand, duration: float) -> tuple[float, float, float]:
+    ramp = sweep.ramp_cycles / sweep.frequency
+    return ramp, duration - ramp, duration
 
 
 def faded_sine(t: np.ndarray, sweep: SineCommand, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from testbench.exceptions import SessionError
 from testbench.records.chain import ChainEstimate
+from testbench.records.replacing import replaced_folder
 from testbench.records.samples import QUATERNION, join, names, split
 from testbench.records.storage import read_json, read_parquet, read_stacked, write_json, write_parquet
 from testbench.records.tuning import UsedTuning
@@ -210,9 +211,11 @@ class Estimate:
     remarks: list[str] = field(default_factory=list)
 
     def save(self, session_folder: Path) -> None:
-        """Write the folder `estimate` of a session."""
-        folder = session_folder / FOLDER
-        folder.mkdir(exist_ok=True)
+        """Write the folder `estimate` of a session, in place of an earlier one."""
+        with replaced_folder(session_folder / FOLDER) as folder:
+            self._write(folder)
+
+    def _write(self, folder: Path) -> None:
         summary: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "session": self.session}
         summary |= {"fingerprint": self.fingerprint, "filter_parameters": self.filter_parameters}
         summary |= {"tuned": {key: asdict(used) for key, used in self.tuned.items()}, "sensors": {}, "joints": {}}

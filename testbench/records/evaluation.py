@@ -20,6 +20,7 @@ from testbench.records.evaluation_rows import (
     RankRow,
     TunedRow,
 )
+from testbench.records.replacing import replaced_folder
 from testbench.records.storage import plain_values, read_json, read_parquet, write_json, write_parquet
 from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
 
@@ -261,7 +262,7 @@ class Evaluation:
     @property
     def verdict(self) -> str:
         """The outcome in the words that terminal and report share."""
-        return self.outcome.words if self.limited or self.outcome is not Outcome.NOT_MEASURED else NO_LIMITS
+        return _words(self.outcome, self.limited)
 
     def to_dict(self) -> dict[str, Any]:
         """The content of evaluation.json."""
@@ -271,12 +272,12 @@ class Evaluation:
         return result
 
     def save(self, session_folder: Path) -> None:
-        """Write evaluation.json and the error signals."""
-        folder = session_folder / FOLDER
-        folder.mkdir(exist_ok=True)
-        for name, columns in self.series.items():
-            write_parquet(folder / f"{name}.parquet", columns, {"content": "errors against the truth"})
-        write_json(session_folder / FILE, self.to_dict())
+        """Write evaluation.json and the error signals, in place of earlier ones."""
+        with replaced_folder(session_folder / FOLDER, session_folder / FILE) as folder:
+            for name, columns in self.series.items():
+                write_parquet(folder / f"{name}.parquet", columns, {"content": "errors against the truth"})
+            write_json(folder / FILE, self.to_dict())
+        (session_folder / FOLDER / FILE).rename(session_folder / FILE)
 
     @staticmethod
     def load(session_folder: Path) -> Evaluation:
@@ -320,6 +321,28 @@ class Evaluation:
             series,
             [ChainRow(**row) for row in data["chain"]],
         )
+
+
+def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
+    """The outcome of a session as it was last evaluated, and the same in words; None where it was not.
+
+    Raises:
+        SessionError: What was written of it is damaged.
+    """
+    file = session_folder / FILE
+    if not file.is_file():
+        return None
+    data = read_json(file)
+    outcome = data.get("outcome") if isinstance(data, dict) else None
+    if outcome not in list(Outcome):
+        raise SessionError(f"{file} is damaged: its outcome is {outcome!r:.50}; run `testbench evaluate` again")
+    metrics = data.get("metrics")
+    limited = isinstance(metrics, list) and any(isinstance(m, dict) and m.get("outcome") for m in metrics)
+    return Outcome(outcome), _words(Outcome(outcome), limited)
+
+
+def _words(outcome: Outcome, limited: bool) -> str:
+    return outcome.words if limited or outcome is not Outcome.NOT_MEASURED else NO_LIMITS
 
 
 def _budget(row: dict[str, Any]) -> UncertaintyBudget:

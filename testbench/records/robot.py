@@ -150,10 +150,11 @@ class Robot:
         spec: The content of robot.yaml.
         urdf: Absolute path of the URDF.
         text: The specification as YAML, written verbatim into every session.
+        file: Where it was read from; None where it was not, or is found by its name alone.
     """
 
-    def __init__(self, spec: RobotSpec, urdf: Path, text: str):
-        self.spec, self.urdf, self.text = spec, urdf, text
+    def __init__(self, spec: RobotSpec, urdf: Path, text: str, file: Path | None = None):
+        self.spec, self.urdf, self.text, self.file = spec, urdf, text, file
 
     @property
     def name(self) -> str:
@@ -275,7 +276,7 @@ def _robot_from_yaml(path: Path) -> Robot:
     urdf = _example_robot_data() / rest if prefix == "example-robot-data" else path.parent / document.value.urdf
     if not urdf.is_file():
         raise document.problem(f"the URDF {urdf} does not exist", "urdf")
-    return Robot(document.value, urdf.resolve(), document.text)
+    return Robot(document.value, urdf.resolve(), document.text, path.resolve())
 
 
 def _example_robot_data() -> Path:

@@ -61,7 +61,8 @@ def robot_from_urdf(path: Path, name: str | None = None, entry: CatalogueEntry |
         ],
         "home_deg": home,
     }
-    return Robot(RobotSpec.model_validate(data), path.resolve(), yaml.safe_dump(data, sort_keys=False))
+    text = yaml.safe_dump(data, sort_keys=False)
+    return Robot(RobotSpec.model_validate(data), path.resolve(), text, None if entry else path.resolve())
 
 
 def _joint(name: str, joint: ElementTree.Element) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -19,10 +20,11 @@ import numpy as np
 from pydantic import ValidationError
 
 from testbench.exceptions import NotFoundError, SessionError
+from testbench.records.near import MOST_THINNED, Instants, is_long, read_near
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import Analysis
 from testbench.records.robot import Robot, robot_from_text
-from testbench.records.samples import ArmSamples, ImuSamples, Truth
+from testbench.records.samples import TRUTH_Q, TRUTH_RATE, ArmSamples, ImuSamples, Truth
 from testbench.records.storage import (
     ROWS_PER_GROUP,
     parquet_shape,
@@ -73,6 +75,7 @@ class Session:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
+        self._near: Instants | None = None
         if not (self.path / MANIFEST).is_file():
             what = "is not a session: it has no manifest.json" if self.path.is_dir() else "does not exist"
             raise SessionError(f"{self.path} {what}")
@@ -220,20 +223,59 @@ class Session:
         path = self.path / f"imu_{sensor}.parquet"
         return path, parquet_shape(path)[1]
 
+    def near(self, instants: Instants) -> Session:
+        """The same session, of whose long truths and arm only those samples are read that lie around the instants.
+
+        What is interpolated at these instants is not changed by it, and the memory is bounded whatever the length. Truths that
+        do not come from an arm are read whole: whether one of their orientations has jumped shows beside the others only.
+        """
+        copied = copy(self)
+        copied._near = instants
+        return copied
+
+    def thinned_truth(self, sensor: str) -> tuple[Truth | None, bool]:
+        """The truth of a sensor, for what looks at the whole of it; of a long one perhaps evenly spread samples.
+
+        Returns:
+            The truth, and whether it is long: then it has rates or, where it has none, orientations, and `near` gives the rest.
+        """
+        file = self._truth_file(sensor)
+        if file is None or not is_long(file):
+            return self.truth(sensor), False
+        rows, columns = parquet_shape(file)
+        rates = TRUTH_RATE[0] in columns
+        groups: dict[str, str | list[str]] = {"host_time_ns": "host_time_ns"}
+        groups |= {"rate": TRUTH_RATE} if rates else {"q": TRUTH_Q}
+        table = read_stacked(file, groups, every=-(-rows // MOST_THINNED))
+        q = np.broadcast_to(np.nan, (len(table["host_time_ns"]), 4)) if rates else table["q"]
+        return Truth(table["host_time_ns"], q, table.get("rate")), True
+
     def truth(self, sensor: str) -> Truth | None:
         """What the sensor went through, or None where nobody knows."""
+        file = self._truth_file(sensor)
+        if file is None:
+            return None
+        columns = parquet_shape(file)[1]
+        if self._near is not None and sensor in self._near.sensors and TRUTH_RATE[0] in columns and is_long(file):
+            return Truth.from_columns(read_near(file, columns, self._near.sensors[sensor]))
+        return Truth.from_columns(read_parquet(file))
+
+    def _truth_file(self, sensor: str) -> Path | None:
         self._check(sensor)
         file = self.path / f"truth_{sensor}.parquet"
         if not file.is_file() and file.name in self.manifest.get("files", {}):
             raise SessionError(f"{file} is missing, though the manifest lists it; the session is damaged")
-        return Truth.from_columns(read_parquet(file)) if file.is_file() else None
+        return file if file.is_file() else None
 
     def arm(self) -> ArmSamples | None:
         """What the arm reported, or None when there was none."""
         file = self.path / f"{ARM}.parquet"
         if not file.is_file() or self.robot is None:
             return None
-        return ArmSamples.from_columns(read_parquet(file), self.robot.joint_names)
+        names = self.robot.joint_names
+        if self._near is not None and is_long(file):
+            return ArmSamples.from_columns(read_near(file, list(ArmSamples.columns(names)), self._near.arm), names)
+        return ArmSamples.from_columns(read_parquet(file), names)
 
     @cached_property
     def events(self) -> list[Event]:
@@ -312,7 +354,12 @@ def list_sessions(logs: Path) -> list[Session]:
     return sessions
 
 
-def damaged_sessions(logs: Path) -> list[str]:
-    """Names of the folders below a folder that have a manifest and are no readable session."""
-    readable = {session.name for session in list_sessions(logs)}
-    return [path.parent.name for path in sorted(logs.glob(f"*/{MANIFEST}")) if path.parent.name not in readable]
+def damaged_sessions(logs: Path) -> dict[str, str]:
+    """Folders below a folder that have a manifest and are no readable session: by their names, what is wrong with them."""
+    damaged = {}
+    for path in sorted(logs.glob(f"*/{MANIFEST}")):
+        try:
+            Session(path.parent)
+        except SessionError as error:
+            damaged[path.parent.name] = str(error)
+    return damaged

@@ -16,7 +16,7 @@ from typing import Any
 
 from testbench.exceptions import SessionError, StorageError
 from testbench.records.protocol import Analysis
-from testbench.records.session import EVENTS, MANIFEST, SCHEMA_VERSION, Event, RunStatus
+from testbench.records.session import EVENTS, MANIFEST, SCHEMA_VERSION, Event, RunStatus, Session
 from testbench.records.storage import Columns, Journal, compact, read_json, write_json, write_parquet
 
 RECORDED_PACKAGES = ("imu-testbench", "pin", "ruckig", "numpy", "scipy", "numba", "vqf", "imufusion", "pyarrow")
@@ -191,6 +191,13 @@ class SessionWriter:
 
     def _write_manifest(self) -> None:
         write_json(self.path / MANIFEST, self.manifest)
+
+
+def note_end(session: Session, event: Event) -> None:
+    """Append the last event of a session that was cut off, once: its recovery may have been cut off after it had said so."""
+    if session.events[-1:] != [event]:
+        with (session.path / EVENTS).open("a", encoding="utf-8") as events:
+            events.write("\n" + event.to_json() + "\n")
 
 
 def file_hashes(folder: Path) -> dict[str, str]:

@@ -204,6 +204,18 @@ def parquet_shape(path: Path) -> tuple[int, list[str]]:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
+def last_value(path: Path, column: str) -> int | None:
+    """The last number of a column of a Parquet file, or None where it has no rows.
+
+    Raises:
+        SessionError: The file is missing or damaged.
+    """
+    values = np.zeros(0, dtype=np.int64)
+    for batch in read_parquet_batches(path, [column]):
+        values = batch[column]
+    return int(values[-1]) if len(values) else None
+
+
 def write_json(path: Path, data: Any) -> None:
     """Write readable JSON in one step; NaN becomes null, as JSON wants."""
     partial = path.with_suffix(".partial")

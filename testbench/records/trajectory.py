@@ -7,6 +7,7 @@ another.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,12 +51,21 @@ class Trajectory:
         same = (self.q[1:] == self.q[:-1]).all(axis=1)
         return ~(still[1:] & still[:-1] & same)
 
-    def sample_moving(self, interval_ns: int) -> np.ndarray:
-        """Times on a regular grid where the trajectory moves, with every knot, shape (n,), int64."""
-        times = np.arange(self.time_ns[0], self.time_ns[-1] + interval_ns, interval_ns)
-        times = np.minimum(times, self.time_ns[-1])
-        index = np.clip(np.searchsorted(self.time_ns, times, side="right") - 1, 0, len(self.time_ns) - 2)
-        return np.unique(np.concatenate([self.time_ns, times[self.moving()[index]]]))
+    def sample_moving(self, interval_ns: int, size: int) -> Iterator[np.ndarray]:
+        """Times on a regular grid where the trajectory moves, with every knot, in pieces of `size`, int64, but for the last."""
+        first, last, moving = int(self.time_ns[0]), int(self.time_ns[-1]), self.moving()
+        held = np.zeros(0, dtype=np.int64)
+        for begin in range(first, last + 1, interval_ns * size):
+            end = min(begin + interval_ns * size, last + 1)
+            grid = np.arange(begin, end, interval_ns)
+            index = np.minimum(np.searchsorted(self.time_ns, grid, side="right") - 1, len(moving) - 1)
+            knots = self.time_ns[slice(*np.searchsorted(self.time_ns, [begin, end]))]
+            held = np.concatenate([held, np.unique(np.concatenate([knots, grid[moving[index]]]))])
+            while len(held) >= size:
+                yield held[:size]
+                held = held[size:]
+        if len(held):
+            yield held
 
 
 @njit(cache=True)
@@ -67,7 +77,7 @@ def hermite(
     qs = np.empty((n, m))
     vs = np.empty((n, m))
     accelerations = np.empty((n, m))
-    k = 0
+    k = max(min(np.searchsorted(knots, at[0], side="right") - 1, last - 1), 0) if n else 0  # far into hours of knots at once
     for i in range(n):
         t = at[i]
         if k > 0 and t < knots[k]:

@@ -11,6 +11,7 @@ from testbench.records.estimate import Estimate
 from testbench.records.evaluation import FILE as EVALUATION_FILE
 from testbench.records.evaluation import Evaluation, Outcome
 from testbench.records.published import load_published
+from testbench.records.replacing import write_page
 from testbench.records.session import Session
 from testbench.reporting.axes_section import axes_section
 from testbench.reporting.chain_section import chain_section
@@ -40,14 +41,12 @@ def report(session: Session, estimate: Estimate | None = None, evaluation: Evalu
         The path of the report.
 
     Raises:
-        SessionError: A file of the session is damaged.
+        SessionError: A file of the session is damaged. StorageError: The disk does not take it; an earlier report stays.
     """
     estimate = estimate or load_estimate(session)
     evaluation = evaluation or load_evaluation(session)
     path = session.path / FILE
-    partial = path.with_suffix(".partial")
-    partial.write_text(render(session, estimate, evaluation), encoding="utf-8")
-    partial.replace(path)
+    write_page(path, render(session, estimate, evaluation))
     return path
 
 

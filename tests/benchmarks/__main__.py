@@ -8,6 +8,7 @@ import time
 
 from tests.benchmarks.filters import bench_filters
 from tests.benchmarks.gyroscopes import bench_gyroscopes
+from tests.benchmarks.long_campaign import bench_long_campaign
 from tests.benchmarks.physics import bench_physics
 from tests.benchmarks.pipeline import bench_pipeline
 from tests.benchmarks.startup import bench_startup
@@ -25,6 +26,7 @@ def main() -> None:
     bench_static_calibration()
     bench_physics()
     bench_startup()
+    bench_long_campaign()
     print(f"\n{time.perf_counter() - begin:.0f} s in all")
 
 

@@ -155,7 +155,7 @@ def test_the_true_state_just_before_a_border_between_readings_is_that_of_reading
 
 def fast_moment(the_plan: Plan) -> int:
     """When the fastest joint is at its fastest."""
-    times = the_plan.trajectory.sample_moving(4_000_000)
+    (times,) = the_plan.trajectory.sample_moving(4_000_000, 1_000_000)
     return int(times[np.argmax(np.abs(the_plan.trajectory.at(times)[1]).max(axis=1))])
 
 

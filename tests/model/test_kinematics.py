@@ -117,7 +117,7 @@ def test_an_ideal_imu_agrees_with_finite_differences_of_its_pose_along_a_planned
     the_plan = plan("quick")
     kinematics = Kinematics(the_plan.robot)
     offset = Pose(Rotation.from_euler("ZYX", [0.3, -0.8, 1.1]).as_matrix(), np.array([0.02, 0.045, 0.03]))
-    moving = the_plan.trajectory.sample_moving(7_000_000)
+    (moving,) = the_plan.trajectory.sample_moving(7_000_000, 1_000_000)
     times = moving[(moving > 10_000_000) & (moving < the_plan.trajectory.time_ns[-1] - 10_000_000)]
     step = 200_000  # ns
 

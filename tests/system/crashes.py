@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import shlex
 import signal
 import subprocess
 import sys
@@ -112,3 +113,11 @@ def moments(count: int, longest_s: float, seed: int = 0) -> list[tuple[str, floa
     return [
         ("realtime", rng.uniform(begin[0], longest_s)) if i % 2 else ("fast", rng.uniform(begin[1], 2.5)) for i in range(count)
     ]
+
+
+def on_a_small_disk(command: list[str], folder: Path, size_kb: int) -> subprocess.CompletedProcess[str]:
+    """Run a command with a folder on a file system of its own that is soon full (in a mount namespace of its own)."""
+    folder.mkdir()
+    mount = f"mount -t tmpfs -o size={size_kb}k tmpfs {folder}"
+    script = f"{mount} && {shlex.join(command)}; code=$?; cp -r {folder} {folder}_kept; exit $code"
+    return subprocess.run(["unshare", "--mount", "sh", "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=100)

@@ -4,26 +4,27 @@ from __future__ import annotations
 
 import json
 import os
-import shlex
 import shutil
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from typer.testing import CliRunner
 
 from testbench import execute, plan
 from testbench.arm_pipeline import resume
+from testbench.cli.app import app
 from testbench.exceptions import InputError, RunInterrupted, SessionError
 from testbench.execution.recovery import recover
 from testbench.pipeline import analyse
 from testbench.records.sensor import load_preset
 from testbench.records.session import RunStatus, Session, list_sessions
+from testbench.records.shipped import shipped_folder
 from testbench.records.storage import read_parquet
-from tests.system.crashes import ROOT, comparable, crash, moments, undisturbed
+from tests.system.crashes import ROOT, comparable, crash, moments, on_a_small_disk, undisturbed
 
 
 @pytest.fixture(scope="module")
@@ -187,12 +188,17 @@ def test_nothing_is_resumed_that_is_no_longer_the_same(tiny_plan, tmp_path, cloc
     assert Session(session.path).status is RunStatus.ERROR
 
 
-def on_a_small_disk(command: list[str], folder: Path, size_kb: int) -> subprocess.CompletedProcess[str]:
-    """Run a command with a folder on a file system of its own that is soon full (in a mount namespace of its own)."""
-    folder.mkdir()
-    mount = f"mount -t tmpfs -o size={size_kb}k tmpfs {folder}"
-    script = f"{mount} && {shlex.join(command)}; code=$?; cp -r {folder} {folder}_kept; exit $code"
-    return subprocess.run(["unshare", "--mount", "sh", "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=100)
+def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_own_file(tiny, tmp_path, clock):
+    own = tmp_path / "own"
+    shutil.copytree(shipped_folder("robots") / "ur3e", own)
+    file = own / "robot.yaml"
+    file.write_text(file.read_text().replace("record_hz: 125", "record_hz: 250"))
+    session = broken_off(plan(tiny, own), tmp_path, clock, 1.0)
+    file.write_text(file.read_text().replace("record_hz: 250", "record_hz: 500"))
+    with pytest.raises(InputError, match=r"robot file differs:\n(.*\n)*-  record_hz: 250\n\+  record_hz: 500"):
+        resume(session.path, with_report=False)
+    file.write_text(file.read_text().replace("record_hz: 500", "record_hz: 250"))
+    assert resume(session.path, with_report=False).session.status is RunStatus.COMPLETED
 
 
 @pytest.mark.parametrize("size_kb", [250, 320, 400])
@@ -218,9 +224,20 @@ def test_sessions_are_listed_with_what_became_of_them(tiny_plan, tmp_path, clock
     command = [sys.executable, "-m", "testbench", "sessions", "--logs", str(tmp_path), "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
-    listed = {entry["session"]: entry["status"] for entry in json.loads(done.stdout)["sessions"]}
-    assert listed["broken"] == "error"
-    assert listed["damaged"] == "damaged"
+    listed = {entry["session"]: entry for entry in json.loads(done.stdout)["sessions"]}
+    assert listed["broken"]["status"] == "error" and listed["broken"]["damage"] is None
+    assert listed["damaged"]["status"] == "damaged"
+    assert "manifest.json cannot be read" in listed["damaged"]["damage"]
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"outcome": ["pass"]}', '{"outcome": "splendid"}'])
+def test_sessions_are_listed_though_one_has_a_broken_evaluation(tiny_plan, tmp_path, clock, content):
+    broken_off(tiny_plan, tmp_path, clock, 1.0)
+    shutil.copytree(tmp_path / "broken", tmp_path / "sound")
+    (tmp_path / "broken" / "evaluation.json").write_text(content)
+    done = CliRunner().invoke(app, ["sessions", "--logs", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "broken is damaged: " in done.output and "evaluation.json" in done.output and "sound" in done.output
 
 
 def test_a_broken_off_run_is_resumed_on_the_command_line(tiny_plan, tmp_path, clock):

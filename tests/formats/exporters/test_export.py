@@ -42,6 +42,13 @@ def test_every_format_is_written_into_the_session_and_nothing_else_changes(name,
     assert [path for path in everything(own_session.path) if path not in before] == new
 
 
+def test_missing_folders_above_an_export_are_made(own_session, tmp_path):
+    assert export(own_session, "mot", tmp_path / "thesis" / "figures" / "elbow.mot").path.is_file()
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match=r"elbow\.mot cannot be written: (Not a directory|File exists)"):
+        export(own_session, "mot", tmp_path / "taken" / "elbow.mot")
+
+
 @pytest.mark.parametrize("name", [name for name in EXPORTS if name not in {"mat", "rrd"}])  # these hold the date of writing
 def test_the_same_session_gives_the_same_bytes(name, source, tmp_path):
     paths = [prepare_export(name, source.session, tmp_path / f"{i}{EXPORTS[name].suffix}", False) for i in range(2)]

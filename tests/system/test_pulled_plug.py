@@ -1,0 +1,195 @@
+"""The plug is pulled, or the disk is full, while files take their names: in recovery, resumption, and all that is derived."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from testbench import estimate, evaluate, execute, plan
+from testbench.arm_pipeline import resume
+from testbench.exceptions import SessionError
+from testbench.execution.recovery import recover
+from testbench.records.estimate import Estimate
+from testbench.records.evaluation import Evaluation
+from testbench.records.session import RunStatus, Session
+from testbench.reporting.report import report
+from tests.conftest import FakeClock
+from tests.system.crashes import ROOT, comparable, killed, on_a_small_disk
+
+# A process that is gone closes no files; here they are closed when they are collected.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore::ResourceWarning")
+
+OPERATIONS = ("fsync", "rename", "replace", "unlink", "rmdir", "mkdir")
+
+
+class Cut(BaseException):
+    """The process is gone."""
+
+
+@contextmanager
+def cut_before(number: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    """From its operation of that number on, the file system hears nothing more of this process; yields what was done before."""
+    done: list[str] = []
+
+    def counting(name: str, real: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **options: Any) -> Any:
+            if len(done) >= number:
+                raise Cut
+            done.append(name)
+            return real(*arguments, **options)
+
+        return call
+
+    with monkeypatch.context() as patched:
+        for name in OPERATIONS:
+            patched.setattr(os, name, counting(name, getattr(os, name)))
+        yield done
+
+
+def cuts(action: Callable[[Path], object], start: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Copies of a session in which an action was cut off, one for each of its operations on files."""
+    for number in itertools.count():
+        copy = folder / f"cut_{number}" / start.name
+        shutil.copytree(start, copy)
+        with cut_before(number, monkeypatch):
+            try:
+                action(copy)
+            except Cut:
+                cut = True
+            else:
+                cut = False
+        if not cut:
+            assert number > 1
+            return
+        yield copy
+
+
+def raw(session: Session) -> dict[str, bytes]:
+    """Content of every raw file, and of the manifest."""
+    return {path.name: path.read_bytes() for path in session.path.iterdir() if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def cut_off(tiny, tmp_path_factory) -> Path:
+    """A session whose run was killed, with its journals."""
+    logs = tmp_path_factory.mktemp("cut_off")
+    killed(tiny, logs, "realtime", 3.0)
+    assert list((logs / "run").glob("*.arrows"))
+    return logs / "run"
+
+
+def test_a_recovery_that_is_cut_off_anywhere_is_made_good_by_the_next(cut_off, tmp_path, monkeypatch):
+    shutil.copytree(cut_off, tmp_path / "run")
+    expected = raw(recover(Session(tmp_path / "run")))
+    for copy in cuts(lambda path: recover(Session(path)), cut_off, tmp_path, monkeypatch):
+        assert raw(recover(Session(copy))) == expected
+
+
+@pytest.mark.slow
+def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(cut_off, tiny, tmp_path, monkeypatch):
+    def again(path: Path) -> Session:
+        session = recover(Session(path))
+        return execute(plan(tiny), seed=5, speed="fast", clock=FakeClock(), resumed=session)
+
+    shutil.copytree(cut_off, tmp_path / "run")
+    whole = again(tmp_path / "run")
+    for number, copy in enumerate(cuts(again, cut_off, tmp_path, monkeypatch)):
+        if number % 6:  # a run each: not all of them
+            continue
+        session = Session(copy)
+        if session.status is not RunStatus.COMPLETED:
+            session = resume(copy, with_report=False, clock=FakeClock()).session
+        for name in ("arm", "imu_hand", "truth_hand"):
+            assert (session.path / f"{name}.parquet").read_bytes() == (whole.path / f"{name}.parquet").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def judged(tiny, tmp_path_factory) -> Path:
+    """A session with an estimate and an evaluation by one filter, and a report."""
+    session = execute(plan(tiny), tmp_path_factory.mktemp("judged"), 5, clock=FakeClock())
+    made = estimate(session, ["vqf_6d"])
+    made.save(session.path)
+    evaluate(session, made).save(session.path)
+    report(session)
+    return session.path
+
+
+def test_an_estimate_that_is_cut_off_leaves_the_old_one_or_none(judged, tmp_path, monkeypatch):
+    session = Session(judged)
+    by = {"madgwick_imu": estimate(session, ["madgwick_imu"]), "vqf_6d": estimate(session, ["vqf_6d"])}
+    found = set()
+    for copy in cuts(by["madgwick_imu"].save, judged, tmp_path, monkeypatch):
+        try:
+            loaded = Estimate.load(copy)
+        except SessionError:
+            found.add("none")
+        else:
+            (name,) = loaded.filter_parameters
+            found.add(name)
+            assert list(loaded.sensors["hand"].orientation) == [name]
+            np.testing.assert_array_equal(loaded.sensors["hand"].orientation[name], by[name].sensors["hand"].orientation[name])
+        by["vqf_6d"].save(copy)  # whatever was left lying does no harm
+        assert list(Estimate.load(copy).filter_parameters) == ["vqf_6d"]
+        assert not list(copy.glob("*.new")) and not list(copy.glob("*.old"))
+    assert found == {"vqf_6d", "none", "madgwick_imu"}
+
+
+def test_an_evaluation_that_is_cut_off_leaves_the_old_one_or_none(judged, tmp_path, monkeypatch):
+    session = Session(judged)
+    old, new = (evaluate(session, estimate(session, [name])) for name in ("vqf_6d", "madgwick_imu"))
+    assert comparable(old) != comparable(new)
+    for copy in cuts(new.save, judged, tmp_path, monkeypatch):
+        try:
+            loaded = Evaluation.load(copy)
+        except SessionError:
+            assert not (copy / "evaluation.json").is_file()
+            continue
+        which = {row.filter for row in loaded.orientation}
+        assert which in ({"vqf_6d"}, {"madgwick_imu"})
+        assert {f"{name}_total_rad" for name in which} == {key for key in loaded.series["orientation_hand"] if "_total_" in key}
+
+
+def test_a_report_that_is_cut_off_leaves_the_old_one(judged, tmp_path, monkeypatch):
+    before = (judged / "report.html").read_bytes()
+    for copy in cuts(lambda path: report(Session(path)), judged, tmp_path, monkeypatch):
+        assert (copy / "report.html").read_bytes() == before
+
+
+@pytest.mark.parametrize("stage", ["estimate", "evaluate", "report"])
+def test_a_full_disk_leaves_the_session_and_what_was_derived_before(stage, judged, tmp_path):
+    size = sum(file.stat().st_size for file in judged.rglob("*") if file.is_file()) // 1024
+    words = shutil.which("env") or "env"
+    copied = f"cp -r {judged} {tmp_path}/disk/session && head -c 100M /dev/zero > {tmp_path}/disk/filler"
+    command = f"{copied}; {words} PYTHONPATH={ROOT} {sys.executable} -m testbench {stage} {tmp_path}/disk/session --json"
+    done = on_a_small_disk(["sh", "-c", command], tmp_path / "disk", size + 200)
+    if "unshare" in done.stderr or "mount:" in done.stderr:
+        pytest.skip("this machine does not let tests mount a file system")
+    assert done.returncode == 3, done.stderr
+    said = json.loads(done.stderr.splitlines()[-1])
+    assert "there is no room left on the disk; the recording is as it was" in said["error"]["message"]
+    assert "Traceback" not in done.stderr
+    kept = tmp_path / "disk_kept" / "session"
+    for file in (file for file in judged.rglob("*") if file.is_file()):
+        assert (kept / file.relative_to(judged)).read_bytes() == file.read_bytes(), file.name
+    assert {path.name for path in kept.iterdir()} == {path.name for path in judged.iterdir()}
+
+
+def test_a_kill_while_it_is_planned_leaves_nothing(tiny, tmp_path):
+    run = [sys.executable, "-m", "testbench", "run", str(tiny), "--logs", str(tmp_path / "logs"), "--no-report"]
+    process = subprocess.Popen(run, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(0.5)
+    process.kill()
+    process.wait()
+    assert not (tmp_path / "logs").exists()
