@@ -44,8 +44,15 @@ class ChainEstimation(StrictModel):
     walk_deg_sqrts: float | None = Field(
         default=None, gt=0, description="Random walk of the first harmonic, fourier [deg/sqrt(s)]; null: the most likely one."
     )
-    biases: bool = Field(default=True, description="Whether the biases of gyroscopes and accelerometers are states.")
-    scales: bool = Field(default=True, description="Whether, beside the biases, errors of scale and axes are states as well.")
+    biases: bool = Field(
+        default=True,
+        description="Whether the biases of gyroscopes and accelerometers, and how late their clocks are, are states.",
+    )
+    scales: bool = Field(
+        default=True,
+        description="Whether, beside the biases, errors of scale, axes and linearity are states; without, the stated "
+        "uncertainty leaves them out.",
+    )
     limits: bool = Field(default=True, description="Whether the joint limits of the robot file hold the estimate.")
     smooth: bool = Field(default=False, description="Smooth backwards as well: better, but not to be had while it moves.")
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from testbench.records.evaluation import Evaluation
 from testbench.records.published_chain import load_published_chain
 from testbench.studies.reference_5 import AXES, reference_5
 
@@ -61,6 +62,16 @@ def test_walking_stays_at_or_below_every_published_mean_error(study):
         assert ours.correlation > 0.99
     assert study.totals("fourier").mean_magnitude_of_means <= 0.498
     assert len({row.joint for row in study.both_legs}) == 14
+
+
+@pytest.mark.slow
+def test_a_pelvis_whose_place_nothing_tells_is_not_taken_for_known(study):
+    """Its shift and tilt are told apart by accelerations alone; their errors must not exceed what is stated of them."""
+    rows = [row for row in Evaluation.load(study.sessions["gait"][0]).chain if row.joint.startswith(("carrier", "pelvis"))]
+    assert len(rows) == 2 * 6
+    for row in rows:
+        assert row.normalised_error < 1.5, (row.joint, row.state)
+        assert row.rmse_deg < 3.5, (row.joint, row.state)
 
 
 @pytest.mark.slow

@@ -15,8 +15,9 @@ from numba import njit
 from testbench.estimation.chain.state import drive, joint_motion, propagate
 from testbench.model.chain_sensor import sensor_reading
 
-WIDE = 0.25
-"""A joint whose standard deviation exceeds this part of its range is held by its limits though its mean lies within them."""
+WIDE = 0.3
+"""A joint whose standard deviation exceeds this part of its range is held by its limits though its mean lies within them: it is
+known worse than an angle anywhere in the range, whose standard deviation is 1 / sqrt(12) = 0.289 of it."""
 
 
 @njit(cache=True)
@@ -28,10 +29,12 @@ def filter_chain(
     chain: tuple[np.ndarray, ...],
     gravity: np.ndarray,
     limits: np.ndarray,
+    confined: np.ndarray,
     start: float,
     time: np.ndarray,
     sensor: np.ndarray,
     reading: np.ndarray,
+    change: np.ndarray,
     variance: np.ndarray,
     jerk: np.ndarray,
     walk: np.ndarray,
@@ -44,9 +47,10 @@ def filter_chain(
     Args:
         x, P: State and covariance at `start`, shapes (n,) and (n, n); they end as those of the last sample. harmonics, indices:
             As for `state.joint_motion`. chain, gravity: As of ChainSensors. limits: Of the joints, shape (m, 2), infinite for
-            none [rad].
-        start: [s]. time: Of the e samples, shape (e,), not decreasing [s]. sensor: Which one, shape (e,). reading, variance:
-            Rate and force, shape (e, 6). jerk, walk: As for `state.drive`.
+            none [rad]. confined: As `state.confinement` gives it, shape (m, 2).
+        start: [s]. time: Of the e samples, shape (e,), not decreasing [s]. sensor: Which one, shape (e,). reading, change,
+            variance: Rate and force, their derivatives by time and their variances, shape (e, 6) each. jerk, walk: As for
+            `state.drive`.
         raised, levels: A second level of process noise (Bar-Shalom, Li & Kirubarajan, 2001, sect. 11.2.2): what it adds to
             `walk`; mean normalised innovation squared (of one reading) above which it holds, memory of that mean [s], the
             mean and the part of the raised level at `start`, which are changed in place, and the time constant with which
@@ -61,7 +65,8 @@ def filter_chain(
     rotations, offsets, axes, columns, counts, tip_rotations, tip_offsets = chain
     e, n, m = len(time), len(x), indices.shape[0]
     bias = m * (2 * harmonics + 1) + 1 if harmonics else 3 * m
-    scale = bias + 6 * len(counts)
+    clock = bias + 6 * len(counts)
+    scale = clock + len(counts)
     means, sds = np.empty((e, 3, m)), np.empty((e, 3, m))
     nis, high = np.zeros(e), np.zeros(e)
     states = np.empty((e if keep else 0, n))
@@ -74,10 +79,10 @@ def filter_chain(
         dt = time[i] - now
         now = time[i]
         if dt > 0:
-            propagate(x, P, m, harmonics, dt)
+            propagate(x, P, m, harmonics, confined, dt)
             levels[3] = 1.0 if levels[2] > levels[0] else levels[3] * math.exp(-dt / levels[4])
             high[i] = levels[3]
-            drive(P, m, harmonics, jerk, walk + high[i] * raised, dt)
+            drive(P, m, harmonics, jerk, confined, walk + high[i] * raised, dt)
         s = sensor[i]
         joint_motion(x, indices, harmonics, motion, slopes)
         sensor_reading(
@@ -96,12 +101,16 @@ def filter_chain(
             innovation = reading[i, r] - predicted[r]
             if n > bias:
                 h[bias + 6 * s + r] = 1.0
-                innovation -= x[bias + 6 * s + r]
+                h[clock + s] = change[i, r]
+                innovation -= x[bias + 6 * s + r] + change[i, r] * x[clock + s]
             if n > scale:
                 for t in range(3 if r >= 3 else 6):  # rows of both matrices, and the gyroscope's response to force
-                    place = scale + 27 * s + (6 * r if r < 3 else 9 + 3 * r) + t
+                    place = scale + 33 * s + (6 * r if r < 3 else 9 + 3 * r) + t
                     h[place] = predicted[t if r < 3 else 3 + t]
                     innovation -= x[place] * h[place]
+                place = scale + 33 * s + 27 + r
+                h[place] = predicted[r] ** 3
+                innovation -= x[place] * h[place]
             times_gain(P, h, Ph)
             S = variance[i, r]
             for t in range(n):

@@ -11,7 +11,7 @@ from testbench.estimation.chain.kernel import filter_chain
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.start import start_state
-from testbench.estimation.chain.state import state_indices
+from testbench.estimation.chain.state import confinement, state_indices
 
 LIVELINESS = {"kinematic": (np.radians(10.0), np.radians(1e5)), "fourier": (np.radians(1e-4), np.radians(10.0))}
 """Between what values the liveliness is sought; units as of FilterSettings."""
@@ -26,7 +26,7 @@ class ChainSamples:
     Attributes:
         start: When the rest ends and the filter begins [s]. mean, counts: Mean readings at rest, shape (s, 6), and how many.
         time: Instants, shape (e,), not decreasing [s]. sensor: Which of the sensors, shape (e,). reading: Rate and force, shape
-        (e, 6) [rad/s], [m/s^2].
+        (e, 6) [rad/s], [m/s^2]. known_change: Of a part, see `change`.
     """
 
     start: float
@@ -35,11 +35,31 @@ class ChainSamples:
     time: np.ndarray
     sensor: np.ndarray
     reading: np.ndarray
+    known_change: np.ndarray | None = None
+
+    @property
+    def change(self) -> np.ndarray:
+        """How fast the readings change, by central differences of each sensor's own, shape (e, 6): what a late clock adds."""
+        if self.known_change is not None:
+            return self.known_change
+        change = np.zeros_like(self.reading)
+        for i in range(len(self.counts)):
+            own = np.flatnonzero(self.sensor == i)
+            if len(own) > 1:
+                change[own] = np.gradient(self.reading[own], self.time[own], axis=0)
+        return change
+
+    def rows(self, begin: int, end: int | None) -> ChainSamples:
+        """Some of them, with the changes that they have among all."""
+        part = slice(begin, end)
+        return replace(
+            self, time=self.time[part], sensor=self.sensor[part], reading=self.reading[part], known_change=self.change[part]
+        )
 
     def until(self, seconds: float) -> ChainSamples:
         """The first seconds."""
         end = int(np.searchsorted(self.time, self.start + seconds))
-        return replace(self, time=self.time[:end], sensor=self.sensor[:end], reading=self.reading[:end])
+        return self.rows(0, end)
 
 
 @dataclass(frozen=True)
@@ -88,13 +108,19 @@ def continue_filter(
     """Filter samples from a state on; x, P and levels are changed in place to those of the last sample."""
     m = len(sensors.joints)
     variance = np.array([noise.variance for noise in settings.noise])[samples.sensor]
-    limits = sensors.limits if settings.limits else np.tile([-np.inf, np.inf], (m, 1))
+    limits = holding_limits(sensors, settings)
+    jerk = settings.jerk(m)
     mean, sd, nis, likelihood, high, states, covariances = filter_chain(
-        x, P, settings.harmonics, state_indices(m, settings.harmonics), sensors.arrays, sensors.gravity, limits, start,
-        samples.time, samples.sensor, samples.reading, variance, settings.jerk(m), settings.walk(m), settings.raised(m), levels,
-        keep,
+        x, P, settings.harmonics, state_indices(m, settings.harmonics), sensors.arrays, sensors.gravity, limits,
+        confinement(limits, jerk), start, samples.time, samples.sensor, samples.reading, samples.change, variance, jerk,
+        settings.walk(m), settings.raised(m), levels, keep,
     )  # fmt: skip
     return ChainMotion(samples.time, mean, sd, nis, likelihood, states, covariances, high, (x, P))
+
+
+def holding_limits(sensors: ChainSensors, settings: FilterSettings) -> np.ndarray:
+    """Limits of the estimated joints that hold the estimate, shape (m, 2) [rad]; infinite where none shall."""
+    return sensors.limits if settings.limits else np.tile([-np.inf, np.inf], (len(sensors.joints), 1))
 
 
 def most_likely(sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples, since: float) -> FilterSettings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.chain import ChainEstimate
-from testbench.records.estimate import CalibrationFit, SensorEstimate
+from testbench.records.estimate import CalibrationFit, ClockFit, SensorEstimate
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol_chain import ChainEstimation, ChainState
 from testbench.records.sensor import ImuParameters, Triad
@@ -102,7 +103,8 @@ class _Section:
                 raise InputError(f"{name} has {rest.sum()} samples at rest before it; {LEAST_SAMPLES} are needed")
             means.append(np.concatenate([rate[rest].mean(axis=0), force[rest].mean(axis=0)]))
             counts.append(rest.sum())
-            self.noise.append(_noise(sheet, sensors[name].calibration, rate[rest], force[rest], wanted.scales))
+            own = _noise(sheet, sensors[name].calibration, rate[rest], force[rest], wanted.scales)
+            self.noise.append(_with_clock(own, sensors[name].clock, (ends - end) / NANOSECONDS))
             moving = (time > self.start_s) & (time <= ends / NANOSECONDS)
             times.append(time[moving])
             readings.append(np.hstack([rate, force])[moving])
@@ -241,7 +243,17 @@ def _noise(sheet: ImuParameters, calibration: CalibrationFit, rate: np.ndarray, 
         acc_scale_sd=axes[0],
         acc_cross_sd=axes[1],
         g_sd=0.0 if calibrated else gyroscope.g_sensitivity_sd,
+        gyr_cubic_sd=gyroscope.nonlinearity / gyroscope.range**2,
+        acc_cubic_sd=accelerometer.nonlinearity / accelerometer.range**2,
     )
+
+
+def _with_clock(noise: SensorNoise, clock: ClockFit, seconds: float) -> SensorNoise:
+    """With what the fit of the sensor's clock leaves: its offset, and its drift as a random walk that grows as far in a section
+    of that length. A sensor on the host's clock, or one that no motion was found for, is taken at its word.
+    """
+    offset, drift = (value if np.isfinite(value) else 0.0 for value in (clock.offset_sd_s, 1e-6 * clock.drift_sd_ppm))
+    return replace(noise, clock_sd=offset, clock_walk=drift * np.sqrt(seconds))
 
 
 def _wandering(triad: Triad) -> float:

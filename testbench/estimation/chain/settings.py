@@ -34,6 +34,8 @@ class SensorNoise:
         gyr_bias_walk, acc_bias_walk: Growth of its standard deviation [rad/s/sqrt(s)], [m/s^2/sqrt(s)].
         gyr_scale_sd, gyr_cross_sd, acc_scale_sd, acc_cross_sd: Of the elements of the matrices that scale and axes are off by,
         on their diagonals and beside them [1]. g_sd: Of the elements of the gyroscope's response to force [rad/s/(m/s^2)].
+        gyr_cubic_sd, acc_cubic_sd: Of what an axis adds to its reading, over the reading's third power [1/unit^2].
+        clock_sd: Of how much later than believed the samples were taken [s]. clock_walk: Growth of it [s/sqrt(s)].
     """
 
     gyr_sd: float
@@ -47,6 +49,10 @@ class SensorNoise:
     acc_scale_sd: float = 0.0
     acc_cross_sd: float = 0.0
     g_sd: float = 0.0
+    gyr_cubic_sd: float = 0.0
+    acc_cubic_sd: float = 0.0
+    clock_sd: float = 0.0
+    clock_walk: float = 0.0
 
     @property
     def variance(self) -> np.ndarray:
@@ -60,14 +66,15 @@ class SensorNoise:
 
     @property
     def scale_variance(self) -> np.ndarray:
-        """Of the elements of the matrices, shape (27,): three rows of the gyroscope's, each followed by that of its response to
-        force, then three of the accelerometer's.
+        """Of the elements of the matrices, shape (33,): three rows of the gyroscope's, each followed by that of its response to
+        force, then three of the accelerometer's; and of the nonlinearities of the six axes.
         """
         gyr, acc = (
             np.where(np.eye(3, dtype=bool), scale, cross)
             for scale, cross in ((self.gyr_scale_sd, self.gyr_cross_sd), (self.acc_scale_sd, self.acc_cross_sd))
         )
-        return np.concatenate([np.hstack([gyr, np.full((3, 3), self.g_sd)]).ravel(), acc.ravel()]) ** 2
+        cubic = np.repeat([self.gyr_cubic_sd, self.acc_cubic_sd], 3)
+        return np.concatenate([np.hstack([gyr, np.full((3, 3), self.g_sd)]).ravel(), acc.ravel(), cubic]) ** 2
 
     @property
     def walk(self) -> np.ndarray:
@@ -80,8 +87,8 @@ class FilterSettings:
     """How the filter runs.
 
     Attributes:
-        harmonics: Of the Fourier state; 0 for the kinematic one. biases, scales: Whether the biases of the sensors, and beside
-        them their errors of scale and axes, are states.
+        harmonics: Of the Fourier state; 0 for the kinematic one. biases, scales: Whether the biases of the sensors and their
+        clocks, and beside them their errors of scale, axes and linearity, are states.
         noise: Of each sensor, in the order of ChainSensors. start, start_sd: Stated start pose, shape (m,), and its standard
         deviation [rad]. liveliness: Kinematic: square root of the power spectral density of the jerk [rad/s^3/sqrt(Hz)];
         Fourier: random walk of the coefficients of the first harmonic [rad/sqrt(s)], the k-th over k^1.5.
@@ -102,10 +109,11 @@ class FilterSettings:
 
     @property
     def error_variance(self) -> np.ndarray:
-        """Of the sensor errors that are states, in their order: biases of all sensors, then scales."""
+        """Of the sensor errors that are states, in their order: biases of all sensors, then clocks, then scales."""
         biases = [noise.bias_variance for noise in self.noise if self.biases]
+        clocks = [np.array([noise.clock_sd**2]) for noise in self.noise if self.biases]
         scales = [noise.scale_variance for noise in self.noise if self.biases and self.scales]
-        return np.concatenate([np.zeros(0), *biases, *scales])
+        return np.concatenate([np.zeros(0), *biases, *clocks, *scales])
 
     def jerk(self, m: int) -> np.ndarray:
         """Power spectral density of the jerk of each joint, shape (m,)."""
@@ -115,7 +123,8 @@ class FilterSettings:
         """Growth of the variance of each state, shape (n,)."""
         errors = np.zeros_like(self.error_variance)
         if self.biases:
-            errors[: 6 * len(self.noise)] = np.concatenate([noise.walk for noise in self.noise])
+            clocks = [noise.clock_walk**2 for noise in self.noise]
+            errors[: 7 * len(self.noise)] = np.concatenate([*[noise.walk for noise in self.noise], clocks])
         motion = np.zeros(3 * m)
         if self.harmonics:
             motion = np.append(np.repeat(self.liveliness**2 * self._fall() ** 2, m), 0.0)

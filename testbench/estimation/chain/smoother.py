@@ -8,16 +8,14 @@ mark to mark, backwards.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numba import njit
 
-from testbench.estimation.chain.run import ChainMotion, ChainSamples, continue_filter
+from testbench.estimation.chain.run import ChainMotion, ChainSamples, continue_filter, holding_limits
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.start import start_state
-from testbench.estimation.chain.state import drive, joint_motion, propagate, state_indices, transition
+from testbench.estimation.chain.state import confinement, drive, joint_motion, propagate, state_indices, transition
 
 KEPT_NUMBERS = 2e7
 """Numbers of the covariances that are kept at a time: 160 MB."""
@@ -29,9 +27,9 @@ def run_smoother(sensors: ChainSensors, settings: FilterSettings, samples: Chain
     levels, now = settings.levels(), samples.start
     stride = max(int(KEPT_NUMBERS / len(x) ** 2), 1)
     marks, parts, motions = [], [], []
+    samples = samples.rows(0, None)
     for begin in range(0, len(samples.time), stride):
-        rows = slice(begin, begin + stride)
-        part = replace(samples, time=samples.time[rows], sensor=samples.sensor[rows], reading=samples.reading[rows])
+        part = samples.rows(begin, begin + stride)
         marks.append((x.copy(), P.copy(), levels.copy(), now))
         motions.append(continue_filter(sensors, settings, part, x, P, now, levels))
         parts.append(part)
@@ -40,7 +38,9 @@ def run_smoother(sensors: ChainSensors, settings: FilterSettings, samples: Chain
     indices = state_indices(m, settings.harmonics)
     later = (x.copy(), P.copy(), 0.0, 0.0)  # the last state is its own smoothed one
     means, sds = [], []
-    noise = settings.jerk(m), settings.walk(m), settings.raised(m)
+    jerk = settings.jerk(m)
+    confined = confinement(holding_limits(sensors, settings), jerk)
+    noise = confined, jerk, settings.walk(m), settings.raised(m)
     for part, (x0, P0, levels0, start) in zip(reversed(parts), reversed(marks), strict=True):
         kept = continue_filter(sensors, settings, part, x0, P0, start, levels0, keep=True)
         steps, high = np.append(np.diff(part.time), later[2]), np.append(kept.high[1:], later[3])
@@ -69,6 +69,7 @@ def _smooth(
     harmonics: int,
     steps: np.ndarray,
     high: np.ndarray,
+    confined: np.ndarray,
     jerk: np.ndarray,
     walk: np.ndarray,
     raised: np.ndarray,
@@ -82,10 +83,10 @@ def _smooth(
     for i in range(len(state) - 1, -1, -1):
         predicted, ahead = state[i].copy(), covariance[i].copy()
         dt = steps[i]
-        F = transition(predicted, m, harmonics, dt)
+        F = transition(predicted, m, harmonics, confined, dt)
         turned = state[i].copy()
-        propagate(turned, ahead, m, harmonics, dt)
-        drive(ahead, m, harmonics, jerk, walk + high[i] * raised, dt)
+        propagate(turned, ahead, m, harmonics, confined, dt)
+        drive(ahead, m, harmonics, jerk, confined, walk + high[i] * raised, dt)
         scale = np.sqrt(np.diag(ahead))
         scale = np.where(scale > 0, scale, 1.0)
         for r in range(n):

@@ -50,13 +50,14 @@ def rest_pose(
 def _by_errors(reading: np.ndarray, count: int) -> np.ndarray:
     """Derivative of all readings by the sensor errors that are states, shape (6 s, count); readings of shape (s, 6)."""
     s = len(reading)
-    J = np.zeros((6 * s, 33 * s))
+    J = np.zeros((6 * s, 40 * s))  # at rest nothing tells of the clocks
     J[:, : 6 * s] = np.eye(6 * s)
     for i in range(s):
-        first = 6 * s + 27 * i
+        first = 7 * s + 33 * i
         for r in range(3):
             J[6 * i + r, first + 6 * r : first + 6 * r + 6] = reading[i]
             J[6 * i + 3 + r, first + 18 + 3 * r : first + 21 + 3 * r] = reading[i, 3:]
+        J[range(6 * i, 6 * i + 6), range(first + 27, first + 33)] = reading[i] ** 3
     return J[:, :count]
 
 

@@ -1,16 +1,22 @@
 """The two state vectors of the chain filter, and how joint angles, rates and accelerations follow from them; compiled.
 
-kinematic: q, v and a of the m joints. The jerk is white noise.
+kinematic: q, v and a of the m joints. The jerk is white noise. A joint with limits is drawn back to the middle of its range by
+    three equal poles, (d/dt + lambda)^3 (q - middle) = white, a Matérn process (Hartikainen & Särkkä, Kalman filtering and
+    smoothing solutions to temporal Gaussian process regression models, MLSP 2010) whose stationary standard deviation is that
+    of an angle of which nothing is known but its range. Without limits lambda is 0: white jerk integrated three times.
 fourier: q = c_0 + sum over k = 1..n of c_k, each c_k with its quadrature s_k turning at k omega, so that v = omega sum k s_k
     and a = -omega^2 sum k^2 c_k. That is the Fourier series of Quijano & Valencia (Universidad del Cauca, 2018, eq 3.20) seen
     at the present phase: their a_k and b_k are c_k and s_k turned back by k omega t. The angular frequency omega is common to
     all joints and is estimated too. In this form nothing grows with time, as the derivative of cos(k omega t) by omega does.
 
 Order of the states: kinematic [q, v, a], fourier [c_0, c_1, s_1, .. c_n, s_n, omega], each entry but omega m wide; then, where
-biases are estimated, three of the gyroscope and three of the accelerometer for each sensor.
+biases are estimated, three of the gyroscope and three of the accelerometer for each sensor, and how late each
+sensor's clock is; then, where scales are too, what `SensorNoise.scale_variance` lists, sensor by sensor.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numba import njit
@@ -65,17 +71,52 @@ def joint_motion(x: np.ndarray, indices: np.ndarray, harmonics: int, motion: np.
         motion[2, j] = -omega * omega * bend
 
 
+def confinement(limits: np.ndarray, jerk: np.ndarray) -> np.ndarray:
+    """Middle of each joint's range [rad] and rate [1/s] at which the kinematic state is drawn back to it, shape (m, 2).
+
+    Of (d/dt + lambda)^3 q = white noise of density S the stationary variance is 3 S / (16 lambda^5); that of an angle anywhere
+    in a range is its square over twelve.
+
+    Args:
+        limits: Shape (m, 2), infinite for none [rad]. jerk: As `FilterSettings.jerk` gives it, shape (m,).
+    """
+    known = np.isfinite(limits).all(axis=1)
+    span = np.where(known, np.diff(np.where(known[:, None], limits, 0.0), axis=1)[:, 0], np.inf)
+    middle = np.where(known, np.where(known[:, None], limits, 0.0).mean(axis=1), 0.0)
+    return np.column_stack([middle, (3 * jerk / (16 * span**2 / 12)) ** 0.2])
+
+
 @njit(cache=True)
-def transition(x: np.ndarray, m: int, harmonics: int, dt: float) -> np.ndarray:
-    """The state after dt [s] without noise, and put into x; returns the derivative by the state before, shape (n, n)."""
+def _confined(rate: float, dt: float, f: np.ndarray) -> None:
+    """The transition of q - middle, v and a of one joint over dt [s], filled into shape (3, 3)."""
+    r, d = rate, np.exp(-rate * dt)
+    f[0, 0], f[0, 1], f[0, 2] = 1 + r * dt + 0.5 * (r * dt) ** 2, dt + r * dt**2, 0.5 * dt**2
+    f[1, 0], f[1, 1], f[1, 2] = -0.5 * r**3 * dt**2, 1 + r * dt - (r * dt) ** 2, dt - 0.5 * r * dt**2
+    f[2, 0], f[2, 1], f[2, 2] = r**3 * (0.5 * r * dt**2 - dt), r**2 * (r * dt**2 - 3 * dt), 1 - 2 * r * dt + 0.5 * (r * dt) ** 2
+    for i in range(3):
+        for c in range(3):
+            f[i, c] *= d
+
+
+@njit(cache=True)
+def transition(x: np.ndarray, m: int, harmonics: int, confined: np.ndarray, dt: float) -> np.ndarray:
+    """The state after dt [s] without noise, and put into x; returns the derivative by the state before, shape (n, n).
+
+    `confined` is what `confinement` gives, shape (m, 2).
+    """
     n = x.shape[0]
     F = np.eye(n)
     if harmonics == 0:
+        f = np.empty((3, 3))
         for j in range(m):
-            F[j, m + j] = dt
-            F[j, 2 * m + j] = 0.5 * dt * dt
-            F[m + j, 2 * m + j] = dt
+            _confined(confined[j, 1], dt, f)
+            for r in range(3):
+                for c in range(3):
+                    F[r * m + j, c * m + j] = f[r, c]
+            x[j] -= confined[j, 0]
         x[:] = F @ x
+        for j in range(m):
+            x[j] += confined[j, 0]
         return F
     last = m * (2 * harmonics + 1)
     for k in range(1, harmonics + 1):
@@ -94,31 +135,35 @@ def transition(x: np.ndarray, m: int, harmonics: int, dt: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def propagate(x: np.ndarray, P: np.ndarray, m: int, harmonics: int, dt: float) -> None:
+def propagate(x: np.ndarray, P: np.ndarray, m: int, harmonics: int, confined: np.ndarray, dt: float) -> None:
     """What `transition` does, with the covariance, without building the matrix: x and P are changed in place."""
     if harmonics == 0:
-        _propagate_kinematic(x, P, m, dt)
+        _propagate_kinematic(x, P, m, confined, dt)
     else:
         _propagate_fourier(x, P, m, harmonics, dt)
 
 
 @njit(cache=True)
-def _propagate_kinematic(x: np.ndarray, P: np.ndarray, m: int, dt: float) -> None:
-    n, half = x.shape[0], 0.5 * dt * dt
+def _propagate_kinematic(x: np.ndarray, P: np.ndarray, m: int, confined: np.ndarray, dt: float) -> None:
+    n = x.shape[0]
+    f = np.empty((3, 3))
     for j in range(m):
-        x[j] += dt * x[m + j] + half * x[2 * m + j]
-        x[m + j] += dt * x[2 * m + j]
-    for j in range(m):
+        _confined(confined[j, 1], dt, f)
+        v, a = m + j, 2 * m + j
+        x0, x1, x2 = x[j] - confined[j, 0], x[v], x[a]
+        x[j] = confined[j, 0] + f[0, 0] * x0 + f[0, 1] * x1 + f[0, 2] * x2
+        x[v] = f[1, 0] * x0 + f[1, 1] * x1 + f[1, 2] * x2
+        x[a] = f[2, 0] * x0 + f[2, 1] * x1 + f[2, 2] * x2
         for c in range(n):
-            P[j, c] += dt * P[m + j, c] + half * P[2 * m + j, c]
-    for j in range(m):
-        for c in range(n):
-            P[m + j, c] += dt * P[2 * m + j, c]
-    for r in range(n):
-        for j in range(m):
-            P[r, j] += dt * P[r, m + j] + half * P[r, 2 * m + j]
-        for j in range(m):
-            P[r, m + j] += dt * P[r, 2 * m + j]
+            p0, p1, p2 = P[j, c], P[v, c], P[a, c]
+            P[j, c] = f[0, 0] * p0 + f[0, 1] * p1 + f[0, 2] * p2
+            P[v, c] = f[1, 0] * p0 + f[1, 1] * p1 + f[1, 2] * p2
+            P[a, c] = f[2, 0] * p0 + f[2, 1] * p1 + f[2, 2] * p2
+        for r in range(n):
+            p0, p1, p2 = P[r, j], P[r, v], P[r, a]
+            P[r, j] = f[0, 0] * p0 + f[0, 1] * p1 + f[0, 2] * p2
+            P[r, v] = f[1, 0] * p0 + f[1, 1] * p1 + f[1, 2] * p2
+            P[r, a] = f[2, 0] * p0 + f[2, 1] * p1 + f[2, 2] * p2
 
 
 @njit(cache=True)
@@ -149,27 +194,26 @@ def _propagate_fourier(x: np.ndarray, P: np.ndarray, m: int, harmonics: int, dt:
 
 
 @njit(cache=True)
-def drive(P: np.ndarray, m: int, harmonics: int, jerk: np.ndarray, walk: np.ndarray, dt: float) -> None:
+def drive(P: np.ndarray, m: int, harmonics: int, jerk: np.ndarray, confined: np.ndarray, walk: np.ndarray, dt: float) -> None:
     """Add what the process noise does over dt [s] to a covariance.
 
+    The integral of the noise's response is that of Gauss and Legendre at three instants, exact without confinement (Bar-Shalom,
+    Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, eq 6.2.3-7).
+
     Args:
-        jerk: Power spectral density of the white jerk of each joint, shape (m,) [rad^2/s^5]; kinematic state only (Bar-Shalom,
-            Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, eq 6.2.3-7). walk: Growth of the
-            variance of each state, shape (n,) [unit^2/s].
+        jerk: Power spectral density of the white jerk of each joint, shape (m,) [rad^2/s^5]; kinematic state only. confined: As
+            for `transition`. walk: Growth of the variance of each state, shape (n,) [unit^2/s].
     """
     if harmonics == 0:
-        for j in range(m):
-            d = jerk[j] * dt
-            q, v, a = j, m + j, 2 * m + j
-            P[q, q] += d * dt**4 / 20
-            P[q, v] += d * dt**3 / 8
-            P[v, q] += d * dt**3 / 8
-            P[q, a] += d * dt**2 / 6
-            P[a, q] += d * dt**2 / 6
-            P[v, v] += d * dt**2 / 3
-            P[v, a] += d * dt / 2
-            P[a, v] += d * dt / 2
-            P[a, a] += d
+        f = np.empty((3, 3))
+        for node in range(3):
+            s = 0.5 * dt * (1.0 + (node - 1) * math.sqrt(0.6))
+            weight = dt * (4.0 / 9.0 if node == 1 else 5.0 / 18.0)
+            for j in range(m):
+                _confined(confined[j, 1], s, f)
+                for r in range(3):
+                    for c in range(3):
+                        P[r * m + j, c * m + j] += jerk[j] * weight * f[r, 2] * f[c, 2]
     for i in range(P.shape[0]):
         P[i, i] += walk[i] * dt
         for c in range(i):  # rounding differs by row and column, and what is not symmetric may grow

@@ -101,6 +101,7 @@ def test_the_filter_is_fifty_times_faster_than_the_samples_come(runs, settings, 
 
 
 FREQUENCY, HARMONICS = 0.8, 4
+FREE = np.zeros((6, 2))
 
 
 def test_the_covariance_of_a_fourier_series_is_what_the_errors_show(sensors, settings, measure):
@@ -110,7 +111,7 @@ def test_the_covariance_of_a_fourier_series_is_what_the_errors_show(sensors, set
         HARMONICS, settings.noise, settings.start, settings.start_sd, np.radians(0.05), frequency=FREQUENCY, limits=False
     )
     indices, slopes = state_indices(m, HARMONICS), np.empty((3, m, 2 * HARMONICS + 2))
-    biases = np.concatenate([noise.bias_variance for noise in settings.noise])
+    biases = fourier.error_variance
     # The start is known well enough for a first linearisation to hold; what is tested is the filter, not its start.
     reach = np.repeat(np.radians(0.6) / np.concatenate([[1.0], np.repeat(np.arange(1, HARMONICS + 1), 2) ** 1.5]), m)
     sd = np.concatenate([reach, [0.005 * 2 * np.pi * FREQUENCY], np.sqrt(biases)])
@@ -125,7 +126,7 @@ def test_the_covariance_of_a_fourier_series_is_what_the_errors_show(sensors, set
         motion = np.empty((n + 1, 3, m))
         joint_motion(x, indices, HARMONICS, motion[0], slopes)
         for i in range(n):
-            transition(x, m, HARMONICS, 0.01)
+            transition(x, m, HARMONICS, FREE, 0.01)
             x += np.sqrt(fourier.walk(m)[:size] * 0.01) * rng.normal(size=size)
             joint_motion(x, indices, HARMONICS, motion[i + 1], slopes)
         P, levels = np.diag(sd**2), fourier.levels()
@@ -135,3 +136,56 @@ def test_the_covariance_of_a_fourier_series_is_what_the_errors_show(sensors, set
         omegas.append((result.state[-1, size - 1] - x[-1]) / np.sqrt(result.covariance[-1, size - 1, size - 1]))
     assert within(values, size)
     assert np.sqrt(np.mean(np.square(omegas))) < 1.5  # standard deviations, of an unknown frequency
+
+
+CLOCK_SD, CUBIC_SD = 2e-4, 2e-5  # 0.2 ms; an axis along gravity reads 0.2 % too much or too little
+FAULTS = {"clock": {"clock_sd": CLOCK_SD}, "linearity": {"acc_cubic_sd": CUBIC_SD, "gyr_cubic_sd": 1e-12}}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_late_clock_and_a_bent_axis_are_in_the_covariance_and_would_be_missed_without(sensors, settings, measure, fault):
+    """Faults put in: each sensor's samples taken later than believed, or each axis adding to its reading its third power."""
+    m, runs, n = len(sensors.joints), 12, 200
+    size, s = motion_size(m, HARMONICS), len(sensors.sensors)
+    told = FilterSettings(
+        HARMONICS, [replace(noise, **FAULTS[fault]) for noise in settings.noise], settings.start, settings.start_sd,
+        np.radians(1e-4), scales=True, frequency=FREQUENCY, limits=False,
+    )  # fmt: skip
+    untold = replace(told, noise=settings.noise)
+    indices, slopes = state_indices(m, HARMONICS), np.empty((3, m, 2 * HARMONICS + 2))
+    reach = np.repeat(np.radians(0.6) / np.concatenate([[1.0], np.repeat(np.arange(1, HARMONICS + 1), 2) ** 1.5]), m)
+    values, late = {"told": [], "untold": []}, []
+    for seed in range(runs):
+        rng = np.random.default_rng([13, seed])
+        x = np.concatenate([settings.start, np.zeros(size - m - 1), [2 * np.pi * FREQUENCY]])
+        x[m:-1] = 15 * reach[m:] * rng.normal(size=size - 1 - m)
+        clocks = CLOCK_SD * rng.normal(size=s) * (fault == "clock")
+        bent = CUBIC_SD * rng.normal(size=(s, 3)) * (fault == "linearity")
+        guess = x + np.append(reach, 0.003) * rng.normal(size=size)
+        end, parts = x.copy(), []
+        for i in range(s):
+            motion, y = np.empty((n + 1, 3, m)), x.copy()
+            transition(y, m, HARMONICS, FREE, clocks[i])
+            for k in range(n + 1):
+                joint_motion(y, indices, HARMONICS, motion[k], slopes)
+                transition(y, m, HARMONICS, FREE, 0.01)
+            parts.append(measure(motion, np.random.default_rng([15, seed])))
+        samples = parts[0]
+        for i in range(s):
+            samples.reading[i::s] = parts[i].reading[i::s]
+            samples.reading[i::s, 3:] += bent[i] * samples.reading[i::s, 3:] ** 3
+        for _ in range(n):
+            transition(end, m, HARMONICS, FREE, 0.01)
+        for key, own in (("told", told), ("untold", untold)):
+            first = np.concatenate([guess, np.zeros(len(own.error_variance))])
+            P = np.diag(np.concatenate([reach**2, [0.003**2], own.error_variance]))
+            levels = own.levels()
+            levels[0] = np.inf
+            result = continue_filter(sensors, own, samples, first, P, 0.0, levels, keep=True)
+            values[key].append(nees(result.state[-1, :size] - end, result.covariance[-1, :size, :size]))
+            if key == "told" and fault == "clock":
+                own_clock = size + 6 * s
+                late.append(np.diff(result.state[-1, own_clock : own_clock + s] - clocks)[0])
+    assert within(values["told"], size)
+    assert not within(values["untold"], size) and np.mean(values["untold"]) > 1.3 * np.mean(values["told"])
+    assert fault != "clock" or np.sqrt(np.mean(np.square(late))) < 0.3 * CLOCK_SD  # one against the other it is found
