@@ -201,7 +201,10 @@ class ImuFilter(KernelFilter):
         ("field_uT", 2),
     )  # fmt: skip
     kernel, options = staticmethod(error_state), (False,)
-    behaviour = "Only the diagonal of P+ is kept; its variances are per sample, so that they depend on the rate."
+    behaviour = (
+        "Only the diagonal of P+ is kept; what it wrongly learns as an offset in motion stays about the vertical, and the "
+        "heading drifts by it. Its variances are per sample, so that they depend on the rate."
+    )
 
 
 class AhrsFilter(KernelFilter):
