@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit
 
 from testbench.model.kinematics import Kinematics
 from testbench.records.magnetism import MagneticDipole
@@ -52,6 +53,35 @@ def disturbances(environment: Environment, kinematics: Kinematics) -> list[Magne
     return [*own, *environment.dipoles]
 
 
+@njit(cache=True)
+def _add_dipoles(
+    field: np.ndarray, position: np.ndarray, R: np.ndarray, origin: np.ndarray, places: np.ndarray, moments: np.ndarray,
+    induced: np.ndarray,
+) -> None:  # fmt: skip
+    """Add the fields of the dipoles of one link, as `dipole_field` gives them.
+
+    Args:
+        field: In the world, shape (n, 3) [uT]. position: Shape (n, 3) [m]. R, origin: Of the link, shapes (n, 3, 3) and (n, 3),
+        or of length 1 where it stands still. places, moments: In the link, shape (k, 3) [m], [A m^2]. induced: Moments in the
+        world, shape (k, 3) [A m^2].
+    """
+    d, m = np.empty(3), np.empty(3)
+    for i in range(field.shape[0]):
+        at = i if R.shape[0] > 1 else 0
+        for k in range(places.shape[0]):
+            square, along = 0.0, 0.0
+            for r in range(3):
+                d[r], m[r] = position[i, r] - origin[at, r], induced[k, r]
+                for c in range(3):
+                    d[r] -= R[at, r, c] * places[k, c]
+                    m[r] += R[at, r, c] * moments[k, c]
+                square += d[r] * d[r]
+                along += d[r] * m[r]
+            scale = 1e6 * MU_0_OVER_4PI / (square * np.sqrt(square))
+            for r in range(3):
+                field[i, r] += scale * (3.0 * along / square * d[r] - m[r])
+
+
 class MagneticField:
     """The field about an arm, as it moves.
 
@@ -63,9 +93,17 @@ class MagneticField:
 
     def __init__(self, environment: Environment, kinematics: Kinematics):
         self.earth, self.kinematics = earth_field(environment), kinematics
-        self._by_link: dict[str, list[MagneticDipole]] = {}
+        by_link: dict[str, list[MagneticDipole]] = {}
         for dipole in disturbances(environment, kinematics):
-            self._by_link.setdefault(dipole.link, []).append(dipole)
+            by_link.setdefault(dipole.link, []).append(dipole)
+        self._sources = {
+            link: (
+                np.array([dipole.position_mm for dipole in dipoles], float) / 1000,
+                np.array([dipole.moment_A_m2 for dipole in dipoles], float),
+                np.array([induced_moment(self.earth, dipole.iron_radius_mm / 1000) for dipole in dipoles]),
+            )
+            for link, dipoles in by_link.items()
+        }
 
     def at(self, position: np.ndarray, q: np.ndarray) -> np.ndarray:
         """The field in the world frame, shape (n, 3) [uT].
@@ -73,14 +111,13 @@ class MagneticField:
         Args:
             position: In the world, shape (n, 3) [m]. q: Joint angles at the same instants, shape (n, n_joints) [rad].
         """
-        field = np.broadcast_to(self.earth, position.shape).copy()
-        for link, dipoles in self._by_link.items():
+        field = np.tile(self.earth, (len(position), 1))
+        if len(position) == 0:
+            return field
+        for link, (places, moments, induced) in self._sources.items():
             fixed = len(self.kinematics.chain_to(link)[3]) == 0  # no joint moves it: one pose is that of all instants
             motion = self.kinematics.frame_motion(link, q[:1] if fixed else q)
-            R, origin = motion.R_world_from_frame, motion.position
-            for dipole in dipoles:
-                moment = R @ np.asarray(dipole.moment_A_m2) + induced_moment(self.earth, dipole.iron_radius_mm / 1000)
-                field += dipole_field(position - origin - R @ (np.asarray(dipole.position_mm) / 1000), moment)
+            _add_dipoles(field, position, motion.R_world_from_frame, motion.position, places, moments, induced)
         return field
 
 

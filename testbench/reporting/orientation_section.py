@@ -43,7 +43,7 @@ def orientation_section(evaluation: Evaluation, colours: dict[str, str], spans: 
             }
             for part, title in PARTS.items()
         }
-        far = outliers_of(evaluation, sensor)
+        far = outliers_of(evaluation, sensor, motion="all")
         section.blocks.append(
             Figures(
                 f"Orientation error over time: {sensor}",
