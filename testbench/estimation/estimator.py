@@ -65,7 +65,8 @@ def estimate(
     chain, chain_remarks = estimate_chain(session, sensors, settings.chain) if settings.chain is not None else ([], [])
     used = {kind.name: kind.parameters for kind in chosen}
     tuned = {tuning.filter: tuning.used_on(session) for tuning in tunings}
-    return Estimate(session.name, session.fingerprint, sensors, joints, used, tuned, chain, chain_remarks)
+    known = {kind.name: kind.behaviour for kind in chosen if kind.behaviour}
+    return Estimate(session.name, session.fingerprint, sensors, joints, used, tuned, chain, chain_remarks, known)
 
 
 class PreparedSession:

@@ -14,8 +14,10 @@ from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
 from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.magnetic import field_deviation, field_error_rows, field_rows
 from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
 from testbench.evaluation.orientation import rank_sensor, sensor_errors, sensor_rows, summarise_sensor, sweep_rows
+from testbench.evaluation.outliers import outlier_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
@@ -49,6 +51,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         result.notes.append("no step of the protocol was finished, so there is nothing to judge")
     for name in estimate.joints:
         _judge_joint(session, estimate, name, steps or [], arm, recorded, result)
+    result.outliers.extend(outlier_rows(result, estimate.behaviour))
     result.notes.extend(estimate.remarks)
     for one in estimate.chain:
         if recorded is None:
@@ -92,8 +95,9 @@ def _judge_sensor(
     metrics = []
     if norm_error is not None:
         metrics.append(Metric(f"{name}.gravity_norm_error_percent", norm_error, "%", None, None, None, NORM_MEANING))
-    if sensor.stored_calibration is None:
-        result.gyroscope_bias.extend(bias_rows(name, sensor, session.imu(name, every=sensor.every), session.steps))
+    samples = session.imu(name, every=sensor.every) if sensor.stored_calibration is None else None
+    if samples is not None:
+        result.gyroscope_bias.extend(bias_rows(name, sensor, samples, session.steps))
     truth, jumps = sound_truth(session, name)
     if truth is None:
         result.notes.append(f"{name}: no truth, so its orientation is not judged")
@@ -111,6 +115,11 @@ def _judge_sensor(
         result.orientation_summary.extend(summarise_sensor(errors, own, true))
         result.orientation_sweeps.extend(sweep_rows(errors))
         _add_ranking(result, *rank_sensor(errors))
+        deviation = None if samples is None else field_deviation(errors, samples, session.steps)
+        if deviation is not None:
+            result.magnetic_field.extend(field_rows(errors, deviation))
+            result.magnetic_errors.extend(field_error_rows(errors, deviation))
+            result.series[f"magnetic_{name}"] = deviation.series(errors)
     return metrics
 
 

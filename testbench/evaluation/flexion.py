@@ -43,6 +43,8 @@ class JointErrors:
         flexion, error: Estimated, and its error, by filter and Euler sequence [rad], shape (n,) each. true_angles, angles: All
         three Euler angles, true by sequence and estimated by filter and sequence, shape (n, 3).
         steps: Judged steps with the rows that count in each, in the order of time; those without any are left out.
+        total: Angle of the rotation between estimated and true orientation of the distal segment against the proximal one, by
+        filter [rad], shape (n,); NaN where nothing is judged.
     """
 
     name: str
@@ -54,6 +56,7 @@ class JointErrors:
     true_angles: dict[str, np.ndarray]
     angles: dict[Key, np.ndarray]
     steps: list[tuple[PlannedStep, np.ndarray]]
+    total: dict[str, np.ndarray]
 
     def sections(self) -> dict[str, list[tuple[PlannedStep, np.ndarray]]]:
         """Steps by section, in their order."""
@@ -75,6 +78,8 @@ class JointErrors:
         for (key, sequence), flexion in self.flexion.items():
             columns[f"{key}_{sequence}_flexion_rad"] = flexion
             columns[f"{key}_{sequence}_error_rad"] = self.error[key, sequence]
+        for key, total in self.total.items():
+            columns[f"{key}_total_error_rad"] = total
         return columns
 
 
@@ -96,7 +101,26 @@ def joint_errors(
     finite = np.isfinite(reference) & sound
     counted = [(step, rows[finite[rows]]) for step, rows in rows_by_step(steps, time, static)]
     judged = [(step, rows) for step, rows in counted if len(rows)]
-    return JointErrors(name, joint, time, reference, flexion, error, true_angles, joint_estimate.angles, judged)
+    total = _total_errors(joint, joint_estimate.angles, true_angles[joint.label], judged)
+    return JointErrors(name, joint, time, reference, flexion, error, true_angles, joint_estimate.angles, judged, total)
+
+
+def _total_errors(
+    joint: JointDefinition, angles: dict[Key, np.ndarray], true: np.ndarray, judged: list[tuple[PlannedStep, np.ndarray]]
+) -> dict[str, np.ndarray]:
+    """All three angles of the joint's own definition at once: the angle between two rotations does not depend on how they are
+    written, and no definition loses it in gimbal lock.
+    """
+    rows = np.concatenate([rows for _, rows in judged]) if judged else np.zeros(0, dtype=np.int64)
+    decomposition = decomposition_of(joint)
+    q_true = decomposition.rotation(true[rows])
+    result = {}
+    for (key, sequence), own in angles.items():
+        if sequence == joint.label:
+            result[key] = np.full(len(true), np.nan)
+            difference = rotation.multiply(rotation.conjugate(q_true), decomposition.rotation(own[rows]))
+            result[key][rows] = rotation.angle(difference)
+    return result
 
 
 def flexion_error(definition: FlexionAngle, angles: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

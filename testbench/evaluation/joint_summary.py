@@ -10,7 +10,7 @@ from testbench.evaluation.blocks import ErrorSeries, intervals, step_series
 from testbench.evaluation.dynamics import angle_delay
 from testbench.evaluation.flexion import JointErrors, Key
 from testbench.evaluation.metrics import correlation, summarise
-from testbench.evaluation.ranking import MEAN_MAGNITUDE, rank_filters
+from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, rank_filters
 from testbench.model.noise import random_stream
 from testbench.records.evaluation import JointRow
 from testbench.records.evaluation_rows import Comparison, ErrorSummary, JointSummary, RankRow
@@ -23,7 +23,8 @@ Judged = list[tuple[PlannedStep, np.ndarray]]
 def summarise_joint(
     errors: JointErrors, rows: list[JointRow], budgets: list[UncertaintyBudget], clock_sd: float
 ) -> tuple[list[JointSummary], list[RankRow], list[Comparison]]:
-    """Summaries of every section, filter and sequence; and the ranking of the filters by the joint's own sequence.
+    """Summaries of every section, filter and sequence; and the ranking of the filters, by the flexion in the joint's own
+    sequence and by the total error, which sees headings where the flexion does not.
 
     Args:
         errors: Of the joint. rows: Its rows by step. budgets: Of the truth, by section. clock_sd: Standard uncertainty of the
@@ -34,7 +35,8 @@ def summarise_joint(
     comparisons: list[Comparison] = []
     for section, steps in errors.sections().items():
         budget = next((item for item in budgets if item.owner == errors.name and item.section == section), None)
-        own = {}
+        own: dict[str, ErrorSeries] = {}
+        whole: dict[str, ErrorSeries] = {}
         for motion, judged in by_motion(steps).items():
             for key in errors.error:
                 found = _summary(errors, key, judged, motion, clock_sd)
@@ -43,14 +45,19 @@ def summarise_joint(
                     found = _with_settling(found, settling)
                 expanded = (None, None) if budget is None else (budget.expanded_deg, budget.expanded_magnitude_deg)
                 summaries.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
-        for (name, sequence), error in errors.error.items():
+        for (name, label), error in errors.error.items():
             series = _series(error, steps)
-            if sequence == errors.joint.label and series is not None:
+            if label == errors.joint.label and series is not None:
                 own[name] = series
-        if len(own) > 1:
-            ranked, compared = rank_filters(errors.name, section, errors.joint.label, MEAN_MAGNITUDE, own)
-            ranks += ranked
-            comparisons += compared
+        for name, total in errors.total.items():
+            series = _series(total, steps)
+            if series is not None:
+                whole[name] = series
+        for sequence, criterion, judged_by in ((errors.joint.label, MEAN_MAGNITUDE, own), (None, MEAN_SQUARE, whole)):
+            if len(judged_by) > 1:
+                ranked, compared = rank_filters(errors.name, section, sequence, criterion, judged_by)
+                ranks += ranked
+                comparisons += compared
     return summaries, ranks, comparisons
 
 

@@ -23,6 +23,7 @@ from testbench.execution.recorder import Recorder
 from testbench.execution.state_machine import RunState, StateMachine
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
+from testbench.model.magnetic_field import describe_environment
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol_arm import Guards
 from testbench.records.samples import ArmSamples, ImuSamples
@@ -166,6 +167,8 @@ class _ArmRun:
             "resumes": options.resumes,
             **options.details,
         }
+        if simulated:
+            details["environment"] = describe_environment(spec.environment, Kinematics(plan.robot))
         seed = options.seed if simulated else None
         self.recorder = Recorder(plan, sensors.imus, folder, self.clock, seed, details, arm.extra_columns)
         self.machine = StateMachine(self._state_changed)

@@ -20,6 +20,7 @@ from testbench.execution.recorder import Recorder
 from testbench.execution.state_machine import RunState, StateMachine
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
+from testbench.model.magnetic_field import describe_environment
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session
 
@@ -68,9 +69,13 @@ def execute(
     clock = clock or SystemClock()
     spec = plan.protocol.spec
     arm = SimulatedArm(plan.robot, seed, spec.environment.joint_errors)
-    imus = _simulated_imus(plan, Kinematics(plan.robot), arm, seed)
+    kinematics = Kinematics(plan.robot)
+    imus = _simulated_imus(plan, kinematics, arm, seed)
     folder = free_folder(Path(logs), session_name or f"{clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
-    details = {"arm": {"driver": "simulated", "speed": speed}}
+    details = {
+        "arm": {"driver": "simulated", "speed": speed},
+        "environment": describe_environment(spec.environment, kinematics),
+    }
     recorder = Recorder(plan, imus, folder, clock, seed, details, resumed=resumed)
     return _Run(plan, arm, imus, recorder, clock, speed, progress, resumed, keys).run()
 

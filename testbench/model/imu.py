@@ -14,13 +14,10 @@ from scipy.signal import lfilter, lfilter_zi
 
 from testbench.model import rotation
 from testbench.model.noise import GaussMarkov, RandomWalk, random_stream
-from testbench.records.protocol import Environment
 from testbench.records.sensor import DeviceOrientation, Triad
 
 SHEET_TEMPERATURE = 25.0
 """At which data sheets of MEMS sensors state their numbers [deg C]."""
-MU_0_OVER_4PI = 1e-7
-"""Magnetic constant over 4 pi [T m/A] (CODATA 2018, to 1e-9)."""
 
 
 @dataclass(frozen=True)
@@ -145,23 +142,3 @@ class DeviceOrientationModel:
         error = self._sd * self._slow.draw(n) + self._noise_sd * self._noise.standard_normal((n, 3))
         q_earth_from_world = rotation.multiply(rotation.from_heading(self.heading), rotation.from_rotation_vector(error))
         return rotation.multiply(q_earth_from_world, q_world_from_sensor)
-
-
-def dipole_field(displacement: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Field of magnetic dipoles (Jackson, Classical Electrodynamics, eq. 5.56).
-
-    Args:
-        displacement: From the dipole to the point, shape (n, 3) [m]. moment: Shape (n, 3) [A m^2], same frame.
-
-    Returns:
-        Shape (n, 3) [uT].
-    """
-    distance = np.linalg.norm(displacement, axis=1, keepdims=True)
-    direction = displacement / distance
-    field = MU_0_OVER_4PI * (3 * direction * np.sum(direction * moment, axis=1, keepdims=True) - moment) / distance**3
-    return 1e6 * field
-
-
-def earth_field(environment: Environment) -> np.ndarray:
-    """The undisturbed field in the world frame, shape (3,) [uT]."""
-    return np.asarray(environment.magnetic_field_uT, float)

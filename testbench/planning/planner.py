@@ -91,6 +91,11 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
             kinematics.check_link(link)
         except NotFoundError as error:
             raise protocol.document.problem(str(error), *where) from None
+    for dipole in robot.spec.magnetism.dipoles if protocol.spec.environment.arm_magnetism else []:
+        try:
+            kinematics.check_link(dipole.link)
+        except NotFoundError as error:
+            raise InputError(f"the robot file of {robot.name}, magnetism, dipole '{dipole.name}': {error}") from None
     for name, joint in protocol.spec.joints.items():
         if joint.reference_joint is not None and joint.reference_joint not in robot.joint_names:
             unknown = NotFoundError(f"joint of {robot.name}", joint.reference_joint, robot.joint_names)

@@ -199,6 +199,7 @@ class Estimate:
         session: Its name. fingerprint: Of the recording they were made from. sensors, joints: By name.
         filter_parameters: Those each filter ran with. tuned: Where they came from, of filters that were tuned.
         chain: Joints of the arm by the chain filter, by section and state. remarks: What is doubtful about the whole.
+        behaviour: What the catalogue says of each filter that ran, in a sentence.
     """
 
     session: str
@@ -209,6 +210,7 @@ class Estimate:
     tuned: dict[str, UsedTuning] = field(default_factory=dict)
     chain: list[ChainEstimate] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    behaviour: dict[str, str] = field(default_factory=dict)
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session, in place of an earlier one."""
@@ -245,6 +247,7 @@ class Estimate:
             summary["joints"][name] = [{"filter": key, "sequence": sequence} for key, sequence in joint.angles]
         summary["chain"] = [chain.save(folder) for chain in self.chain]
         summary["remarks"] = self.remarks
+        summary["behaviour"] = self.behaviour
         write_json(folder / "estimate.json", summary)
 
     @staticmethod
@@ -301,7 +304,7 @@ class Estimate:
         chain = [ChainEstimate.load(folder, data) for data in summary["chain"]]
         return Estimate(
             summary["session"], summary["fingerprint"], sensors, joints, summary["filter_parameters"], tuned, chain,
-            summary["remarks"],
+            summary["remarks"], summary.get("behaviour", {}),
         )  # fmt: skip
 
 

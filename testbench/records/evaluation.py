@@ -13,10 +13,13 @@ from testbench.exceptions import SessionError
 from testbench.records.evaluation_rows import (
     Comparison,
     ErrorSummary,
+    FieldErrorRow,
+    FieldRow,
     GyroscopeBiasRow,
     JointSummary,
     OrientationSummary,
     OrientationSweepRow,
+    OutlierRow,
     RankRow,
     TunedRow,
 )
@@ -228,11 +231,13 @@ class Evaluation:
             "orientation_<sensor>": host_time_ns, judged, and for each filter <filter>_total_rad, <filter>_heading_rad,
             <filter>_inclination_rad.
             "joint_<joint>": host_time_ns, judged, reference_rad (true flexion), and for each filter and sequence
-            <filter>_<sequence>_flexion_rad and <filter>_<sequence>_error_rad.
+            <filter>_<sequence>_flexion_rad and <filter>_<sequence>_error_rad; for each filter <filter>_total_error_rad.
+            "magnetic_<sensor>": host_time_ns, judged, and deviations of the field: norm_percent, dip_rad, heading_rad.
             "chain_<section>_<state>": host_time_ns, judged, and for each joint <joint>_rad, <joint>_error_rad, <joint>_sd_rad.
         joint_summary, orientation_summary: Errors of whole sections and sessions, static and dynamic, with confidence.
         ranking, comparisons: Of the filters, with significance. uncertainty: Budgets of the truth. gyroscope_bias: What the
-        calibration left. tuned: Filters that ran with tuned parameters.
+        calibration left. tuned: Filters that ran with tuned parameters. magnetic_field, magnetic_errors: How far the field was
+        disturbed, and the heading errors there. outliers: Filters far from all others.
     """
 
     session: str
@@ -253,6 +258,9 @@ class Evaluation:
     tuned: list[TunedRow] = field(default_factory=list)
     series: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     chain: list[ChainRow] = field(default_factory=list)
+    magnetic_field: list[FieldRow] = field(default_factory=list)
+    magnetic_errors: list[FieldErrorRow] = field(default_factory=list)
+    outliers: list[OutlierRow] = field(default_factory=list)
 
     @property
     def limited(self) -> bool:
@@ -320,6 +328,9 @@ class Evaluation:
             [TunedRow(**row) for row in data.get("tuned", [])],
             series,
             [ChainRow(**row) for row in data["chain"]],
+            [FieldRow(**row) for row in data["magnetic_field"]],
+            [FieldErrorRow(**row) for row in data["magnetic_errors"]],
+            [OutlierRow(**row) for row in data["outliers"]],
         )
 
 

@@ -177,3 +177,66 @@ class TunedRow:
     tuned_utc: str
     tuned_on: list[str]
     on_this_session: bool
+
+
+@dataclass(frozen=True)
+class FieldRow:
+    """The magnetic field at a sensor against that of the reference pose, seen in the world by the true orientation.
+
+    Attributes:
+        motion: "all", "static" or "dynamic". n: Judged samples. norm_uT, dip_deg: Of the reference. norm_*_percent: Deviation
+        of the norm. field_dip_*, field_heading_*: Of the direction: the heading is what a compass errs by. rms and 95th
+        percentile of magnitudes.
+    """
+
+    sensor: str
+    motion: str
+    n: int
+    norm_uT: float
+    dip_deg: float
+    norm_rms_percent: float
+    norm_p95_percent: float
+    field_dip_rms_deg: float
+    field_dip_p95_deg: float
+    field_heading_rms_deg: float
+    field_heading_p95_deg: float
+
+
+@dataclass(frozen=True)
+class FieldErrorRow:
+    """Heading error of a filter where the field was disturbed by so much.
+
+    Attributes:
+        quantity: "heading" [deg], "norm" [%] or "dip" [deg] of the field. low, high: Of the class; None: no upper end.
+        mean: Disturbance in it. n: Samples.
+    """
+
+    sensor: str
+    filter: str
+    quantity: str
+    low: float
+    high: float | None
+    mean: float
+    n: int
+    heading_rmse_deg: float
+
+
+@dataclass(frozen=True)
+class OutlierRow:
+    """A filter whose error is far from that of all others: beyond the upper quartile by three quartile ranges.
+
+    Attributes:
+        owner: Sensor or joint. section, sequence: Of a joint. motion: "all", "static" or "dynamic".
+        quantity: "heading" or "inclination" (RMS, of a sensor), "flexion" (mean magnitude) or "total" (RMS, of a joint).
+        value_deg: Of this filter. fence_deg: Where the others end. known: What is known of this filter; empty if nothing.
+    """
+
+    owner: str
+    section: str | None
+    sequence: str | None
+    motion: str
+    quantity: str
+    filter: str
+    value_deg: float
+    fence_deg: float
+    known: str

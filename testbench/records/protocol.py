@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 from pydantic import Field, model_validator
 
 from testbench.records.joint_definition import FlexionAngle
+from testbench.records.magnetism import MagneticDipole
 from testbench.records.protocol_arm import ArmUse, Guards
 from testbench.records.protocol_chain import ChainEstimation
 from testbench.records.protocol_steps import Motion, Range, Section, Variable
@@ -194,14 +195,6 @@ class AcceptanceLimit(StrictModel):
         return self
 
 
-class MagneticDipole(StrictModel):
-    """A magnetised part of the arm, such as a motor."""
-
-    link: str = Field(description="Link that carries it, by its URDF name.")
-    position_mm: Angles3 = Field(default=[0.0, 0.0, 0.0], description="Position in the link [mm].")
-    moment_A_m2: Angles3 = Field(description="Magnetic moment in the link [A m^2].")
-
-
 class Environment(StrictModel):
     """The field the sensors feel, and whether the simulated arm's joints have wrong zeros."""
 
@@ -212,7 +205,10 @@ class Environment(StrictModel):
     temperature_deg_c: float = Field(default=25.0, ge=-40, le=125, description="Of the sensors at the start [deg C].")
     warm_up_deg_c: float = Field(default=0.0, ge=-100, le=100, description="By how much they warm up in the end [deg C].")
     warm_up_time_s: float = Field(default=600.0, gt=0, description="Time constant of that [s].")
-    dipoles: list[MagneticDipole] = Field(default=[], description="Magnetic disturbance by the arm.")
+    arm_magnetism: bool = Field(
+        default=True, description="Whether what the robot file says of the arm's magnetism disturbs the field."
+    )
+    dipoles: list[MagneticDipole] = Field(default=[], description="Further magnetised parts and iron.")
     joint_errors: bool = Field(
         default=False,
         description="Draw an error of each simulated joint's zero by the robot file's uncertainty; encoders do not see it.",

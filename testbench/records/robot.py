@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from testbench.exceptions import InputError, NotFoundError
+from testbench.records.magnetism import Magnetism
 from testbench.records.shipped import shipped_folder
 from testbench.records.strict import Placement, StrictModel
 from testbench.records.yaml_file import YamlDocument, load_yaml
@@ -126,6 +127,7 @@ class RobotSpec(StrictModel):
     collision: Collision = Field(default_factory=Collision)
     servo: Servo = Field(default_factory=Servo)
     uncertainty: Uncertainty = Field(default_factory=Uncertainty)
+    magnetism: Magnetism = Field(default_factory=Magnetism)
     rates: Rates = Field(default_factory=Rates)
     assumptions: list[str] = Field(default=[], description="What was filled in without a source; shown with every plan.")
 

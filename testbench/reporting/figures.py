@@ -113,6 +113,7 @@ def _band(x: list[float], low: list[float], high: list[float], curve: Curve) -> 
         "line": {"width": 0},
         "legendgroup": _text(curve.name),
         "showlegend": False,
+        "visible": "legendonly" if curve.hidden else True,
         "hoverinfo": "skip",
     }
 
@@ -131,15 +132,16 @@ def heat_map(
 
     Args:
         x, y: Shape (m,), (n,); words make cells of equal size. z: Shape (n, m), NaN where there is none. z_max: Upper end of
-        the colours.
+        the colours; cells beyond it are crossed.
     """
+    end = float(f"{z_max:.3g}")
     data = {
         "type": "heatmap",
         "x": _places(x),
         "y": _places(y),
         "z": [_rounded(row) for row in z],
         "zmin": 0,
-        "zmax": float(f"{z_max:.3g}"),
+        "zmax": end,
         "colorscale": "Viridis",
         "colorbar": {"title": {"text": _text(z_title), "side": "right"}, "thickness": 12, "outlinewidth": 0},
         "hovertemplate": f"{_text(x_title)} %{{x}}<br>{_text(y_title)} %{{y}}<br>{_text(z_title)} %{{z:.3f}}<extra></extra>",
@@ -147,7 +149,19 @@ def heat_map(
     layout = _layout(300) | {"title": {"text": _text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left", "y": 0.97}}
     layout["xaxis"] = _axis(x_title) | _few_ticks(x)
     layout["yaxis"] = _axis(y_title) | _few_ticks(y)
-    return {"data": [data], "layout": layout}
+    return {"data": [data, *_crosses(_places(x), _places(y), z, end)], "layout": layout}
+
+
+def _crosses(x: list[Any], y: list[Any], z: np.ndarray, z_max: float) -> list[Figure]:
+    """A cross in each cell that lies beyond the colours."""
+    rows, columns = np.nonzero(np.isfinite(z) & (z > z_max))
+    if not len(rows):
+        return []
+    marker = {"symbol": "x-thin", "size": 5, "line": {"color": "#14171c", "width": 1}}
+    return [
+        {"type": "scatter", "mode": "markers", "x": [x[j] for j in columns], "y": [y[i] for i in rows], "marker": marker,
+         "hoverinfo": "skip", "showlegend": False}
+    ]  # fmt: skip
 
 
 def _places(values: Sequence[float] | Sequence[str]) -> list[Any]:
@@ -220,14 +234,19 @@ class Span:
 
 
 def time_panels(
-    time: np.ndarray, panels: Mapping[str, Mapping[str, np.ndarray]], colours: Mapping[str, str], spans: Sequence[Span] = ()
+    time: np.ndarray,
+    panels: Mapping[str, Mapping[str, np.ndarray]],
+    colours: Mapping[str, str],
+    spans: Sequence[Span] = (),
+    hidden: Iterable[str] = (),
 ) -> Figure:
     """Signals over time, in panels one above the other that share the time axis.
 
     Args:
         time: Shape (n,) [s]. panels: By title of the vertical axis, the signals by name, shape (n,). colours: By name.
-        spans: Sections of the protocol, marked in every panel.
+        spans: Sections of the protocol, marked in every panel. hidden: Signals shown only once their name is clicked.
     """
+    hidden = set(hidden)
     data: list[Figure] = []
     height = 96 + (200 if len(panels) > 1 else 260) * len(panels)
     layout = _layout(height, hovermode="x")
@@ -251,6 +270,7 @@ def time_panels(
                     "zorder": rank[name],
                     "line": {"color": colours[name], "width": 1.2},
                     "connectgaps": False,
+                    "visible": "legendonly" if name in hidden else True,
                     "hovertemplate": "%{y:.3f}",
                 }
             )

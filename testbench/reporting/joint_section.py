@@ -8,17 +8,22 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.records.evaluation import Evaluation, JointRow
-from testbench.records.evaluation_rows import JointSummary
+from testbench.records.evaluation_rows import JointSummary, OutlierRow
 from testbench.records.published import PublishedResults
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Curve, Figure, Span, error_curves, heat_map, time_panels
-from testbench.reporting.flexion import Key, PoseErrors, SweepErrors, by_section, published_beside
+from testbench.reporting.flexion import PoseErrors, SweepErrors, by_section, published_beside
+from testbench.reporting.outliers import common_top, flexion_outliers, flexion_remarks, hidden_names, how_remarks
 from testbench.reporting.page import Block, Figures, Heading, Section, Sentence
 from testbench.reporting.palette import REFERENCE
 from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, with_interval
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
 
 Colours = dict[str, str]
+SCALE = (
+    ", which end at the value that 98 % of the cells stay below, those of filters left out whose median cell is an outlier; a "
+    "cell beyond that end is crossed, and its value shows on hovering"
+)
 
 
 def joint_section(
@@ -37,7 +42,7 @@ def joint_section(
             posed = [row for row in own if row.flexion_deg is not None]
             swept = [row for row in own if row.flexion_deg is None]
             if posed:
-                section.blocks += _pose_blocks(joint, name, PoseErrors(posed), published.get(joint), colours)
+                section.blocks += _pose_blocks(joint, name, PoseErrors(posed), published.get(joint), colours, evaluation)
             if swept:
                 section.blocks += _sweep_blocks(joint, name, SweepErrors(swept))
         section.blocks += _time_blocks(joint, rows, evaluation, colours, spans)
@@ -49,6 +54,7 @@ def joint_section(
 def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list[Block]:
     """One row per section, motion, sequence and filter: the errors, then their spread, delay and settling."""
     found = [item for item in evaluation.joint_summary if item.joint == joint]
+    far = [row for row in evaluation.outliers if row.owner == joint and row.quantity == "flexion"]
     body, spread = [], []
     for item in found:
         e = item.errors
@@ -56,8 +62,10 @@ def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list
         mine = [r for r in mine if item.motion == "all" or (r.kind == "sweep") == (item.motion == "dynamic")]
         others = [_mean([row.other_mean_abs_error_deg[i] for row in mine]) for i in (0, 1)]
         leading = [label(item.filter), text(item.sequence), text(item.section), text(item.motion)]
+        mark = [text("outlier" if any(_same_place(row, item) for row in far) else "")] if far else []
         body.append(
-            Row([*leading, number(e.steps, 0), number(e.n, 0), plus_minus(e.mean_error_deg, item.expanded_uncertainty_deg),
+            Row([*leading, *mark, number(e.steps, 0), number(e.n, 0),
+                 plus_minus(e.mean_error_deg, item.expanded_uncertainty_deg),
                  with_interval(e.mean_abs_error_deg, e.mean_abs_error_ci95_deg), with_interval(e.rmse_deg, e.rmse_ci95_deg),
                  *(number(value, 2) for value in others)])
         )  # fmt: skip
@@ -66,8 +74,9 @@ def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list
     return [
         Table(
             f"Flexion error e of {joint}, all poses and sweeps",
-            header(*names, "poses or sweeps", "samples", "mean e ± U [deg]", "mean |e| [95 % CI] [deg]",
-                   "RMS e [95 % CI] [deg]", "other angle 1 [deg]", "other angle 2 [deg]", numbers_from=4),
+            header(*names, *(["remark"] if far else []), "poses or sweeps", "samples", "mean e ± U [deg]",
+                   "mean |e| [95 % CI] [deg]", "RMS e [95 % CI] [deg]", "other angle 1 [deg]", "other angle 2 [deg]",
+                   numbers_from=4 + bool(far)),
             body,
             "How to read: e is estimated minus true flexion; every pose or sweep counts alike, however long it took. ± U is "
             f"how far the truth itself may be off (k = 2){_of_magnitudes(found)}; it does not shrink with more poses of the "
@@ -75,10 +84,17 @@ def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list
             "over its poses and sweeps; what a new mounting or power-up would change is not in it. The last two columns "
             "are the mean absolute errors of the other two angles; a dash means gimbal lock. The middle angle of a "
             "sequence such as ZXZ is the angle between two axes: it is never negative, so that errors at 0 deg are one-sided, "
-            "and where one of the axes is vertical it does not see heading errors; the other two angles do.",
+            "and where one of the axes is vertical it does not see heading errors; the other two angles do, and so does the "
+            f"total error that the filters are ranked by below.{how_remarks(bool(far))}",
         ),
+        *flexion_remarks(far),
         distribution_table(f"Spread, delay and settling of the flexion error: {joint}", names, spread),
     ]  # fmt: skip
+
+
+def _same_place(row: OutlierRow, item: JointSummary) -> bool:
+    place = (item.section, item.sequence, item.motion, item.filter)
+    return (row.section, row.sequence, row.motion, row.filter) == place
 
 
 def _of_magnitudes(found: list[JointSummary]) -> str:
@@ -93,13 +109,15 @@ def _mean(values: list[float | None]) -> float | None:
 
 
 def _pose_blocks(
-    joint: str, section: str, errors: PoseErrors, published: PublishedResults | None, colours: Colours
+    joint: str, section: str, errors: PoseErrors, published: PublishedResults | None, colours: Colours, evaluation: Evaluation
 ) -> list[Block]:
     where = f"{joint}, section {section}" + (f", misalignment {errors.aligned:g} deg" if errors.aligned is not None else "")
     blocks: list[Block] = [_flexion_table(where, errors, published)]
     if len(errors.flexions) > 1:
+        far = {s: flexion_outliers(evaluation, joint, section, s) for s in errors.sequences}
         figures = {
-            f"mean absolute flexion error over flexion, {s}": _curves(errors, s, published, colours) for s in errors.sequences
+            f"mean absolute flexion error over flexion, {s}": _curves(errors, s, published, colours, far[s])
+            for s in errors.sequences
         }
         blocks.append(
             Figures(
@@ -107,7 +125,7 @@ def _pose_blocks(
                 figures,
                 "How to read: lower is better. The band is one standard deviation of the samples within a pose, to either "
                 "side. Where some curves lie far above most of ours, the vertical axis is logarithmic and without bands."
-                f"{_diamonds(published)}",
+                f"{_diamonds(published)}{hidden_names(name for names in far.values() for name in sorted(names))}",
             )
         )
     if len(errors.flexions) > 1 and len(errors.misalignments) > 1:
@@ -175,12 +193,21 @@ def _published_row(table: str, what: str, values: list[float | None]) -> Row:
     return Row([Cell(table, what, head=True)] + [number(value) for value in (*values, _mean(values))], "published")
 
 
-def _curves(errors: PoseErrors, sequence: str, published: PublishedResults | None, colours: Colours) -> Figure:
+def _curves(
+    errors: PoseErrors, sequence: str, published: PublishedResults | None, colours: Colours, far: set[str]
+) -> Figure:  # fmt: skip
     curves = []
     for name in errors.filters(sequence):
         found = [(flexion, e) for flexion in errors.flexions if (e := errors.at((name, sequence), flexion))]
         curves.append(
-            Curve(name, [f for f, _ in found], [e.mean_abs for _, e in found], colours[name], [e.sd for _, e in found])
+            Curve(
+                name,
+                [f for f, _ in found],
+                [e.mean_abs for _, e in found],
+                colours[name],
+                [e.sd for _, e in found],
+                hidden=name in far,
+            )
         )
     beside = published_beside(published, errors.flexions).get(sequence, [])
     ran = [row.table for row, _ in beside if set(row.filters) & set(errors.filters(sequence))]
@@ -193,10 +220,10 @@ def _curves(errors: PoseErrors, sequence: str, published: PublishedResults | Non
 
 
 def _maps(joint: str, section: str, sequence: str, errors: PoseErrors) -> Figures:
-    grids: dict[Key, np.ndarray] = {(name, sequence): errors.grid((name, sequence)) for name in errors.filters(sequence)}
-    top = _top(list(grids.values()))
+    grids = {name: errors.grid((name, sequence)) for name in errors.filters(sequence)}
+    top = common_top(grids)
     figures = {}
-    for (name, _), grid in grids.items():
+    for name, grid in grids.items():
         figures[f"error over misalignment and flexion, {name}, {sequence}"] = heat_map(
             f"{name}, {sequence}", errors.misalignments, errors.flexions, grid, "misalignment [deg]", "flexion [deg]",
             "mean |e| [deg]", top,
@@ -204,16 +231,10 @@ def _maps(joint: str, section: str, sequence: str, errors: PoseErrors) -> Figure
     return Figures(
         f"Mean |flexion error| over misalignment and flexion, {sequence}: {joint}, section {section}",
         figures,
-        "How to read: each cell is one pose; all maps of this Euler sequence share their colours, which end at the value "
-        "that 98 % of their cells stay below. Stripes along one axis mean that the error depends on that angle alone.",
+        f"How to read: each cell is one pose; all maps of this Euler sequence share their colours{SCALE}. Stripes along one "
+        "axis mean that the error depends on that angle alone.",
         small=True,
     )
-
-
-def _top(grids: list[np.ndarray]) -> float:
-    """Upper end of a common colour scale."""
-    known = np.concatenate([grid[np.isfinite(grid)] for grid in grids])
-    return max(float(np.quantile(known, 0.98)), 1e-3) if len(known) else 1.0
 
 
 def _sweep_blocks(joint: str, section: str, errors: SweepErrors) -> list[Block]:
@@ -265,7 +286,7 @@ def _sweep_grid(joint: str, section: str, errors: SweepErrors) -> Table:
 
 def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
     grids = {key: errors.grid(key) for key in errors.keys}
-    top = _top(list(grids.values()))
+    top = common_top({f"{name}, {sequence}": grid for (name, sequence), grid in grids.items()})
     figures = {}
     for (name, sequence), grid in grids.items():
         figures[f"RMS error over {errors.variables[1]} and {errors.variables[0]}, {name}, {sequence}"] = heat_map(
@@ -275,8 +296,7 @@ def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
     return Figures(
         f"RMS flexion error over {errors.variables[1]} and {errors.variables[0]}: {joint}, section {section}",
         figures,
-        "How to read: each cell is one sweep; all maps share their colours, which end at the value that 98 % of the cells "
-        "stay below.",
+        f"How to read: each cell is one sweep; all maps share their colours{SCALE}.",
         small=True,
     )
 
@@ -291,14 +311,15 @@ def _time_blocks(joint: str, rows: list[JointRow], evaluation: Evaluation, colou
         signal = series.get(f"{name}_{sequence}_error_rad")
         if signal is not None:
             panels.setdefault(f"error, {sequence} [deg]", {})[name] = envelope(np.degrees(signal))
-    figure = time_panels(envelope.time, panels, colours, spans)
+    far = sorted(flexion_outliers(evaluation, joint))
+    figure = time_panels(envelope.time, panels, colours, spans, far)
     return [
         Figures(
             f"Signed flexion error over time: {joint}",
             {f"signed flexion error of {joint} over time": figure},
             "How to read: estimated minus true flexion, only where it is judged; gaps are moves and calibration. Long "
             "recordings show the lowest and highest error of each short span, so no peak is lost. Dotted lines begin a "
-            "section.",
+            f"section.{hidden_names(far)}",
         )
     ]
 

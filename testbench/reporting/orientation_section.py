@@ -11,6 +11,8 @@ from testbench.records.evaluation import Evaluation, OrientationRow
 from testbench.records.evaluation_rows import GyroscopeBiasRow, Interval, OrientationSummary, OrientationSweepRow
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Span, time_panels
+from testbench.reporting.magnetic_section import magnetic_blocks
+from testbench.reporting.outliers import hidden_names, how_remarks, outliers_of, remark
 from testbench.reporting.page import Block, Figures, Section, Sentence
 from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, with_interval
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
@@ -41,15 +43,17 @@ def orientation_section(evaluation: Evaluation, colours: dict[str, str], spans: 
             }
             for part, title in PARTS.items()
         }
+        far = outliers_of(evaluation, sensor, motion="all")
         section.blocks.append(
             Figures(
                 f"Orientation error over time: {sensor}",
-                {f"orientation error of {sensor} over time": time_panels(envelope.time, panels, colours, spans)},
+                {f"orientation error of {sensor} over time": time_panels(envelope.time, panels, colours, spans, far)},
                 "How to read: total is the angle between estimated and true orientation; heading is its part about the "
                 "vertical, inclination the rest. A heading that runs away is a filter without magnetometer. Only judged "
-                "samples are drawn; long recordings show the lowest and highest error of each short span.",
+                "samples are drawn; long recordings show the lowest and highest error of each short span." + hidden_names(far),
             )
         )
+        section.blocks += magnetic_blocks(evaluation, sensor, colours, spans)
     return section
 
 
@@ -57,6 +61,7 @@ def _tables(evaluation: Evaluation) -> list[Block]:
     """Errors by sensor and filter; then apart at rest and in motion, and their spread."""
     found = {(item.sensor, item.filter, item.motion, item.part): item for item in evaluation.orientation_summary}
     rows, apart, spread = [], [], []
+    far = {row.sensor: outliers_of(evaluation, row.sensor, motion="all") for row in evaluation.orientation}
     for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
         own = [row for row in evaluation.orientation if row.sensor == sensor]
         lowest = [min(getattr(row, kind) for row in own) if len(own) > 1 else float("nan") for kind in _KINDS]
@@ -67,7 +72,8 @@ def _tables(evaluation: Evaluation) -> list[Block]:
                 for kind, part, low in zip(_KINDS, (*_PARTS, None), lowest, strict=True)
             ]
             mean = plus_minus(heading.errors.mean_error_deg, heading.expanded_uncertainty_deg, 2)
-            rows.append(Row([label(row.filter), text(sensor), *cells, mean, number(row.n, 0)]))
+            beside = [remark(far[sensor].get(row.filter, []))] if any(far.values()) else []
+            rows.append(Row([label(row.filter), text(sensor), *cells, mean, number(row.n, 0), *beside]))
             for motion in ("static", "dynamic"):
                 parts = [found.get((sensor, row.filter, motion, part)) for part in _PARTS]
                 known = [item for item in parts if item is not None]
@@ -80,11 +86,12 @@ def _tables(evaluation: Evaluation) -> list[Block]:
         Table(
             "Orientation error of each sensor by each filter",
             header("filter", "sensor", "total RMS [deg]", "heading RMS [deg]", "inclination RMS [deg]", "largest total [deg]",
-                   "mean heading ± U [deg]", "samples", numbers_from=2),
+                   "mean heading ± U [deg]", "samples", numbers_from=2) + ([Cell("remark")] if any(far.values()) else []),
             rows,
             "How to read: over all judged samples; bold is the lowest of a sensor. In square brackets: the 95 % "
             "confidence interval, from this session's own scatter over time. Inclination is what gravity can "
-            f"correct, heading what only a magnetometer or a known start can. {_stated(evaluation)}",
+            f"correct, heading what only a magnetometer or a known start can. {_stated(evaluation)}"
+            + how_remarks(any(far.values())),
         )
     ]  # fmt: skip
     if apart:

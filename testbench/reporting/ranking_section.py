@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from testbench.records.evaluation import Evaluation
-from testbench.records.evaluation_rows import ErrorSummary, Interval
+from testbench.records.evaluation_rows import Comparison, ErrorSummary, Interval, OutlierRow, RankRow
+from testbench.reporting.outliers import how_remarks, outliers_of, remark
 from testbench.reporting.page import Block, Sentence
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
 from testbench.reporting.tuning_section import fitted_here
 
+WHOLE_JOINT = (
+    "the total error is the angle between estimated and true orientation of the distal segment against the proximal one, all "
+    "three angles at once: headings count here, even where the flexion does not see them; "
+)
+
 
 def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = None) -> list[Block]:
-    """The ranking of one joint's section or of one sensor; a sentence where the filters could not be compared."""
+    """The rankings of one joint's section or of one sensor; a sentence where the filters could not be compared."""
     rows = [row for row in evaluation.ranking if (row.owner, row.section) == (owner, section)]
     where = owner if section is None else f"{owner}, section {section}"
     if not rows:
@@ -18,6 +24,22 @@ def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = Non
         reason = "only one filter ran" if len(several) < 2 else "too few independent poses, sweeps or stretches of time"
         return [Sentence(f"The filters are not ranked for {where}: {reason}.")]
     compared = [c for c in evaluation.comparisons if (c.owner, c.section) == (owner, section)]
+    blocks: list[Block] = []
+    for criterion in dict.fromkeys(row.criterion for row in rows):
+        own = [row for row in rows if row.criterion == criterion]
+        far = outliers_of(evaluation, owner, section, own[0].sequence, motion="all" if section is None else "")
+        if section is not None:
+            quantity = "flexion" if own[0].sequence else "total"
+            far = {
+                name: found[:1] for name, found in outliers_of(evaluation, owner, section, own[0].sequence, quantity).items()
+            }
+        blocks.append(_ranking(where, own, [c for c in compared if c.criterion == criterion], far))
+    fitted = [row.filter for row in evaluation.tuned if row.on_this_session and row.filter in {r.filter for r in rows}]
+    return [*blocks, *([fitted_here(fitted)] if fitted else [])]
+
+
+def _ranking(where: str, rows: list[RankRow], compared: list[Comparison], far: dict[str, list[OutlierRow]]) -> Table:
+    """One ranking: of rows by one criterion."""
     clearest = {
         row.filter: min((c.p_holm for c in compared if row.filter in (c.first, c.second)), default=1.0) for row in rows
     }  # fmt: skip
@@ -28,25 +50,22 @@ def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = Non
         alike = ", ".join(row.no_difference)
         body.append(
             Row([label(row.filter), Cell(rank, kind="number"), text(row.group), number(row.value, 3),
-                 _p_value(clearest[row.filter]), text(alike, kind="wide")])
+                 _p_value(clearest[row.filter]), text(alike, kind="wide"),
+                 *([remark(far.get(row.filter, []))] if far else [])])
         )  # fmt: skip
-    fitted = [row.filter for row in evaluation.tuned if row.on_this_session and row.filter in clearest]
-    warning = [fitted_here(fitted)] if fitted else []
     criterion = rows[0].criterion + (f" ({rows[0].sequence})" if rows[0].sequence else "")
-    return [
-        Table(
-            f"Ranking of the filters by {criterion}: {where}",
-            [Cell("filter"), Cell("rank", kind="number"), Cell("group"), Cell(f"{rows[0].criterion} [deg]", kind="number"),
-             Cell("smallest p", kind="number"), Cell("no difference shown from")],
-            body,
-            "How to read: filters that share a letter were not shown to differ by more than 0.01 deg, which does not say that "
-            "they are equal; the rank gives every place that this leaves open. Pairs are compared on the same samples, block "
-            f"by block (from {blocks} independent blocks), at a level of 5 % for all pairs together; the smallest p is that of "
-            "the clearest difference from any other filter, after Holm's correction. The truth is the same for all, so its "
-            "uncertainty does not count here.",
-        ),
-        *warning,
-    ]  # fmt: skip
+    what = WHOLE_JOINT if rows[0].section is not None and rows[0].sequence is None else ""
+    return Table(
+        f"Ranking of the filters by {criterion}: {where}",
+        [Cell("filter"), Cell("rank", kind="number"), Cell("group"), Cell(f"{rows[0].criterion} [deg]", kind="number"),
+         Cell("smallest p", kind="number"), Cell("no difference shown from"), *([Cell("remark")] if far else [])],
+        body,
+        f"How to read: {what}filters that share a letter were not shown to differ by more than 0.01 deg, which does not say "
+        "that they are equal; the rank gives every place that this leaves open. Pairs are compared on the same samples, block "
+        f"by block (from {blocks} independent blocks), at a level of 5 % for all pairs together; the smallest p is that of "
+        "the clearest difference from any other filter, after Holm's correction. The truth is the same for all, so its "
+        f"uncertainty does not count here.{how_remarks(bool(far))}",
+    )  # fmt: skip
 
 
 def _p_value(p: float) -> Cell:

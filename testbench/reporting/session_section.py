@@ -18,7 +18,7 @@ from testbench.reporting.tables import NOTHING, Cell, Row, Table, digits, header
 
 SHOWN = {
     "schema_version", "session", "status", "started_utc", "clocks", "software", "sensors", "analysis", "kind", "seed",
-    "protocol", "robot", "plan", "message", "duration_s", "files", "arm", "recorded_utc", "recorded_by",
+    "protocol", "robot", "plan", "message", "duration_s", "files", "arm", "recorded_utc", "recorded_by", "environment",
 }  # fmt: skip
 """Entries of the manifest that have a place of their own."""
 DATES = {"run": "Started", "import": "Imported", "recording": "Recorded"}
@@ -88,6 +88,9 @@ def run_section(session: Session) -> Section:
     """Sensors with their mounting, and the sections of the protocol."""
     blocks: list[Block] = [_sensors(session)]
     blocks.append(_sections(session) if session.steps else Sentence("The session lists no steps: it is judged as a whole."))
+    environment = _mapping(session.manifest.get("environment"))
+    if environment:
+        blocks.append(_environment(environment))
     noticed = session.manifest.get("notes")
     if isinstance(noticed, list):
         blocks += [Sentence(f"Note: {note}{'' if str(note).endswith('.') else '.'}") for note in noticed]
@@ -117,6 +120,27 @@ def _sensors(session: Session) -> Table:
         rows,
         "How to read: the mounting is what the estimators believe; an injected error is a known fault that they are not "
         "told of.",
+    )  # fmt: skip
+
+
+def _environment(environment: dict[str, Any]) -> Table:
+    """The magnetic field that the simulated sensors feel, and what disturbs it."""
+    earth = environment.get("magnetic_field_uT") or []
+    rows = [
+        Row([label(str(dipole.get("name") or NOTHING)), text(dipole.get("link")), text(vector(dipole["position_mm"], 1)),
+             text(vector(dipole["moment_A_m2"], 3)), number(dipole.get("iron_radius_mm"), 0)])
+        for dipole in environment.get("dipoles", [])
+    ]  # fmt: skip
+    why = f" {environment['why']}" if environment.get("why") else ""
+    return Table(
+        f"Magnetic field that was simulated: the earth's of ({vector(earth, 1)}) µT in the world, and what disturbs it",
+        [Cell("source"), Cell("link"), Cell("position in the link [mm]"), Cell("permanent moment in the link [A m²]"),
+         Cell("soft iron, radius [mm]", kind="number")],
+        rows,
+        "How to read: what is fixed to the base stays where it is while the sensors travel; what is fixed to another link "
+        "moves against the sensor; what is fixed to the sensor's own link turns with it. Filters are not told of any of it."
+        + why,
+        folded=True,
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ GROWING = "5.7"
 DIFFERENCES = {
     "5.6": "theirs grows by 0.007 deg a degree, much like a gyroscope's scale (0.5 % in the data sheet); ours is fused",
     "5.7": "theirs holds a heading error between the sensors, see the next table; ours is aligned in the reference pose",
-    "5.8": "theirs jumps by degrees from pose to pose, as a field does that the motors disturb; ours has dipoles of a few uT",
+    "5.8": "theirs jumps by degrees from pose to pose; our disturbed field turns the heading, which this angle does not see",
     "5.9": "as 5.8; the two methods see the same vectors, and here they agree",
     "5.10": "theirs holds what was left of the bias, 10 to 26 mg or 0.6 to 1.5 deg; ours is calibrated below 1 mg",
 }

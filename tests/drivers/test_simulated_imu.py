@@ -12,10 +12,11 @@ from testbench.drivers.arms.simulated import SimulatedArm
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.execution.truth import kinematic_truth
 from testbench.model import rotation
-from testbench.model.imu import dipole_field
 from testbench.model.kinematics import Kinematics, Pose
+from testbench.model.magnetic_field import dipole_field
+from testbench.records.magnetism import MagneticDipole
 from testbench.records.plan import Plan
-from testbench.records.protocol import Environment, MagneticDipole, Sensor
+from testbench.records.protocol import Environment, Sensor
 from testbench.records.robot import Robot
 from testbench.records.samples import ImuSamples
 from testbench.records.strict import Placement
@@ -42,7 +43,9 @@ class Bench:
         self.arm = SimulatedArm(robot, seed)
         self.arm.prepare(the_plan)
         self.arm.kickoff()
-        self.imu = SimulatedImu(name, self.sensor, self.kinematics, environment or Environment(), self.arm.true_state, seed)
+        self.imu = SimulatedImu(
+            name, self.sensor, self.kinematics, environment or Environment(arm_magnetism=False), self.arm.true_state, seed
+        )
         self.imu.kickoff()
 
     def read(self, until_s: float, chunk_s: float = 1000.0) -> ImuSamples:
@@ -188,7 +191,7 @@ def test_a_mounting_error_is_felt_by_the_sensor_and_unknown_to_the_truth(quick_p
 
 
 def test_the_magnetometer_feels_the_earths_field_in_its_own_axes(quick_plan):
-    bench = Bench(quick_plan, environment=Environment(magnetic_field_uT=[1.0, 24.0, -39.0]))
+    bench = Bench(quick_plan, environment=Environment(magnetic_field_uT=[1.0, 24.0, -39.0], arm_magnetism=False))
     samples = bench.read(10)
     q, _, _ = bench.arm.true_state(samples.device_time_ns)
     motion = bench.kinematics.frame_motion("wrist_3_link", q, offset=Pose.from_placement(FACES))
@@ -199,7 +202,7 @@ def test_the_magnetometer_feels_the_earths_field_in_its_own_axes(quick_plan):
 
 def test_a_magnetised_part_of_the_arm_disturbs_the_field_that_moves_with_it(quick_plan):
     dipole = MagneticDipole(link="wrist_2_link", position_mm=[0, 30, 0], moment_A_m2=[0.0, 0.2, 0.1])
-    clean, disturbed = Bench(quick_plan), Bench(quick_plan, environment=Environment(dipoles=[dipole]))
+    clean, disturbed = Bench(quick_plan), Bench(quick_plan, environment=Environment(dipoles=[dipole], arm_magnetism=False))
     samples, undisturbed = disturbed.read(10), clean.read(10)
     q, _, _ = disturbed.arm.true_state(samples.device_time_ns)
     sensor = clean.kinematics.frame_motion("wrist_3_link", q, offset=Pose.from_placement(FACES))

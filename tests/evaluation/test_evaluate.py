@@ -7,9 +7,11 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from testbench.evaluation import evaluate
 from testbench.evaluation.judged import SETTLING_NS, judged_steps, window
+from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE
 from testbench.exceptions import SessionError
 from testbench.model import rotation
 from testbench.records.estimate import CalibrationFit, Estimate, JointEstimate
@@ -151,7 +153,7 @@ def test_every_filter_sensor_and_joint_is_evaluated(quick):
 
 def test_the_error_signals_are_kept_on_the_time_of_the_estimate(quick):
     series = quick.evaluation.series
-    assert set(series) == {"orientation_arm", "orientation_forearm", "joint_elbow"}
+    assert set(series) == {"orientation_arm", "orientation_forearm", "joint_elbow", "magnetic_arm", "magnetic_forearm"}
     elbow = series["joint_elbow"]
     error = rotation.wrap(elbow["device_ZXZ_flexion_rad"] - elbow["reference_rad"])
     known = np.isfinite(error)
@@ -250,10 +252,40 @@ def test_filters_are_ranked_for_every_section_and_sensor(quick):
     owners = {(row.owner, row.section) for row in quick.evaluation.ranking}
     assert owners == {("arm", None), ("forearm", None), ("elbow", "static"), ("elbow", "sweep")}
     for owner, section in owners:
-        rows = [row for row in quick.evaluation.ranking if (row.owner, row.section) == (owner, section)]
-        assert [row.value for row in rows] == sorted(row.value for row in rows)
-        assert {row.filter for row in rows} == {"device", "vqf_6d", "vqf_9d", "fusion"}
-        assert all(row.best_rank <= place <= row.worst_rank for place, row in enumerate(rows, start=1))
+        own = [row for row in quick.evaluation.ranking if (row.owner, row.section) == (owner, section)]
+        criteria = {row.criterion for row in own}
+        assert criteria == ({MEAN_SQUARE} if section is None else {MEAN_MAGNITUDE, MEAN_SQUARE})
+        for criterion in criteria:
+            check_ranking([row for row in own if row.criterion == criterion])
+
+
+def check_ranking(rows):
+    assert [row.value for row in rows] == sorted(row.value for row in rows)
+    assert {row.filter for row in rows} == {"device", "vqf_6d", "vqf_9d", "fusion"}
+    assert all(row.best_rank <= place <= row.worst_rank for place, row in enumerate(rows, start=1))
+
+
+def test_the_total_error_of_a_joint_is_the_angle_between_the_true_and_the_estimated_rotation(quick):
+    joint = quick.session.analysis.joints["elbow"]
+    series = quick.evaluation.series["joint_elbow"]
+    time, judged = series["host_time_ns"], series["judged"]
+    for key in ("vqf_9d", "fusion"):
+        relative = []
+        for place in ("true", "estimated"):
+            segments = []
+            for name in (joint.proximal, joint.distal):
+                truth, own = quick.session.truth(name), quick.estimate.sensors[name]
+                at, q = (truth.host_time_ns, truth.q_world_from_sensor) if place == "true" else (
+                    own.host_time_ns, own.orientation[key])  # fmt: skip
+                found = Slerp(at, Rotation.from_quat(q, scalar_first=True))(np.clip(time[judged], at[0], at[-1]))
+                sensor = quick.session.analysis.sensors[name]
+                (s, angles), (m, turns) = (*sensor.segment.rotation_deg.items(), *sensor.mounting.rotation_deg.items())
+                turn = Rotation.from_euler(m, turns, degrees=True).inv() * Rotation.from_euler(s, angles, degrees=True)
+                segments.append(found * turn)
+            relative.append(segments[0].inv() * segments[1])
+        expected = (relative[0].inv() * relative[1]).magnitude()
+        np.testing.assert_allclose(series[f"{key}_total_error_rad"][judged], expected, atol=np.radians(2e-3))
+        assert not np.isfinite(series[f"{key}_total_error_rad"][~judged]).any()
 
 
 def test_an_error_put_into_the_calibrated_bias_is_reported_as_such(quick):

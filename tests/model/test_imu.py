@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.model import rotation
-from testbench.model.imu import DeviceOrientationModel, TriadModel, dipole_field
+from testbench.model.imu import DeviceOrientationModel, TriadModel
 from testbench.records.sensor import Accelerometer, DeviceOrientation, Gyroscope, Magnetometer, Triad
 
 G = 9.80665
@@ -225,25 +225,3 @@ def test_a_device_without_errors_reports_the_truth_in_an_earth_turned_about_the_
     error = rotation.multiply(model.measure(true), rotation.conjugate(true))
     np.testing.assert_allclose(rotation.inclination_angle(error), 0, atol=1e-12)
     np.testing.assert_allclose(rotation.wrap(rotation.heading_angle(error) - model.heading), 0, atol=1e-12)
-
-
-def test_a_dipole_gives_twice_the_field_on_its_axis_that_it_gives_beside_it():
-    moment, distance = 0.5, 0.2
-    on_axis, beside = dipole_field(np.array([[0, 0, distance], [distance, 0, 0.0]]), np.array([0, 0, moment]))
-    on_axis_uT = 1e6 * 4e-7 * np.pi / (2 * np.pi) * moment / distance**3  # mu_0 m / (2 pi r^3)
-    np.testing.assert_allclose(on_axis, [0, 0, on_axis_uT], rtol=1e-9)
-    np.testing.assert_allclose(beside, [0, 0, -on_axis_uT / 2], rtol=1e-9)
-
-
-def test_a_dipoles_field_has_no_sources_and_no_whirls():
-    moment, step = np.array([0.3, -0.2, 0.7]), 1e-5
-    here = np.array([0.15, 0.1, -0.2])
-    slope = np.stack(
-        [
-            (dipole_field(here[None] + e, moment)[0] - dipole_field(here[None] - e, moment)[0]) / (2 * step)
-            for e in step * np.eye(3)
-        ]
-    )  # slope[i, j] = d B_j / d x_i
-    scale = np.abs(slope).max()
-    assert abs(np.trace(slope)) < 1e-6 * scale
-    np.testing.assert_allclose(slope, slope.T, atol=1e-6 * scale)

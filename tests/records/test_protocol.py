@@ -51,6 +51,7 @@ def test_the_protocols_of_the_reference_ship():
         "calibration_3d",
         "elbow_dynamic",
         "elbow_flexion",
+        "magnetic_passage",
         "orthogonality",
         "quick",
         "static_noise",

@@ -17,11 +17,17 @@ from PIL import Image
 
 from testbench.cli.output import say_evaluation
 from testbench.records.evaluation import Metric, Outcome
+from testbench.records.evaluation_rows import OutlierRow
 from testbench.records.published import load_published
 from testbench.records.session import Session
-from testbench.reporting.figures import Curve, error_curves
-from testbench.reporting.palette import COLOURS, REFERENCE, rgb
+from testbench.reporting.figures import Curve, error_curves, heat_map
+from testbench.reporting.joint_section import joint_section
+from testbench.reporting.orientation_section import orientation_section
+from testbench.reporting.outliers import common_top
+from testbench.reporting.page import Figures, Sentence
+from testbench.reporting.palette import COLOURS, REFERENCE, filter_colours, rgb
 from testbench.reporting.report import report
+from testbench.reporting.tables import Table
 from tests.reporting.conftest import Judged, copy_of
 
 CHROMIUM = shutil.which("chromium")
@@ -328,3 +334,46 @@ def test_an_optical_truth_of_unknown_accuracy_is_said_to_be_so(imported: Judged)
     assert "±" not in text[text.index("Orientation error of each sensor") : text.index("Spread, delay")].replace(
         "mean heading ± U", ""
     )
+
+
+def test_an_outlier_is_remarked_beside_its_row_and_begins_hidden(quick: Judged) -> None:
+    rows = [
+        OutlierRow("arm", None, None, "all", "heading", "fusion", 80.0, 2.0, "It is known to run away."),
+        OutlierRow("elbow", "static", "ZXZ", "static", "flexion", "fusion", 30.0, 1.5, "It is known to run away."),
+    ]
+    evaluation = replace(quick.evaluation, outliers=rows)
+    colours = filter_colours(["device", "vqf_6d", "vqf_9d", "fusion"])
+    table = next(block for block in orientation_section(evaluation, colours, []).blocks if isinstance(block, Table))
+    remarks = {(row.cells[0].text, row.cells[1].text): row.cells[-1].text for row in table.rows}
+    assert remarks["fusion", "arm"] == "heading 80.0 deg: outlier, above 2.0 deg. It is known to run away."
+    assert all(said == "–" for place, said in remarks.items() if place != ("fusion", "arm"))
+    blocks = joint_section(evaluation, {"elbow": None}, colours, []).blocks
+    sentences = [block.text for block in blocks if isinstance(block, Sentence)]
+    assert "Outlier fusion (ZXZ, static, static: 30.0 deg, above 1.5 deg). It is known to run away." in sentences
+    curves = [
+        curve
+        for block in blocks if isinstance(block, Figures) and block.caption.startswith(("Mean", "Signed"))
+        for figure in block.figures.values() for curve in figure["data"] if "visible" in curve
+    ]  # fmt: skip
+    assert curves and {curve["name"] for curve in curves if curve["visible"] == "legendonly" and "name" in curve} == {"fusion"}
+
+
+def test_maps_share_a_scale_that_an_outlier_does_not_set_and_cross_what_lies_beyond() -> None:
+    rng = np.random.default_rng(0)
+    grids = {name: rng.uniform(0, 1, (5, 8)) for name in ("a", "b", "c", "d", "e")}
+    everyone = np.concatenate([grid.ravel() for grid in grids.values()])
+    assert common_top(grids) == pytest.approx(np.quantile(everyone, 0.98))
+    assert common_top(grids | {"runs": np.full((5, 8), 60.0)}) == pytest.approx(np.quantile(everyone, 0.98))
+    z = np.array([[0.1, 3.0], [np.nan, 0.9]])
+    _, crosses = heat_map("t", [1.0, 2.0], [10.0, 20.0], z, "x", "y", "z", 1.0)["data"]
+    assert (crosses["x"], crosses["y"]) == ([2.0], [10.0])
+    assert len(heat_map("t", [1.0, 2.0], [10.0, 20.0], z, "x", "y", "z", 5.0)["data"]) == 1
+
+
+def test_the_report_shows_the_magnetic_field_and_what_disturbed_it(quick_page: Page, quick: Judged) -> None:
+    for sensor in ("arm", "forearm"):
+        assert f"Magnetic field at {sensor} against that of the reference pose" in quick_page.words
+        assert f"Magnetic field over time: {sensor}" in quick_page.words
+    for dipole in quick.session.manifest["environment"]["dipoles"]:
+        assert dipole["name"] in quick_page.words
+    assert "de Vries" in quick_page.words

@@ -212,8 +212,12 @@ def test_a_motion_that_would_saturate_a_gyroscope_is_refused_by_sensor(altered_p
 
 
 @pytest.mark.parametrize(
-    "name", ["calibration_2d", "calibration_3d", "elbow_dynamic", "elbow_flexion", "orthogonality", "quick", "static_noise"]
-)
+        "name",
+    [
+        "calibration_2d", "calibration_3d", "elbow_dynamic", "elbow_flexion", "magnetic_passage", "orthogonality", "quick",
+        "static_noise",
+    ],
+)  # fmt: skip
 def test_every_shipped_protocol_passes_its_checks(name):
     check = plan(name).check
     assert check.clearance is not None and check.clearance.distance_mm > 5

@@ -47,6 +47,7 @@ def sessions(tmp_path_factory, altered_protocol):
 
             def change(data):
                 data["sensors"]["forearm"]["preset"] = preset
+                data["environment"] = {"arm_magnetism": False}  # a known field is the same in every pose
 
             made[key] = run(altered_protocol(protocol, change), seed=seed, logs=logs, with_report=False).session
         return made[key]

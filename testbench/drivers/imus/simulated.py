@@ -10,8 +10,9 @@ import numpy as np
 from testbench.drivers.imus.base import Imu
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
-from testbench.model.imu import DeviceOrientationModel, TriadModel, dipole_field, earth_field
+from testbench.model.imu import DeviceOrientationModel, TriadModel
 from testbench.model.kinematics import Kinematics, Pose
+from testbench.model.magnetic_field import MagneticField
 from testbench.model.noise import random_stream
 from testbench.records.protocol import Environment, Sensor
 from testbench.records.samples import ImuSamples
@@ -37,6 +38,7 @@ class SimulatedImu(Imu):
         self.has_magnetometer = parameters.magnetometer is not None
         self.has_orientation = parameters.device_orientation is not None
         self._true_state, self._seed = true_state, seed
+        self._field = MagneticField(environment, kinematics)
         # The real mounting is the believed one followed by its error.
         self._link_from_sensor = Pose.from_placement(sensor.mounting) @ Pose.from_placement(sensor.mounting_error)
         self._accelerometer = TriadModel(parameters.accelerometer.triad(), rate, seed, name, "accelerometer")
@@ -74,7 +76,7 @@ class SimulatedImu(Imu):
         saturated = acc_saturated | gyr_saturated
         mag = None
         if self._magnetometer is not None:
-            field = self._field(motion.position, q)
+            field = self._field.at(motion.position, q)
             mag, mag_saturated = self._magnetometer.measure(np.einsum("nji,nj->ni", motion.R_world_from_frame, field))
             saturated = saturated | mag_saturated
         device_q = None if self._orientation is None else self._orientation.measure(motion.q_world_from_frame)
@@ -171,13 +173,3 @@ class SimulatedImu(Imu):
         if len(arrival):
             self._last_arrival = int(arrival[-1])
         return np.asarray(arrival)
-
-    def _field(self, position: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """Magnetic field at the sensor in the world frame, shape (n, 3) [uT]."""
-        field = np.broadcast_to(earth_field(self.environment), position.shape).copy()
-        for dipole in self.environment.dipoles:
-            offset = Pose(np.eye(3), np.asarray(dipole.position_mm) / 1000)
-            motion = self.kinematics.frame_motion(dipole.link, q, offset=offset)
-            moment = motion.R_world_from_frame @ np.asarray(dipole.moment_A_m2)
-            field += dipole_field(position - motion.position, moment)
-        return field

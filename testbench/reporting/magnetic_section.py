@@ -1,0 +1,109 @@
+"""The magnetic field at a sensor, and what its disturbance did to the heading of each filter."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.frames import NANOSECONDS
+from testbench.records.evaluation import Evaluation
+from testbench.reporting.decimation import Envelope
+from testbench.reporting.figures import Curve, Span, error_curves, time_panels
+from testbench.reporting.outliers import hidden_names, outliers_of
+from testbench.reporting.page import Block, Figures
+from testbench.reporting.palette import REFERENCE
+from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
+
+FIELD = "field"
+PANELS = {"norm [%]": "norm_percent", "dip [deg]": "dip_rad", "heading [deg]": "heading_rad"}
+QUANTITIES = {
+    "heading": "field's heading [deg]", "norm": "field's norm [%]", "dip": "field's dip [deg]",
+}  # fmt: skip
+"""Deviations, by quantity."""
+
+
+def magnetic_blocks(evaluation: Evaluation, sensor: str, colours: dict[str, str], spans: list[Span]) -> list[Block]:
+    """How far the field was disturbed, over time and against the heading errors; nothing without a magnetometer."""
+    rows = [row for row in evaluation.magnetic_field if row.sensor == sensor]
+    if not rows:
+        return []
+    field = [
+        Row([label(row.motion), number(row.n, 0), number(row.norm_rms_percent, 1), number(row.norm_p95_percent, 1),
+             number(row.field_dip_rms_deg, 1), number(row.field_dip_p95_deg, 1), number(row.field_heading_rms_deg, 1),
+             number(row.field_heading_p95_deg, 1)])
+        for row in rows
+    ]  # fmt: skip
+    reference = f"{digits(rows[0].norm_uT, 1)} µT, dip {digits(rows[0].dip_deg, 1)} deg"
+    blocks: list[Block] = [
+        Table(
+            f"Magnetic field at {sensor} against that of the reference pose ({reference})",
+            header("motion", "samples", "norm, RMS [%]", "95 % of norm below [%]", "dip, RMS [deg]", "95 % of dip below [deg]",
+                   "heading, RMS [deg]", "95 % of heading below [deg]"),
+            field,
+            "How to read: the measured field, turned into the world by the true orientation. Its heading is what a compass "
+            "errs by; a filter with gyroscope and magnetometer follows it where it stays, and may ride out what passes.",
+        )
+    ]  # fmt: skip
+    return [*blocks, *_against(evaluation, sensor, colours), *_over_time(evaluation, sensor, spans)]
+
+
+def _against(evaluation: Evaluation, sensor: str, colours: dict[str, str]) -> list[Block]:
+    """Heading errors by classes of disturbance."""
+    found = [row for row in evaluation.magnetic_errors if row.sensor == sensor]
+    filters = list(dict.fromkeys(row.filter for row in found))
+    far = outliers_of(evaluation, sensor, quantity="heading", motion="all")
+    figures, body = {}, []
+    for quantity, title in QUANTITIES.items():
+        own = [row for row in found if row.quantity == quantity]
+        classes = sorted({(row.low, row.high, row.n) for row in own})
+        if len(classes) < 2:
+            continue
+        curves = []
+        for name in filters:
+            mine = [row for row in own if row.filter == name]
+            x, y = [row.mean for row in mine], [row.heading_rmse_deg for row in mine]
+            curves.append(Curve(name, x, y, colours[name], hidden=name in far))
+        figures[f"heading error of each filter over {title}"] = error_curves(
+            curves, f"deviation of the {title}", "RMS heading error [deg]"
+        )
+        for low, high, n in classes:
+            errors = {row.filter: row.heading_rmse_deg for row in own if row.low == low}
+            span = f"{low:g} to {high:g}" if high is not None else f"above {low:g}"
+            cells = [number(errors.get(name), 2) for name in filters]
+            body.append(Row([label(title), text(span), number(n, 0), *cells]))
+    if not figures:
+        return []
+    table = Table(
+        f"RMS heading error [deg] by how far the field was disturbed: {sensor}",
+        [Cell("disturbance"), Cell("from to"), *header("samples", *filters, numbers_from=0)],
+        body,
+        "How to read: all judged samples, in classes of the deviation from the field of the reference pose.",
+        folded=True,
+    )
+    beside = Figures(
+        f"Heading error over magnetic disturbance: {sensor}",
+        figures,
+        "How to read: a filter that takes the field as it comes errs by as much as the field's heading; one that stays below "
+        "rejects it, averages over it, or uses no magnetometer. The norm and the dip are all that a filter can tell a "
+        f"disturbance by; where they say nothing, only averaging helps.{hidden_names(far)}",
+        small=True,
+    )
+    return [beside, table]
+
+
+def _over_time(evaluation: Evaluation, sensor: str, spans: list[Span]) -> list[Block]:
+    series = evaluation.series.get(f"magnetic_{sensor}")
+    if not series:
+        return []
+    envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series.get("judged"))
+    panels = {
+        title: {FIELD: envelope(series[column] if column.endswith("percent") else np.degrees(series[column]))}
+        for title, column in PANELS.items()
+    }
+    return [
+        Figures(
+            f"Magnetic field over time: {sensor}",
+            {f"magnetic field of {sensor} over time": time_panels(envelope.time, panels, {FIELD: REFERENCE}, spans)},
+            "How to read: deviations of norm, dip and heading of the field from those of the reference pose, by the true "
+            "orientation; only judged samples are drawn.",
+        )
+    ]
