@@ -24,9 +24,10 @@ from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
 from testbench.records.evaluation_rows import Comparison, RankRow, TunedRow
 from testbench.records.near import Instants, united
 from testbench.records.plan import PlannedStep
-from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus, Session
 
+MOST_OF_THE_ARM = 200_000
+"""Instants of a long campaign at which its budgets look at the arm."""
 NORM_MEANING = "error of the mean specific force at rest against standard gravity"
 
 
@@ -36,7 +37,8 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     Args:
         session: The recording. estimate: What `estimate` made of it.
     """
-    session = session.near(_instants(session, estimate))
+    instants = _instants(session, estimate)
+    session = session.near(instants)
     steps = judged_steps(session.steps) if session.has_protocol or session.steps else None
     result = Evaluation(session.name, [], [], [], Outcome.NOT_MEASURED)
     result.notes.extend(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
@@ -44,15 +46,16 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         result.notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
     result.tuned.extend(_tuned_rows(estimate))
     result.notes.extend(tuning_notes(result.tuned))
-    arm = Arm.of(session)
-    recorded = session.arm() if arm is None else arm.samples
+    sparse = max(-(-len(instants.arm) // MOST_OF_THE_ARM), 1)
+    arm = Arm.of(session.near(replace(instants, arm=instants.arm[::sparse])))
     norms = [metric for name in estimate.sensors for metric in _judge_sensor(session, estimate, name, steps, arm, result)]
     if steps is not None and not steps:
         result.notes.append("no step of the protocol was finished, so there is nothing to judge")
     for name in estimate.joints:
-        _judge_joint(session, estimate, name, steps or [], arm, recorded, result)
+        _judge_joint(session, estimate, name, steps or [], arm, result)
     result.outliers.extend(outlier_rows(result, estimate.behaviour))
     result.notes.extend(estimate.remarks)
+    recorded = session.arm() if estimate.chain else None
     for one in estimate.chain:
         if recorded is None:
             break
@@ -146,11 +149,10 @@ def tuning_notes(rows: list[TunedRow]) -> list[str]:
 
 
 def _judge_joint(
-    session: Session, estimate: Estimate, name: str, steps: list[PlannedStep], arm: Arm | None, recorded: ArmSamples | None,
-    result: Evaluation,
-) -> None:  # fmt: skip
+    session: Session, estimate: Estimate, name: str, steps: list[PlannedStep], arm: Arm | None, result: Evaluation
+) -> None:
     """Add a joint's rows to the result."""
-    errors = joint_errors(session, name, estimate, steps, recorded)
+    errors = joint_errors(session, name, estimate, steps)
     if errors is None:
         result.notes.append(f"{name}: no truth, so its angle is not judged")
         return

@@ -25,7 +25,6 @@ from testbench.records.evaluation import JointRow
 from testbench.records.joint_definition import FlexionAngle
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import JointDefinition
-from testbench.records.samples import ArmSamples
 from testbench.records.session import Session
 
 Key = tuple[str, str]
@@ -83,9 +82,7 @@ class JointErrors:
         return columns
 
 
-def joint_errors(
-    session: Session, name: str, estimate: Estimate, steps: list[PlannedStep], arm: ArmSamples | None
-) -> JointErrors | None:
+def joint_errors(session: Session, name: str, estimate: Estimate, steps: list[PlannedStep]) -> JointErrors | None:
     """Errors of one joint; None where nobody knows the true angle."""
     joint, joint_estimate = session.analysis.joints[name], estimate.joints[name]
     time = joint_estimate.host_time_ns
@@ -93,7 +90,7 @@ def joint_errors(
     if true_angles is None:
         return None
     static, sound = _both_sensors(estimate, joint, time)
-    reference = _reference(joint, true_angles, arm, time)
+    reference = _reference(session, joint, true_angles, time)
     flexion, error = {}, {}
     for (key, sequence), angles in joint_estimate.angles.items():
         definition = next(item for item in joint.definitions() if item.label == sequence)
@@ -182,10 +179,13 @@ def _both_sensors(estimate: Estimate, joint: JointDefinition, time: np.ndarray) 
 
 def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> dict[str, np.ndarray] | None:
     """Euler angles of the segments' true orientations by sequence, shape (n, 3) [rad]; NaN where the truth is unknown."""
-    truths = [session.truth(joint.proximal), session.truth(joint.distal)]
-    if truths[0] is None or truths[1] is None:
-        return None
-    q_proximal, q_distal = truth_at(truths[0], time), truth_at(truths[1], time)
+    orientations = []
+    for sensor in (joint.proximal, joint.distal):  # one truth at a time: they may be long
+        truth = session.truth(sensor)
+        if truth is None:
+            return None
+        orientations.append(truth_at(truth, time))
+    q_proximal, q_distal = orientations
     known = np.isfinite(q_proximal[:, 0]) & np.isfinite(q_distal[:, 0])
     placed = session.analysis.sensors
     world_from_proximal = segment_orientation(q_proximal[known], placed[joint.proximal])
@@ -199,12 +199,12 @@ def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> 
 
 
 def _reference(
-    joint: JointDefinition, true_angles: dict[str, np.ndarray], arm: ArmSamples | None, time: np.ndarray
-) -> np.ndarray:
+    session: Session, joint: JointDefinition, true_angles: dict[str, np.ndarray], time: np.ndarray
+) -> np.ndarray:  # fmt: skip
     """True flexion [rad]: the arm's measured joint if the protocol names one, else the same angle of the truth, unwrapped."""
-    if joint.reference_joint is not None and arm is not None and joint.reference_joint in arm.joint_names:
-        column = arm.joint_names.index(joint.reference_joint)
-        return np.asarray(np.interp(time, arm.host_time_ns, arm.q_measured[:, column], left=np.nan, right=np.nan))
+    measured = None if joint.reference_joint is None else session.arm_joint(joint.reference_joint)
+    if measured is not None:
+        return np.asarray(np.interp(time, *measured, left=np.nan, right=np.nan))
     return unwrapped(flexion_of(joint, true_angles[joint.label]))
 
 

@@ -88,7 +88,7 @@ class SessionJudge:
             for name in joints:
                 time = estimate.sensors[session.analysis.joints[name].proximal].host_time_ns
                 blank = Estimate(session.name, session.fingerprint, estimate.sensors, {name: JointEstimate(time, {})})
-                errors = joint_errors(session, name, blank, steps or [], session.arm())
+                errors = joint_errors(session, name, blank, steps or [])
                 if errors is not None and errors.steps:
                     self._joints.append(errors)
         else:

@@ -100,12 +100,11 @@ def _scatter(arm: ArmSamples, steps: Sequence[PlannedStep]) -> tuple[float, floa
 
 def _tracking(arm: ArmSamples, steps: Sequence[PlannedStep]) -> float:
     """RMS of commanded less measured angles over the judged windows and all joints [deg]."""
-    difference = arm.q_sent - arm.q_measured
     squares = [0.0]
     for step in steps:
         first, last = np.searchsorted(arm.host_time_ns, window(step))
         if last > first:
-            squares.append(float(np.mean(difference[first:last] ** 2)))
+            squares.append(float(np.mean((arm.q_sent[first:last] - arm.q_measured[first:last]) ** 2)))
     return float(np.degrees(np.sqrt(np.mean(squares[1:] or squares))))
 
 

@@ -36,21 +36,22 @@ def is_long(path: Path) -> bool:
     return parquet_shape(path)[0] > MOST_ROWS
 
 
-def read_near(path: Path, columns: Sequence[str], instants: np.ndarray) -> dict[str, np.ndarray]:
+def read_near(path: Path, groups: Mapping[str, str | Sequence[str]], instants: np.ndarray) -> dict[str, np.ndarray]:
     """The rows of a table before and after each instant, its first and its last one, in order.
 
     Between two neighbouring rows of the table that hold an instant between them none is left out, so that interpolation at the
     instants gives what it would give with the whole table. The table is gone through in pieces.
 
     Args:
-        path: A table whose column `host_time_ns` increases. columns: Those to read. instants: Increasing, shape (n,) [ns].
+        path: A table whose column `host_time_ns` increases. groups: By the name of the result, a column, or several that stand
+        side by side in an array (n, k), straight at their places. instants: Increasing, shape (n,) [ns].
 
     Raises:
         SessionError: The file is missing or damaged, or lacks a column.
     """
     times = read_stacked(path, {TIME: TIME})[TIME]
     if not len(times):
-        return read_stacked(path, {name: name for name in columns})
+        return read_stacked(path, groups)
     wanted = np.zeros(len(times), dtype=bool)
     wanted[[0, -1]] = True
     following = np.searchsorted(times, instants, side="right")
@@ -58,12 +59,16 @@ def read_near(path: Path, columns: Sequence[str], instants: np.ndarray) -> dict[
         wanted[np.clip(rows, 0, len(times) - 1)] = True
     count, done, place = int(wanted.sum()), 0, 0
     result: dict[str, np.ndarray] = {}
+    columns = [name for group in groups.values() for name in ([group] if isinstance(group, str) else group)]
     for batch in read_parquet_batches(path, columns):
-        length = len(batch[columns[0]])
-        here = wanted[done : done + length]
-        taken = int(here.sum())
-        for name in columns:
-            values = result.setdefault(name, np.empty(count, dtype=batch[name].dtype))
-            values[place : place + taken] = batch[name][here]
-        done, place = done + length, place + taken
+        here = wanted[done : done + len(batch[columns[0]])]
+        taken = slice(place, place + int(here.sum()))
+        for key, group in groups.items():
+            if isinstance(group, str):
+                result.setdefault(key, np.empty(count, dtype=batch[group].dtype))[taken] = batch[group][here]
+            else:
+                matrix = result.setdefault(key, np.empty((count, len(group)), dtype=batch[group[0]].dtype))
+                for i, name in enumerate(group):
+                    matrix[taken, i] = batch[name][here]
+        done, place = done + len(here), taken.stop
     return result

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -62,6 +62,12 @@ class ArmSamples:
         for group, array in zip(self._groups(self.joint_names), arrays, strict=True):
             result |= split(group, array)
         return result | self.extras
+
+    @staticmethod
+    def groups(joint_names: list[str]) -> dict[str, str | list[str]]:
+        """Which columns on disk stand side by side in each attribute."""
+        sent, measured, rates = ArmSamples._groups(joint_names)
+        return {"host_time_ns": "host_time_ns", "q_sent": sent, "q_measured": measured, "v_measured": rates}
 
     @staticmethod
     def from_columns(table: dict[str, np.ndarray], joint_names: list[str]) -> ArmSamples:
@@ -180,12 +186,14 @@ class Truth:
         return result | ({} if self.judged is None else {"judged": self.judged})
 
     @staticmethod
+    def groups(columns: Collection[str]) -> dict[str, str | list[str]]:
+        """Which columns on disk stand side by side in each attribute, of those that there are."""
+        own: dict[str, str | list[str]] = {"host_time_ns": "host_time_ns", "q_world_from_sensor": TRUTH_Q}
+        own |= {key: group for key, group in (("rate", TRUTH_RATE), ("force", TRUTH_FORCE)) if group[0] in columns}
+        return own | ({"judged": "judged"} if "judged" in columns else {})
+
+    @staticmethod
     def from_columns(table: dict[str, np.ndarray]) -> Truth:
         """From columns on disk."""
-        return Truth(
-            table["host_time_ns"],
-            join(table, TRUTH_Q),
-            join(table, TRUTH_RATE) if TRUTH_RATE[0] in table else None,
-            join(table, TRUTH_FORCE) if TRUTH_FORCE[0] in table else None,
-            table.get("judged"),
-        )
+        own = Truth.groups(table)
+        return Truth(**{key: table[group] if isinstance(group, str) else join(table, group) for key, group in own.items()})

@@ -257,7 +257,7 @@ class Session:
             return None
         columns = parquet_shape(file)[1]
         if self._near is not None and sensor in self._near.sensors and TRUTH_RATE[0] in columns and is_long(file):
-            return Truth.from_columns(read_near(file, columns, self._near.sensors[sensor]))
+            return Truth(**read_near(file, Truth.groups(columns), self._near.sensors[sensor]))
         return Truth.from_columns(read_parquet(file))
 
     def _truth_file(self, sensor: str) -> Path | None:
@@ -274,8 +274,20 @@ class Session:
             return None
         names = self.robot.joint_names
         if self._near is not None and is_long(file):
-            return ArmSamples.from_columns(read_near(file, list(ArmSamples.columns(names)), self._near.arm), names)
+            return ArmSamples(names, **read_near(file, ArmSamples.groups(names), self._near.arm))
         return ArmSamples.from_columns(read_parquet(file), names)
+
+    def arm_joint(self, joint: str) -> tuple[np.ndarray, np.ndarray] | None:
+        """When one joint of the arm was measured [ns], and its angles [rad], shape (n,) each; None where there is none."""
+        file = self.path / f"{ARM}.parquet"
+        if not file.is_file() or self.robot is None or joint not in self.robot.joint_names:
+            return None
+        columns = ["host_time_ns", f"q_measured_{joint}_rad"]
+        if self._near is not None and is_long(file):
+            table = read_near(file, {name: name for name in columns}, self._near.arm)
+        else:
+            table = read_parquet(file, columns)
+        return table[columns[0]], table[columns[1]]
 
     @cached_property
     def events(self) -> list[Event]:

@@ -26,7 +26,7 @@ def test_interpolation_between_the_rows_that_were_read_is_that_between_all(tmp_p
     values = np.sin(times.astype(float))
     path = tmp_path_factory.mktemp("near") / "table.parquet"
     write_parquet(path, {"host_time_ns": times, "value": values})
-    found = read_near(path, ["host_time_ns", "value"], instants)
+    found = read_near(path, {"host_time_ns": "host_time_ns", "value": "value"}, instants)
     assert len(found["value"]) <= 3 * len(instants) + 2
     np.testing.assert_array_equal(
         np.interp(instants, found["host_time_ns"], found["value"]), np.interp(instants, times, values)
