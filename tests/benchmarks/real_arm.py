@@ -18,7 +18,7 @@ from testbench.records.plan import Plan
 from testbench.records.session import Session
 from testbench.records.shipped import shipped_folder
 from tests.benchmarks.timing import Text, show
-from tests.emulated_ur import emulated_ur
+from tests.emulated_arms import emulated_ur
 
 
 def flexion_of_40_poses(folder: Path) -> Plan:

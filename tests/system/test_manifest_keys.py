@@ -31,7 +31,7 @@ from testbench.pipeline import Result
 from testbench.records.session import Session
 from tests.conftest import FakeClock
 from tests.drivers.test_xsens_dot import Bench, FakeDot
-from tests.emulated_ur import emulated_ur
+from tests.emulated_arms import emulated_ur
 from tests.execution.test_record import Feeder
 
 PAGE = Path(__file__).parents[2] / "docs" / "session_format.md"

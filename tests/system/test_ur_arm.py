@@ -24,7 +24,7 @@ from testbench.execution.guards import GuardTripped
 from testbench.pipeline import analyse, make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
-from tests.emulated_ur import ROOT, EmulatedUr, emulated_ur
+from tests.emulated_arms import ROOT, EmulatedUr, emulated_ur
 
 pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
 

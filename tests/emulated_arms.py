@@ -1,4 +1,4 @@
-"""An emulated controller in a process of its own, on a loopback address that no other test uses."""
+"""Emulated controllers in processes of their own, each on a loopback address that no other test uses."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+COMMAND_PORT = 1502
 _numbers = itertools.count(2)
 
 
-class EmulatedUr:
+class Emulated:
     """What a test may ask of an emulator that runs."""
 
     def __init__(self, address: str, process: subprocess.Popen[str]):
@@ -27,14 +28,6 @@ class EmulatedUr:
         with socket.create_connection((self.address, 29998), 5) as connection:
             connection.sendall(f"{line}\n".encode())
             return connection.makefile().readline().strip()
-
-    def dashboard(self, line: str) -> str:
-        with socket.create_connection((self.address, 29999), 5) as connection:
-            file = connection.makefile("rw")
-            file.readline()
-            file.write(f"{line}\n")
-            file.flush()
-            return file.readline().strip()
 
     def wait_until(self, wanted: str, timeout: float = 15.0) -> str:
         """Wait until the status holds a word."""
@@ -47,23 +40,48 @@ class EmulatedUr:
         raise AssertionError(f"the emulator never said '{wanted}', but: {status}")
 
 
+class EmulatedUr(Emulated):
+    """A Universal Robots controller."""
+
+    def dashboard(self, line: str) -> str:
+        with socket.create_connection((self.address, 29999), 5) as connection:
+            file = connection.makefile("rw")
+            file.readline()
+            file.write(f"{line}\n")
+            file.flush()
+            return file.readline().strip()
+
+
 def free_address() -> str:
     """A loopback address of this process alone (Linux answers the whole of 127.0.0.0/8)."""
     return f"127.{100 + os.getpid() % 100}.{os.getpid() // 100 % 250}.{next(_numbers)}"
 
 
 @contextmanager
-def emulated_ur(*options: str) -> Iterator[EmulatedUr]:
+def _emulated(maker: str, *options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     address = free_address()
     process = subprocess.Popen(
-        [sys.executable, "-m", "testbench", "emulate", "ur", "--address", address, *options],
+        [sys.executable, "-m", "testbench", "emulate", maker, "--address", address, *options],
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
     try:
         assert process.stdout is not None
         said = process.stdout.readline()
         assert "emulated at" in said, said + process.stdout.read()
-        yield EmulatedUr(address, process)
+        yield address, process
     finally:
         process.kill()
         process.communicate()
+
+
+@contextmanager
+def emulated_ur(*options: str) -> Iterator[EmulatedUr]:
+    with _emulated("ur", *options) as (address, process):
+        yield EmulatedUr(address, process)
+
+
+@contextmanager
+def emulated_xarm(*options: str) -> Iterator[Emulated]:
+    """An xArm controller; commands go to port `COMMAND_PORT`, for 502 needs privileges."""
+    with _emulated("xarm", "--command-port", str(COMMAND_PORT), *options) as (address, process):
+        yield Emulated(address, process)
