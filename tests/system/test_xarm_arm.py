@@ -26,7 +26,7 @@ from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.pipeline import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
-from tests.emulated_arms import COMMAND_PORT, Emulated, emulated_xarm, free_address
+from tests.emulated_arms import COMMAND_PORT, Emulated, emulated_xarm, faulted_session, free_address, sweep_lag
 
 pytestmark = pytest.mark.skipif(find_spec("xarm") is None, reason="xarm-python-sdk is not installed")
 
@@ -53,7 +53,7 @@ POSES = """
       {name: third, move_to: home, dwell_s: 0.3},
       {name: wave, sweep: {joint6: {sine: {amplitude_deg: 5, frequency_hz: 1.2, cycles: 1}}}, dwell_s: 0.2}"""
 MOVES = """
-      {name: out, move_to_deg: {joint6: 60}, dwell_s: 0.05},
+      {name: out, move_to_deg: {joint6: 30}, dwell_s: 0.05},
       {name: back, move_to: home, dwell_s: 0.05}"""
 
 
@@ -83,7 +83,7 @@ def robot(emulator: Emulated) -> Emulated:
 
 def the_arm(plan: Plan, address: str, time_: SessionTime | None = None) -> XArm:
     settings = xarm_settings(plan, f"{address}:{COMMAND_PORT}")
-    return XArm(plan.robot, replace(settings, arm_silence=1.5, answer=1.0), time_)  # this machine may be busy
+    return XArm(plan.robot, replace(settings, arm_silence=1.2, answer=0.8), time_)  # this machine may be busy
 
 
 def drive(plan: Plan, address: str, logs: Path, **options) -> Session:
@@ -120,20 +120,9 @@ def test_static_poses_are_reached_to_a_hundredth_of_a_degree(done, poses_plan):
 
 
 def test_a_sweep_is_followed_with_nothing_but_lag(done, poses_plan):
-    arm = done.arm()
-    step = next(step for step in done.steps if step.kind == "sweep")
-    planned = poses_plan.steps[step.index]
-    moving = (arm.host_time_ns >= step.start_ns) & (arm.host_time_ns <= step.settled_ns)
-    times, measured = arm.host_time_ns[moving] - step.start_ns, arm.q_measured[moving, 5]
-
-    def error(lag_s: float) -> float:
-        wanted = poses_plan.trajectory.at(times - round(lag_s * 1e9) + planned.start_ns)[0][:, 5]
-        return float(np.degrees(np.sqrt(np.mean((measured - wanted) ** 2))))
-
-    lags = np.arange(0, 0.3, 0.002)
-    errors = [error(lag) for lag in lags]
-    assert 0.04 < lags[int(np.argmin(errors))] < 0.2  # filter 30 ms, servo 32 ms, the change of mode, and a busy machine
-    assert min(errors) < 0.5  # of 5 deg; a busy machine holds the emulator up at times
+    lag, rest = sweep_lag(done, poses_plan, 5)
+    assert 0.04 < lag < 0.2  # filter 30 ms, servo 32 ms, the change of mode, and a busy machine
+    assert rest < 0.5  # of 5 deg; a busy machine holds the emulator up at times
 
 
 def test_the_session_says_that_the_driver_is_unverified_and_so_did_the_connection(done, told):
@@ -182,12 +171,12 @@ def controller(**identity) -> Iterator[str]:
     ],
 )
 def test_an_arm_that_must_not_be_driven_is_refused_before_anything_moves(robot, moves, fault, sentence):
-    moved = robot.control("status").rpartition(",")[2]
     robot.control(fault)
+    before = robot.control("status")
     with pytest.raises(ArmRefused, match=sentence) as caught:
         the_arm(moves[1], robot.address).connect()
     assert caught.value.exit_code == 2
-    assert robot.control("status").rpartition(",")[2] == moved
+    assert robot.control("status") == before  # nor is anything changed
 
 
 @pytest.mark.parametrize(
@@ -237,13 +226,7 @@ def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names
     assert struck == ["ok"]
     assert caught.value.exit_code == 3
     robot.wait_until("at rest", 5)
-    (session,) = list_sessions(tmp_path)
-    assert session.status is RunStatus.ERROR
-    assert not list(session.path.glob("*.arrows"))
-    (told,) = [event for event in session.events if event.event == "arm_fault"]
-    assert told.details["fault"] in kinds
-    assert session.events[-1].event == "run_error"
-    assert session.arm() is not None and len(session.arm().host_time_ns) > 5
+    faulted_session(tmp_path, kinds)
 
 
 def test_without_confirmation_nothing_moves(robot, moves, tmp_path, monkeypatch):

@@ -48,8 +48,8 @@ NOT_CONNECTED, NO_ANSWER, NOT_READY = {-1, 8}, 3, 9
 """What the library's calls return: the connection is gone; no answer came in time; the controller takes no moves now."""
 LOAD_S = 2.0
 """The weight of the tool shows in the slow reports within this time [s]."""
-MODE_S = 2.0
-"""A change of mode shows in the reports within this time [s]."""
+MODE_S, SURE_NS = 2.0, 50_000_000
+"""A change of mode shows in the reports within this time [s], and counts when they have told of it for so long [ns]."""
 REASON_S = 0.45
 """Slow reports come every 0.2 s; the reason of a stop is known within this time [s]."""
 IN_TOUCH_S = 0.25
@@ -124,8 +124,6 @@ class XArmClient(ArmClient):
             self._wait_for_sample()
             self._wait_for_motor_states()
             info |= {"q_rad": self.q.tolist(), "refused": self._refusal()}
-            if info["refused"] is None:
-                self._take_over()
         except ArmFault:
             raise
         except Exception as error:
@@ -224,7 +222,6 @@ class XArmClient(ArmClient):
         if code not in {0, NOT_READY}:  # some versions want to be made ready anew when the load has changed
             raise ArmFault("payload", f"the controller did not take the weight of the tool (code {code} of the client library)")
         self._wanted_mode = None
-        self._command("the state was not taken", self._arm.set_state, 0)
         self._enter(POSITION)
         end = time.monotonic() + LOAD_S
         while not np.allclose([mass, *centre_mm], np.hstack(self._arm.tcp_load), atol=0.01):
@@ -311,6 +308,9 @@ class XArmClient(ArmClient):
         """The controller has no watchdog that could be fed."""
 
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
+        """Begin a move; the first one, to the start, takes the controller over."""
+        if not self._taken_over:
+            self._take_over()
         self._enter(POSITION)
         move = partial(self._arm.set_servo_angle, angle=target.tolist(), speed=speed, mvacc=acceleration, wait=False)
         self._command("a move was refused", move)
@@ -327,15 +327,16 @@ class XArmClient(ArmClient):
 
     def _enter(self, mode: int) -> None:
         """Bring the controller, whose arm is at rest, into a mode in which it takes commands."""
-        if self._mode == mode and self._state in READY:
-            self._wanted_mode = mode
+        if self._wanted_mode == mode and self._state in READY:
             return
         self._wanted_mode = None
         self._command("the mode was not taken", self._arm.set_mode, mode)
         self._command("the state was not taken", self._arm.set_state, 0)
-        end = time.monotonic() + MODE_S
-        while self._mode != mode or self._state not in READY:
+        end, since = time.monotonic() + MODE_S, -1
+        while since < 0 or self._stamp_ns - since < SURE_NS:  # the first reports may be older than the commands
             self._held += self._read()
+            ready = self._mode == mode and self._state in READY
+            since = -1 if not ready else since if since >= 0 else self._stamp_ns
             if time.monotonic() > end:
                 self._raise_reason()
             time.sleep(0.001)
