@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -200,6 +201,17 @@ def test_what_cannot_be_driven_is_said_in_a_sentence(moves):
     other = make_plan("quick")
     with pytest.raises(InputError, match="xarm6; the plan is for ur3e"):
         XArm(other.robot, xarm_settings(other, "127.0.0.1"))
+
+
+def test_a_bench_that_plans_for_long_between_connection_and_motion_does_not_give_the_arm_up(robot, moves, monkeypatch):
+    arm = the_arm(moves[1], robot.address)
+    try:
+        arm.connect()
+        monkeypatch.setattr(arm._link, "_heard", time.monotonic() - 60)  # as if it had looked at many ways
+        arm.check_way(moves[1])
+        arm.prepare(moves[1])
+    finally:
+        arm.close()
 
 
 FAULTS = [

@@ -117,6 +117,15 @@ class Link:
         except OSError:
             raise DriverError(f"the process that drives the arm has ended; {self.settings.orphaned}") from None
 
+    def begin(self, *message: Any) -> None:
+        """Send a request for motion; from now on the process must be heard of, however long the bench took before.
+
+        Raises:
+            DriverError: The process has ended.
+        """
+        self._heard = time.monotonic()
+        self.tell(*message)
+
     def take(self) -> list[Message]:
         """What the process said since the last call.
 

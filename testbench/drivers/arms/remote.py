@@ -132,7 +132,7 @@ class RemoteArm(SteppingArm):
         start, now = plan.trajectory.q[0], np.array(self.info["q_rad"])
         duration = float(np.abs(start - now).max()) / APPROACH_RAD_S
         approach = Motion(-1, "move", start, APPROACH_RAD_S, APPROACH_RAD_S2, duration=duration)
-        self._link.tell("approach", approach)
+        self._link.begin("approach", approach)
         self._wait_for_start()
 
     def _wait_for_start(self) -> None:
@@ -155,7 +155,7 @@ class RemoteArm(SteppingArm):
             raise DriverError("the arm was started before it was prepared")
         self.time.start()
         self._origin_ns = self.clock.monotonic_ns() - self.time.now_ns()
-        self._link.tell("run", self._origin_ns)
+        self._link.begin("run", self._origin_ns)
         self._feed(AHEAD)
 
     def read(self, until_ns: int) -> ArmSamples:
