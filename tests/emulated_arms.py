@@ -12,9 +12,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
-from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -103,21 +100,3 @@ def faulted_session(logs: Path, kinds: set[str]) -> Session:
     arm = session.arm()
     assert arm is not None and len(arm.host_time_ns) > 5
     return session
-
-
-def sweep_lag(session: Session, plan: Plan, joint: int) -> tuple[float, float]:
-    """By how much [s] a joint's measured sweep is behind the plan, and the RMS of what that lag does not explain [deg]."""
-    arm = session.arm()
-    assert arm is not None
-    step = next(step for step in session.steps if step.kind == "sweep")
-    planned = plan.steps[step.index]
-    moving = (arm.host_time_ns >= step.start_ns) & (arm.host_time_ns <= step.settled_ns)
-    times, measured = arm.host_time_ns[moving] - step.start_ns, arm.q_measured[moving, joint]
-
-    def error(lag_s: float) -> float:
-        wanted = plan.trajectory.at(times - round(lag_s * 1e9) + planned.start_ns)[0][:, joint]
-        return float(np.degrees(np.sqrt(np.mean((measured - wanted) ** 2))))
-
-    lags = np.arange(0, 0.3, 0.002)
-    errors = [error(lag) for lag in lags]
-    return float(lags[int(np.argmin(errors))]), min(errors)

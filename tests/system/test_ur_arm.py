@@ -24,7 +24,8 @@ from testbench.execution.guards import GuardTripped
 from testbench.pipeline import analyse, make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
-from tests.emulated_arms import ROOT, EmulatedUr, emulated_ur, faulted_session, sweep_lag
+from tests.benchmarks.real_arm import following
+from tests.emulated_arms import ROOT, EmulatedUr, emulated_ur, faulted_session
 
 pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
 
@@ -102,7 +103,7 @@ def test_static_poses_are_reached_to_a_hundredth_of_a_degree(done, short_plan):
 
 
 def test_a_sweep_is_followed_with_nothing_but_lag(done, short_plan):
-    lag, rest = sweep_lag(done, short_plan, 5)
+    lag, rest, _ = following(done, short_plan)
     assert 0.03 < lag < 0.15  # lookahead 30 ms, servo 27 ms, and what a busy machine adds
     assert rest < 0.6  # of 6 deg; a busy machine holds the emulator up at times
 

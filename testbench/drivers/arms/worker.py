@@ -210,6 +210,8 @@ class Worker:
                 yield
                 continue
             motion = self.queue.pop(0)
+            if motion.kind == "stream":
+                self.client.begin_stream()
             self._event("step_started", motion.index)
             yield from {"move": self._move, "stream": self._stream, "hold": self._hold}[motion.kind](motion)
             self._event("step_settled", motion.index)
@@ -248,7 +250,6 @@ class Worker:
     def _stream(self, motion: Motion) -> Iterator[None]:
         """Send the path's targets at the times they are planned for; late turns skip, they never bunch."""
         assert motion.path is not None
-        self.client.begin_stream()
         begin, last = time.monotonic_ns(), len(motion.path) - 1
         window = round(SENT_KEPT_S * self.settings.control_hz)
         self.sent = []
