@@ -208,7 +208,7 @@ def resume_run(session: Path, protocol: str | None, choice: ArmChoice) -> Result
 def _options(choice: ArmChoice) -> Any:
     from testbench.execution.arm_run import ArmRunOptions
 
-    return ArmRunOptions(choice.logs, choice.seed, keys=not choice.json, notify=say_warning)
+    return ArmRunOptions(choice.logs, choice.seed, keys=not choice.json, notify=None if choice.json else say_warning)
 
 
 def approve(plan: Plan, choice: ArmChoice) -> dict[str, Any]:

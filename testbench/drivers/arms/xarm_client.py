@@ -187,6 +187,7 @@ class XArmClient(ArmClient):
             if time.monotonic() > end:
                 raise ArmFault("silence", "the controller does not report the state of its motors")
             time.sleep(0.01)
+        time.sleep(0.05)  # the library takes in the rest of that report
 
     def _refusal(self) -> str | None:
         arm, joints = self._arm, self.settings.joints
@@ -253,7 +254,9 @@ class XArmClient(ArmClient):
             elif len(self._bytes) < size:
                 break
             else:
-                rows.append(self._row(np.frombuffer(bytes(self._bytes[: REPORT.itemsize]), REPORT)[0]))
+                report = np.frombuffer(bytes(self._bytes[: REPORT.itemsize]), REPORT)[0]
+                if np.isfinite(report["q"]).all() and np.isfinite(report["v"]).all():  # without angles it counts as none
+                    rows.append(self._row(report))
                 del self._bytes[:size]
         return rows
 
@@ -285,7 +288,7 @@ class XArmClient(ArmClient):
         return int(words[0]) if code == 0 else int(self._arm.error_code)
 
     def _named(self, error: int) -> str:
-        return f"{error} ({self._titles.get(error, 'unknown')})"
+        return f"{error} ({self._titles.get(error, 'none' if error == 0 else 'unknown')})"
 
     def _raise_reason(self) -> None:
         """Why the arm stopped; the motors' state comes with the slow reports."""
@@ -338,7 +341,8 @@ class XArmClient(ArmClient):
             ready = self._mode == mode and self._state in READY
             since = -1 if not ready else since if since >= 0 else self._stamp_ns
             if time.monotonic() > end:
-                self._raise_reason()
+                told = f"state {self._state}, mode {self._mode}, error {self._named(self._error())}"
+                raise ArmFault("not_ready", f"the controller did not get ready in mode {mode}: {told}")
             time.sleep(0.001)
         self._wanted_mode = mode
 
