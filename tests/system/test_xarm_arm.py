@@ -52,7 +52,6 @@ estimate: {{filters: [device], align: heading, calibrate: none}}
 POSES = """
       {name: first, move_to_deg: {joint6: 25, joint5: 75}, dwell_s: 0.3},
       {name: second, move_to_deg: {joint1: 10, joint2: 5, joint3: -95, joint4: -15, joint6: 10}, dwell_s: 0.3},
-      {name: third, move_to: home, dwell_s: 0.3},
       {name: wave, sweep: {joint6: {sine: {amplitude_deg: 5, frequency_hz: 1.2, cycles: 1}}}, dwell_s: 0.2}"""
 MOVES = """
       {name: out, move_to_deg: {joint6: 30}, dwell_s: 0.05},
@@ -113,7 +112,7 @@ def done(emulator, poses_plan, told, tmp_path_factory) -> Session:
 
 def test_static_poses_are_reached_to_a_hundredth_of_a_degree(done, poses_plan):
     arm = done.arm()
-    assert len(done.steps) == 4
+    assert len(done.steps) == 3
     for step in done.steps:
         rest = (arm.host_time_ns > step.settled_ns + 150_000_000) & (arm.host_time_ns < step.end_ns)
         assert rest.sum() > 5

@@ -274,8 +274,10 @@ class XArmClient(ArmClient):
         if self._arm.error_code or self._state > PAUSED:
             self._raise_reason()
         if self._lost or not self._arm.connected:
+            self.listening = False
             raise ArmFault("disconnect", "the connection to the controller was lost")
         if self.silent_for > self.settings.arm_silence:
+            self.listening = False
             raise ArmFault("report_silence", f"the controller sent no report for {self.settings.arm_silence:g} s")
         if self._wanted_mode is not None and self._mode != self._wanted_mode:
             raise ArmFault("mode_changed", f"somebody switched the controller to mode {self._mode}")
