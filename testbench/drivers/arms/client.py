@@ -1,4 +1,4 @@
-"""What the process that drives an arm asks of its maker's client library."""
+"""What the process that drives an arm asks of the client library for its controller."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An arm at the other end of a network, driven by a process of its own through its maker's client library.
+"""An arm at the other end of a network, driven by a process of its own through a client library.
 
 Static poses go by moves that the controller plans, sweeps target by target at the streaming rate. The arm keeps its own time: a
 step ends when the joints rest in its pose, and what was recorded, not what was planned, is the truth.

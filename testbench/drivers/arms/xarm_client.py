@@ -2,8 +2,9 @@
 
 Commands go through the library. Samples come from the controller's report port 30000, which the library does not read: only
 there is a time stamp, and only there are the angles sure to be those that the encoders measured; `get_servo_angle` says where
-the controller wants the joints to be (xArm-Python-SDK on GitHub, issue 73). Layout of the report: xArm-Developer/ufactory_docs,
-firmware/report; states, modes and error codes: the library, x_config.py and x_code.py (1.18.4), and its API documentation.
+the controller wants the joints to be (xArm-Python-SDK on GitHub, thread 73). Layout of the report:
+xArm-Developer/ufactory_docs, firmware/report; states: xArm user manual, 2.1.3; modes and error codes: the library, x_config.py
+and x_code.py (1.18.4).
 """
 
 from __future__ import annotations
@@ -155,7 +156,7 @@ class XArmClient(ArmClient):
             report_type="rich",
             check_is_pause=False,  # it would wait for ever
             check_cmdnum_limit=False,
-            forbid_uds=True,  # a file in /tmp must not divert it
+            forbid_uds=True,  # a local socket that somebody left must not divert it
         )
         arm.set_timeout(self.settings.answer)
         return arm
