@@ -54,7 +54,8 @@ def test_reports_are_read_the_same_however_they_are_cut(cuts):
             fed.ours.sendall(data[begin:end])
             rows += fed.client.samples()
     assert [row[1] for row in rows] == [1_000_000_000 + 5_000_000 * k for k in range(10)]
-    for k, (_, _, q, v, current, heat, state, mode, error, missed) in enumerate(rows):
+    for k, (_, _, q, v, current, heat, state, mode, error, target, missed) in enumerate(rows):
+        np.testing.assert_allclose(target, np.full(6, 0.01 * k + 0.1), atol=1e-7)
         np.testing.assert_allclose(q, np.full(6, 0.01 * k), atol=1e-7)
         np.testing.assert_allclose(v, np.full(6, 2.0))
         np.testing.assert_allclose(current, np.full(6, 0.5))

@@ -98,8 +98,8 @@ class ArmClient(ABC):
         """What came in since the last call.
 
         Returns:
-            Host time [ns], controller time [ns], angles, rates, the driver's columns for every joint, its other columns, and
-            the number of samples that were missed before it.
+            Host time [ns], controller time [ns], angles, rates, the driver's columns for every joint, its other columns, where
+            the controller is going (angles), and the number of samples that were missed before it.
         """
 
     @abstractmethod

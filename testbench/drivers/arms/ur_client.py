@@ -181,7 +181,7 @@ class UrClient(ArmClient):
         self._stamp, self._modes, self._bits, self.slider = stamp, modes, bits, slider
         controller_ns = round(stamp * 1e9)
         host_ns, missed = self._note(controller_ns, np.array(q), np.array(v), np.array(target))
-        return host_ns, controller_ns, self.q, self.v, np.array(current), np.array(heat), *modes, scaling, missed
+        return host_ns, controller_ns, self.q, self.v, np.array(current), np.array(heat), *modes, scaling, self.q_target, missed
 
     def check(self) -> None:
         """Look at safety, power, program and data.

@@ -176,10 +176,11 @@ class Worker:
     def _keep(self, rows: list[Row]) -> None:
         if self.origin_ns is None:
             return
-        sent = self.client.q_target if self.streamed is None else self.streamed
         for row in rows:
-            self.missed += row[-1]
-            self.rows.append((row[0] - self.origin_ns, *row[1:-1], sent.copy()))
+            *told, target, missed = row
+            self.missed += missed
+            sent = target if self.streamed is None else self.streamed
+            self.rows.append((told[0] - self.origin_ns, *told[1:], sent.copy()))
 
     def _hand_over(self, force: bool = False) -> None:
         now = time.monotonic()

@@ -269,7 +269,7 @@ class XArmClient(ArmClient):
         q, v, target, current = (report[name][:n].astype(float) for name in ("q", "v", "q_target", "current"))
         host_ns, missed = self._note(stamp_ns, q, v, target)
         heat = np.array(self._arm.temperatures[:n], dtype=float)
-        return host_ns, stamp_ns, q, v, current, heat, self._state, self._mode, self._arm.error_code, missed
+        return host_ns, stamp_ns, q, v, current, heat, self._state, self._mode, self._arm.error_code, target, missed
 
     def check(self) -> None:
         if self._arm.error_code or self._state > PAUSED:
