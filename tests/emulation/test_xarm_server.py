@@ -209,3 +209,6 @@ def test_an_unknown_model_claim_version_or_pose_is_refused():
         make_controller("xarm6", firmware="new")
     with pytest.raises(InputError, match="5 joint angles"):
         make_controller("xarm6", q_deg=[0.0] * 5)
+    for port in (29998, 30000, 30002):
+        with pytest.raises(InputError, match="is taken"):
+            XArmServer(make_controller("xarm6"), free_address(), command_port=port)

@@ -6,10 +6,11 @@ import socket
 from collections.abc import Iterable, Iterator, Mapping
 from typing import ClassVar
 
-from testbench.emulation.server import CONTROL, Connection, Server
+from testbench.emulation.server import CONTROL, CONTROL_PORT, Connection, Server
 from testbench.emulation.xarm.controller import REPORT_HZ, Controller
 from testbench.emulation.xarm.faults import FAULTS
 from testbench.emulation.xarm.protocol import PROTOCOLS, FrameError, answer_frame, take_frame
+from testbench.exceptions import InputError
 
 COMMANDS, TIMELY, RICH = "commands", "timely reports", "rich reports"
 COMMAND_PORT = 502
@@ -58,6 +59,8 @@ class XArmServer(Server):
     def __init__(
         self, controller: Controller, address: str = "127.0.0.1", token: str | None = None, command_port: int = COMMAND_PORT
     ):
+        if command_port in {CONTROL_PORT, *REPORT_PORTS}:
+            raise InputError(f"port {command_port} is taken: {CONTROL_PORT} is for faults, 30000 and 30002 are for reports")
         self._xarm = controller
         super().__init__(controller, {command_port: COMMANDS, **REPORT_PORTS}, address, token)
 
