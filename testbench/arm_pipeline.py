@@ -11,6 +11,7 @@ from testbench.clock import Clock, SystemClock
 from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.replay import ReplayArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
+from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.estimation.filters import OrientationFilter
 from testbench.exceptions import InputError
@@ -36,7 +37,7 @@ class ArmSetup:
     Attributes:
         host: Address of the controller. log: A recorded motion to replay instead of an arm. simulate_imus: Sensors follow the
         reported motion. serial, dots: Live devices, as for `open_devices`. seed: Of simulated sensors. arm_serial: Serial
-        number that the arm must have; any if None.
+        number that the arm must have; any if None. driver: ur or xarm.
     """
 
     host: str = ""
@@ -46,6 +47,7 @@ class ArmSetup:
     dots: list[str] = field(default_factory=list)
     seed: int = 0
     arm_serial: str | None = None
+    driver: str = "ur"
 
 
 def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
@@ -68,6 +70,8 @@ def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Se
     time = SessionTime(clock)
     if setup.log is not None:
         arm: SteppingArm = ReplayArm(plan.robot, setup.log, time)
+    elif setup.driver == "xarm":
+        arm = XArm(plan.robot, xarm_settings(plan, setup.host), time, setup.arm_serial)
     else:
         arm = UrArm(plan.robot, ur_settings(plan, setup.host), time, setup.arm_serial)
     if setup.simulate_imus:

@@ -110,10 +110,15 @@ def say_check(plan: Plan) -> None:
         say(f"warning: {warning}")
 
 
+def say_warning(message: str) -> None:
+    """One warning on stderr."""
+    print(f"warning: {message}", file=sys.stderr)
+
+
 def say_warnings(plan: Plan) -> None:
     """What is doubtful about a plan, on stderr, before it is run."""
     for warning in plan.check.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        say_warning(warning)
 
 
 def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> None:

@@ -13,7 +13,7 @@ import typer
 from testbench.cli.calibrating import CalibrationOption
 from testbench.cli.filtering import FiltersOption, JsonOption, parse_filters
 from testbench.cli.options import RobotOption, complete_protocol, exit_code
-from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warnings
+from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warning, say_warnings
 from testbench.cli.tuning import TunedOption
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ class ArmDriver(StrEnum):
 
     sim = "sim"
     ur = "ur"
+    xarm = "xarm"
     replay = "replay"
 
 
@@ -111,7 +112,7 @@ class ArmChoice:
     """What was asked for on the command line.
 
     Attributes:
-        arm: ur or replay. host, log, simulate_imus, serial, dots: As the options. confirmed: --confirm-motion.
+        arm: ur, xarm or replay. host, log, simulate_imus, serial, dots: As the options. confirmed: --confirm-motion.
         hazards_checked: --hazards-checked. seed, logs, filters, calibration, tuned, with_report, json: As for every
         run.
     """
@@ -139,13 +140,13 @@ class ArmChoice:
         from testbench.exceptions import InputError
         from testbench.records.arm_calibration import load_arm_calibration
 
-        if self.arm == "ur" and not self.host:
-            raise InputError("--arm ur needs --host, the address of the controller")
+        if self.moves and not self.host:
+            raise InputError(f"--arm {self.arm} needs --host, the address of the controller")
         if self.arm == "replay" and self.log is None:
             raise InputError("--arm replay needs --log, a session, a Parquet or a CSV file")
         log = self.log if self.arm == "replay" else None
         number = load_arm_calibration(self.kinematics).serial if self.kinematics is not None else None
-        return ArmSetup(self.host or "", log, self.simulate_imus, self.serial, self.dots, self.seed, number)
+        return ArmSetup(self.host or "", log, self.simulate_imus, self.serial, self.dots, self.seed, number, self.arm)
 
     @property
     def moves(self) -> bool:
@@ -207,7 +208,7 @@ def resume_run(session: Path, protocol: str | None, choice: ArmChoice) -> Result
 def _options(choice: ArmChoice) -> Any:
     from testbench.execution.arm_run import ArmRunOptions
 
-    return ArmRunOptions(choice.logs, choice.seed, keys=not choice.json)
+    return ArmRunOptions(choice.logs, choice.seed, keys=not choice.json, notify=None if choice.json else say_warning)
 
 
 def approve(plan: Plan, choice: ArmChoice) -> dict[str, Any]:

@@ -113,7 +113,8 @@ class ArmRunOptions:
     Attributes:
         logs: Folder that sessions are made in. seed: Of simulated sensors. steps: Those to do; all if None. checklist: What was
         confirmed. resumes: Session and step that this run goes on from. keys: Listen to the keyboard. progress: Called after
-        every chunk of time. name: Of the session's folder; time and protocol if None.
+        every chunk of time. name: Of the session's folder; time and protocol if None. notify: Told what a person must know of
+        the arm, once it is connected.
     """
 
     logs: Path = Path("logs")
@@ -124,6 +125,7 @@ class ArmRunOptions:
     keys: bool = False
     progress: Callable[[Progress], None] | None = None
     name: str | None = None
+    notify: Callable[[str], None] | None = None
     details: dict[str, Any] = field(default_factory=dict)
 
 
@@ -140,6 +142,8 @@ def execute_on_arm(plan: Plan, arm: SteppingArm, sensors: Sensors, time: Session
     """
     try:
         arm.connect()
+        if arm.notice and options.notify is not None:
+            options.notify(arm.notice)
         arm.check_way(plan, options.steps)
         return _ArmRun(plan, arm, sensors, time, options).run()
     finally:
@@ -186,6 +190,8 @@ class _ArmRun:
                 self.sensors.start()
                 self.arm.kickoff()
                 self.recorder.event(0, "run_started", arm=type(self.arm).__name__)
+                if self.arm.notice:
+                    self.recorder.event(0, "arm_notice", message=self.arm.notice)
                 self.machine.to(RunState.RUNNING)
                 self._follow(operator)
                 if operator.stop_asked:

@@ -274,7 +274,8 @@ class Session:
             return None
         names = self.robot.joint_names
         if self._near is not None and is_long(file):
-            return ArmSamples(names, **read_near(file, ArmSamples.groups(names), self._near.arm))
+            near = read_near(file, ArmSamples.groups(names), self._near.arm)
+            return ArmSamples(names, near["host_time_ns"], near["q_sent"], near["q_measured"], near["v_measured"])
         return ArmSamples.from_columns(read_parquet(file), names)
 
     def arm_joint(self, joint: str) -> tuple[np.ndarray, np.ndarray] | None:

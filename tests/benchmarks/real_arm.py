@@ -1,4 +1,4 @@
-"""Runs through the real client library against the emulated controller: poses, following, deadlines."""
+"""Runs through the real client libraries against the emulated controllers: poses, following, deadlines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import numpy as np
 import yaml
 
 from testbench.clock import SystemClock
+from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
+from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.pipeline import make_plan
@@ -18,7 +20,7 @@ from testbench.records.plan import Plan
 from testbench.records.session import Session
 from testbench.records.shipped import shipped_folder
 from tests.benchmarks.timing import Text, show
-from tests.emulated_ur import emulated_ur
+from tests.emulated_arms import COMMAND_PORT, emulated_ur, emulated_xarm
 
 
 def flexion_of_40_poses(folder: Path) -> Plan:
@@ -39,10 +41,34 @@ def flexion_of_40_poses(folder: Path) -> Plan:
     return make_plan(path)
 
 
+XARM = """\
+name: xarm_benchmark
+purpose: 40 poses and a sweep
+robot: xarm6
+sensors: {hand: {preset: xsens_dot, link: link6}}
+variables:
+  misalignment_deg: {start: -20, stop: 20, step: 10}
+  flexion_deg: {start: 0, stop: 70, step: 10}
+sections:
+  - name: poses
+    role: reference
+    for_each: [misalignment_deg, flexion_deg]
+    steps: [{move_to_deg: [misalignment_deg, 0, -90, 0, 90 - misalignment_deg, flexion_deg], dwell_s: 0.5}]
+  - name: sweep
+    steps:
+      - {move_to: home, dwell_s: 0.5}
+      - {sweep: {joint6: {sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 3}}}, dwell_s: 0.5}
+estimate: {filters: [device], align: heading, calibrate: none}
+"""
+
+
 def run(plan: Plan, address: str, logs: Path) -> Session:
-    """A run with simulated sensors."""
+    """A run with simulated sensors, on the arm that the plan is for."""
     time = SessionTime(SystemClock())
-    arm = UrArm(plan.robot, ur_settings(plan, address), time)
+    if plan.robot.name == "xarm6":
+        arm: SteppingArm = XArm(plan.robot, xarm_settings(plan, f"{address}:{COMMAND_PORT}"), time)
+    else:
+        arm = UrArm(plan.robot, ur_settings(plan, address), time)
     return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), time, ArmRunOptions(logs))
 
 
@@ -76,32 +102,47 @@ def following(session: Session, plan: Plan) -> tuple[float, float, float]:
     return lag, float(np.sqrt(np.mean(errors(lag) ** 2))), float(errors(lag).max())
 
 
-def bench_real_arm() -> bool:
-    """Print the figures; whether every pose was within a hundredth of a degree."""
-    with tempfile.TemporaryDirectory() as name, emulated_ur() as emulator:
-        folder = Path(name)
-        poses = flexion_of_40_poses(folder)
-        first = run(poses, emulator.address, folder / "logs")
-        sweep = make_plan("quick")
-        second = run(sweep, emulator.address, folder / "logs")
-        count, worst = worst_pose(first, poses)
-        lag, rms, largest = following(second, sweep)
-        timing = second.manifest["arm"]["timing"]
+def show_figures(title: str, poses: tuple[Session, Plan], sweep: tuple[Session, Plan]) -> bool:
+    """Print the figures of an arm; whether every pose was within a hundredth of a degree."""
+    count, worst = worst_pose(*poses)
+    lag, rms, largest = following(*sweep)
+    arm = sweep[0].manifest["arm"]
+    timing = arm["timing"]
     rows: list[list[str | Text]] = [
         [Text("static poses"), str(count)],
         [Text("largest error of a joint in a pose [deg]"), f"{worst:.4f}"],
         [Text("lag of the sweep [ms]"), f"{1e3 * lag:.0f}"],
         [Text("error that lag does not explain, RMS [deg]"), f"{rms:.3f}"],
         [Text("the same, largest [deg]"), f"{largest:.3f}"],
-        [Text("turns of the 500 Hz loop"), str(timing["cycles"])],
+        [Text(f"turns of the {arm['control_hz']:g} Hz loop"), str(timing["cycles"])],
         [Text("late by, median [ms]"), f"{1e3 * timing['late_median_s']:.2f}"],
         [Text("late by, 99 % [ms]"), f"{1e3 * timing['late_p99_s']:.2f}"],
         [Text("later than 1 ms [%]"), f"{100 * timing['overruns'] / timing['cycles']:.2f}"],
         [Text("samples missed"), str(timing["samples_missed"])],
     ]
-    show("Real client library against the emulated controller", ["", "value"], rows)
+    show(title, ["", "value"], rows)
     return worst < 0.01
 
 
+def bench_real_arm() -> bool:
+    """A Universal Robots arm."""
+    with tempfile.TemporaryDirectory() as name, emulated_ur() as emulator:
+        folder = Path(name)
+        poses, sweep = flexion_of_40_poses(folder), make_plan("quick")
+        first = run(poses, emulator.address, folder / "logs")
+        second = run(sweep, emulator.address, folder / "logs")
+        return show_figures("ur_rtde against the emulated controller", (first, poses), (second, sweep))
+
+
+def bench_xarm() -> bool:
+    """A UFACTORY xArm."""
+    with tempfile.TemporaryDirectory() as name, emulated_xarm() as emulator:
+        folder = Path(name)
+        (folder / "xarm.yaml").write_text(XARM, encoding="utf-8")
+        plan = make_plan(folder / "xarm.yaml")
+        done = run(plan, emulator.address, folder / "logs")
+        return show_figures("xarm-python-sdk against the emulated controller", (done, plan), (done, plan))
+
+
 if __name__ == "__main__":
-    sys.exit(not bench_real_arm())
+    sys.exit(not all([bench_real_arm(), bench_xarm()]))

@@ -14,7 +14,7 @@ import pytest
 from testbench.emulation.ur.server import UrServer
 from testbench.emulation.ur.setup import make_controller
 from testbench.exceptions import InputError
-from tests.emulated_ur import EmulatedUr, emulated_ur, free_address
+from tests.emulated_arms import EmulatedUr, emulated_ur, free_address
 
 rtde_control = pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
 rtde_receive = pytest.importorskip("rtde_receive")

@@ -15,6 +15,7 @@ from testbench.records.robot import Robot, list_robots, load_robot
 from testbench.records.shipped import shipped_folder
 
 OWN = ["ur3e", "ur5e", "ur10e"]
+UFACTORY = ["xarm6"]
 GIMBALS = ["gimvebo"]
 CATALOGUE = ["ur3", "ur5", "ur10", "panda", "kinova", "xarm7", "z1", "so100", "so101"]
 MODELS = ["pendulum", "squat_2dof", "lower_limb"]
@@ -95,7 +96,7 @@ def between(first, second, step_deg: float = 2.0) -> np.ndarray:
     return np.linspace(first, second, count + 1)
 
 
-@pytest.mark.parametrize("name", OWN + GIMBALS + MODELS + CATALOGUE)
+@pytest.mark.parametrize("name", OWN + UFACTORY + GIMBALS + MODELS + CATALOGUE)
 def test_every_shipped_robot_loads_and_its_urdf_has_the_joints(name):
     robot = load_robot(name)
     model = pin.buildModelFromUrdf(str(robot.urdf))
@@ -104,13 +105,13 @@ def test_every_shipped_robot_loads_and_its_urdf_has_the_joints(name):
     assert robot.home.shape == robot.velocity_limits.shape == (len(robot.joint_names),)
 
 
-@pytest.mark.parametrize("name", OWN + GIMBALS + MODELS + CATALOGUE)
+@pytest.mark.parametrize("name", OWN + UFACTORY + GIMBALS + MODELS + CATALOGUE)
 def test_every_limit_has_a_why(name):
     for joint in load_robot(name).spec.joints:
         assert len(joint.why) > 30, joint.name
 
 
-@pytest.mark.parametrize("name", OWN + GIMBALS + MODELS + CATALOGUE)
+@pytest.mark.parametrize("name", OWN + UFACTORY + GIMBALS + MODELS + CATALOGUE)
 def test_every_home_is_within_limits_and_free_of_collisions(name):
     robot = load_robot(name)
     assert np.all(robot.position_limits[:, 0] <= robot.home) and np.all(robot.home <= robot.position_limits[:, 1])
@@ -119,7 +120,7 @@ def test_every_home_is_within_limits_and_free_of_collisions(name):
 
 def test_the_list_names_every_robot_with_a_line_on_each():
     robots = list_robots()
-    assert set(OWN + GIMBALS + MODELS + CATALOGUE) == set(robots)
+    assert set(OWN + UFACTORY + GIMBALS + MODELS + CATALOGUE) == set(robots)
     assert all(robots.values())
 
 
@@ -127,7 +128,7 @@ def test_every_folder_of_a_robot_says_where_it_comes_from():
     for name in MODELS:
         text = (shipped_folder("robots") / name / "SOURCE.md").read_text()
         assert "Winter" in text and "licence" in text.lower()
-    for name in OWN:
+    for name in OWN + UFACTORY:
         text = (shipped_folder("robots") / name / "SOURCE.md").read_text()
         assert "DH" in text and "licence" in text.lower()
 

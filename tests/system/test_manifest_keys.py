@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +32,9 @@ from testbench.pipeline import Result
 from testbench.records.session import Session
 from tests.conftest import FakeClock
 from tests.drivers.test_xsens_dot import Bench, FakeDot
-from tests.emulated_ur import emulated_ur
+from tests.emulated_arms import emulated_ur, emulated_xarm
 from tests.execution.test_record import Feeder
+from tests.system.test_xarm_arm import MOVES, drive, plan_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "session_format.md"
 TIME = np.arange(400) / 100
@@ -163,6 +165,8 @@ def runs(folder: Path, tiny: Path) -> Iterator[Session]:
         on_arm = UrArm(the_plan.robot, settings, time)
         options = ArmRunOptions(folder, checklist={"by": "a test"}, resumes={"session": "none", "steps": []})
         yield execute_on_arm(the_plan, on_arm, Sensors.simulated(the_plan, 1), time, options)
+    with emulated_xarm() as emulator:
+        yield drive(plan_of(folder, "moves", MOVES)[1], emulator.address, folder)
 
 
 @pytest.fixture(scope="module")
@@ -170,6 +174,8 @@ def written(quick: Result, tiny: Path, tmp_path_factory: pytest.TempPathFactory)
     """Kinds of session by the keys that were written into their manifests."""
     pytest.importorskip("serial")
     pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
+    if find_spec("xarm") is None:
+        pytest.skip("xarm-python-sdk is not installed")
     folder = tmp_path_factory.mktemp("kinds")
     found: dict[str, set[str]] = {}
     for session in [quick.session, *imports(folder), *recordings(folder), *runs(folder / "runs", tiny)]:

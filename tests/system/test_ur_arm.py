@@ -24,7 +24,8 @@ from testbench.execution.guards import GuardTripped
 from testbench.pipeline import analyse, make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
-from tests.emulated_ur import ROOT, EmulatedUr, emulated_ur
+from tests.benchmarks.real_arm import following
+from tests.emulated_arms import ROOT, EmulatedUr, emulated_ur, faulted_session
 
 pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
 
@@ -102,21 +103,9 @@ def test_static_poses_are_reached_to_a_hundredth_of_a_degree(done, short_plan):
 
 
 def test_a_sweep_is_followed_with_nothing_but_lag(done, short_plan):
-    arm = done.arm()
-    step = next(step for step in done.steps if step.kind == "sweep")
-    planned = short_plan.steps[step.index]
-    moving = (arm.host_time_ns >= step.start_ns) & (arm.host_time_ns <= step.settled_ns)
-    times, measured = arm.host_time_ns[moving] - step.start_ns, arm.q_measured[moving, 5]
-
-    def error(lag_s: float) -> float:
-        wanted = short_plan.trajectory.at(times - round(lag_s * 1e9) + planned.start_ns)[0][:, 5]
-        return float(np.degrees(np.sqrt(np.mean((measured - wanted) ** 2))))
-
-    lags = np.arange(0, 0.2, 0.002)
-    errors = [error(lag) for lag in lags]
-    best = lags[int(np.argmin(errors))]
-    assert 0.03 < best < 0.15  # lookahead 30 ms, servo 27 ms, and what a busy machine adds
-    assert min(errors) < 0.6  # of 6 deg; a busy machine holds the emulator up at times
+    lag, rest, _ = following(done, short_plan)
+    assert 0.03 < lag < 0.15  # lookahead 30 ms, servo 27 ms, and what a busy machine adds
+    assert rest < 0.6  # of 6 deg; a busy machine holds the emulator up at times
 
 
 def test_the_session_says_what_arm_it_was_and_that_the_sensors_were_simulated(done, emulator):
@@ -216,14 +205,7 @@ def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names
     assert struck == ["ok"]
     assert caught.value.exit_code == 3
     robot.wait_until("at rest", 5)
-    (session,) = list_sessions(tmp_path)
-    assert session.status is RunStatus.ERROR
-    assert not list(session.path.glob("*.arrows"))
-    told = [event for event in session.events if event.event == "arm_fault"]
-    assert len(told) == 1
-    assert told[0].details["fault"] in MAY_BE_SEEN_AS.get(kind, {kind})
-    assert session.events[-1].event == "run_error"
-    assert session.arm() is not None and len(session.arm().host_time_ns) > 5
+    faulted_session(tmp_path, MAY_BE_SEEN_AS.get(kind, {kind}))
 
 
 def test_late_and_lost_packages_do_not_stop_a_run_that_can_bear_them(robot, short_plan, tmp_path):

@@ -41,7 +41,13 @@ class Arm(ABC):
 
 
 class SteppingArm(Arm):
-    """An arm that goes through the steps of a plan in its own time, and says when each of them happened."""
+    """An arm that goes through the steps of a plan in its own time, and says when each of them happened.
+
+    Attributes:
+        notice: What a person must know before it moves; nothing if empty.
+    """
+
+    notice: str = ""
 
     @abstractmethod
     def connect(self) -> None:

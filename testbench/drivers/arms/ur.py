@@ -1,329 +1,47 @@
-"""A Universal Robots e-series arm, driven by a process of its own through the client library ur_rtde.
-
-Static poses go by moveJ, sweeps by servoJ at the controller's rate. The arm keeps its own time: a step ends when the joints
-rest in its pose, and what was recorded, not what was planned, is the truth.
-"""
+"""Universal Robots e-series arms, through the client library ur_rtde: poses by moveJ, sweeps by servoJ."""
 
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from testbench.clock import SystemClock
-from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.arms.straight_path import StraightPaths
-from testbench.drivers.arms.ur_link import Link, LinkSettings, Message, Motion
+from testbench.drivers.arms.remote import RemoteArm, common_settings
+from testbench.drivers.arms.ur_client import UrSettings
 from testbench.drivers.imus.streamed import SessionTime
-from testbench.exceptions import ArmRefused, DriverError, InputError
-from testbench.frames import NANOSECONDS
-from testbench.records.plan import Plan, PlannedStep
+from testbench.exceptions import InputError
+from testbench.records.plan import Plan
 from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Event
-
-AHEAD = 4
-"""Steps that the driving process knows in advance; a sweep of an hour is 87 MB."""
-APPROACH_RAD_S, APPROACH_RAD_S2 = float(np.radians(15.0)), float(np.radians(30.0))
-"""Speed of the way to the start."""
-APPROACH_S = 120.0
-SLOWEST = (0.01, 0.05)
-"""Least speed [rad/s] and acceleration [rad/s^2] that moveJ is asked for."""
 
 
-class UrArm(SteppingArm):
-    """The arm at the other end of a network.
+class UrArm(RemoteArm):
+    """An arm of the e-series.
 
     Args:
-        robot: What the plan is for. settings: Address, rates, limits. time: Of the session; a new one if None. serial: Number
-        that the arm must have; any if None.
+        robot, settings, time, serial: As for `RemoteArm`.
+
+    Raises:
+        InputError: The plan is for no such arm.
     """
 
-    def __init__(self, robot: Robot, settings: LinkSettings, time: SessionTime | None = None, serial: str | None = None):
+    driver: ClassVar[str] = "ur"
+    joint_columns: ClassVar[tuple[str, ...]] = ("current_{}_A", "temperature_{}_degC")
+    columns: ClassVar[dict[str, Any]] = {"robot_mode": np.int64, "safety_mode": np.int64, "speed_scaling": np.float64}
+    told: ClassVar[tuple[str, ...]] = ("model", "serial", "polyscope", "speed_slider")
+
+    def __init__(self, robot: Robot, settings: UrSettings, time: SessionTime | None = None, serial: str | None = None):
         if not re.fullmatch(r"ur\d+e", robot.name):
             raise InputError(f"--arm ur drives e-series arms such as ur3e; the plan is for {robot.name}")
-        self.robot, self.settings, self.time = robot, settings, time or SessionTime(SystemClock())
-        self.clock, self.serial = self.time.clock, serial
-        joints = robot.joint_names
-        self.extra_columns = (
-            {"controller_time_ns": np.int64}
-            | {f"current_{joint}_A": np.float64 for joint in joints}
-            | {f"temperature_{joint}_degC": np.float64 for joint in joints}
-            | {"robot_mode": np.int64, "safety_mode": np.int64, "speed_scaling": np.float64}
-        )
-        self.info: dict[str, Any] = {}
-        self.timing: dict[str, Any] = {}
-        self._link: Link | None = None
-        self._waiting: list[Motion] = []
-        self._batches: list[list[np.ndarray]] = []
-        self._events: list[Event] = []
-        self._origin_ns = 0
-        self._last_ns = 0
-        self._fault: str | None = None
-        self._finished = self._stopped = False
-        self.streamed_moves = 0
+        super().__init__(robot, settings, time, serial)
 
-    @property
-    def finished(self) -> bool:
-        return self._finished
-
-    def connect(self) -> None:
-        """Connect, and refuse an arm that must not be driven; nothing moves.
-
-        Raises:
-            ArmRefused: Not in remote control, stopped by its safety system, another model, the slider too low.
-            DriverError: There is no controller at the address, or it does not answer.
-        """
-        self._link = Link(self.settings)
-        try:
-            (_, info), _ = self._link.wait_for("info")
-        except BaseException:
-            self.close()
-            raise
-        self.info = {key: value for key, value in info.items() if key != "refused"}
-        refusal = info["refused"] or self._wrong_arm(info)
-        if refusal is not None:
-            self.close()
-            raise ArmRefused(f"the robot at {self.settings.host} was refused: {refusal}")
-
-    def _wrong_arm(self, info: dict[str, Any]) -> str | None:
+    def _wrong_model(self, info: dict[str, Any]) -> str | None:
         model, expected = str(info.get("model", "")), self.robot.name.removesuffix("e").upper()
-        if self.serial is not None and info.get("serial") != self.serial:
-            return f"the calibration belongs to the arm {self.serial}, this is {info.get('serial')}"
         if model.upper().removesuffix("E") == expected:
             return None
         return f"the plan is for a {self.robot.name}, the controller calls its arm {model}"
 
-    def check_way(self, plan: Plan, steps: list[PlannedStep] | None = None) -> None:
-        """Look at every straight path that moveJ would take, before anything moves.
 
-        Args:
-            plan: The motion. steps: Those of its steps to do, in order; all if None.
-
-        Raises:
-            ArmRefused: The way to the start, or to a step that does not follow on the one before, is not free.
-        """
-        paths = StraightPaths(self.robot)
-        start, now = plan.trajectory.q[0], np.array(self.info["q_rad"])
-        nearest = paths.blocked(now, start)
-        if nearest is not None:
-            raise ArmRefused(
-                f"the straight way from where the arm stands to the start of the plan brings {nearest.first} and "
-                f"{nearest.second} to {1000 * nearest.distance:.1f} mm; move the arm nearer to "
-                f"{np.degrees(start).round(1).tolist()} deg by hand"
-            )
-        self._waiting = self._motions(plan, plan.steps if steps is None else steps, paths)
-
-    def prepare(self, plan: Plan) -> None:
-        """Go to the start of the plan at reduced speed, by a straight path of the joints."""
-        if self._link is None:
-            self.connect()
-            self.check_way(plan)
-        assert self._link is not None
-        start, now = plan.trajectory.q[0], np.array(self.info["q_rad"])
-        duration = float(np.abs(start - now).max()) / APPROACH_RAD_S
-        approach = Motion(-1, "move", start, APPROACH_RAD_S, APPROACH_RAD_S2, duration=duration)
-        self._link.tell("approach", approach)
-        self._wait_for_start()
-
-    def _wait_for_start(self) -> None:
-        assert self._link is not None
-        end = self.clock.monotonic_ns() + round(APPROACH_S * NANOSECONDS)
-        while self.clock.monotonic_ns() < end:
-            self._link.tell("alive")
-            for message in self._link.take():
-                if message[0] == "approached":
-                    return
-                if message[0] in {"fault", "stopped"}:
-                    self._fail(message)
-                    raise DriverError(f"the start of the plan was not reached: {message[-1]}")
-            self.clock.sleep(0.02)
-        raise DriverError(f"the start of the plan was not reached within {APPROACH_S:g} s")
-
-    def kickoff(self) -> None:
-        """Time 0 of the session is now."""
-        if self._link is None:
-            raise DriverError("the arm was started before it was prepared")
-        self.time.start()
-        self._origin_ns = self.clock.monotonic_ns() - self.time.now_ns()
-        self._link.tell("run", self._origin_ns)
-        self._feed(AHEAD)
-
-    def read(self, until_ns: int) -> ArmSamples:
-        """Wait for a host time, then hand over what the controller reported.
-
-        Raises:
-            DriverError: The arm stopped by itself; what it reported until then was handed over before.
-        """
-        if self._link is None:
-            raise DriverError("the arm was read before it was prepared")
-        if self._fault is not None:
-            raise DriverError(self._fault)
-        self._link.tell("alive")
-        self.clock.sleep((self._origin_ns + until_ns - self.clock.monotonic_ns()) / NANOSECONDS)
-        self._take()
-        return self._samples()
-
-    def _take(self) -> None:
-        assert self._link is not None
-        try:
-            messages = self._link.take()
-        except DriverError as error:
-            self._fail(("fault", "driver", str(error)))
-            return
-        for message in messages:
-            if message[0] == "samples":
-                self._batches.append(message[1])
-            elif message[0] == "event":
-                _, time, name, index = message
-                self._events.append(Event(max(time, 0), name, {"index": index} if index >= 0 else {}))
-                if name == "step_ended":
-                    self._feed(1)
-            elif message[0] == "timing":
-                self.timing = message[1]
-            elif message[0] == "done":
-                self._finished = True
-            elif message[0] in {"fault", "stopped"}:
-                self._fail(message)
-
-    def _fail(self, message: Message) -> None:
-        if self._fault is not None or (message[0] == "stopped" and self._stopped):
-            return
-        kind = message[1] if message[0] == "fault" else "stopped"
-        self._fault = f"the arm was stopped: {message[-1]}"
-        now = max(self.clock.monotonic_ns() - self._origin_ns, 0) if self._origin_ns else 0
-        self._events.append(Event(now, "arm_fault", {"fault": kind, "message": str(message[-1])}))
-
-    def _feed(self, count: int) -> None:
-        assert self._link is not None
-        for _ in range(count):
-            if self._waiting:
-                self._link.tell("motion", self._waiting.pop(0))
-        if not self._waiting:
-            self._link.tell("no_more")
-
-    def _samples(self) -> ArmSamples:
-        joints = self.robot.joint_names
-        n = len(joints)
-        if self._batches:
-            host, controller, q, v, current, heat, mode, safety, scaling, sent = (
-                np.concatenate(columns) for columns in zip(*self._batches, strict=True)
-            )
-        else:
-            host = controller = mode = safety = np.zeros(0, np.int64)
-            q = v = current = heat = sent = np.zeros((0, n))
-            scaling = np.zeros(0)
-        self._batches = []
-        kept = np.zeros(len(host), dtype=bool)
-        for i, time in enumerate(host):  # never back in time, whatever the clocks do
-            if time > self._last_ns:
-                kept[i], self._last_ns = True, int(time)
-        extras: dict[str, np.ndarray] = {"controller_time_ns": controller[kept].astype(np.int64)}
-        extras |= {f"current_{joint}_A": current[kept][:, i] for i, joint in enumerate(joints)}
-        extras |= {f"temperature_{joint}_degC": heat[kept][:, i] for i, joint in enumerate(joints)}
-        extras |= {"robot_mode": mode[kept].astype(np.int64), "safety_mode": safety[kept].astype(np.int64)}
-        extras["speed_scaling"] = scaling[kept].astype(float)
-        return ArmSamples(joints, host[kept].astype(np.int64), sent[kept], q[kept], v[kept], extras)
-
-    def events(self) -> list[Event]:
-        events, self._events = self._events, []
-        return events
-
-    def pause(self) -> None:
-        if self._link is not None:
-            self._link.tell("pause")
-
-    def resume(self) -> None:
-        if self._link is not None:
-            self._link.tell("resume")
-
-    def stop(self) -> None:
-        """Bring the arm to rest; a second call does nothing."""
-        if self._link is None or self._stopped:
-            return
-        self._stopped = True
-        if self._finished or self._fault is not None:
-            return
-        try:
-            self._link.tell("stop", "the bench asked for it")
-            end = self.clock.monotonic_ns() + 5 * NANOSECONDS
-            while self.clock.monotonic_ns() < end:
-                for message in self._link.take():
-                    if message[0] == "samples":
-                        self._batches.append(message[1])
-                    elif message[0] == "timing":
-                        self.timing = message[1]
-                    elif message[0] in {"stopped", "fault", "done"}:
-                        return
-                self.clock.sleep(0.01)
-        except DriverError:
-            pass
-        self._link.kill()  # the controller's watchdog stops the arm
-
-    def close(self) -> None:
-        if self._link is not None:
-            self._link.close()
-            self._link = None
-
-    def describe(self) -> dict[str, Any]:
-        known = ("model", "serial", "polyscope", "speed_slider")
-        return {
-            "driver": "ur",
-            "host": self.settings.host,
-            **{key: self.info[key] for key in known if key in self.info},
-            "control_hz": self.settings.control_hz,
-            "record_hz": self.settings.record_hz,
-            "streamed_moves": self.streamed_moves,
-            "timing": self.timing,
-        }
-
-    def _motions(self, plan: Plan, steps: list[PlannedStep], paths: StraightPaths) -> list[Motion]:
-        """Steps of a plan as the process is told of them; where one was left out, a move to the next one's beginning."""
-        motions, before = [], plan.trajectory.q[0]
-        for step in steps:
-            begin = plan.trajectory.at(np.array([step.start_ns]))[0][0]
-            if not np.allclose(begin, before, atol=1e-9):
-                nearest = paths.blocked(before, begin)
-                if nearest is not None:
-                    raise ArmRefused(f"the way to step '{step.name}' brings {nearest.first} and {nearest.second} too near")
-                duration = float(np.abs(begin - before).max()) / APPROACH_RAD_S
-                motions.append(Motion(-1, "move", begin, APPROACH_RAD_S, APPROACH_RAD_S2, duration=duration))
-                before = begin
-            motion = self._motion(plan, step, before, paths)
-            motions.append(motion)
-            before = motion.target
-        return motions
-
-    def _motion(self, plan: Plan, step: PlannedStep, before: np.ndarray, paths: StraightPaths) -> Motion:
-        knots = plan.trajectory
-        target = knots.at(np.array([step.settled_ns]))[0][0]
-        dwell, duration = (step.end_ns - step.settled_ns) / NANOSECONDS, (step.settled_ns - step.start_ns) / NANOSECONDS
-        if step.settled_ns == step.start_ns:
-            return Motion(step.index, "hold", target, dwell=dwell)
-        direct = step.kind == "move" and paths.blocked(before, target) is None
-        if not direct:
-            self.streamed_moves += step.kind == "move"
-            times = np.arange(step.start_ns, step.settled_ns, round(NANOSECONDS / self.settings.control_hz))
-            path = knots.at(np.append(times, step.settled_ns))[0]
-            return Motion(step.index, "stream", target, path=path, dwell=dwell, duration=duration)
-        inside = (knots.time_ns >= step.start_ns) & (knots.time_ns <= step.settled_ns)
-        speed = max(float(np.abs(knots.v[inside]).max()), SLOWEST[0])
-        acceleration = max(float(np.abs(knots.a[inside]).max()), SLOWEST[1])
-        return Motion(step.index, "move", target, speed, acceleration, None, dwell, duration)
-
-
-def ur_settings(plan: Plan, host: str) -> LinkSettings:
+def ur_settings(plan: Plan, host: str) -> UrSettings:
     """What the driving process must know of a plan."""
-    use, rates = plan.protocol.spec.arm, plan.robot.spec.rates
-    tool = use.tool
-    x, y, z = tool.centre_mm if tool else (0.0, 0.0, 0.0)
-    return LinkSettings(
-        host,
-        control_hz=rates.control_hz,
-        record_hz=rates.record_hz,
-        tracking=float(np.radians(use.tracking_error_deg)),
-        least_slider=use.speed_slider_percent / 100 - 0.005,
-        mass=tool.mass_kg if tool else None,
-        centre=(x / 1000, y / 1000, z / 1000),
-    )
+    return UrSettings(host, **common_settings(plan), least_slider=plan.protocol.spec.arm.speed_slider_percent / 100 - 0.005)

@@ -11,20 +11,19 @@ import socket
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
-from testbench.drivers.arms.controller_clock import ControllerClock
-from testbench.drivers.arms.ur_link import LinkSettings
+from testbench.drivers.arms.client import ArmClient, ArmFault, Row
+from testbench.drivers.arms.link import LinkSettings
 
 DASHBOARD_PORT, SECONDARY_PORT = 29999, 30002
 KEEP_ALIVE_S = 0.02
 IN_TOUCH_S = 0.25
 REASON_S = 0.1
 """Samples come slower than the client learns that a program ended; they say why within this time [s]."""
-SMOOTHING = 0.1
-"""Weight of the newest sample in the smoothed angles that decide whether a pose is reached: encoders hiss."""
 VARIABLES = [
     "timestamp", "target_q", "actual_q", "actual_qd", "actual_current", "joint_temperatures", "robot_mode", "safety_mode",
     "runtime_state", "robot_status_bits", "safety_status_bits", "target_speed_fraction", "speed_scaling",
@@ -35,43 +34,44 @@ RUNNING = 7
 """`robot_mode` of an arm that may move (RTDE guide)."""
 
 
-class ArmFault(Exception):
-    """The arm cannot go on.
+@dataclass(frozen=True)
+class UrSettings(LinkSettings):
+    """How a Universal Robots arm is driven.
 
     Attributes:
-        kind: A word for events and programs.
+        lookahead, gain: Of servoJ [s]. watchdog: The controller ends the program, which stops the arm, when no input comes for
+        so long [s]; it is the last resort, for when the driving process itself is gone. least_slider: Smallest position of the
+        speed slider that does not stop the run.
     """
 
-    def __init__(self, kind: str, message: str):
-        self.kind = kind
-        super().__init__(message)
+    lookahead: float = 0.03
+    gain: float = 300.0
+    watchdog: float = 0.5
+    least_slider: float = 0.99
+    orphaned: ClassVar[str] = "the controller's watchdog stops the arm"
+
+    def client(self) -> UrClient:
+        return UrClient(self)
 
 
-class UrClient:
+class UrClient(ArmClient):
     """The client's three connections.
 
     Args:
         settings: Address, rates, tool.
     """
 
-    def __init__(self, settings: LinkSettings):
-        self.settings = settings
-        self.clock = ControllerClock()
-        self.q = self.v = self.q_target = self.q_smooth = np.zeros(6)
-        self.slider = 1.0
-        self.listening = False
+    settings: UrSettings
+
+    def __init__(self, settings: UrSettings):
+        super().__init__(settings)
         self._control: Any = None
         self._receive: Any = None
         self._stamp = -1.0
-        self._arrival = time.monotonic()
         self._fed = 0.0
         self._modes = (0, 0)
         self._bits = 0
         self._program_seen = self._streaming = False
-
-    def now_ns(self) -> int:
-        """Host time [ns]."""
-        return time.monotonic_ns()
 
     def connect(self) -> dict[str, Any]:
         """Connect, and say what there is; nothing moves.
@@ -159,20 +159,12 @@ class UrClient:
             )
         return None
 
-    def _wait_for_sample(self) -> None:
-        end = time.monotonic() + 3.0
-        while self.sample() is None:
-            if time.monotonic() > end:
-                raise ArmFault("silence", "the controller sends no data")
-            time.sleep(0.001)
+    def samples(self) -> list[Row]:
+        row = self._sample()
+        return [] if row is None else [row]
 
-    def sample(self) -> tuple[Any, ...] | None:
-        """The newest sample if there is one since the last call.
-
-        Returns:
-            Host time [ns], controller time [ns], angles, rates, currents, temperatures, robot and safety mode, speed scaling,
-            the number of samples that were missed before it.
-        """
+    def _sample(self) -> Row | None:
+        """The newest sample if there is one since the last call."""
         receive = self._receive
         for _ in range(4):
             stamp = receive.getTimestamp()
@@ -186,29 +178,22 @@ class UrClient:
                 break
         else:
             return None
-        arrival = self.now_ns()
-        first = self._stamp < 0
-        missed = 0 if first else max(round((stamp - self._stamp) * self.settings.record_hz) - 1, 0)
-        self._stamp, self._arrival = stamp, time.monotonic()
-        self.q, self.v, self.q_target = np.array(q), np.array(v), np.array(target)
-        self.q_smooth = self.q if first else self.q_smooth + SMOOTHING * (self.q - self.q_smooth)
-        if float(np.abs(self.q - self.q_smooth).max()) > 0.001:  # it moves: follow at once
-            self.q_smooth = self.q
-        self._modes, self._bits, self.slider = modes, bits, slider
+        self._stamp, self._modes, self._bits, self.slider = stamp, modes, bits, slider
         controller_ns = round(stamp * 1e9)
-        host_ns = self.clock.host_ns(controller_ns, arrival)
-        return host_ns, controller_ns, self.q, self.v, np.array(current), np.array(heat), *modes, scaling, missed
+        host_ns, missed = self._note(controller_ns, np.array(q), np.array(v), np.array(target))
+        return host_ns, controller_ns, self.q, self.v, np.array(current), np.array(heat), *modes, scaling, self.q_target, missed
 
-    def check(self, settings: LinkSettings) -> None:
+    def check(self) -> None:
         """Look at safety, power, program and data.
 
         Raises:
             ArmFault: The arm must stop, or has stopped.
         """
+        settings = self.settings
         self._check_state()
         if not self._receive.isConnected():
             raise ArmFault("disconnect", "the connection to the controller was lost")
-        if time.monotonic() - self._arrival > settings.arm_silence:
+        if self.silent_for > settings.arm_silence:
             raise ArmFault("rtde_silence", f"the controller sent no data for {settings.arm_silence:g} s")
         if self.slider < settings.least_slider - 0.005:
             raise ArmFault("speed_slider", f"the speed slider was turned down to {100 * self.slider:.0f} %")
@@ -237,9 +222,9 @@ class UrClient:
         """Begin a moveJ."""
         self._command("moveJ was refused", self._control.moveJ, target.tolist(), speed, acceleration, True)
 
-    def stream(self, target: np.ndarray, settings: LinkSettings) -> None:
+    def stream(self, target: np.ndarray) -> None:
         """Send a target of servoJ; the controller's watchdog is fed by it."""
-        period = 1.0 / settings.control_hz
+        settings, period = self.settings, 1.0 / self.settings.control_hz
         self._fed, self._streaming = time.monotonic(), True
         self._command(
             "servoJ was refused", self._control.servoJ, target.tolist(), 0.0, 0.0, period, settings.lookahead, settings.gain
@@ -263,7 +248,7 @@ class UrClient:
         """A command that is refused, or a program that ended, has a reason, which the next samples may tell."""
         end = time.monotonic() + REASON_S
         while time.monotonic() < end and self.listening:
-            self.sample()
+            self.samples()
             self._check_state()
             if not self._receive.isConnected():
                 raise ArmFault("disconnect", "the connection to the controller was lost")
@@ -273,7 +258,7 @@ class UrClient:
 
     def _in_touch(self) -> bool:
         """Whether the controller spoke lately; if not, the client's commands would wait for an answer for minutes."""
-        return bool(self._receive.isConnected()) and time.monotonic() - self._arrival < IN_TOUCH_S
+        return bool(self._receive.isConnected()) and self.silent_for < IN_TOUCH_S
 
     def stop(self, deceleration: float) -> None:
         """Bring the arm to rest by every way there is; never raises.

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from testbench.emulation.ur.faults import Faults, Scenario, ScheduledFault
-from testbench.emulation.ur.joints import Joints
+from testbench.emulation.controller import EmulatedController
+from testbench.emulation.faults import Faults, Scenario
 from testbench.emulation.ur.script import ControlScript, is_control_script
 from testbench.emulation.ur.state import SAFETY_BITS, Registers, RobotMode, RuntimeState, SafetyMode
 from testbench.records.robot import Robot
@@ -34,12 +34,11 @@ class Identity:
         return (numbers + [0] * 4)[0], (numbers + [0] * 4)[1], (numbers + [0] * 4)[2], (numbers + [0] * 4)[3]
 
 
-class Controller:
-    """State of an emulated controller; `tick` advances it by a control period.
+class Controller(EmulatedController):
+    """State of the controller.
 
     Args:
-        robot: The arm. identity: Model, serial number, version. q: Joint angles at the start [rad]; the arm's home if None.
-        seed: Of the encoders' noise. scenario: Faults to come.
+        robot, q, seed, scenario: As for `EmulatedController`. identity: Model, serial number, version.
     """
 
     def __init__(
@@ -50,33 +49,23 @@ class Controller:
         seed: int = 0,
         scenario: Scenario | None = None,
     ):
-        self.robot, self.identity = robot, identity
-        self.joints = Joints(robot, robot.home if q is None else q, seed)
-        self.registers, self.faults = Registers(), Faults()
-        self.scheduled: list[ScheduledFault] = list(scenario.faults) if scenario else []
-        self._to_clear: list[tuple[float, str]] = []
-        self._rng = np.random.default_rng(seed + 1)
+        super().__init__(robot, q, seed, scenario)
+        self.identity, self.registers = identity, Registers()
         self.mode, self.safety, self.runtime = RobotMode.RUNNING, SafetyMode.NORMAL, RuntimeState.STOPPED
         self.script: ControlScript | None = None
         self.slider, self.remote_control = 1.0, True
         self.payload, self.payload_cog = 0.0, [0.0, 0.0, 0.0]
-        self.ticks, self.moving_ticks = 0, 0
-        self.messages: list[str] = []
         self._unlock_at = math.inf
-
-    @property
-    def time(self) -> float:
-        """Time since the controller was started [s], exact multiples of the control period."""
-        return self.ticks * self.joints.period
 
     @property
     def playing(self) -> bool:
         return self.runtime is RuntimeState.PLAYING
 
-    def tick(self) -> None:
-        """Advance by one control period."""
-        self.ticks += 1
-        self._run_scenario()
+    @property
+    def state(self) -> str:
+        return f"{self.mode.name} {self.safety.name} {self.runtime.name}"
+
+    def _advance(self) -> None:
         if self.script is not None and self.playing:
             ended = self.script.tick(self)
             if ended is not None:
@@ -84,7 +73,6 @@ class Controller:
         trip = self.joints.step(self.slider)
         if trip is not None and self.safety is SafetyMode.NORMAL:
             self.protective_stop(trip)
-        self.moving_ticks += not self.joints.at_rest
 
     def upload(self, program: str) -> None:
         """Run a program that came in at a script port; it replaces the one that runs."""
@@ -141,7 +129,6 @@ class Controller:
 
     def fault(self, name: str, value: float | None = None) -> None:
         """Let a fault happen; see `faults.FAULTS`."""
-        faults = self.faults
         if name == "protective_stop":
             self.protective_stop("asked for")
         elif name == "emergency_stop":
@@ -151,27 +138,15 @@ class Controller:
         elif name == "power_off":
             self.stop_program("power off")
             self.mode = RobotMode.POWER_OFF
-        elif name == "disconnect":
-            faults.disconnected_until = self.time + (math.inf if value is None else value)
-        elif name == "rtde_delay":
-            faults.rtde_delay_s = 0.2 if value is None else value
-        elif name == "rtde_loss":
-            faults.rtde_loss = 0.5 if value is None else value
-        elif name == "rtde_silence":
-            faults.rtde_silent = True
-        elif name == "slow_response":
-            faults.response_delay_s = 1.0 if value is None else value
         elif name == "slider":
             self.slider = min(max(0.5 if value is None else value, 0.0), 1.0)
         elif name == "local_control":
             self.remote_control = False
         elif name == "program_stop":
             self.stop_program("asked for")
+        else:
+            self.faults.strike(name.removeprefix("rtde_"), value, self.time)
         self.messages.append(f"fault {name}" + ("" if value is None else f" {value:g}"))
-
-    def lost_package(self) -> bool:
-        """Draw whether an RTDE package is lost."""
-        return bool(self._rng.random() < self.faults.rtde_loss)
 
     def clear(self) -> None:
         """End every fault, unlock the safety system and power the arm up again."""
@@ -181,21 +156,6 @@ class Controller:
         if self.runtime is RuntimeState.PAUSED:
             self.stop_program("cleared")
         self.messages.append("cleared")
-
-    def _run_scenario(self) -> None:
-        period = self.joints.period
-        for fault in list(self.scheduled):
-            at = self.time if fault.at_s is not None else self.moving_ticks * period
-            due = fault.at_s if fault.at_s is not None else fault.moving_s
-            if due is not None and at >= due:
-                self.scheduled.remove(fault)
-                self.fault(fault.fault, fault.value)
-                if fault.for_s is not None:
-                    self._to_clear.append((self.time + fault.for_s, fault.fault))
-        for entry in list(self._to_clear):
-            if self.time >= entry[0]:
-                self._to_clear.remove(entry)
-                self.clear()
 
     def outputs(self) -> dict[str, Any]:
         """Every RTDE output variable but the registers."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
-
+from testbench.emulation.faults import load_scenario
+from testbench.emulation.setup import emulated_robot, start_angles
 from testbench.emulation.ur.controller import Controller, Identity
-from testbench.emulation.ur.faults import load_scenario
+from testbench.emulation.ur.faults import UrScenario
 from testbench.exceptions import InputError
-from testbench.records.robot import load_robot
 
 DASHBOARD_MODELS = {"ur3e": "UR3", "ur5e": "UR5", "ur10e": "UR10"}
 """What the dashboard of an e-series arm calls itself."""
@@ -33,15 +32,11 @@ def make_controller(
     Raises:
         InputError: The model is not emulated, a version is no version, or the angles are not six.
     """
-    if model not in DASHBOARD_MODELS:
-        raise InputError(f"'{model}' is not emulated; known: {', '.join(DASHBOARD_MODELS)}")
-    robot = load_robot(model)
+    robot = emulated_robot(model, DASHBOARD_MODELS)
     if polyscope is not None and not re.fullmatch(r"\d{1,3}(\.\d{1,6}){1,3}", polyscope):
         raise InputError(f"'{polyscope}' is no version; it must look like 5.17.0.128818")
-    if q_deg is not None and len(q_deg) != len(robot.joint_names):
-        raise InputError(f"{len(q_deg)} joint angles were given; {model} has {len(robot.joint_names)}")
     identity = Identity(DASHBOARD_MODELS[model], **({"polyscope": polyscope} if polyscope else {}))
-    q = None if q_deg is None else np.radians(q_deg)
-    controller = Controller(robot, identity, q, seed, load_scenario(scenario) if scenario else None)
+    faults = load_scenario(scenario, UrScenario) if scenario else None
+    controller = Controller(robot, identity, start_angles(robot, q_deg), seed, faults)
     controller.remote_control = not local_control
     return controller

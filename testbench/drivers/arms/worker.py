@@ -1,7 +1,7 @@
-"""The process that drives a Universal Robots arm; started by `ur_link.Link`, never by a person.
+"""The process that drives an arm; started by `link.Link`, never by a person.
 
-One thread, one loop at the streaming rate with absolute deadlines: take a sample, look at the safety system, advance the step
-under way, feed the controller's watchdog. Whatever goes wrong, the arm is stopped first and reported afterwards.
+One loop at the streaming rate with absolute deadlines: take samples, look at the controller's state, advance the step under
+way, feed the controller's watchdog where it has one. Whatever goes wrong, the arm is stopped first and reported afterwards.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from testbench.drivers.arms.ur_client import ArmFault, UrClient
-from testbench.drivers.arms.ur_link import LinkSettings, Motion
+from testbench.drivers.arms.client import ArmClient, ArmFault, Row
+from testbench.drivers.arms.link import LinkSettings, Motion
 
 SENT_KEPT_S = 0.4
 """Targets sent within this time are compared with what is reached: longer than lookahead and servo lag together [s]."""
@@ -52,7 +52,7 @@ class Worker:
         connection: To the bench. client: Of the controller. settings: As the bench said.
     """
 
-    def __init__(self, connection: Connection, client: UrClient, settings: LinkSettings):
+    def __init__(self, connection: Connection, client: ArmClient, settings: LinkSettings):
         self.connection, self.client, self.settings = connection, client, settings
         self.period_ns = round(1e9 / settings.control_hz)
         self.origin_ns: int | None = None
@@ -88,9 +88,8 @@ class Worker:
                 if message[0] in {"approach", "run", "close"}:
                     return tuple(message)
             self.client.keep_alive()
-            row = self.client.sample()
-            if row is not None and self.origin_ns is not None:
-                self._keep(row)
+            self._keep(self.client.samples())
+            if self.origin_ns is not None:
                 self._hand_over()
 
     def _guarded(self, motions: list[Motion], finished: str) -> None:
@@ -151,10 +150,8 @@ class Worker:
                 self.overruns += 1
             if late > 50 * self.period_ns:  # a stall: the rhythm begins anew, what was missed is not made up in a burst
                 due += late
-            row = self.client.sample()
-            if row is not None:
-                self._keep(row)
-            self.client.check(self.settings)
+            self._keep(self.client.samples())
+            self.client.check()
             self._listen()
             self._hand_over()
 
@@ -176,11 +173,14 @@ class Worker:
         if now - self.heard > self.settings.host_silence:
             raise ArmFault("host_silence", f"the bench was silent for {self.settings.host_silence:g} s")
 
-    def _keep(self, row: tuple[Any, ...]) -> None:
-        if self.origin_ns is not None:
-            self.missed += row[-1]
-            sent = self.client.q_target if self.streamed is None else self.streamed
-            self.rows.append((row[0] - self.origin_ns, *row[1:-1], sent.copy()))
+    def _keep(self, rows: list[Row]) -> None:
+        if self.origin_ns is None:
+            return
+        for row in rows:
+            *told, target, missed = row
+            self.missed += missed
+            sent = target if self.streamed is None else self.streamed
+            self.rows.append((told[0] - self.origin_ns, *told[1:], sent.copy()))
 
     def _hand_over(self, force: bool = False) -> None:
         now = time.monotonic()
@@ -211,6 +211,8 @@ class Worker:
                 yield
                 continue
             motion = self.queue.pop(0)
+            if motion.kind == "stream":
+                self.client.begin_stream()
             self._event("step_started", motion.index)
             yield from {"move": self._move, "stream": self._stream, "hold": self._hold}[motion.kind](motion)
             self._event("step_settled", motion.index)
@@ -244,7 +246,7 @@ class Worker:
         if self.streamed is None:
             self.client.keep_alive()
         else:
-            self.client.stream(self.streamed, self.settings)
+            self.client.stream(self.streamed)
 
     def _stream(self, motion: Motion) -> Iterator[None]:
         """Send the path's targets at the times they are planned for; late turns skip, they never bunch."""
@@ -255,7 +257,7 @@ class Worker:
         while True:
             k = min((time.monotonic_ns() - begin + self.period_ns // 2) // self.period_ns, last)
             self.streamed = motion.path[k]
-            self.client.stream(self.streamed, self.settings)
+            self.client.stream(self.streamed)
             self.sent = [*self.sent[-window + 1 :], self.streamed]
             self._compare(np.array(self.sent))
             yield
@@ -290,11 +292,10 @@ class Worker:
         end = time.monotonic() + 1.5
         while time.monotonic() < end and self.client.listening:
             with suppress(Exception):
-                row = self.client.sample()
-                if row is not None:
-                    self._keep(row)
-                    if float(np.abs(self.client.v).max()) < REST_RAD_S:
-                        break
+                rows = self.client.samples()
+                self._keep(rows)
+                if rows and float(np.abs(self.client.v).max()) < REST_RAD_S:
+                    break
             time.sleep(0.002)
         self.streamed = None
 
@@ -305,7 +306,7 @@ def main(descriptor: int) -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
     connection = Connection(descriptor)
     _, settings = connection.recv()
-    client = UrClient(settings)
+    client: ArmClient = settings.client()
     try:
         try:
             connection.send(("info", client.connect()))

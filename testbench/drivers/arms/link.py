@@ -1,6 +1,6 @@
-"""What passes between the bench and the process that drives a Universal Robots arm.
+"""What passes between the bench and the process that drives an arm.
 
-The client library holds the interpreter while it connects, and a servo loop must not wait for a disk: the arm is driven by a
+Client libraries hold the interpreter while they connect, and a servo loop must not wait for a disk: the arm is driven by a
 process of its own, which stops the arm when the bench falls silent. The bench talks to it over a pair of sockets.
 """
 
@@ -11,15 +11,19 @@ import socket
 import subprocess
 import sys
 import time
+from abc import ABC, abstractmethod
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from testbench.exceptions import DriverError
+
+if TYPE_CHECKING:
+    from testbench.drivers.arms.client import ArmClient
 
 ANSWER_S = 20.0
 """The process must answer a request for connection within this time [s]; the client allows 5 s for each of its own steps."""
@@ -33,9 +37,9 @@ class Motion:
     """One step as the process is told of it.
 
     Attributes:
-        index: Of the step; -1 for the approach. kind: "move" (moveJ), "stream" (servoJ) or "hold". target: Joint angles at its
-        end, shape (n,) [rad]. speed, acceleration: Of the leading joint [rad/s], [rad/s^2]. path: Targets at the streaming
-        rate, shape (k, n) [rad], or None. dwell: [s]. duration: As planned [s].
+        index: Of the step; -1 for the approach. kind: "move" (the controller plans it), "stream" (target by target) or "hold".
+        target: Joint angles at its end, shape (n,) [rad]. speed, acceleration: Of the leading joint [rad/s], [rad/s^2].
+        path: Targets at the streaming rate, shape (k, n) [rad], or None. dwell: [s]. duration: As planned [s].
     """
 
     index: int
@@ -49,31 +53,31 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class LinkSettings:
+class LinkSettings(ABC):
     """How the process drives the arm.
 
     Attributes:
-        host: Address of the controller. control_hz, record_hz: Rates of streaming and of recording [Hz]. lookahead, gain: Of
-        servoJ [s]. tracking: Largest error of following [rad]. settled: Largest error of a pose that counts as reached [rad].
-        host_silence, arm_silence: The arm stops when the bench, or the controller's data, are silent for so long [s].
-        watchdog: The controller ends the program, which stops the arm, when no input comes for so long [s]; it is the last
-        resort, for when this very process is gone.
-        least_slider: Smallest position of the speed slider that does not stop the run. mass, centre: Tool [kg], [m].
+        host: Address of the controller. joints: How many. control_hz, record_hz: Rates of streaming and of recording [Hz].
+        tracking: Largest error of following [rad]. settled: Largest error of a pose that counts as reached [rad]. host_silence,
+        arm_silence: The arm stops when the bench, or the controller's data, are silent for so long [s]. mass, centre: Tool
+        [kg], [m]. orphaned: What becomes of an arm whose driving process is gone, for a person to read.
     """
 
     host: str
+    joints: int = 6
     control_hz: float = 500.0
     record_hz: float = 125.0
-    lookahead: float = 0.03
-    gain: float = 300.0
     tracking: float = float(np.radians(5.0))
     settled: float = float(np.radians(0.01))
     host_silence: float = 3.0
     arm_silence: float = 0.5
-    watchdog: float = 0.5
-    least_slider: float = 0.99
     mass: float | None = None
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orphaned: ClassVar[str]
+
+    @abstractmethod
+    def client(self) -> ArmClient:
+        """The client library that takes these settings, in the process that drives the arm; nothing is connected."""
 
 
 class Link:
@@ -88,7 +92,7 @@ class Link:
         ours, theirs = socket.socketpair()
         path_of_this = [str(Path(__file__).resolve().parents[3]), os.environ.get("PYTHONPATH", "")]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "testbench.drivers.arms.ur_worker", str(theirs.fileno())],
+            [sys.executable, "-m", "testbench.drivers.arms.worker", str(theirs.fileno())],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -111,7 +115,16 @@ class Link:
         try:
             self._connection.send(message)
         except OSError:
-            raise DriverError("the process that drives the arm has ended; the controller's watchdog stops the arm") from None
+            raise DriverError(f"the process that drives the arm has ended; {self.settings.orphaned}") from None
+
+    def begin(self, *message: Any) -> None:
+        """Send a request for motion; from now on the process must be heard of, however long the bench took before.
+
+        Raises:
+            DriverError: The process has ended.
+        """
+        self._heard = time.monotonic()
+        self.tell(*message)
 
     def take(self) -> list[Message]:
         """What the process said since the last call.
@@ -126,12 +139,10 @@ class Link:
                 self._heard = time.monotonic()
         except (EOFError, OSError):
             if not messages:
-                raise DriverError(
-                    "the process that drives the arm has ended; the controller's watchdog stops the arm"
-                ) from None
+                raise DriverError(f"the process that drives the arm has ended; {self.settings.orphaned}") from None
         if not messages and time.monotonic() - self._heard > SILENCE_S:
             self.kill()
-            raise DriverError(f"the process that drives the arm is silent for {SILENCE_S:g} s; the watchdog stops the arm")
+            raise DriverError(f"the process that drives the arm is silent for {SILENCE_S:g} s; {self.settings.orphaned}")
         return messages
 
     def wait_for(self, kind: str, timeout: float = ANSWER_S) -> tuple[Message, list[Message]]:
@@ -158,7 +169,7 @@ class Link:
         raise DriverError(f"the controller at {self.settings.host} does not answer within {timeout:g} s")
 
     def kill(self) -> None:
-        """End the process at once; the controller's watchdog stops the arm."""
+        """End the process at once; an arm in motion is then left to what `LinkSettings.orphaned` says."""
         self._process.kill()
 
     def close(self, timeout: float = 5.0) -> None:

@@ -1,9 +1,9 @@
-"""How the emulated joints move: references of the script's commands, limits, and the servo that follows them.
+"""How emulated joints move: references of a controller's commands, limits, and the servo that follows them.
 
-The maker publishes neither the filter of `servoj` nor the servo. Here a target of `servoj` passes a critically damped filter
-that lags a ramp by the lookahead time (at the default gain of 300; a higher gain shortens it by its square root), and the
-servo is that of the robot file. `movej` is a trapezoid of speed along the straight line between the joint angles, as the script
-manual describes it.
+Makers publish neither the filter of their servo commands nor the servo. Here a streamed target passes a critically damped
+filter that lags a ramp by the lookahead time (for UR's `servoj` at the default gain of 300; a higher gain shortens it by its
+square root), and the servo is that of the robot file. A move is a trapezoid of speed along the straight line between the joint
+angles, as UR's script manual describes `movej`.
 """
 
 from __future__ import annotations
@@ -38,11 +38,12 @@ class Joints:
     """References and servos of the joints, one control period at a time.
 
     Args:
-        robot: Limits, servo and encoders. q: Joint angles at the start, shape (n,) [rad]. seed: Of the encoders' noise.
+        robot: Limits, servo and encoders. q: Joint angles at the start, shape (n,) [rad]. seed: Of the encoders' noise. period:
+        Of the controller [s]; that of the robot file if None.
     """
 
-    def __init__(self, robot: Robot, q: np.ndarray, seed: int = 0):
-        self.robot, self.period = robot, 1.0 / robot.spec.rates.control_hz
+    def __init__(self, robot: Robot, q: np.ndarray, seed: int = 0, period: float | None = None):
+        self.robot, self.period = robot, period or 1.0 / robot.spec.rates.control_hz
         self._limits = robot.velocity_limits
         self._accelerations = robot.acceleration_limits
         self._low, self._high = robot.position_limits.T

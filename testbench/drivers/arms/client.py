@@ -1,0 +1,138 @@
+"""What the process that drives an arm asks of the client library for its controller."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from testbench.drivers.arms.controller_clock import ControllerClock
+from testbench.drivers.arms.link import LinkSettings
+
+SMOOTHING = 0.1
+"""Weight of the newest sample in the smoothed angles that decide whether a pose is reached: encoders hiss."""
+MOVES_RAD = 0.001
+"""An angle so far from its smoothed value moves; the smoothed value follows at once [rad]."""
+Row = tuple[Any, ...]
+
+
+class ArmFault(Exception):
+    """The arm cannot go on.
+
+    Attributes:
+        kind: A word for events and programs.
+    """
+
+    def __init__(self, kind: str, message: str):
+        self.kind = kind
+        super().__init__(message)
+
+
+class ArmClient(ABC):
+    """A controller as the driving loop sees it.
+
+    Args:
+        settings: Address, rates, tool.
+
+    Attributes:
+        q, v, q_target: Angles [rad] and rates [rad/s] of the newest sample, and where the controller is going. q_smooth: Angles
+        without the hiss of their encoders. slider: Share of the asked speed at which the controller moves. listening: Whether
+        it can be asked for samples.
+    """
+
+    def __init__(self, settings: LinkSettings):
+        self.settings = settings
+        self.clock = ControllerClock()
+        self.q = self.v = self.q_target = self.q_smooth = np.zeros(settings.joints)
+        self.slider = 1.0
+        self.listening = False
+        self._stamp_ns = -1
+        self._arrival = time.monotonic()
+
+    def now_ns(self) -> int:
+        """Host time [ns]."""
+        return time.monotonic_ns()
+
+    def _note(self, stamp_ns: int, q: np.ndarray, v: np.ndarray, target: np.ndarray) -> tuple[int, int]:
+        """Take in a sample.
+
+        Args:
+            stamp_ns: Of the controller's clock. q, v, target: Shape (n,) [rad], [rad/s], [rad].
+
+        Returns:
+            Its host time [ns], and how many samples were missed before it.
+        """
+        arrival, first = self.now_ns(), self._stamp_ns < 0
+        missed = 0 if first else max(round((stamp_ns - self._stamp_ns) * 1e-9 * self.settings.record_hz) - 1, 0)
+        self._stamp_ns, self._arrival = stamp_ns, time.monotonic()
+        self.q, self.v, self.q_target = q, v, target
+        self.q_smooth = q if first else self.q_smooth + SMOOTHING * (q - self.q_smooth)
+        if float(np.abs(q - self.q_smooth).max()) > MOVES_RAD:
+            self.q_smooth = q
+        return self.clock.host_ns(stamp_ns, arrival), missed
+
+    @property
+    def silent_for(self) -> float:
+        """Time since the last sample [s]."""
+        return time.monotonic() - self._arrival
+
+    def _wait_for_sample(self) -> None:
+        end = time.monotonic() + 3.0
+        while not self.samples():
+            if time.monotonic() > end:
+                raise ArmFault("silence", "the controller sends no data")
+            time.sleep(0.001)
+
+    @abstractmethod
+    def connect(self) -> dict[str, Any]:
+        """Connect, and say what there is, with the reason to refuse it under `refused`; nothing moves.
+
+        Raises:
+            ArmFault: There is no controller, or none that this client can drive.
+        """
+
+    @abstractmethod
+    def samples(self) -> list[Row]:
+        """What came in since the last call.
+
+        Returns:
+            Host time [ns], controller time [ns], angles, rates, the driver's columns for every joint, its other columns, where
+            the controller is going (angles), and the number of samples that were missed before it.
+        """
+
+    @abstractmethod
+    def check(self) -> None:
+        """Look at the controller's state and its connection.
+
+        Raises:
+            ArmFault: The arm must stop, or has stopped.
+        """
+
+    @abstractmethod
+    def keep_alive(self) -> None:
+        """Let the controller know that somebody is there, where it wants to know."""
+
+    @abstractmethod
+    def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
+        """Begin a straight move of the joints; speed [rad/s] and acceleration [rad/s^2] of the leading joint."""
+
+    def begin_stream(self) -> None:  # noqa: B027 - most controllers take a first target at any time
+        """Make ready for targets; the arm is at rest."""
+
+    @abstractmethod
+    def stream(self, target: np.ndarray) -> None:
+        """Send a target."""
+
+    @abstractmethod
+    def stop_stream(self, deceleration: float) -> None:
+        """End streaming [rad/s^2]."""
+
+    @abstractmethod
+    def stop(self, deceleration: float) -> None:
+        """Bring the arm to rest by every way there is [rad/s^2]; never raises."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the controller; never raises."""

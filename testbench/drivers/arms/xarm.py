@@ -1,0 +1,73 @@
+"""UFACTORY xArm arms, through the client library xarm-python-sdk: poses in position mode, sweeps in servo mode.
+
+Written against the maker's published interfaces and tested against an emulated controller, never on an arm.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from testbench.drivers.arms.remote import RemoteArm, common_settings
+from testbench.drivers.arms.xarm_client import CONTROL_PORT, XArmSettings, stop_at_once
+from testbench.drivers.imus.streamed import SessionTime
+from testbench.exceptions import InputError
+from testbench.records.plan import Plan
+from testbench.records.robot import Robot
+
+KINDS = {"xarm6": (6, 6)}
+"""Axes and device type of the robots that can be driven (client library, x_config.py)."""
+
+
+class XArm(RemoteArm):
+    """An xArm.
+
+    Args:
+        robot, settings, time, serial: As for `RemoteArm`.
+
+    Raises:
+        InputError: The plan is for no such arm.
+    """
+
+    driver: ClassVar[str] = "xarm"
+    notice = (
+        "the xArm driver is UNVERIFIED ON HARDWARE: it was tested against an emulated controller only, and this controller has "
+        "no watchdog that stops the arm when the bench is cut off; keep a hand on the emergency stop"
+    )
+    joint_columns: ClassVar[tuple[str, ...]] = ("current_{}_A", "temperature_{}_degC")
+    columns: ClassVar[dict[str, Any]] = {"state": np.int64, "mode": np.int64, "error_code": np.int64}
+    told: ClassVar[tuple[str, ...]] = ("model", "serial", "firmware", "axes", "device_type")
+
+    settings: XArmSettings
+
+    def __init__(self, robot: Robot, settings: XArmSettings, time: SessionTime | None = None, serial: str | None = None):
+        if robot.name not in KINDS:
+            raise InputError(f"--arm xarm drives {', '.join(KINDS)}; the plan is for {robot.name}")
+        super().__init__(robot, settings, time, serial)
+
+    def _wrong_model(self, info: dict[str, Any]) -> str | None:
+        if (info.get("axes"), info.get("device_type")) == KINDS[self.robot.name]:
+            return None
+        return f"the plan is for a {self.robot.name}, the controller says that it drives an {info.get('model')}"
+
+    def _stop_orphan(self) -> None:
+        stop_at_once(self.settings.host, self.settings.control_port)
+
+    def describe(self) -> dict[str, Any]:
+        return super().describe() | {"unverified_on_hardware": True}
+
+
+def xarm_settings(plan: Plan, host: str) -> XArmSettings:
+    """What the driving process must know of a plan.
+
+    Args:
+        plan: The motion. host: Address of the controller, with :PORT where commands do not go to port 502.
+
+    Raises:
+        InputError: The port is no number.
+    """
+    address, colon, port = host.partition(":")
+    if colon and not (port.isdigit() and 0 < int(port) < 65536):
+        raise InputError(f"--host {host}: after the colon must come the number of a port")
+    return XArmSettings(address, **common_settings(plan), control_port=int(port) if colon else CONTROL_PORT)

@@ -1,0 +1,98 @@
+"""What emulated controllers have in common: a clock of control periods, joints, and faults that come by a scenario."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from testbench.emulation.faults import Faults, Scenario, ScheduledFault
+from testbench.emulation.joints import Joints
+from testbench.records.robot import Robot
+
+
+class EmulatedController(ABC):
+    """State of an emulated controller; `tick` advances it by a control period.
+
+    Args:
+        robot: The arm. q: Joint angles at the start [rad]; the arm's home if None. seed: Of the encoders' noise. scenario:
+        Faults to come. period: Of the controller [s]; that of the robot file if None.
+
+    Attributes:
+        messages: What happened, for whoever watches.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        q: np.ndarray | None = None,
+        seed: int = 0,
+        scenario: Scenario | None = None,
+        period: float | None = None,
+    ):
+        self.robot = robot
+        self.joints = Joints(robot, robot.home if q is None else q, seed, period)
+        self.faults = Faults()
+        self.scheduled: list[ScheduledFault] = list(scenario.faults) if scenario else []
+        self.messages: list[str] = []
+        self.ticks, self.moving_ticks = 0, 0
+        self._to_clear: list[tuple[float, str]] = []
+        self._rng = np.random.default_rng(seed + 1)
+
+    @property
+    def time(self) -> float:
+        """Time since the controller was started [s], exact multiples of the control period."""
+        return self.ticks * self.joints.period
+
+    @property
+    def cut_off(self) -> bool:
+        """Whether its connections are cut."""
+        return self.time < self.faults.disconnected_until
+
+    def tick(self) -> None:
+        """Advance by one control period."""
+        self.ticks += 1
+        self._run_scenario()
+        self._advance()
+        self.moving_ticks += not self.joints.at_rest
+
+    @abstractmethod
+    def _advance(self) -> None:
+        """Program, safety and joints of one control period."""
+
+    @abstractmethod
+    def fault(self, name: str, value: float | None = None) -> None:
+        """Let a fault happen."""
+
+    @abstractmethod
+    def clear(self) -> None:
+        """End every fault and make the arm ready."""
+
+    @property
+    @abstractmethod
+    def state(self) -> str:
+        """Modes and states in words without commas."""
+
+    def status(self) -> str:
+        """What the fault port answers."""
+        rest = "at rest" if self.joints.steady else "moving"
+        return f"{self.state}, {rest}, moved {self.moving_ticks} periods"
+
+    def lost_package(self) -> bool:
+        """Draw whether a report is lost."""
+        return bool(self._rng.random() < self.faults.report_loss)
+
+    def _run_scenario(self) -> None:
+        period = self.joints.period
+        for fault in list(self.scheduled):
+            at = self.time if fault.at_s is not None else self.moving_ticks * period
+            due = fault.at_s if fault.at_s is not None else fault.moving_s
+            if due is not None and at >= due:
+                self.scheduled.remove(fault)
+                self.fault(fault.fault, fault.value)
+                if fault.for_s is not None:
+                    self._to_clear.append((self.time + fault.for_s, fault.fault))
+        for entry in list(self._to_clear):
+            if self.time >= entry[0]:
+                self._to_clear.remove(entry)
+                self.clear()

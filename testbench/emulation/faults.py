@@ -1,0 +1,116 @@
+"""Faults of emulated controllers, on command or from a scenario file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, TypeVar
+
+from pydantic import Field, model_validator
+
+from testbench.exceptions import InputError
+from testbench.records.strict import StrictModel
+from testbench.records.yaml_file import load_yaml
+
+
+@dataclass
+class Faults:
+    """Lasting disturbances; those that happen once act on the controller at once."""
+
+    report_delay_s: float = 0.0
+    report_loss: float = 0.0
+    report_silent: bool = False
+    response_delay_s: float = 0.0
+    disconnected_until: float = 0.0
+
+    def strike(self, name: str, value: float | None, now: float) -> bool:
+        """Let a disturbance begin.
+
+        Args:
+            name: disconnect, delay, loss or silence (of reports), slow_response. value: Its size; a usual one if None. now: The
+            controller's time [s].
+
+        Returns:
+            Whether it is one of these.
+        """
+        if name == "disconnect":
+            self.disconnected_until = now + (math.inf if value is None else value)
+        elif name == "delay":
+            self.report_delay_s = 0.2 if value is None else value
+        elif name == "loss":
+            self.report_loss = 0.5 if value is None else value
+        elif name == "silence":
+            self.report_silent = True
+        elif name == "slow_response":
+            self.response_delay_s = 1.0 if value is None else value
+        else:
+            return False
+        return True
+
+
+class ScheduledFault(StrictModel):
+    """A fault of a scenario."""
+
+    known: ClassVar[Mapping[str, str]] = {}
+
+    fault: str = Field(description="Its name.")
+    value: float | None = Field(default=None, description="Its size, where it has one.")
+    at_s: Annotated[float, Field(ge=0)] | None = Field(default=None, description="Time after the emulator's start [s].")
+    moving_s: Annotated[float, Field(ge=0)] | None = Field(
+        default=None, description="Time during which the arm has moved since the start [s]."
+    )
+    for_s: Annotated[float, Field(gt=0)] | None = Field(default=None, description="Cleared again after this long [s].")
+
+    @model_validator(mode="after")
+    def _known(self) -> ScheduledFault:
+        if self.fault not in self.known:
+            raise ValueError(f"unknown fault '{self.fault}'; known: {', '.join(self.known)}")
+        if (self.at_s is None) == (self.moving_s is None):
+            raise ValueError("a fault needs either at_s or moving_s")
+        return self
+
+
+class Scenario(StrictModel):
+    """The content of a scenario file; each maker's emulator has its own kind of fault."""
+
+    faults: Sequence[ScheduledFault]
+
+
+AnyScenario = TypeVar("AnyScenario", bound=Scenario)
+
+
+def load_scenario(path: Path, kind: type[AnyScenario]) -> AnyScenario:
+    """Read a scenario.
+
+    Raises:
+        InputError: The file is missing or malformed.
+    """
+    if not path.is_file():
+        raise InputError(f"scenario file {path} does not exist")
+    return load_yaml(path, kind).value
+
+
+def parse_command(text: str, known: Mapping[str, str]) -> tuple[str, str, float | None]:
+    """A line of the control port in parts: verb ("fault", "clear", "status", "quit"), name and value.
+
+    Args:
+        text: The line. known: Faults and what they mean.
+
+    Raises:
+        InputError: It is none of these.
+    """
+    words = text.split()
+    usage = "say: fault NAME [VALUE], clear, status or quit"
+    if not words or words[0] not in {"fault", "clear", "status", "quit"} or len(words) > 3:
+        raise InputError(usage)
+    if words[0] != "fault":
+        return words[0], "", None
+    if len(words) < 2 or words[1] not in known:
+        raise InputError(f"{usage}; faults: {', '.join(known)}")
+    try:
+        value = float(words[2]) if len(words) == 3 else None
+    except ValueError:
+        raise InputError(f"the value '{words[2]}' is no number") from None
+    return "fault", words[1], value

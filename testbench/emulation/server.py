@@ -1,0 +1,243 @@
+"""Sockets and the clock of emulated controllers: one thread, one loop, a tick each control period."""
+
+from __future__ import annotations
+
+import heapq
+import hmac
+import ipaddress
+import select
+import socket
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from itertools import count
+from typing import ClassVar
+
+from testbench.emulation.controller import EmulatedController
+from testbench.emulation.faults import parse_command
+from testbench.exceptions import InputError
+
+CONTROL, CONTROL_PORT = "control", 29998
+"""The emulators' own port, for faults."""
+LARGEST_TEXT = 1_000_000
+MOST_CONNECTIONS = 64
+LATEST_TICKS = 250
+"""After a stall the clock makes up at most this many periods; older ones are skipped, as a busy controller skips packages."""
+
+
+class Connection:
+    """One client; what arrives on the maker's own ports is for subclasses."""
+
+    def __init__(self, sock: socket.socket, kind: str, server: Server):
+        self.socket, self.kind, self.server = sock, kind, server
+        self.text = bytearray()
+        self.trusted = server.loopback
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def send(self, data: bytes) -> None:
+        """Send what the client takes; one that does not read any more is let go."""
+        try:
+            if self.socket.send(data) != len(data):
+                self.server.drop(self)
+        except OSError:
+            self.server.drop(self)
+
+    def received(self, data: bytes) -> None:
+        """Take bytes from the client."""
+        self.text += data
+        if len(self.text) > LARGEST_TEXT:
+            self.server.drop(self)
+        else:
+            self._taken()
+
+    def _taken(self) -> None:
+        """Look at what has arrived."""
+        self._lines(self._control_line)
+
+    def _lines(self, take: Callable[[str], None]) -> None:
+        while b"\n" in self.text:
+            line, _, rest = bytes(self.text).partition(b"\n")
+            self.text = bytearray(rest)
+            take(line.decode("utf-8", "replace").strip())
+
+    def _control_line(self, line: str) -> None:
+        if not self.trusted:
+            self.trusted = line.startswith("token ") and self.server.has_token(line[6:])
+            if self.trusted:
+                self.server.admit(self)
+            self.send(b"ok\n" if self.trusted else b"refused: say token TOKEN first\n")
+            return
+        self.send(f"{self._control(line)}\n".encode())
+
+    def _control(self, line: str) -> str:
+        controller = self.server.controller
+        try:
+            verb, name, value = parse_command(line, self.server.faults)
+        except InputError as error:
+            return f"refused: {error}"
+        if verb == "fault":
+            controller.fault(name, value)
+        elif verb == "clear":
+            controller.clear()
+        elif verb == "quit":
+            self.server.stop_asked = True
+        else:
+            return controller.status()
+        return "ok"
+
+
+class Server(ABC):
+    """Serves one emulated controller.
+
+    Args:
+        controller: What is served. ports: Number and kind of those beside that for faults. address: To listen on. token:
+        What a client must say on port 29998 before any port answers it; needed for an address that is not loopback.
+
+    Raises:
+        InputError: The address is none, is not loopback and has no token, or a port is taken.
+
+    Attributes:
+        faults: Those that the controller knows, with their meaning.
+    """
+
+    faults: ClassVar[Mapping[str, str]]
+
+    def __init__(
+        self, controller: EmulatedController, ports: Mapping[int, str], address: str = "127.0.0.1", token: str | None = None
+    ):
+        try:
+            parsed = ipaddress.ip_address(address)
+        except ValueError:
+            raise InputError(f"'{address}' is no IP address") from None
+        self.loopback = parsed.is_loopback
+        if not self.loopback and not token:
+            raise InputError(f"{address} can be reached from outside this machine: give a token, or listen on 127.0.0.1")
+        self.controller, self.address, self._token = controller, address, token
+        self._admitted: set[str] = set()
+        self._listeners: dict[socket.socket, str] = {}
+        self._connections: dict[socket.socket, Connection] = {}
+        self._later: list[tuple[float, int, Callable[[], None]]] = []
+        self._number = count()
+        self.stop_asked = False
+        self._said = 0
+        family = socket.AF_INET6 if parsed.version == 6 else socket.AF_INET
+        try:
+            for port, kind in {CONTROL_PORT: CONTROL, **ports}.items():
+                listener = socket.socket(family, socket.SOCK_STREAM)
+                self._listeners[listener] = kind
+                listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                listener.bind((address, port))
+                listener.listen()
+                listener.setblocking(False)
+        except OSError as error:
+            self.close()
+            raise InputError(f"port {port} of {address} cannot be opened: {error.strerror}") from None
+
+    def has_token(self, said: str) -> bool:
+        """Whether a client said the token."""
+        return self._token is not None and hmac.compare_digest(said.strip().encode(), self._token.encode())
+
+    def admit(self, connection: Connection) -> None:
+        """Let the address of a client that said the token use the other ports."""
+        with suppress(OSError):
+            self._admitted.add(connection.socket.getpeername()[0])
+
+    def later(self, delay_s: float, action: Callable[[], None]) -> None:
+        """Do something after a delay."""
+        if delay_s <= 0:
+            action()
+        else:
+            heapq.heappush(self._later, (time.monotonic() + delay_s, next(self._number), action))
+
+    def drop(self, connection: Connection) -> None:
+        """Close a connection."""
+        if self._connections.pop(connection.socket, None) is not None:
+            connection.socket.close()
+
+    def close(self) -> None:
+        """Close every socket."""
+        for sock in [*self._listeners, *self._connections]:
+            sock.close()
+        self._listeners, self._connections = {}, {}
+
+    def run(self, say: Callable[[str], None] = lambda text: None) -> None:
+        """Serve until asked to stop.
+
+        Args:
+            say: Told of what happens.
+        """
+        period = self.controller.joints.period
+        due = time.monotonic() + period
+        while not self.stop_asked:
+            now = time.monotonic()
+            if now < due:
+                self._serve(due - now)
+                continue
+            if now - due > LATEST_TICKS * period:
+                due = now
+            if now - due > period:
+                self._serve(0.0)  # behind: do not make the clients wait as well
+            self.controller.tick()
+            self._broadcast()
+            due += period
+            while self._later and self._later[0][0] <= now:
+                heapq.heappop(self._later)[2]()
+            for message in self.controller.messages[self._said :]:
+                say(f"{self.controller.time:9.3f} s: {message}")
+            self._said = len(self.controller.messages)
+        self.close()
+
+    @abstractmethod
+    def connection(self, sock: socket.socket, kind: str) -> Connection:
+        """A client that came in at a port of a kind."""
+
+    @abstractmethod
+    def reports(self, connections: Iterable[Connection]) -> Iterator[tuple[Connection, bytes]]:
+        """What is due to each client after a tick."""
+
+    def _broadcast(self) -> None:
+        faults = self.controller.faults
+        if self.controller.cut_off:
+            for connection in list(self._connections.values()):
+                if connection.kind != CONTROL:
+                    self.drop(connection)
+            return
+        for connection, data in self.reports(list(self._connections.values())):
+            if faults.report_silent or (faults.report_loss and self.controller.lost_package()):
+                continue
+            self.later(faults.report_delay_s, lambda connection=connection, data=data: connection.send(data))  # type: ignore[misc]
+
+    def _serve(self, timeout: float) -> None:
+        sockets = [*self._listeners, *self._connections]
+        readable, _, _ = select.select(sockets, [], [], timeout)
+        for sock in readable:
+            if sock in self._listeners:
+                self._accept(sock)
+            elif sock in self._connections:
+                self._receive(self._connections[sock])
+
+    def _accept(self, listener: socket.socket) -> None:
+        kind = self._listeners[listener]
+        try:
+            sock, peer = listener.accept()
+        except OSError:
+            return
+        allowed = self.loopback or kind == CONTROL or peer[0] in self._admitted
+        if not allowed or (self.controller.cut_off and kind != CONTROL) or len(self._connections) >= MOST_CONNECTIONS:
+            sock.close()
+            return
+        self._connections[sock] = self.connection(sock, kind)
+
+    def _receive(self, connection: Connection) -> None:
+        try:
+            data = connection.socket.recv(65536)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if data:
+            connection.received(data)
+        else:
+            self.drop(connection)

@@ -1,0 +1,1 @@
+"""An emulated controller of UFACTORY xArm robots."""
