@@ -46,7 +46,7 @@ def truth_rate(truth: Truth) -> RateMagnitude:
     if truth.rate is not None:
         known = np.isfinite(truth.rate).all(axis=1)
         interval = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-        return RateMagnitude(time[known], np.linalg.norm(truth.rate[known], axis=1), 0.0, WIDEST * interval)
+        return RateMagnitude(time[known], rotation.lengths(truth.rate[known]), 0.0, WIDEST * interval)
     return _from_orientations(time, truth.q_world_from_sensor)
 
 
@@ -56,7 +56,7 @@ def sensor_rate(samples: ImuSamples) -> RateMagnitude:
     known = np.isfinite(samples.gyr).all(axis=1)
     if known.any():
         gyr = samples.gyr[known]
-        return RateMagnitude(time[known], np.linalg.norm(gyr - rest_reading(gyr), axis=1), 0.0, np.inf)
+        return RateMagnitude(time[known], rotation.lengths(gyr - rest_reading(gyr)), 0.0, np.inf)
     if samples.device_q is not None:
         return _from_orientations(time, samples.device_q)
     return RateMagnitude(np.zeros(0), np.zeros(0), 0.0, np.inf)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from testbench.model import rotation
+
 WINDOW_S = 0.2
 LEAST_SPREAD = np.radians(0.3)
 """A spread below this counts as rest however quiet the sensor is [rad/s]."""
@@ -35,5 +37,5 @@ def detect_static(gyr: np.ndarray, interval: float, real: np.ndarray | None = No
     quietest = float(np.quantile(spread[measured], 0.1))
     centre = np.median(mean[measured][spread[measured] <= quietest], axis=0)
     steady = spread <= max(NOISE_FACTOR * quietest, LEAST_SPREAD)
-    moving = ~steady | (np.linalg.norm(mean - centre, axis=1) > MOST_BIAS)
+    moving = ~steady | (rotation.lengths(mean - centre) > MOST_BIAS)
     return np.asarray(maximum_filter1d(moving.astype(np.int8), window) == 0)

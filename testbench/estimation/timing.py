@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.frames import NANOSECONDS
+from testbench.model import rotation
 from testbench.records.estimate import TimingAudit
 from testbench.records.samples import ImuSamples
 
@@ -106,9 +107,11 @@ class Intervals:
 
 def arrival_jitter(samples: ImuSamples) -> float:
     """Standard deviation of the arrivals at the host about a straight line over the device's time [s]."""
-    time = samples.device_time_ns / NANOSECONDS
+    time = (samples.device_time_ns - samples.device_time_ns.mean()) / NANOSECONDS
     delay = (samples.host_time_ns - samples.device_time_ns) / NANOSECONDS
-    return float(np.std(delay - np.polyval(np.polyfit(time, delay, 1), time)))
+    delay -= delay.mean()
+    spread = float(time @ time)
+    return float(np.std(delay - time * (float(time @ delay) / spread if spread > 0 else 0.0)))
 
 
 def asynchrony(samples: ImuSamples, interval: float) -> float:
@@ -126,9 +129,9 @@ def asynchrony(samples: ImuSamples, interval: float) -> float:
         return np.column_stack([np.convolve(column, kernel, mode="same") for column in columns.T])
 
     u = smooth(samples.acc)
-    u = u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-9)
-    seen = np.linalg.norm(np.gradient(u, interval, axis=0), axis=1)
-    expected = np.linalg.norm(np.cross(smooth(samples.gyr), u), axis=1)
+    u = u / np.maximum(rotation.lengths(u), 1e-9)[:, None]
+    seen = rotation.lengths(np.gradient(u, interval, axis=0))
+    expected = rotation.lengths(np.cross(smooth(samples.gyr), u))
     if np.percentile(expected, 95) < np.radians(10):
         return float("nan")
     a, b = seen - seen.mean(), expected - expected.mean()
