@@ -49,8 +49,13 @@ class Curve:
     symbol: str = ""
 
 
-def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
-    """Lines with markers and bands."""
+def error_curves(curves: Iterable[Curve], x_title: str, y_title: str, logarithmic: bool = False, plane: bool = False) -> Figure:
+    """Lines with markers and bands.
+
+    Args:
+        x_title, y_title: Of the axes. logarithmic: The vertical axis; zeros have no place on it. plane: Both axes are places,
+        drawn to one scale.
+    """
     data: list[Figure] = []
     for curve in curves:
         if curve.sd is not None:
@@ -76,9 +81,13 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
                 "hovertemplate": "%{y:.3f}",
             }
         )
-    layout = _layout(380, hovermode="x unified")
+    layout = _layout(380, hovermode="closest" if plane else "x unified")
     layout["xaxis"] = _axis(x_title)
     layout["yaxis"] = _axis(y_title, rangemode="tozero")
+    if logarithmic:
+        layout["yaxis"] |= {"type": "log", "rangemode": "normal", "zeroline": False, "dtick": 1}
+    if plane:
+        layout["yaxis"] |= {"scaleanchor": "x", "rangemode": "normal"}
     return {"data": data, "layout": layout}
 
 

@@ -253,7 +253,7 @@ def _theory_curves(magnitudes: np.ndarray, flexion_deg: np.ndarray, misalignment
             curves.append(StudyCurve(f"{group}, parabola", misalignment_deg, fit.at(misalignment_deg), "fit", group))
     caption = f"|error| of the {sequence} flexion over the misalignment about X, by flexion"
     how = "How to read: points are the joint-angle code on simulated quaternions, lines the parabolas fitted to them."
-    return StudyCurves(caption, "misalignment [deg]", "|error| [deg]", tuple(curves), how)
+    return StudyCurves(caption, "misalignment [deg]", "|error| [deg]", tuple(curves), how, ordered=True)
 
 
 def _findings(grids: Mapping[AxisName, np.ndarray], flexion_deg: np.ndarray, sequence: str) -> tuple[str, ...]:

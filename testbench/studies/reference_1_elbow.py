@@ -248,7 +248,8 @@ def flexion_curves(evaluation: Evaluation, published: PublishedResults) -> Study
         "|error| [deg]",
         tuple(curves),
         "How to read: circles are published, diamonds of the same colour ours by the same method; the line is that of two "
-        "sensors apart in heading.",
+        "sensors apart in heading. The axis is logarithmic and has no place for an error of zero.",
+        logarithmic=True,
     )
 
 

@@ -18,7 +18,7 @@ from PIL import Image
 from testbench.records.evaluation import Outcome
 from testbench.records.published import load_published
 from testbench.records.session import Session
-from testbench.reporting.palette import COLOURS, REFERENCE, rgb
+from testbench.reporting.palette import COLOURS, ORDERED, REFERENCE, rgb
 from testbench.reporting.report import report
 from tests.reporting.conftest import Judged, copy_of
 
@@ -239,7 +239,7 @@ def contrast(first: str, second: str) -> float:
     return (light + 0.05) / (dark + 0.05)
 
 
-@pytest.mark.parametrize("colour", [*COLOURS, REFERENCE])
+@pytest.mark.parametrize("colour", [*COLOURS, *ORDERED, REFERENCE])
 def test_every_colour_is_legible_on_light_and_on_dark(colour: str) -> None:
     assert contrast(colour, "#ffffff") >= 3
     assert contrast(colour, "#14171c") >= 3
