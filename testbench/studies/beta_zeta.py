@@ -15,7 +15,7 @@ from testbench.evaluation.orientation import sensor_errors
 from testbench.execution import execute
 from testbench.model import rotation
 from testbench.model.noise import random_stream
-from testbench.pipeline import make_plan
+from testbench.pipeline import analyse, make_plan
 from testbench.records.plan import PlannedStep
 from testbench.records.published import PublishedTable, load_published_tables
 from testbench.records.session import Session
@@ -79,6 +79,7 @@ def run(bench: StudyBench) -> StudyRecord:
     for seed in range(bench.seed, bench.seed + bench.parts):
         bench.say(f"part {len(sessions) + 1} of {bench.parts} on the arm")
         sessions.append(execute(the_plan, bench.logs, seed, clock=bench.clock))
+        analyse(sessions[-1], the_plan=the_plan)  # for its report; the study tunes and judges by itself
     bench.say("gains and tables")
     part = Part.of(sessions[0])
     tunings = gains(sessions, started)

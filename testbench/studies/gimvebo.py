@@ -58,7 +58,7 @@ def run(bench: StudyBench) -> StudyRecord:
     for seed in range(bench.seed, bench.seed + bench.parts):
         bench.say(f"part {len(parts) + 1} of {bench.parts} on the gimbal")
         session = execute(the_plan, bench.logs, seed, clock=bench.clock)
-        parts.append(read_part(session, analyse(session, with_report=False).estimate))
+        parts.append(read_part(session, analyse(session).estimate))
         sessions.append(str(session.path))
     bench.say("calibrations and tables")
     part = parts[0]
