@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 
+from testbench.studies import gimvebo_words
 from testbench.studies import reference_5_words as words
 from testbench.studies.spread import Change, by_verdict, in_percent
 
@@ -78,3 +79,11 @@ def test_a_misplaced_root_is_ruled_out_only_where_the_columns_differ():
     assert "0.4 to 0.8 times theirs in the angles, 0.9 to 2.4 in the rates and 33 to 487 in the accelerations" in said
     assert "it alone does not make the difference" in said
     assert "root" not in words.sizes([[1.0, 3.0], [2.0, 2.5], [2.2, 4.0]])
+
+
+def test_what_g_sensitivity_gains_is_said_no_wider_than_the_parts_show():
+    said = gimvebo_words.over_parts
+    assert said(Change.of([1.0], [2.0])) == "that this is less or more than without is not shown by one part"
+    assert said(LESS).startswith("50 % less than without (") and "over 3 parts" in said(LESS)
+    assert said(MORE).startswith("50 % more than without (")
+    assert said(NEITHER).startswith("that this is less or more than without is not shown (")
