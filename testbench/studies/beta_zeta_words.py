@@ -90,5 +90,6 @@ DISTANCE = (
 GAINED = (
     "With gains tuned in the same way, {where}, the total error is {printed:.2f} deg as printed, {alone:.2f} deg with beta "
     "alone, and {state:.2f} deg with a true bias state; without magnetometer the inclination error is {imu_alone:.2f} deg with "
-    "beta alone and {imu_state:.2f} deg with a bias state."
+    "beta alone and {imu_state:.2f} deg with a bias state. The bias state against beta alone, total: {gained}; inclination: "
+    "{imu_gained}."
 )

@@ -44,7 +44,7 @@ from testbench.studies.gimvebo_tables import (
     stages_table,
     time_table,
 )
-from testbench.studies.spread import Change
+from testbench.studies.spread import Change, told
 
 PROTOCOL = "gimvebo_gyro"
 
@@ -197,7 +197,7 @@ def _findings(part: Part, calibrated: dict[str, Calibrated], tables: dict[str, S
     gained = Change.of([number("parts", row, 2) for row in rows], [number("parts", row, 0) for row in rows])
     return (
         words.FOUND_ANGLE.format(**medians),
-        words.FOUND_G.format(with_g=with_g, shown=words.over_parts(gained)),
+        words.FOUND_G.format(with_g=with_g, shown=told(gained)),
         words.FOUND_INTEGRATOR.format(spread=spread, percent=100 * spread / float(np.mean(list(medians.values())))),
         words.FOUND_TIME.format(*seconds),
         words.FOUND_MAGNITUDE.format(raw=number("4.1", 1, 7), calibrated=number("4.1", 3, 7)),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from testbench.studies.spread import Change, in_percent
-
 QUESTION = (
     "A gyroscope is calibrated by turning it from rest to rest and asking that its integrated rates lead from gravity "
     "before to gravity after. How much does the integrator matter, how long does it take, and how good does the sensor "
@@ -113,17 +111,6 @@ def tustin_angle(plain: float, printed: float, published: float) -> str:
     return TUSTIN_ANGLE.format(which=explained, plain=plain, printed=printed, published=published)
 
 
-def over_parts(change: Change) -> str:
-    """What the parts show of the median with g-sensitivity against that without."""
-    interval = change.interval
-    if interval is None:
-        return "that this is less or more than without is not shown by one part"
-    span = f"{in_percent(interval[0])} to {in_percent(interval[1])}, 95 % interval over {len(change.ratios)} parts"
-    if change.verdict == "not shown":
-        return f"that this is less or more than without is not shown ({span})"
-    return f"{in_percent(change.percent)} than without ({span})"
-
-
 PARAMETERS_HOW = (
     "How to read: the source prints no parameters. Estimators never see the true values; they are rebuilt here from the "
     "seed. The condition number of the fit is {condition:.1f}."
@@ -134,7 +121,9 @@ FOUND_ANGLE = (
     "held-out turns; published are 23.72 and 22.67 deg, on turns that were fitted."
 )
 
-FOUND_G = "With the gyroscope's response to gravity fitted as well, the median is {with_g:.3f} deg (RK4); {shown}."
+FOUND_G = (
+    "With the gyroscope's response to gravity fitted as well, the median is {with_g:.3f} deg (RK4); against without: {shown}."
+)
 
 FOUND_INTEGRATOR = (
     "From Euler to CG4 the medians of the integrators lie within {spread:.3f} deg of one another at 20 ms, or {percent:.1f} % "

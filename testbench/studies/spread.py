@@ -71,3 +71,15 @@ def in_percent(value: float) -> str:
         return f"{1 + value / 100:.1f} times as much"
     shown = f"{abs(value):.0f}"
     return "as much" if shown == "0" else f"{shown} % {'more' if value > 0 else 'less'}"
+
+
+def told(change: Change) -> str:
+    """What the parts show of one error against another, with the interval."""
+    interval = change.interval
+    if interval is None:
+        return "one part does not show which has less"
+    n = len(change.ratios)
+    span = f"{in_percent(interval[0])} to {in_percent(interval[1])}, {100 * LEVEL:g} % interval over {n} parts"
+    if change.verdict == "not shown":
+        return f"neither more nor less is shown ({span})"
+    return f"{in_percent(change.percent)} ({span})"

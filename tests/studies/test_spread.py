@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 
-from testbench.studies import gimvebo_words
 from testbench.studies import reference_5_words as words
-from testbench.studies.spread import Change, by_verdict, in_percent
+from testbench.studies.spread import Change, by_verdict, in_percent, told
 
 ERRORS = st.lists(st.floats(0.01, 100), min_size=2, max_size=8)
 
@@ -81,9 +80,8 @@ def test_a_misplaced_root_is_ruled_out_only_where_the_columns_differ():
     assert "root" not in words.sizes([[1.0, 3.0], [2.0, 2.5], [2.2, 4.0]])
 
 
-def test_what_g_sensitivity_gains_is_said_no_wider_than_the_parts_show():
-    said = gimvebo_words.over_parts
-    assert said(Change.of([1.0], [2.0])) == "that this is less or more than without is not shown by one part"
-    assert said(LESS).startswith("50 % less than without (") and "over 3 parts" in said(LESS)
-    assert said(MORE).startswith("50 % more than without (")
-    assert said(NEITHER).startswith("that this is less or more than without is not shown (")
+def test_what_the_parts_show_is_told_no_wider_than_their_spread():
+    assert told(Change.of([1.0], [2.0])) == "one part does not show which has less"
+    assert told(LESS).startswith("50 % less (") and told(LESS).endswith("less, 95 % interval over 3 parts)")
+    assert told(MORE).startswith("50 % more (")
+    assert told(NEITHER).startswith("neither more nor less is shown (")
