@@ -55,7 +55,7 @@ def run(bench: StudyBench) -> StudyRecord:
         f"what was measured by {row.values[3]:.3f} and {row.values[4]:.2f} deg."
         for row in measured.rows
     )
-    settings = {"protocol": PROTOCOL, "seed": bench.seed, "filters": ", ".join(FILTERS)}
+    settings = {"protocol": PROTOCOL, "seed": bench.seed, "parts": 1, "filters": ", ".join(FILTERS)}
     return replace(study, findings=study.findings + found).record(
         "misalignment", "Misaligned segments", QUESTION, started, settings, [str(result.session.path)],
         "It gives what is called simulation and measurement in the figures of the elbow and its table; the rest is theory.",

@@ -67,7 +67,8 @@ def run(bench: StudyBench) -> StudyRecord:
     bench.say("cycles, paths and drifts")
     study = pedestrian_study(result.session, result.estimate)
     settings = {
-        "protocol": str(protocol), "seed": bench.seed, "sensor": result.session.sensor_names[0], "parameters": "universal"
+        "protocol": str(protocol), "seed": bench.seed, "parts": 1, "sensor": result.session.sensor_names[0],
+        "parameters": "universal",
     }  # fmt: skip
     swings = swing_results(result.session, result.estimate, PUBLISHED["universal"])
     return replace(study, findings=(*_findings(swings), *study.findings)).record(

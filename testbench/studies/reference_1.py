@@ -43,7 +43,7 @@ def run(bench: StudyBench) -> StudyRecord:
     }
     result = compare(rest, tables, check, elbow)
     sessions = [str(each.session.path) for each in (rest, tables, check, elbow)]
-    settings = {"protocols": ", ".join((REST, TABLES, CHECK, ELBOW)), "seed": bench.seed}
+    settings = {"protocols": ", ".join((REST, TABLES, CHECK, ELBOW)), "seed": bench.seed, "parts": 1}
     trace = "; ".join(f"{what}: {session}" for what, session in ours.items())
     title = "An elbow played by a robot arm"
     return result.record("reference-1", title, QUESTION, started, settings, sessions, f"Of {trace}.")

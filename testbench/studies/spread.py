@@ -66,9 +66,12 @@ def by_verdict(changes: Mapping[str, Change]) -> dict[Verdict, list[str]]:
 
 
 def in_percent(value: float) -> str:
-    """A change in words: 9 % less, 31 % more, 2.5 times as much."""
+    """A change in words: 9 % less, 31 % more, 2.5 times as much, 1/200 as much."""
+    ratio = 1 + value / 100
     if value > MOST_PERCENT:
-        return f"{1 + value / 100:.1f} times as much"
+        return f"{ratio:.1f} times as much" if ratio < 10 else f"{ratio:.0f} times as much"
+    if value <= -99:
+        return f"1/{1 / ratio:.0f} as much" if ratio > 0 else "next to nothing"
     shown = f"{abs(value):.0f}"
     return "as much" if shown == "0" else f"{shown} % {'more' if value > 0 else 'less'}"
 
