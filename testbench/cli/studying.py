@@ -30,6 +30,9 @@ def study(
     logs: Annotated[Path, typer.Option("--logs", help="Folder that the sessions and the study are kept in.")] = Path("logs"),
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first simulated part.")] = 0,
     parts: Annotated[int, typer.Option("--parts", min=1, help="How many simulated parts to run.")] = 5,
+    protocol: Annotated[
+        str | None, typer.Option("--protocol", help="Another protocol in place of the study's own; reference-4 takes one.")
+    ] = None,
     reproduce: Annotated[
         bool, typer.Option("--reproduce", help="Run every study of a publication (reference-1, ...) instead, one by one.")
     ] = False,
@@ -48,8 +51,10 @@ def study(
     from testbench.clock import SystemClock
     from testbench.studies.bench import StudyBench
 
+    if reproduce and protocol is not None:
+        raise InputError("--reproduce runs the protocols of the publications and takes no --protocol")
     tell = _tell if not json and sys.stderr.isatty() else _keep_quiet
-    bench = StudyBench(logs, SystemClock(), seed, parts, tell)
+    bench = StudyBench(logs, SystemClock(), seed, parts, tell, protocol)
     if name is None:
         return _reproduce(references(), bench, json)
     record, folder, report = _run(get_study(name), bench)
@@ -118,6 +123,9 @@ def _say_study(record: StudyRecord) -> None:
 def _say_study_table(table: StudyTable) -> None:
     rows: list[list[object]] = []
     for row in table.rows:
+        if row.published_alone:
+            rows.append([f"{row.label}, published", *row.published])
+            continue
         rows.append([row.label, *row.values])
         if row.published:
             rows.append(["  published", *row.published])

@@ -31,6 +31,11 @@ class StudyRow:
     published: tuple[Value, ...] = ()
     note: str = ""
 
+    @property
+    def published_alone(self) -> bool:
+        """Whether there is nothing of ours in it."""
+        return bool(self.published) and all(value is None for value in self.values)
+
     def ratio(self, column: int) -> float | None:
         """Ours divided by the published value; None where either is missing or no number."""
         ours, theirs = self.values[column], self.published[column] if self.published else None
@@ -121,7 +126,7 @@ class StudyBoxes:
     logarithmic: bool = False
 
 
-CurveKind = Literal["theory", "fit", "simulation", "measurement"]
+CurveKind = Literal["theory", "fit", "simulation", "measurement", "truth"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +134,8 @@ class StudyCurve:
     """One line or one set of points of a figure.
 
     Attributes:
-        kind: "theory" and "fit" are drawn as lines, "simulation" and "measurement" as points. x, y: Shape (n,), NaN where there
-        is no value. group: Curves of one group have one colour; the curve's own name if empty.
+        kind: "theory", "fit" and "truth" are drawn as lines, "simulation" and "measurement" as points. x, y: Shape (n,), NaN
+        where there is no value. group: Curves of one group have one colour; the curve's own name if empty.
     """
 
     name: str
@@ -146,13 +151,22 @@ class StudyCurve:
 
 @dataclass(frozen=True, eq=False)
 class StudyCurves:
-    """Curves that share their axes; the axes' titles carry the unit. how: How to read it."""
+    """Curves that share their axes.
+
+    Attributes:
+        caption: What they show. x_axis, y_axis: Titles with units. how: How to read it. logarithmic: The vertical axis, which
+        has no place for zeros. plane: Both axes are places and have one scale, and points are joined. ordered: The groups are
+        values of one quantity in their order, and their colours are, too.
+    """
 
     caption: str
     x_axis: str
     y_axis: str
     curves: tuple[StudyCurve, ...]
     how: str = ""
+    logarithmic: bool = False
+    plane: bool = False
+    ordered: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -51,11 +51,16 @@ class Curve:
     symbol: str = ""
 
 
-def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
-    """Lines with markers and bands; on a logarithmic axis, without bands, where a linear one would leave most of them flat."""
+def error_curves(curves: Iterable[Curve], x_title: str, y_title: str, logarithmic: bool = False, plane: bool = False) -> Figure:
+    """Lines with markers and bands; on a logarithmic axis, without bands, where a linear one would leave most of them flat.
+
+    Args:
+        x_title, y_title: Of the axes. logarithmic: The vertical axis in any case; zeros have no place on it. plane: Both axes
+        are places, drawn to one scale.
+    """
     data: list[Figure] = []
     curves = list(curves)
-    logarithmic = flat_on_a_linear_axis(curves)
+    logarithmic = logarithmic or (not plane and flat_on_a_linear_axis(curves))
     for curve in curves:
         if curve.sd is not None and not logarithmic:
             low = [max(y - s, 0.0) for y, s in zip(curve.y, curve.sd, strict=True) if y is not None]
@@ -80,11 +85,13 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str) -> Figure:
                 "hovertemplate": "%{y:.3f}",
             }
         )
-    layout = _layout(380, hovermode="x unified")
+    layout = _layout(380, hovermode="closest" if plane else "x unified")
     layout["xaxis"] = _axis(x_title)
     layout["yaxis"] = _axis(y_title, rangemode="tozero")
     if logarithmic:
         layout["yaxis"] = _axis(y_title) | {"type": "log", "zeroline": False, "dtick": 1, "exponentformat": "none"}
+    if plane:
+        layout["yaxis"] |= {"scaleanchor": "x", "rangemode": "normal"}
     return {"data": data, "layout": layout}
 
 

@@ -7,6 +7,9 @@ COLOURS = (
 )  # fmt: skip
 """Contrast of at least 3 to 1 against #ffffff and #14171c each; neighbours differ in hue and lightness."""
 
+ORDERED = ("#3276d8", "#8564d0", "#b358a9", "#cc5771", "#cc6632", "#b1820d", "#86992a", "#3ca36b")
+"""Steps of one quantity: hue by hue from blue over red to green, with the contrast of `COLOURS`."""
+
 USUAL = ("device", "vqf_6d", "vqf_9d", "fusion", "madgwick_imu", "vqf_offline")
 """Filters whose colour is the same in every report."""
 
@@ -22,6 +25,14 @@ def filter_colours(filters: list[str]) -> dict[str, str]:
     others = [name for name in names if name not in taken]
     colours = taken | {name: free[i % len(free)] for i, name in enumerate(others)}
     return {name: colours[name] for name in names}
+
+
+def ordered_colours(count: int) -> list[str]:
+    """Colours for the values of one quantity in their order, as far apart as so many can be; beyond eight they repeat."""
+    if count > len(ORDERED):
+        return [ORDERED[i % len(ORDERED)] for i in range(count)]
+    last = len(ORDERED) - 1
+    return [ORDERED[round(i * last / max(count - 1, 1))] for i in range(count)]
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

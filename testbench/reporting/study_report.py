@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from datetime import datetime
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 
 from testbench.records.study import StudyBoxes, StudyCurves, StudyRecord, StudySurface, StudyTable, Value
 from testbench.reporting.figures import Curve, Figure, box_plots, error_curves, heat_map
 from testbench.reporting.page import Block, Figures, Section, Sentence
-from testbench.reporting.palette import COLOURS, REFERENCE
+from testbench.reporting.palette import COLOURS, REFERENCE, ordered_colours
 from testbench.reporting.render import render_page
-from testbench.reporting.tables import Cell, Row, Table, label, number, significant, text
+from testbench.reporting.tables import Cell, Row, Table, label, number, ratio, significant, text
 
 FILE = "report.html"
 SYMBOLS = ("circle", "diamond", "square", "triangle-up", "star", "hexagon")
@@ -28,18 +30,22 @@ def study_report(study: StudyRecord, folder: Path) -> Path:
     """Write report.html into the study's folder, and return its path."""
     path = folder / FILE
     partial = path.with_suffix(".partial")
-    partial.write_text(render_study(study), encoding="utf-8")
+    partial.write_text(render_study(study, folder), encoding="utf-8")
     partial.replace(path)
     return path
 
 
-def render_study(study: StudyRecord) -> str:
-    """The report as HTML."""
+def render_study(study: StudyRecord, folder: Path | None = None) -> str:
+    """The report as HTML.
+
+    Args:
+        folder: That it will lie in, for links to the sessions; without one they are named alone.
+    """
     sections = [_answer(study)]
     for i, table in enumerate(study.tables):
         blocks: list[Block] = [_table(table)]
         sections.append(Section(f"table{i}", table.title, blocks + ([Sentence(table.why)] if table.why else [])))
-    sections.append(_provenance(study))
+    sections.append(_provenance(study, folder))
     return render_page(
         kind="study",
         title=study.title,
@@ -68,12 +74,14 @@ def _answer(study: StudyRecord) -> Section:
 
 
 def draw_curves(curves: StudyCurves) -> Figure:
-    """Theory as lines, fits as dotted ones, simulation and measurement as points; long series of points as lines."""
-    groups = list(dict.fromkeys(curve.group or curve.name for curve in curves.curves))
+    """Theory and truth as lines, fits as dotted ones, simulation and measurement as points; long series of points as lines."""
+    groups = list(dict.fromkeys(curve.group or curve.name for curve in curves.curves if curve.kind != "truth"))
+    palette = ordered_colours(len(groups)) if curves.ordered else COLOURS
     drawn = []
     for curve in curves.curves:
         group = curve.group or curve.name
         points = curve.kind in ("simulation", "measurement") and len(curve.x) <= MOST_POINTS
+        mode = "lines+markers" if curves.plane and points else "markers" if points else "lines"
         measured = [c for c in curves.curves if c.kind == "measurement" and (c.group or c.name) == group]
         symbol = SYMBOLS[measured.index(curve) % len(SYMBOLS)] if curve in measured else SIMULATED
         drawn.append(
@@ -81,13 +89,13 @@ def draw_curves(curves: StudyCurves) -> Figure:
                 curve.name,
                 curve.x.tolist(),
                 curve.y.tolist(),
-                COLOURS[groups.index(group) % len(COLOURS)],
+                REFERENCE if curve.kind == "truth" else palette[groups.index(group) % len(palette)],
                 dashed=curve.kind == "fit",
-                mode="markers" if points else "lines",
+                mode=mode,
                 symbol=symbol,
             )
         )
-    return error_curves(drawn, curves.x_axis, curves.y_axis)
+    return error_curves(drawn, curves.x_axis, curves.y_axis, curves.logarithmic, curves.plane)
 
 
 def _surfaces(surfaces: list[StudySurface]) -> Figures:
@@ -109,10 +117,13 @@ def _figure(figure: StudyBoxes) -> Figures:
 
 
 def _table(table: StudyTable) -> Table:
-    ratio = table.ratio_column
+    compared = table.ratio_column
     rows = []
     for row in table.rows:
-        ours = [] if ratio is None else [significant(row.ratio(ratio), 2)]
+        ours = [] if compared is None else [ratio(row.ratio(compared))]
+        if row.published_alone:
+            rows.append(Row([label(row.label, row.note), *map(_as_printed, row.published), *ours], kind="published"))
+            continue
         rows.append(Row([label(row.label, row.note), *_cells(table, row.values), *ours]))
         if row.published:
             rows.append(
@@ -120,10 +131,10 @@ def _table(table: StudyTable) -> Table:
             )
     columns = [Cell("")]
     for i, title in enumerate(table.columns):
-        words = all(isinstance(row.values[i], str | None) for row in table.rows)
+        words = all(isinstance(value, str | None) for row in table.rows for value in (row.values[i], *row.published[i : i + 1]))
         columns.append(Cell(title, kind="" if words else "number"))
-    if ratio is not None:
-        columns.append(Cell(f"ratio, {table.columns[ratio].split(' [')[0]}", kind="number"))
+    if compared is not None:
+        columns.append(Cell(f"ratio, {table.columns[compared].split(' [')[0]}", kind="number"))
     beside = f" (beside table{'s' if ' ' in table.table else ''} {table.table})" if table.table else ""
     return Table(table.caption + beside, columns, rows, table.how)
 
@@ -148,10 +159,24 @@ def _cells(table: StudyTable, values: tuple[Value, ...]) -> list[Cell]:
     return cells
 
 
-def _provenance(study: StudyRecord) -> Section:
-    entries = [(f"session {i}", path) for i, path in enumerate(study.sessions, 1)]
-    entries += [(key, str(value)) for key, value in study.settings.items()]
+def _provenance(study: StudyRecord, folder: Path | None) -> Section:
+    rows = []
+    for i, path in enumerate(study.sessions, 1):
+        link = _link(Path(path), folder)
+        rows.append(Row([label(f"session {i}"), Cell(Path(path).name if link else path, kind="code", link=link)]))
+    entries = [(key, str(value)) for key, value in study.settings.items()]
     entries += [(f"version of {name}", version) for name, version in study.software.items()]
-    rows = [Row([label(name), Cell(value, kind="code")]) for name, value in entries]
+    rows += [Row([label(name), Cell(value, kind="code")]) for name, value in entries]
     how = f"How to read: every number of ours comes from these sessions. {study.trace}".strip()
     return Section("provenance", "Provenance", [Table("Sessions and versions", [Cell("entry"), Cell("value")], rows, how)])
+
+
+def _link(session: Path, folder: Path | None) -> str:
+    """The way from a study's folder to the report of a session, to its folder where it has none, nowhere where it is gone."""
+    if folder is None or not session.is_dir():
+        return ""
+    target = session / FILE if (session / FILE).is_file() else session
+    try:
+        return quote(Path(os.path.relpath(target.resolve(), folder.resolve())).as_posix())
+    except ValueError:  # on another drive
+        return ""

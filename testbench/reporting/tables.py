@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 NOTHING = "–"
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class Cell:
 
     Attributes:
         text: What is shown. title: More, on hovering. kind: CSS classes: "number", "wide", "badge pass"... head: A header of
-        its row. span: Columns it covers.
+        its row. span: Columns it covers. link: Where its text leads, relative to the page; empty for nowhere.
     """
 
     text: str
@@ -25,6 +26,7 @@ class Cell:
     kind: str = ""
     head: bool = False
     span: int = 1
+    link: str = ""
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,18 @@ def significant(value: float | None, count: int = 3, title: str = "") -> Cell:
     """A number with a fixed count of significant digits."""
     shown = NOTHING if value is None or not np.isfinite(value) else f"{value:.{count}g}".replace("-", "−")
     return Cell(shown, title, "number")
+
+
+def ratio(value: float | None) -> Cell:
+    """How many times as large: two significant digits, with a power of ten only where the zeros would have to be counted."""
+    if value is None or not np.isfinite(value):
+        return Cell(NOTHING, kind="number")
+    mantissa, exponent = f"{value:.1e}".split("e")
+    if value == 0 or -4 <= int(exponent) <= 4:
+        shown = f"{float(f'{value:.2g}'):.6f}".rstrip("0").rstrip(".")
+    else:
+        shown = f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
+    return Cell(shown.replace("-", "−"), kind="number")
 
 
 def digits(value: float | None, decimals: int = 2) -> str:

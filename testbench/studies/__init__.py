@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from testbench.exceptions import NotFoundError
+from testbench.exceptions import InputError, NotFoundError
 
 if TYPE_CHECKING:
     from testbench.records.study import StudyRecord
@@ -16,14 +16,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Study:
-    """A study that can be asked for by name; `module` has the function `run`."""
+    """A study that can be asked for by name.
+
+    Attributes:
+        module: Has the function `run`. protocol: Shipped one that another may stand in for; empty where it must be its own.
+    """
 
     name: str
     description: str
     module: str
+    protocol: str = ""
 
     def run(self, bench: StudyBench) -> StudyRecord:
-        """Run it; its module is loaded now."""
+        """Run it; its module is loaded now.
+
+        Raises:
+            InputError: The bench has a protocol of its own and the study takes none.
+        """
+        if bench.protocol is not None and not self.protocol:
+            takers = ", ".join(study.name for study in STUDIES.values() if study.protocol)
+            raise InputError(f"study {self.name} runs its own protocols and takes no other; another is taken by: {takers}")
         function: Callable[[StudyBench], StudyRecord] = import_module(self.module).run
         return replace(function(bench), name=self.name)
 
@@ -65,6 +77,7 @@ STUDIES = {
             "reference-4",
             "Gait cycles, path and yaw drift of a swung shank, beside Cabezuelo Gutiérrez 2019",
             "testbench.studies.pedestrian",
+            "shank_swing",
         ),
         Study(
             "reference-5",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from testbench.clock import Clock
 from testbench.pipeline import Result, run
+from testbench.records.plan import Plan
 
 
 def _nothing(text: str) -> None:
@@ -21,6 +22,7 @@ class StudyBench:
     Attributes:
         logs: Folder that its sessions are kept in. clock: Source of dates and run times. seed: Of the first part; the others
         take the numbers that follow. parts: How many sensors of the same kind. say: Called with what is being done.
+        protocol: Name or file of one in place of the study's own, for studies that take another.
     """
 
     logs: Path
@@ -28,11 +30,19 @@ class StudyBench:
     seed: int = 0
     parts: int = 5
     say: Callable[[str], None] = _nothing
+    protocol: str | Path | None = None
 
-    def run(self, protocol: str, filters: Sequence[str] | None = None) -> Result:
-        """Run a shipped protocol on the simulated bench and keep its session; the protocol's own filters if None."""
+    def run(
+        self, protocol: str | Path, filters: Sequence[str] | None = None, planned: Callable[[Plan], None] | None = None
+    ) -> Result:
+        """Run a protocol on the simulated bench and keep its session with its report.
+
+        Args:
+            protocol: Name of a shipped one, or a file. filters: The protocol's own if None. planned: Called with the plan
+            before it is run; what it raises stops the run.
+        """
         self.say(f"running {protocol}")
-        return run(protocol, seed=self.seed, logs=self.logs, filters=filters, with_report=False, clock=self.clock)
+        return run(protocol, seed=self.seed, logs=self.logs, filters=filters, clock=self.clock, planned=planned)
 
     def now(self) -> str:
         """ISO 8601, UTC, to the second."""

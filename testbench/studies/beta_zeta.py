@@ -15,7 +15,7 @@ from testbench.evaluation.orientation import sensor_errors
 from testbench.execution import execute
 from testbench.model import rotation
 from testbench.model.noise import random_stream
-from testbench.pipeline import make_plan
+from testbench.pipeline import analyse, make_plan
 from testbench.records.plan import PlannedStep
 from testbench.records.published import PublishedTable, load_published_tables
 from testbench.records.session import Session
@@ -25,6 +25,7 @@ from testbench.records.tuning import Tuning
 from testbench.studies import beta_zeta_words as words
 from testbench.studies.bench import StudyBench
 from testbench.studies.parameter_space import Effort
+from testbench.studies.spread import Change, told
 from testbench.studies.tuning import Sessions, SessionTrials, tune
 
 PROTOCOL, SENSOR = "beta_zeta", "thigh"
@@ -79,6 +80,7 @@ def run(bench: StudyBench) -> StudyRecord:
     for seed in range(bench.seed, bench.seed + bench.parts):
         bench.say(f"part {len(sessions) + 1} of {bench.parts} on the arm")
         sessions.append(execute(the_plan, bench.logs, seed, clock=bench.clock))
+        analyse(sessions[-1], the_plan=the_plan)  # for its report; the study tunes and judges by itself
     bench.say("gains and tables")
     part = Part.of(sessions[0])
     tunings = gains(sessions, started)
@@ -104,7 +106,7 @@ def run(bench: StudyBench) -> StudyRecord:
         started,
         {"protocol": PROTOCOL, "plan_hash": the_plan.hash, "seed": bench.seed, "parts": bench.parts},
         tuple(str(session.path) for session in sessions),
-        _findings(tables),
+        _findings(tables, tunings),
         tuple(tables.values()),
         (error_boxes(part, tunings),),
         software_versions(),
@@ -314,7 +316,13 @@ def _errors(part: Part, kind: OrientationFilter, steps: list[PlannedStep]) -> Bo
     return BoxNumbers.of(np.degrees(found.errors[kind.name].total[found.judged][::20]))
 
 
-def _findings(tables: dict[str, StudyTable]) -> tuple[str, ...]:
+def _findings(tables: dict[str, StudyTable], tunings: dict[str, Tuning]) -> tuple[str, ...]:
+    def errors(label: str) -> list[float]:
+        found = tunings[label].sessions
+        return [_number(entry.own_value if entry.left_out_value is None else entry.left_out_value) for entry in found]
+
+    gained = told(Change.of(errors("with a bias state"), errors("beta alone")))
+    imu_gained = told(Change.of(errors("with a bias state, without magnetometer"), errors("beta alone, without magnetometer")))
     steps = [_numbers(row) for row in tables["identity"].rows if row.label.startswith("one step")]
     ours, theirs = tables["difference"].rows[-1].values, tables["difference"].rows[-1].published
     distance, published = _number(ours[2]), _number(theirs[2])
@@ -328,7 +336,8 @@ def _findings(tables: dict[str, StudyTable]) -> tuple[str, ...]:
         words.IDENTICAL.format(first=steps[0][0], second=steps[0][1], together=steps[0][2], most=max(row[3] for row in steps)),
         words.DISTANCE.format(ours=distance, angle=angle_of(distance), theirs=published, their_angle=angle_of(published)),
         words.GAINED.format(
-            where=where, printed=printed, alone=alone, state=state, imu_alone=imu_alone, imu_state=imu_state
+            where=where, printed=printed, alone=alone, state=state, imu_alone=imu_alone, imu_state=imu_state, gained=gained,
+            imu_gained=imu_gained,
         ),
     )  # fmt: skip
 

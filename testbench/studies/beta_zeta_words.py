@@ -32,8 +32,8 @@ DIFFERENCE = (
 
 MAP_HOW = "How to read: RMS error [deg] over what is judged of the first part, beta in rad/s, zeta in rad/s²."
 STATE = (
-    "A small beta needs a bias state: without one (zeta 0) the bias turns the estimate away faster than beta corrects it. Too "
-    "large a zeta lets the bias follow the motion."
+    "Without a bias state (zeta 0) a bias turns the estimate away, and a small beta may be too slow to correct it. Too large a "
+    "zeta lets the bias follow the motion."
 )
 MAPS = {
     "printed": (
@@ -90,5 +90,6 @@ DISTANCE = (
 GAINED = (
     "With gains tuned in the same way, {where}, the total error is {printed:.2f} deg as printed, {alone:.2f} deg with beta "
     "alone, and {state:.2f} deg with a true bias state; without magnetometer the inclination error is {imu_alone:.2f} deg with "
-    "beta alone and {imu_state:.2f} deg with a bias state."
+    "beta alone and {imu_state:.2f} deg with a bias state. The bias state against beta alone, total: {gained}; inclination: "
+    "{imu_gained}."
 )

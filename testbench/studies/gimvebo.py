@@ -44,6 +44,7 @@ from testbench.studies.gimvebo_tables import (
     stages_table,
     time_table,
 )
+from testbench.studies.spread import Change, told
 
 PROTOCOL = "gimvebo_gyro"
 
@@ -58,7 +59,7 @@ def run(bench: StudyBench) -> StudyRecord:
     for seed in range(bench.seed, bench.seed + bench.parts):
         bench.say(f"part {len(parts) + 1} of {bench.parts} on the gimbal")
         session = execute(the_plan, bench.logs, seed, clock=bench.clock)
-        parts.append(read_part(session, analyse(session, with_report=False).estimate))
+        parts.append(read_part(session, analyse(session).estimate))
         sessions.append(str(session.path))
     bench.say("calibrations and tables")
     part = parts[0]
@@ -191,10 +192,13 @@ def _findings(part: Part, calibrated: dict[str, Calibrated], tables: dict[str, S
     medians = {name: float(np.median(angles(part, found.nine, name))) for name, found in calibrated.items()}
     with_g = float(np.median(angles(part, calibrated["rk4"].with_g, "rk4")))
     seconds = [number("4.7", -1, column) for column in (0, 2, 4)]
+    spread = max(medians.values()) - min(medians.values())
+    rows = range(len(tables["parts"].rows))
+    gained = Change.of([number("parts", row, 2) for row in rows], [number("parts", row, 0) for row in rows])
     return (
         words.FOUND_ANGLE.format(**medians),
-        words.FOUND_G.format(with_g=with_g),
-        words.FOUND_INTEGRATOR.format(spread=max(medians.values()) - min(medians.values())),
+        words.FOUND_G.format(with_g=with_g, shown=told(gained)),
+        words.FOUND_INTEGRATOR.format(spread=spread, percent=100 * spread / float(np.mean(list(medians.values())))),
         words.FOUND_TIME.format(*seconds),
         words.FOUND_MAGNITUDE.format(raw=number("4.1", 1, 7), calibrated=number("4.1", 3, 7)),
         words.FOUND_FAULT,

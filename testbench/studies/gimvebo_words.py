@@ -38,11 +38,11 @@ ANGLES = {
         "implementation error: rates in deg/s integrated as rad/s leave angles of this kind (table of faults)."
     ),
     "cg4": (
-        "As beside table 4.3: the published median looks like one of rates in deg/s, not of the integrator. Ours do not "
+        "As beside table 4.3: the published median looks like one of rates in deg/s, not of the integrator. Ours can hardly "
         "tell Crouch-Grossman from RK4: its rates between the samples are interpolated, which holds it to order 2."
     ),
     "trapezoid": (
-        "As beside table 4.3. The trapezoid is no worse than the others in ours; the published one is, by a factor of two."
+        "As beside table 4.3. The published trapezoid is worse than the others by a factor of two; ours stands in the table."
         " The misplaced 1/2 with which its eq. 2.36 is printed does not tell why: eq. 2.38, of RK4, has it as well, and see "
         "the table of faults for what it does to the angle."
     ),
@@ -51,8 +51,8 @@ ANGLES = {
 STAGES = (
     "From rest to rest the errors of a rate that is held over each step cancel between speeding up and slowing down, but "
     "for the turning of the axes meanwhile; at 20 ms and these speeds little is left. The published difference of 13 deg "
-    "needs steps in which the sensor turns by about a radian, so it too looks like rates in deg/s. What was concluded from"
-    " it, that speeds need not be held constant, holds for ours as well."
+    "needs steps in which the sensor turns by about a radian, so it too looks like rates in deg/s. That"
+    " speeds need not be held constant was concluded from it; how much it takes in ours, the rows say."
 )
 
 TIME_HOW = (
@@ -121,10 +121,13 @@ FOUND_ANGLE = (
     "held-out turns; published are 23.72 and 22.67 deg, on turns that were fitted."
 )
 
-FOUND_G = "What is left is the gyroscope's response to gravity: fitted along, the median falls to {with_g:.3f} deg."
+FOUND_G = (
+    "With the gyroscope's response to gravity fitted as well, the median is {with_g:.3f} deg (RK4); against without: {shown}."
+)
 
 FOUND_INTEGRATOR = (
-    "The integrator hardly matters: from Euler to CG4 the medians lie within {spread:.3f} deg of one another at 20 ms."
+    "From Euler to CG4 the medians of the integrators lie within {spread:.3f} deg of one another at 20 ms, or {percent:.1f} % "
+    "of their mean."
 )
 
 FOUND_TIME = (
@@ -133,8 +136,8 @@ FOUND_TIME = (
 )
 
 FOUND_MAGNITUDE = (
-    "The mean squared error of the accelerometer's magnitude falls from {raw:.2g} to {calibrated:.1g} (m/s²)², held-out "
-    "means; published: 0.0667 to 8.9e-7, on data that were fitted."
+    "The mean squared error of the accelerometer's magnitude is {raw:.2g} (m/s²)² before calibration and {calibrated:.1g} "
+    "after, held-out means; published: 0.0667 to 8.9e-7, on data that were fitted."
 )
 
 FOUND_FAULT = (

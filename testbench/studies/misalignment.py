@@ -55,7 +55,7 @@ def run(bench: StudyBench) -> StudyRecord:
         f"what was measured by {row.values[3]:.3f} and {row.values[4]:.2f} deg."
         for row in measured.rows
     )
-    settings = {"protocol": PROTOCOL, "seed": bench.seed, "filters": ", ".join(FILTERS)}
+    settings = {"protocol": PROTOCOL, "seed": bench.seed, "parts": 1, "filters": ", ".join(FILTERS)}
     return replace(study, findings=study.findings + found).record(
         "misalignment", "Misaligned segments", QUESTION, started, settings, [str(result.session.path)],
         "It gives what is called simulation and measurement in the figures of the elbow and its table; the rest is theory.",
@@ -253,7 +253,7 @@ def _theory_curves(magnitudes: np.ndarray, flexion_deg: np.ndarray, misalignment
             curves.append(StudyCurve(f"{group}, parabola", misalignment_deg, fit.at(misalignment_deg), "fit", group))
     caption = f"|error| of the {sequence} flexion over the misalignment about X, by flexion"
     how = "How to read: points are the joint-angle code on simulated quaternions, lines the parabolas fitted to them."
-    return StudyCurves(caption, "misalignment [deg]", "|error| [deg]", tuple(curves), how)
+    return StudyCurves(caption, "misalignment [deg]", "|error| [deg]", tuple(curves), how, ordered=True)
 
 
 def _findings(grids: Mapping[AxisName, np.ndarray], flexion_deg: np.ndarray, sequence: str) -> tuple[str, ...]:

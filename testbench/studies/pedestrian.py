@@ -17,13 +17,15 @@ from testbench.frames import NANOSECONDS
 from testbench.model.heading import HeadingDrift, heading_drift, heading_error
 from testbench.model.truth import truth_at
 from testbench.records.estimate import Estimate
-from testbench.records.plan import PlannedStep
+from testbench.records.plan import Plan, PlannedStep
 from testbench.records.published import load_published_tables
 from testbench.records.session import Session
 from testbench.records.study import StudyCurve, StudyCurves, StudyRecord, StudyRow, StudyTable, Value
 from testbench.studies.bench import StudyBench
 from testbench.studies.result import StudyResult
 
+CORRIDOR_CYCLES = 14
+"""Of the source's straight corridor (table 10)."""
 CYCLES_VARIABLE, ROLL_VARIABLE = "gait_cycles", "roll_deg"
 """Of the protocol: how many cycles were commanded, and the coupled roll (a walker always has some)."""
 SHOWN_SAMPLES = 400
@@ -40,40 +42,88 @@ AREA = (
     "cycle, whatever the frequency; without roll there is none."
 )
 
+COLUMNS = {
+    "cycle_error": "error in cycles", "cycle_error_percent": "error in cycles [%]",
+    "distance_error_m": "error in distance [m]", "distance_error_percent": "error in distance [%]",
+    "position_error_m": "error in position [m]",
+    "cycle_sd": "sd of cycles", "distance_sd_m": "sd of distance [m]", "position_sd_m": "sd of position [m]",
+}  # fmt: skip
+"""Titles of the published columns."""
+
 PROTOCOL = "shank_swing"
 QUESTION = "How far do two Euler filters drift in yaw on a walker's swing, and what of cycles, distance and path is left?"
 FILTERS_OF_SOURCE = ("euler_ekf_simple", "euler_ekf")
 
 
 def run(bench: StudyBench) -> StudyRecord:
-    """Swing the shank and judge every filter of the protocol."""
+    """Swing the shank and judge every filter of the protocol; another protocol may stand in for `shank_swing`.
+
+    Raises:
+        InputError: The other protocol has no sweep that is judged; nothing has run then.
+    """
     started = bench.now()
-    result = bench.run(PROTOCOL)
+    protocol = bench.protocol or PROTOCOL
+    result = bench.run(protocol, planned=_has_swings)
     bench.say("cycles, paths and drifts")
     study = pedestrian_study(result.session, result.estimate)
-    settings = {"protocol": PROTOCOL, "seed": bench.seed, "parameters": "universal"}
+    settings = {
+        "protocol": str(protocol), "seed": bench.seed, "parts": 1, "sensor": result.session.sensor_names[0],
+        "parameters": "universal",
+    }  # fmt: skip
     swings = swing_results(result.session, result.estimate, PUBLISHED["universal"])
     return replace(study, findings=(*_findings(swings), *study.findings)).record(
         "reference-4", "Steps and path of a swung shank", QUESTION, started, settings, [str(result.session.path)]
     )
 
 
+def _has_swings(plan: Plan) -> None:
+    """Raise InputError where a plan has no swing to judge."""
+    if not any(step.kind == "sweep" and step.role == "evaluation" for step in plan.steps):
+        name = plan.protocol.spec.name
+        raise InputError(f"protocol {name} has no sweep in a section that is judged, so there is no swing to count")
+
+
 def _findings(results: list[SwingResult]) -> tuple[str, ...]:
-    """The answer in sentences, of the swings with a coupled roll."""
+    """The answer in sentences; of the drift, of the swings with the most roll."""
+    if not any(len(r.true_walk.cycles) for r in results):
+        return (
+            "There is no gait cycle to count: in no sweep does the sensor's true pitch swing as far as the detection asks.",
+        )
     wrong = [r for r in results if r.cycle_error]
     counts = " and ".join(str(n) for n in sorted({r.cycles for r in results if r.cycles is not None}))
-    told = ", ".join(f"{r.filter} in {r.step.name} by {r.cycle_error:+d}" for r in wrong)
-    found = [f"Gait cycles, {counts} commanded: " + (f"miscounted {told}." if wrong else "counted exactly by every filter.")]
-    for cycles in sorted({r.cycles for r in results if r.cycles is not None}):
-        own = {r.filter: r for r in results if r.cycles == cycles and r.step.variables.get(ROLL_VARIABLE)}
+    told = ", ".join(f"by {r.filter} in {r.step.name} by {r.cycle_error:+d}" for r in wrong)
+    against = f"{counts} commanded" if counts else f"against the true motion, as the protocol has no variable {CYCLES_VARIABLE}"
+    found = [f"Gait cycles, {against}: " + (f"miscounted {told}." if wrong else "counted exactly by every filter.")]
+    for name, r in {r.step.name: r for r in results}.items():
+        true = len(r.true_walk.cycles)
+        if r.cycles is not None and true != r.cycles:
+            found.append(
+                f"In {name} the arm's true motion itself counts as {true} gait cycles of {r.cycles} commanded: the sensor's "
+                "pitch does not swing as often, or not as far, as the step detection asks for."
+            )
+    for own in _by_step(_rolling(results)):
         if all(name in own for name in FILTERS_OF_SOURCE):
             simple, improved = (abs(float(np.degrees(own[name].drift.drift))) for name in FILTERS_OF_SOURCE)
             ends = [own[name].position_error for name in FILTERS_OF_SOURCE]
             found.append(
-                f"Over {cycles} cycles with a coupled roll the yaw drifts by {simple:.1f} deg by the simple prediction and by "
+                f"In {own[FILTERS_OF_SOURCE[0]].step.name} the yaw drifts by {simple:.1f} deg by the simple prediction and by "
                 f"{improved:.1f} deg by the improved one; the path ends {ends[0]:.2f} and {ends[1]:.2f} m off."
             )
     return tuple(found)
+
+
+def _rolling(results: list[SwingResult]) -> list[SwingResult]:
+    """Those with the most coupled roll."""
+    most = max(r.step.variables.get(ROLL_VARIABLE, 0.0) for r in results)
+    return [r for r in results if r.step.variables.get(ROLL_VARIABLE, 0.0) == most]
+
+
+def _by_step(results: list[SwingResult]) -> list[dict[str, SwingResult]]:
+    """Results by filter, step by step."""
+    steps: dict[int, dict[str, SwingResult]] = {}
+    for r in results:
+        steps.setdefault(r.step.index, {})[r.filter] = r
+    return list(steps.values())
 
 
 @dataclass(frozen=True)
@@ -124,13 +174,13 @@ def pedestrian_study(
         InputError: The session has no judged sweep or no truth for the sensor.
     """
     results = swing_results(session, estimate, parameters, sensor)
-    most = max(r.step.variables.get(ROLL_VARIABLE, 0.0) for r in results)
-    rolling = {r.step.index: r for r in results if r.step.variables.get(ROLL_VARIABLE, 0.0) == most}
+    rolling = _by_step(_rolling(results))
+    drifts = [drift_curves(session, estimate, next(iter(own.values())), sensor) for own in rolling]
     return StudyResult(
         load_published_tables("reference_4").source,
         (DISTANCES, AREA),
         (cycle_table(results), drift_table(results), published_table("10"), published_table("14")),
-        tuple(drift_curves(session, estimate, result, sensor) for result in rolling.values()),
+        tuple(curves for pair in zip(drifts, map(path_curves, rolling), strict=True) for curves in pair),
     )
 
 
@@ -192,14 +242,15 @@ def cycle_table(results: list[SwingResult]) -> StudyTable:
             "error in position [m]",
         ),
         tuple(rows),
-        "How to read: position is the end of the dead-reckoned path; its error is mostly that of the heading.",
+        "How to read: position is the end of the dead-reckoned path; lengths have a part in its error and, the more the longer "
+        "the path, the heading.",
         decimals=(0, 0, 0, 2, 3, 2, 2),
         short="Gait cycles",
     )
 
 
 def drift_table(results: list[SwingResult]) -> StudyTable:
-    """Yaw drift by filter; published figures stand beside the Euler filters in the shortest swing with roll."""
+    """Yaw drift by filter; published figures stand beside the Euler filters in a swing as long as the corridor, with roll."""
     front = load_published_tables("reference_4").tables["yaw drift"].rows[0]
     simple, improved = front.values
     published: dict[str, Value] = {
@@ -207,11 +258,10 @@ def drift_table(results: list[SwingResult]) -> StudyTable:
         "euler_ekf": improved, "euler_ekf_as_printed": improved,
     }  # fmt: skip
     rows = []
-    shortest = min((r.cycles for r in results if r.cycles is not None), default=None)
     for r in results:
         cycles = r.cycles or len(r.true_walk.cycles)
         size = abs(float(np.degrees(r.drift.drift)))
-        corridor = r.cycles == shortest and r.step.variables.get(ROLL_VARIABLE) != 0
+        corridor = r.cycles == CORRIDOR_CYCLES and r.step.variables.get(ROLL_VARIABLE) != 0
         beside = published.get(r.filter) if corridor else None
         values = (size, size / cycles if cycles else None, float(np.degrees(r.drift.largest)))
         rows.append(StudyRow(f"{r.step.name}, {r.filter}", values, (beside, None, None) if beside is not None else ()))
@@ -223,7 +273,7 @@ def drift_table(results: list[SwingResult]) -> StudyTable:
         "How to read: error of the heading in the rest after the swing less that in the rest before it.",
         f"Published is {front.label}, in words: about 50 deg and below 10 deg, of walks whose length, speed and roll are not "
         "stated. The drift of the simple prediction is the area that pitch and roll enclose, cycle by cycle; ours is chosen by "
-        "the protocol. What drifts in the improved one is the gyroscope.",
+        "the protocol. The improved one has no such term.",
         decimals=(2, 3, 2),
         ratio_column=0,
         short="Yaw drift",
@@ -237,7 +287,7 @@ def published_table(name: str) -> StudyTable:
     return StudyTable(
         f"table {name}",
         table.caption,
-        tuple(table.columns),
+        tuple(COLUMNS[column] for column in table.columns),
         tuple(StudyRow(row.label, none, tuple(row.values), row.remark) for row in table.rows),
         "How to read: published values alone.",
         "These hold the error of the step-length regression and of the walker; there is nothing of ours to put beside them.",
@@ -264,6 +314,17 @@ def drift_curves(session: Session, estimate: Estimate, result: SwingResult, sens
             curves.append(StudyCurve(key, seconds[shown], error[shown] - error[known[0]], "measurement"))
     how = "How to read: heading against the arm's, from the rest before the swing on."
     return StudyCurves(f"Error of the yaw, {result.step.name}", "time [s]", "error [deg]", tuple(curves), how)
+
+
+def path_curves(results: dict[str, SwingResult]) -> StudyCurves:
+    """The dead-reckoned path of one swing by every filter, and what the same parameters make of the true motion."""
+    first = next(iter(results.values()))
+    true = first.true_walk.positions
+    curves = [StudyCurve("true motion", true[:, 0], true[:, 1], "truth")]
+    for name, result in results.items():
+        curves.append(StudyCurve(name, result.walk.positions[:, 0], result.walk.positions[:, 1], "measurement"))
+    how = "How to read: from above, a point after each gait cycle, both axes to one scale; the path starts at the origin."
+    return StudyCurves(f"Path, {first.step.name}", "x [m]", "y [m]", tuple(curves), how, plane=True)
 
 
 def _rows(time_ns: np.ndarray, step: PlannedStep) -> np.ndarray:

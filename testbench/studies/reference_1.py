@@ -43,7 +43,7 @@ def run(bench: StudyBench) -> StudyRecord:
     }
     result = compare(rest, tables, check, elbow)
     sessions = [str(each.session.path) for each in (rest, tables, check, elbow)]
-    settings = {"protocols": ", ".join((REST, TABLES, CHECK, ELBOW)), "seed": bench.seed}
+    settings = {"protocols": ", ".join((REST, TABLES, CHECK, ELBOW)), "seed": bench.seed, "parts": 1}
     trace = "; ".join(f"{what}: {session}" for what, session in ours.items())
     title = "An elbow played by a robot arm"
     return result.record("reference-1", title, QUESTION, started, settings, sessions, f"Of {trace}.")
@@ -88,7 +88,7 @@ def _findings(calibration: StudyTable, flexion: StudyTable, growth: StudyTable, 
         return ", ".join(f"{value} deg by {name}" for name, value in measured.items() if name != "theory")
 
     theirs_mg = max(float(row.published[-1] or 0.0) for row in calibration.rows if row.published)
-    offset, heading, rmse = heading_fit(load_published())
+    model = heading_fit(load_published())
     fit = next(row for row in theory.table("fits").rows if row.label == "70 deg")
     calibrated = (
         f"Calibrated by the published map R = A' pinv(B'), an accelerometer is off by up to {worst(True):.1f} mg in poses that "
@@ -96,12 +96,13 @@ def _findings(calibration: StudyTable, flexion: StudyTable, growth: StudyTable, 
         f"model by up to {worst(False):.2f} mg in the axes it covers."
     )
     aligned = (
-        f"Aligned in a reference pose, the flexion is right within {min(means):.2f} to {max(means):.2f} deg in the mean, "
-        f"whatever the filter and the sequence; the published means reach from {min(theirs):.2f} to {max(theirs):.2f} deg."
+        f"Aligned in a reference pose, the mean |error| of the flexion is {min(means):.2f} to {max(means):.2f} deg, by filter "
+        f"and sequence; the published means reach from {min(theirs):.2f} to {max(theirs):.2f} deg."
     )
-    explained = (
-        f"The published growth by YXZ (table 5.7) is that of two sensors {abs(heading):.1f} deg apart in heading on an elbow "
-        f"that starts at {abs(offset):.1f} deg: this explains its fifteen values within {rmse:.2f} deg."
+    modelled = (
+        f"The published growth by YXZ (table 5.7) is consistent with two sensors {model.heading_deg:.1f} deg apart in heading "
+        f"on an elbow that starts at {model.offset_deg:.1f} deg: these two, fitted to its fifteen values, leave "
+        f"{model.rms_deg:.2f} deg RMS and {model.largest_deg:.2f} deg at most."
     )
     grown = (
         f"Misaligned by {GROWN_DEG:g} deg and flexed by 70 deg, YXZ is wrong by {last['YXZ, theory']} deg in theory, "
@@ -111,4 +112,4 @@ def _findings(calibration: StudyTable, flexion: StudyTable, growth: StudyTable, 
         f"Theory at 70 deg: a = {fit.values[0]:.5f} and c = {fit.values[4]:.4f}, published {fit.published[0]} and "
         f"{fit.published[4]}."
     )
-    return calibrated, aligned, explained, grown, fitted
+    return calibrated, aligned, modelled, grown, fitted

@@ -26,8 +26,9 @@ KINDS = {"Xsens DOT": "", "MATRIX": "_matrix"}
 CALIBRATION_WHY = (
     "Of which poses theirs are the means is not known to us; ours are eight poses of another session, with nothing in them but "
     "the errors of the part and of the arm. The map R = A' pinv(B') has no bias, so that a bias is smeared over the map and "
-    "comes back in other poses, which makes the published size; how large and in which axis is drawn with the part. With a "
-    "bias in the model it is gone. In 2D the third axis is left as it is: no pose of the plane says anything of it."
+    "comes back in other poses, which can make the published size; how large and in which axis is drawn with the part. With a "
+    "bias in the model there is nothing to smear; what is left then is in the rows below theirs. In 2D the third axis is left "
+    "as it is: no pose of the plane says anything of it."
 )
 
 

@@ -1,24 +1,26 @@
 """Quijano & Valencia (Universidad del Cauca, 2018), tables 4.1 to 4.4, on our bench: pendulum, squat and gait.
 
-Pendulum and squat are run with several sensors of the same kind (seeds) and their errors pooled, for the bias that a sensor was
-born with decides a single run; the gait is run once. Both states of the filter see the same samples. What differs from the
-thesis: its rigs' dimensions, motions and references are not stated (ours are, in the protocols), its subject walked and ours is
-a model of 20 joints that moves by published curves without skin and heel strike, it shows the trial of five that fitted best,
-and its joint angles were judged by another measurement (Plug-in Gait), ours by the joints themselves.
+Each protocol is run with several sensors of the same kind (seeds), for the bias that a sensor was born with decides a single
+run, and differences are judged by their spread over these parts. Both states of the filter see the same samples. What differs
+from the thesis: its rigs' dimensions, motions and references are not stated (ours are, in the protocols), its subject walked
+and ours is a model of 20 joints that moves by published curves without skin and heel strike, it shows the trial of five that
+fitted best, and its joint angles were judged by another measurement (Plug-in Gait), ours by the joints themselves.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from testbench.clock import Clock
-from testbench.pipeline import Result, run
+from testbench.pipeline import run
 from testbench.records.evaluation import ChainRow
 from testbench.records.protocol import Protocol
 from testbench.records.published_chain import GaitErrors, PublishedChain, load_published_chain
+from testbench.studies.spread import Change
 
 SERVO_PROTOCOLS = {"4.1": "pendulum", "4.2": "squat"}
 GAIT_PROTOCOL = "gait"
@@ -28,6 +30,28 @@ AXES = {
     ("ankle", "X"): "ankle_r_inversion", ("ankle", "Y"): "ankle_r_rotation", ("ankle", "Z"): "ankle_r_flexion",
 }  # fmt: skip
 """The joint of robots/lower_limb that stands for an axis of the tables; the thesis has the right leg only."""
+QUANTITIES = ("angle", "rate", "acceleration")
+KINDS = ("rmse_deg", "rate_rmse_deg_s", "acceleration_rmse_deg_s2")
+KINEMATIC, FOURIER = "kinematic", "fourier"
+
+
+@dataclass(frozen=True)
+class JointErrors:
+    """Errors of one joint by one state in one protocol, a row for each part."""
+
+    rows: list[ChainRow]
+
+    def values(self, kind: str) -> list[float]:
+        """One figure of every part."""
+        return [float(getattr(row, kind)) for row in self.rows]
+
+    def rms(self, kind: str) -> float:
+        """Root of the mean square over the parts, whose sessions are equally long."""
+        return float(np.sqrt(np.mean(np.square(self.values(kind)))))
+
+    def mean(self, kind: str) -> float:
+        """Over the parts."""
+        return float(np.mean(self.values(kind)))
 
 
 @dataclass(frozen=True)
@@ -35,52 +59,29 @@ class ServoComparison:
     """One joint of tables 4.1 and 4.2.
 
     Attributes:
-        table, joint: Of the thesis. sessions: Where ours come from. ours: RMS of angle [deg], rate [deg/s] and acceleration
-        [deg/s^2] by state, over all sessions. published: RMS of angle, rate and
-        acceleration by state, as printed. fourier_gain_percent, published_gain_percent: By how much the Fourier state has less
-        error than the kinematic one, of each of the three.
+        table, joint: Of the thesis. ours: By state. published: RMS of angle, rate and acceleration by state, as printed.
     """
 
     table: str
     joint: str
-    sessions: list[str]
-    ours: dict[str, list[float]]
+    ours: dict[str, JointErrors]
     published: dict[str, list[float]]
 
-    @property
-    def fourier_gain_percent(self) -> list[float]:
-        return _gain(self.ours["kinematic"], self.ours["fourier"])
+    def pooled(self, state: str) -> list[float]:
+        """RMS of angle [deg], rate [deg/s] and acceleration [deg/s^2] over all parts."""
+        return [self.ours[state].rms(kind) for kind in KINDS]
 
-    @property
-    def published_gain_percent(self) -> list[float]:
-        return _gain(self.published["kinematic"], self.published["fourier"])
-
-    def ratio(self, state: str) -> list[float]:
-        """Ours over theirs, of angle, rate and acceleration."""
-        return [a / b for a, b in zip(self.ours[state], self.published[state], strict=True)]
+    def fourier_change(self) -> dict[str, Change]:
+        """Error by the Fourier state against that by the kinematic one, of each quantity."""
+        return _changes(self.ours[FOURIER], self.ours[KINEMATIC])
 
 
 @dataclass(frozen=True)
 class GaitComparison:
-    """One axis of tables 4.3 and 4.4: ours by state, theirs, and the magnitude of our signed mean over theirs."""
+    """One axis of tables 4.3 and 4.4: ours by state, and theirs."""
 
     published: GaitErrors
-    session: str
-    ours: dict[str, ChainRow]
-
-    def ratio(self, state: str) -> float:
-        """Ours over theirs, of the magnitude of the signed mean."""
-        return abs(self.ours[state].mean_error_deg) / abs(self.published.mean_error_deg)
-
-
-@dataclass(frozen=True)
-class GaitTotals:
-    """Totals over the seven axes by one state; degrees."""
-
-    mean_of_means: float
-    mean_magnitude_of_means: float
-    mean_abs_error: float
-    rmse: float
+    ours: dict[str, JointErrors]
 
 
 @dataclass(frozen=True)
@@ -88,84 +89,85 @@ class Reference5:
     """All tables.
 
     Attributes:
-        published: What was printed. servo: Tables 4.1 and 4.2. gait: Tables 4.3 and 4.4. both_legs: Our rows of every joint of
-        the gait, by state. sessions: Folders, by protocol.
+        published: What was printed. servo: Tables 4.1 and 4.2. gait: Tables 4.3 and 4.4. walk: Every joint of the gait by
+        state, those of tables 4.3 and 4.4 among them. sessions: Folders, by protocol.
     """
 
     published: PublishedChain
     servo: list[ServoComparison]
     gait: list[GaitComparison]
-    both_legs: list[ChainRow]
+    walk: dict[tuple[str, str], JointErrors]
     sessions: dict[str, list[Path]] = field(default_factory=dict)
 
-    def totals(self, state: str) -> GaitTotals:
-        """Over the seven axes of the right leg."""
-        rows = [row.ours[state] for row in self.gait]
-        means = [row.mean_error_deg for row in rows]
-        return GaitTotals(
-            float(np.mean(means)),
-            float(np.mean(np.abs(means))),
-            float(np.mean([row.mean_abs_error_deg for row in rows])),
-            float(np.sqrt(np.mean([row.rmse_deg**2 for row in rows]))),
-        )
-
     @property
-    def distal_is_worse(self) -> dict[str, bool]:
-        """By state: whether the second joint of the squat has at least the angle error of the first, as the thesis found."""
+    def parts(self) -> int:
+        """Runs of each protocol."""
+        return len(self.sessions[GAIT_PROTOCOL])
+
+    def mean_magnitude_of_means(self, state: str) -> list[float]:
+        """Mean over the seven axes of the magnitudes of their signed means [deg], by part."""
+        return np.mean([np.abs(row.ours[state].values("mean_error_deg")) for row in self.gait], axis=0).tolist()
+
+    def walking_rms(self, state: str) -> list[float]:
+        """RMS over the seven axes [deg], by part."""
+        return np.sqrt(np.mean([np.square(row.ours[state].values("rmse_deg")) for row in self.gait], axis=0)).tolist()
+
+    def distal_change(self, state: str) -> dict[str, Change]:
+        """Error of the second joint of the squat against that of the first, of each quantity; above zero in the thesis."""
         first, second = [row for row in self.servo if row.table == "4.2"]
-        return {state: second.ours[state][0] >= first.ours[state][0] for state in first.ours}
+        return _changes(second.ours[state], first.ours[state])
 
 
 def reference_5(
     logs: str | Path = "logs",
-    seeds: tuple[int, ...] = tuple(range(20)),
+    seeds: Sequence[int] = tuple(range(5)),
     protocols: dict[str, Protocol | str | Path] | None = None,
     with_report: bool = True,
     clock: Clock | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> Reference5:
     """Run pendulum, squat and gait and put our errors beside the published ones.
 
     Args:
-        logs: Folder of the sessions. seeds: Of the simulated arms and sensors; the gait takes the first.
+        logs: Folder of the sessions. seeds: Of the simulated arms and sensors, one for each part.
         protocols: Others in place of the shipped ones, by name. with_report: Whether each session gets its report.html.
-        clock: The machine's if None.
+        clock: The machine's if None. say: Called with what is being run.
     """
     published = load_published_chain()
-
-    def sessions_of(name: str, which: tuple[int, ...]) -> list[Result]:
-        protocol = (protocols or {}).get(name, name)
-        return [run(protocol, seed=seed, logs=logs, with_report=with_report, clock=clock) for seed in which]
-
-    results = {name: sessions_of(name, seeds) for name in SERVO_PROTOCOLS.values()}
-    results[GAIT_PROTOCOL] = sessions_of(GAIT_PROTOCOL, seeds[:1])
+    found: dict[str, dict[tuple[str, str], JointErrors]] = {}
+    sessions: dict[str, list[Path]] = {}
+    for name in (*SERVO_PROTOCOLS.values(), GAIT_PROTOCOL):
+        rows, sessions[name] = [], []
+        for seed in seeds:
+            if say is not None:
+                say(f"running {name}, seed {seed}")
+            result = run((protocols or {}).get(name, name), seed=seed, logs=logs, with_report=with_report, clock=clock)
+            rows.extend(result.evaluation.chain)
+            sessions[name].append(result.session.path)
+        found[name] = _by_joint_and_state(rows)
     servo = []
     for table in published.servo_rms:
-        rigs = results[SERVO_PROTOCOLS[table.table]]
-        names = [rig.session.name for rig in rigs]
-        joints = list(dict.fromkeys(row.joint for row in rigs[0].evaluation.chain))
-        for i, joint in enumerate(joints):
-            rows = [_by_state(rig, joint) for rig in rigs]
-            ours = {str(state): _pooled([row[state] for row in rows]) for state in table.states}
+        errors = found[SERVO_PROTOCOLS[table.table]]
+        for i, joint in enumerate(dict.fromkeys(joint for joint, _ in errors)):
+            ours = {str(state): errors[joint, str(state)] for state in table.states}
             theirs = {str(state): numbers[i] for state, numbers in table.states.items()}
-            servo.append(ServoComparison(table.table, table.joints[i], names, ours, theirs))
-    (walked,) = results[GAIT_PROTOCOL]
+            servo.append(ServoComparison(table.table, table.joints[i], ours, theirs))
+    walk = found[GAIT_PROTOCOL]
+    states = list(dict.fromkeys(state for _, state in walk))
     gait = [
-        GaitComparison(row, walked.session.name, _by_state(walked, AXES[row.joint, row.axis])) for row in published.gait.rows
+        GaitComparison(row, {state: walk[AXES[row.joint, row.axis], state] for state in states}) for row in published.gait.rows
     ]
-    legs = [row for row in walked.evaluation.chain if row.joint.startswith(("hip", "knee", "ankle"))]
-    sessions = {name: [result.session.path for result in group] for name, group in results.items()}
-    return Reference5(published, servo, gait, legs, sessions)
+    return Reference5(published, servo, gait, walk, sessions)
 
 
-def _by_state(result: Result, joint: str) -> dict[str, ChainRow]:
-    return {row.state: row for row in result.evaluation.chain if row.joint == joint}
+def _by_joint_and_state(rows: list[ChainRow]) -> dict[tuple[str, str], JointErrors]:
+    found: dict[tuple[str, str], list[ChainRow]] = {}
+    for row in rows:
+        found.setdefault((row.joint, row.state), []).append(row)
+    return {key: JointErrors(rows) for key, rows in found.items()}
 
 
-def _pooled(rows: list[ChainRow]) -> list[float]:
-    """RMS of angle, rate and acceleration over several sessions of equal length."""
-    kinds = ("rmse_deg", "rate_rmse_deg_s", "acceleration_rmse_deg_s2")
-    return [float(np.sqrt(np.mean([getattr(row, kind) ** 2 for row in rows]))) for kind in kinds]
-
-
-def _gain(before: list[float], after: list[float]) -> list[float]:
-    return [100 * (1 - a / b) for a, b in zip(after, before, strict=True)]
+def _changes(first: JointErrors, second: JointErrors) -> dict[str, Change]:
+    return {
+        quantity: Change.of(first.values(kind), second.values(kind)) for quantity, kind in zip(QUANTITIES, KINDS, strict=True)
+    }

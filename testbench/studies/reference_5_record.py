@@ -3,102 +3,199 @@
 from __future__ import annotations
 
 from testbench.records.session_writer import software_versions
-from testbench.records.study import StudyRecord, StudyRow, StudyTable
+from testbench.records.study import StudyRecord, StudyRow, StudyTable, Value
+from testbench.studies import reference_5_words as words
 from testbench.studies.bench import StudyBench
-from testbench.studies.reference_5 import Reference5, reference_5
+from testbench.studies.reference_5 import AXES, FOURIER, QUANTITIES, JointErrors, Reference5, reference_5
+from testbench.studies.spread import Change
 
-SERVO_WHY = (
-    "Only the order can be compared: the printed formula divides by the number of samples outside the root, table 4.1 gives "
-    "degrees for all three columns and table 4.2 no unit. Dimensions and motions of their rigs are not stated; ours are in the "
-    "protocols, and the arm's joints are known."
-)
-GAIT_WHY = (
-    "A person walked there, with sensors on skin, and the joint angles were compared with those of another measurement system; "
-    "the best of five trials is shown. Ours is a chain of rigid bodies that moves by published gait curves and is compared "
-    "with its own joints: what soft tissue and heel strike do is not in it."
-)
+LEAST_COVERED_PERCENT = 80.0
+"""A state whose standard uncertainty covers less of its errors (95 of a hundred would be honest) is too sure of itself."""
 
 
 def run(bench: StudyBench) -> StudyRecord:
-    """Run pendulum, squat and gait and put the errors beside the published ones."""
-    started = f"{bench.clock.utc():%Y-%m-%dT%H:%M:%SZ}"
+    """Run pendulum, squat and gait with every part and put the errors beside the published ones."""
+    started = bench.now()
     seeds = tuple(range(bench.seed, bench.seed + bench.parts))
-    bench.say(f"pendulum and squat with {len(seeds)} parts, and a walk")
-    found = reference_5(bench.logs, seeds, with_report=False, clock=bench.clock)
+    found = reference_5(bench.logs, seeds, clock=bench.clock, say=bench.say)
     return StudyRecord(
         "reference-5",
         "A Kalman filter over a kinematic chain",
-        "How well do the joints of a chain follow from the sensors on its links, and what does a Fourier state gain?",
-        f"{found.published.authors}, {found.published.institution}, {found.published.year}",
+        words.QUESTION,
+        found.published.source,
         started,
         {"seed": bench.seed, "parts": bench.parts, "protocols": ", ".join(found.sessions)},
         tuple(str(path) for paths in found.sessions.values() for path in paths),
-        _findings(found, bench.parts),
-        (*(_servo_table(found, table) for table in ("4.1", "4.2")), _gait_table(found)),
+        findings(found),
+        (
+            *(_servo_table(found, table) for table in ("4.1", "4.2")),
+            _change_table("states", words.STATES, fourier_changes(found), _published_fourier(found)),
+            _change_table("order", words.ORDER, distal_changes(found), _published_distal(found)),
+            _gait_table(found),
+            _walk_table(found),
+        ),
         software=software_versions(),
     )
 
 
+def fourier_changes(found: Reference5) -> dict[str, Change]:
+    """Of every quantity of every joint of both rigs."""
+    return {f"{quantity} of {row.joint}": change for row in found.servo for quantity, change in row.fourier_change().items()}
+
+
+def distal_changes(found: Reference5) -> dict[str, Change]:
+    """Of every quantity by every state."""
+    states = found.servo[0].ours
+    return {f"{q} by the {state} state": change for state in states for q, change in found.distal_change(state).items()}
+
+
+def uncovered(found: Reference5) -> dict[tuple[str, str, str], JointErrors]:
+    """Joints whose stated uncertainty covers too few of the errors of all parts, by what is moved, joint and state."""
+    rigs = {
+        ("pendulum" if row.table == "4.1" else "squat", row.joint, state): errors
+        for row in found.servo
+        for state, errors in row.ours.items()
+    }
+    everything = rigs | {("gait", joint, state): errors for (joint, state), errors in found.walk.items()}
+    return {key: errors for key, errors in everything.items() if errors.mean("covered_percent") < LEAST_COVERED_PERCENT}
+
+
+def findings(found: Reference5) -> tuple[str, ...]:
+    """The answer in sentences, each no wider than its spread."""
+    sentences = [
+        words.judged(words.STATES, fourier_changes(found), found.parts),
+        words.judged(words.ORDER, distal_changes(found), found.parts),
+    ]
+    states = list(dict.fromkeys(state for _, state in found.walk))
+    sentences += [
+        words.walked(
+            state, found.mean_magnitude_of_means(state), found.walking_rms(state), found.published.gait.mean_magnitude_deg
+        )
+        for state in states
+    ]
+    lost = uncovered(found)
+    for state in states:
+        own = {f"{joint} ({rig})": errors for (rig, joint, key), errors in lost.items() if key == state}
+        told = {name: (errors.rms("rmse_deg"), errors.mean("covered_percent")) for name, errors in own.items()}
+        count = len([key for _, key in found.walk if key == state]) + len(found.servo)
+        sentences.append(words.covered(state, told, count, LEAST_COVERED_PERCENT))
+    return tuple(sentences)
+
+
 def _servo_table(found: Reference5, table: str) -> StudyTable:
     rows = [
-        StudyRow(f"{row.joint}, {state}", tuple(row.ours[state]), tuple(row.published[state]))
+        StudyRow(
+            f"{row.joint}, {state}",
+            (*row.pooled(state), errors.mean("covered_percent")),
+            (*row.published[state], None),
+            _too_sure(errors),
+        )
         for row in found.servo
         if row.table == table
-        for state in row.ours
+        for state, errors in row.ours.items()
     ]
-    what = {"4.1": "Pendulum", "4.2": "Squat of two joints"}[table]
+    ratios = [
+        [a / b for row in found.servo for state in row.ours for a, b in [(row.pooled(state)[i], row.published[state][i])]]
+        for i in range(len(QUANTITIES))
+    ]
     return StudyTable(
         f"table_{table.replace('.', '_')}",
-        f"{what}: RMS errors",
-        ("angle [deg]", "rate [deg/s]", "acceleration [deg/s²]"),
+        f"{words.RIGS[table]}: RMS errors",
+        ("angle [deg]", "rate [deg/s]", "acceleration [deg/s²]", "covered [%]"),
         tuple(rows),
-        "How to read: RMS over all parts of the same kind, against the joints of the arm; rows in italics as printed.",
-        SERVO_WHY,
+        f"How to read: RMS over {words.counted(found.parts)} of one kind, against the joints of the arm; covered are the "
+        "errors of the angle within 1.96 of the uncertainty that the filter states.",
+        words.sizes(ratios) if table == "4.1" else "",
         table,
-        (4, 3, 2),
+        (4, 3, 2, 0),
     )
+
+
+def _too_sure(errors: JointErrors) -> str:
+    return "too sure of itself" if errors.mean("covered_percent") < LEAST_COVERED_PERCENT else ""
+
+
+def _change_table(key: str, question: words.Question, changes: dict[str, Change], published: dict[str, float]) -> StudyTable:
+    rows = []
+    for name, change in changes.items():
+        low, high = change.interval or (None, None)
+        values: tuple[Value, ...] = (change.percent, low, high, float((change.ratios < 1).sum()), change.verdict)
+        rows.append(StudyRow(name, values, (round(published[name], 1), None, None, None, None)))
+    parts = len(next(iter(changes.values())).ratios)
+    return StudyTable(
+        key,
+        question.caption,
+        ("change [%]", "from [%]", "to [%]", "parts with less", "shown"),
+        tuple(rows),
+        words.CHANGE_HOW.format(parts=words.counted(parts)),
+        question.why,
+        decimals=(1, 1, 1, 0, 0),
+        short=question.short,
+    )
+
+
+def _published_fourier(found: Reference5) -> dict[str, float]:
+    """Change from the kinematic to the Fourier state [%], as the printed errors have it."""
+    return {
+        f"{quantity} of {row.joint}": 100 * (row.published["fourier"][i] / row.published["kinematic"][i] - 1)
+        for row in found.servo
+        for i, quantity in enumerate(QUANTITIES)
+    }
+
+
+def _published_distal(found: Reference5) -> dict[str, float]:
+    """Change from the first joint of the squat to the second [%], as the printed errors have it."""
+    first, second = [row for row in found.servo if row.table == "4.2"]
+    return {
+        f"{quantity} by the {state} state": 100 * (second.published[state][i] / first.published[state][i] - 1)
+        for state in first.published
+        for i, quantity in enumerate(QUANTITIES)
+    }
 
 
 def _gait_table(found: Reference5) -> StudyTable:
     rows = []
     for row in found.gait:
+        movement = AXES[row.published.joint, row.published.axis].rpartition("_")[2]
         for state, ours in row.ours.items():
-            values = (ours.mean_error_deg, ours.mean_abs_error_deg, ours.rmse_deg)
-            rows.append(
-                StudyRow(
-                    f"{row.published.joint} {row.published.axis}, {state}", values, (row.published.mean_error_deg, None, None)
-                )
+            means = ours.values("mean_error_deg")
+            values = (
+                ours.mean("mean_error_deg"),
+                min(means),
+                max(means),
+                ours.mean("mean_abs_error_deg"),
+                ours.rms("rmse_deg"),
             )
+            theirs = (row.published.mean_error_deg, None, None, None, None) if state == FOURIER else ()
+            rows.append(StudyRow(f"{row.published.joint} {movement} ({row.published.axis}), {state}", values, theirs))
     return StudyTable(
         "table_4_3",
         "Walking, right leg: errors of the joint angles",
-        ("signed mean [deg]", "mean |e| [deg]", "RMS [deg]"),
+        ("signed mean [deg]", "lowest of a part", "highest of a part", "mean |e| [deg]", "RMS [deg]"),
         tuple(rows),
-        "How to read: the publication gives signed means, in which errors of either sign cancel; the mean magnitude and the "
-        "RMS beside them are ours alone.",
-        GAIT_WHY,
+        words.GAIT_HOW.format(parts=words.counted(found.parts)),
+        words.GAIT_WHY,
         "4.3, 4.4",
-        (3, 3, 3),
-        0,
+        (3,) * 5,
     )
 
 
-def _findings(found: Reference5, parts: int) -> tuple[str, ...]:
-    sentences = []
-    for row in found.servo:
-        gains = ", ".join(f"{gain:.0f} %" for gain in row.fourier_gain_percent)
-        sentences.append(
-            f"{row.joint} (table {row.table}): the Fourier state has {gains} less error of angle, rate and acceleration than "
-            f"the kinematic one, over {parts} parts."
-        )
-    worse = [state for state, is_worse in found.distal_is_worse.items() if is_worse]
-    sentences.append(
-        f"The distal joint of the squat has at least the error of the proximal one by {' and '.join(worse) or 'neither state'}."
-    )
-    totals = found.totals("fourier") if "fourier" in found.gait[0].ours else None
-    if totals is not None:
-        sentences.append(
-            f"Walking, by the Fourier state: the mean magnitude of the signed means is {totals.mean_magnitude_of_means:.3f} "
-            f"deg (published {found.published.gait.mean_magnitude_deg:.3f}), the RMS {totals.rmse:.3f} deg."
-        )
-    return tuple(sentences)
+def _walk_table(found: Reference5) -> StudyTable:
+    rows = []
+    for (joint, state), errors in found.walk.items():
+        values = (
+            errors.mean("mean_error_deg"), errors.rms("rmse_deg"), max(errors.values("rmse_deg")),
+            errors.rms("uncertainty_deg"), errors.mean("covered_percent"), min(errors.values("covered_percent")),
+        )  # fmt: skip
+        rows.append(StudyRow(f"{joint}, {state}", values, note=_too_sure(errors)))
+    return StudyTable(
+        "walk",
+        "Walking: every joint of the chain, and how sure the filter is of it",
+        ("signed mean [deg]", "RMS [deg]", "largest RMS of a part [deg]", "stated uncertainty [deg]", "covered [%]",
+         "least of a part [%]"),
+        tuple(rows),
+        words.WALK_HOW.format(parts=words.counted(found.parts), least=LEAST_COVERED_PERCENT),
+        words.WALK_WHY,
+        decimals=(3, 3, 3, 3, 0, 0),
+        short="Every joint",
+    )  # fmt: skip

@@ -25,7 +25,7 @@ from testbench.reporting.joint_section import joint_section
 from testbench.reporting.orientation_section import orientation_section
 from testbench.reporting.outliers import common_top
 from testbench.reporting.page import Figures, Sentence
-from testbench.reporting.palette import COLOURS, REFERENCE, filter_colours, rgb
+from testbench.reporting.palette import COLOURS, ORDERED, REFERENCE, filter_colours, rgb
 from testbench.reporting.report import report
 from testbench.reporting.tables import Table
 from tests.reporting.conftest import Judged, copy_of
@@ -277,7 +277,7 @@ def contrast(first: str, second: str) -> float:
     return (light + 0.05) / (dark + 0.05)
 
 
-@pytest.mark.parametrize("colour", [*COLOURS, REFERENCE])
+@pytest.mark.parametrize("colour", [*COLOURS, *ORDERED, REFERENCE])
 def test_every_colour_is_legible_on_light_and_on_dark(colour: str) -> None:
     assert contrast(colour, "#ffffff") >= 3
     assert contrast(colour, "#14171c") >= 3

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -23,7 +24,9 @@ from testbench.records.study import (
     StudyTable,
 )
 from testbench.reporting.figures import box_plots
+from testbench.reporting.palette import COLOURS, ORDERED, REFERENCE, ordered_colours
 from testbench.reporting.study_report import draw_curves, render_study, study_report
+from testbench.reporting.tables import ratio
 
 CHROMIUM = shutil.which("chromium")
 
@@ -63,6 +66,54 @@ def test_our_rows_stand_above_the_published_ones_with_their_ratio(study):
     assert "both <calibrated> 0.250 – 4.5e−07 0.011 published 23.72 91.65 8.9378e-07" in shown
     assert "with g more of it 0.025 0.05 1.000000000 –" in shown
     assert "Angles (beside table 4.3)" in shown and "Because of & so on." in shown
+
+
+def test_a_published_row_without_ours_is_a_row_of_its_own(study):
+    row = StudyRow("chest", (None, None, None), (1.5, 2.0, None), "of a walker")
+    alone = replace(study.tables[0], rows=(*study.tables[0].rows, row), ratio_column=None)
+    page = render_study(replace(study, tables=(alone,)))
+    assert "chest of a walker 1.5 2 –" in words(page) and "chest of a walker – – –" not in words(page)
+    assert row.published_alone and not any(r.published_alone for r in study.tables[0].rows)
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(412.3, "410"), (12345.0, "12000"), (1.0, "1"), (0.0512, "0.051"), (0.00034, "0.00034"), (-0.783, "−0.78"),
+     (9.96, "10"), (3.4e7, "3.4·10⁷"), (5.03e-8, "5.0·10⁻⁸"), (0.0, "0"), (None, "–"), (float("nan"), "–")],
+)  # fmt: skip
+def test_ratios_are_plain_numbers_while_their_zeros_can_be_seen(value, shown):
+    assert ratio(value).text == shown
+
+
+def test_sessions_are_linked_from_where_the_report_lies(study, tmp_path):
+    logs, folder = tmp_path / "the logs", tmp_path / "the logs" / "study"
+    for session in ("with report", "without"):
+        (logs / session).mkdir(parents=True)
+    (logs / "with report" / "report.html").write_text("", encoding="utf-8")
+    folder.mkdir()
+    sessions = tuple(str(logs / name) for name in ("with report", "without", "gone"))
+    page = render_study(replace(study, sessions=sessions), folder)
+    assert re.findall(r'<a href="(\.\.[^"]+)">([^<]+)</a>', page) == [
+        ("../with%20report/report.html", "with report"), ("../without", "without")
+    ]  # fmt: skip
+    assert sessions[2] in words(page)
+    assert 'href="../' not in render_study(replace(study, sessions=sessions))
+
+
+def test_axes_are_logarithmic_or_a_plane_and_colours_ordered_where_asked_for(study):
+    x = np.array([0.0, 1, 2])
+    curves = tuple(StudyCurve(f"{i} deg", x, x + i, "measurement") for i in range(8))
+    plain = StudyCurves("c", "x", "y", (StudyCurve("true", x, x, "truth"), *curves))
+    drawn = draw_curves(plain)
+    assert "type" not in drawn["layout"]["yaxis"] and drawn["data"][0]["line"]["color"] == REFERENCE
+    assert [entry["mode"] for entry in drawn["data"]] == ["lines"] + ["markers"] * 8
+    assert [entry["line"]["color"] for entry in drawn["data"][1:]] == list(COLOURS[:8])
+    assert draw_curves(replace(plain, logarithmic=True))["layout"]["yaxis"]["type"] == "log"
+    plane = draw_curves(replace(plain, plane=True))
+    assert plane["layout"]["yaxis"]["scaleanchor"] == "x" and plane["data"][1]["mode"] == "lines+markers"
+    ordered = draw_curves(replace(plain, ordered=True))
+    assert [entry["line"]["color"] for entry in ordered["data"][1:]] == list(ORDERED)
+    assert ordered_colours(2) == [ORDERED[0], ORDERED[-1]] and ordered_colours(1) == [ORDERED[0]]
 
 
 def test_findings_sessions_and_versions_are_there(study):

@@ -116,9 +116,10 @@ def test_the_tables_hold_ours_beside_the_published(swung):
     assert [row.published for row in table.rows] == [
         tuple(row.values) for row in load_published_tables("reference_4").tables["10"].rows
     ]
-    assert ["gait_cycles 14, roll_deg 3" in figure.caption for figure in study.curves] == [True, False]
-    assert "gait_cycles 109, roll_deg 3" in study.curves[1].caption
-    for figure, least in zip(study.curves, (40, 340), strict=True):  # beyond half a turn nothing wraps
+    assert ["gait_cycles 14, roll_deg 3" in figure.caption for figure in study.curves] == [True, True, False, False]
+    assert [figure.plane for figure in study.curves] == [False, True, False, True]
+    assert "gait_cycles 109, roll_deg 3" in study.curves[2].caption
+    for figure, least in zip(study.curves[::2], (40, 340), strict=True):  # beyond half a turn nothing wraps
         curves = {curve.name: curve for curve in figure.curves}
         assert set(curves) == {"device", "vqf_6d", "euler_ekf_simple", "euler_ekf"}
         assert all(len(curve.x) <= 800 for curve in figure.curves)

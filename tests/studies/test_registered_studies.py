@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from testbench.clock import SystemClock
+from testbench.exceptions import InputError
 from testbench.records.session import Session
 from testbench.records.study import StudyRecord
+from testbench.reporting.study_report import study_report
 from testbench.studies import get_study, references
 from testbench.studies.bench import StudyBench
+from testbench.studies.folder import new_folder
+
+PROTOCOLS = Path(__file__).resolve().parents[2] / "protocols"
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +61,58 @@ def test_reference_4_counts_every_cycle_and_drifts_as_published(bench, tmp_path)
             assert row.values[0] == pytest.approx(44, abs=3) and row.published[0] == 50
         else:
             assert row.values[0] < 10 and row.published[0] == 10
-    assert "counted exactly" in study.findings[0] and "Over 14 cycles" in study.findings[1]
+    assert "counted exactly" in study.findings[0]
+    assert "In walk, gait_cycles 14, roll_deg 3 the yaw drifts" in study.findings[1]
+
+
+@pytest.fixture(scope="module")
+def own_swing(tmp_path_factory):
+    """A copy of shank_swing with other cycle numbers, beside what it includes."""
+    folder = tmp_path_factory.mktemp("protocols")
+    (folder / "calibration_3d.yaml").write_text((PROTOCOLS / "calibration_3d.yaml").read_text(encoding="utf-8"))
+    text = (PROTOCOLS / "shank_swing.yaml").read_text(encoding="utf-8")
+    assert "gait_cycles: [14, 109]" in text and "roll_deg: [0, 3]" in text
+    text = text.replace("gait_cycles: [14, 109]", "gait_cycles: [5, 9]").replace("roll_deg: [0, 3]", "roll_deg: 3")
+    file = folder / "own.yaml"
+    file.write_text(text.replace("filters: [device, vqf_6d, fusion,", "filters: [device,"), encoding="utf-8")
+    return file
+
+
+def test_reference_4_takes_a_protocol_of_ones_own_and_draws_its_paths(bench, own_swing, tmp_path):
+    study = kept(get_study("reference-4").run(replace(bench, protocol=own_swing)), tmp_path)
+    assert {(row.values[0], row.values[1]) for row in study.table("cycles").rows} == {(5, 5), (9, 9)}
+    assert study.findings[0].startswith("Gait cycles, 5 and 9 commanded")
+    assert not [row for row in study.table("drift").rows if row.published]  # published is of fourteen cycles
+    assert study.settings["protocol"] == str(own_swing)
+    paths = [curves for curves in study.curves if curves.plane]
+    assert ["gait_cycles 5" in paths[0].caption, "gait_cycles 9" in paths[1].caption] == [True, True]
+    for figure, cycles in zip(paths, (5, 9), strict=True):
+        ends = {curve.name: np.array([curve.x[-1], curve.y[-1]]) for curve in figure.curves}
+        assert all(len(curve.x) == cycles + 1 and curve.x[0] == curve.y[0] == 0 for curve in figure.curves)
+        rows = {
+            row.label.rpartition(", ")[2]: row.values for row in study.table("cycles").rows if f"cycles {cycles}" in row.label
+        }
+        assert set(ends) == {"true motion", *rows}
+        for name, values in rows.items():
+            assert np.linalg.norm(ends[name] - ends["true motion"]) == pytest.approx(values[6], abs=1e-9), name
+
+
+def test_a_protocol_that_a_study_cannot_use_is_refused_before_anything_runs(bench, tmp_path):
+    empty = replace(bench, logs=tmp_path / "logs")
+    with pytest.raises(InputError, match="static_noise has no sweep"):
+        get_study("reference-4").run(replace(empty, protocol="static_noise"))
+    with pytest.raises(InputError, match="taken by: reference-4"):
+        get_study("reference-1").run(replace(empty, protocol="shank_swing"))
+    assert not (tmp_path / "logs").exists()
+
+
+def test_sessions_of_a_study_have_reports_that_it_links_to(bench, tmp_path):
+    study = get_study("misalignment").run(bench)
+    folder = new_folder(bench.logs, "misalignment", bench.clock)
+    page = study_report(study, folder).read_text(encoding="utf-8")
+    (link,) = re.findall(r'<a href="(\.\./[^"]+)">', page)
+    assert (folder / link).resolve() == (Path(study.sessions[0]) / "report.html").resolve()
+    assert (folder / link).is_file()
 
 
 def test_a_study_is_kept_under_the_name_it_was_asked_for(bench, monkeypatch):
