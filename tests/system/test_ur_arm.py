@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -173,6 +174,38 @@ def test_another_model_or_an_old_controller_is_refused(short_plan, tmp_path):
         drive(short_plan, other, tmp_path)
     with emulated_ur("--polyscope", "5.3.0.1") as old, pytest.raises(ArmRefused, match=r"PolyScope 5\.3"):
         drive(short_plan, old, tmp_path)
+
+
+def test_a_second_run_on_the_same_arm_is_refused_and_leaves_the_first_alone(robot, short_plan, tmp_path, monkeypatch):
+    elsewhere = tmp_path / "tmp"  # where the lock of another machine would be: only the controller can tell then
+    elsewhere.mkdir()
+    told: list[str] = []
+
+    def intrude() -> None:
+        for folder in (None, elsewhere):
+            if folder is not None:
+                monkeypatch.setenv("TMPDIR", str(folder))
+            arm = UrArm(short_plan.robot, ur_settings(short_plan, robot.address))
+            try:
+                arm.connect()
+            except ArmRefused as refusal:
+                told.append(str(refusal))
+            finally:
+                arm.close()
+
+    second = threading.Thread(target=intrude)
+
+    def begin(progress) -> None:
+        if second.ident is None:
+            second.start()
+            os.kill(os.getpid(), signal.SIGUSR1)
+        elif not second.is_alive():
+            os.kill(os.getpid(), signal.SIGUSR2)
+
+    session = drive(short_plan, robot, tmp_path / "logs", progress=begin)
+    assert "another run of the bench on this machine" in told[0]
+    assert "a program is running on this controller (another bench, or the pendant?)" in told[1]
+    assert session.status is RunStatus.COMPLETED
 
 
 def test_nobody_at_the_address_is_a_clear_message(short_plan, tmp_path):

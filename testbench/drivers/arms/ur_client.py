@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from testbench.drivers.arms.controller_clock import ControllerClock
+from testbench.drivers.arms.controller_lock import ControllerLock
 from testbench.drivers.arms.ur_link import LinkSettings
 
 DASHBOARD_PORT, SECONDARY_PORT = 29999, 30002
@@ -25,6 +26,10 @@ REASON_S = 0.1
 """Samples come slower than the client learns that a program ended; they say why within this time [s]."""
 SMOOTHING = 0.1
 """Weight of the newest sample in the smoothed angles that decide whether a pose is reached: encoders hiss."""
+ENDING_S = 0.5
+"""A program that nobody feeds any more has ended this long after its watchdog's time [s]."""
+PROGRAM_STATES = {"PLAYING": "running", "PAUSED": "paused"}
+"""Answers to `programState` of the dashboard that are not STOPPED, in words."""
 VARIABLES = [
     "timestamp", "target_q", "actual_q", "actual_qd", "actual_current", "joint_temperatures", "robot_mode", "safety_mode",
     "runtime_state", "robot_status_bits", "safety_status_bits", "target_speed_fraction", "speed_scaling",
@@ -68,6 +73,7 @@ class UrClient:
         self._modes = (0, 0)
         self._bits = 0
         self._program_seen = self._streaming = False
+        self._lock = ControllerLock(settings.host)
 
     def now_ns(self) -> int:
         """Host time [ns]."""
@@ -90,6 +96,8 @@ class UrClient:
                 "(its client library exists for x86-64 and Python up to 3.12)",
             ) from None
         host = self.settings.host
+        if not self._lock.take():
+            return {"refused": "another run of the bench on this machine drives it; wait for its end, or stop it"}
         dashboard = dashboard_client.DashboardClient(host)
         info = self._ask(dashboard)
         if info["refused"] is not None:
@@ -136,6 +144,8 @@ class UrClient:
                 "remote_control": dashboard.isInRemoteControl(),
                 "safety_status": dashboard.safetystatus().partition(": ")[2],
             }
+            sound = info["safety_status"] in {"NORMAL", "REDUCED"}  # of a stopped arm the cause of its stop is said first
+            program = self._program_of_others(dashboard) if sound else None
             dashboard.disconnect()
         except ArmFault:
             raise
@@ -143,7 +153,21 @@ class UrClient:
             raise ArmFault("connection", f"the dashboard at {host} does not answer: {error}") from None
         if not info["remote_control"]:
             info["refused"] = "the robot is not in remote control; switch it on the teach pendant"
+        elif program is not None:
+            info["refused"] = (
+                f"a program is {program} on this controller (another bench, or the pendant?); "
+                "look at who uses the arm, then stop the program on the teach pendant"
+            )
         return info
+
+    def _program_of_others(self, dashboard: Any) -> str | None:
+        """Whether a program is "running" or "paused"; that of a bench that is just gone has the time to end by its watchdog."""
+        end = time.monotonic() + self.settings.watchdog + ENDING_S
+        while True:
+            state = str(dashboard.programState()).partition(" ")[0]
+            if state not in PROGRAM_STATES or time.monotonic() > end:
+                return PROGRAM_STATES.get(state)
+            time.sleep(0.05)
 
     def _refusal(self) -> str | None:
         if self._bits & PROTECTIVE:
@@ -305,3 +329,4 @@ class UrClient:
                 with suppress(Exception):
                     interface.disconnect()
         self.listening = False
+        self._lock.release()
