@@ -18,15 +18,24 @@ from testbench.execution import execute
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.execution.device_recorder import open_devices
 from testbench.execution.executor import Progress, simulated_sensors
-from testbench.execution.resume import missing_steps, open_for_resume, refuse_differences, stored_protocol, stored_robot
+from testbench.execution.resume import (
+    missing_steps,
+    open_for_resume,
+    refuse_differences,
+    refuse_other_robot,
+    stored_protocol,
+    stored_robot,
+    todays_protocol,
+)
 from testbench.model.dh_calibration import calibrated
 from testbench.pipeline import Result, analyse, make_plan
 from testbench.planning.planner import find_robot
 from testbench.records.arm_calibration import load_arm_calibration
 from testbench.records.calibration_file import load_calibrations
-from testbench.records.plan import Plan
+from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import Robot
+from testbench.records.session import Session
 
 
 @dataclass(frozen=True)
@@ -101,6 +110,76 @@ def run_on_arm(
     return analyse(session, filters, with_report, plan, calibrations, tunings)
 
 
+def look_at_arm(plan: Plan, setup: ArmSetup, steps: list[PlannedStep] | None = None, clock: Clock | None = None) -> None:
+    """Refuse what a run would refuse of its sensors' names and of its arm, before a person is asked anything.
+
+    The controller is let go again: a person takes time to answer.
+
+    Args:
+        plan: As made by `make_plan`. setup: Arm and sensors. steps: Those of its steps to do; all if None. clock: The machine's
+        if None.
+
+    Raises:
+        InputError: As for `make_arm`, or the arm must not be driven.
+        DriverError: There is no controller, or it does not answer.
+    """
+    arm, sensors, _ = make_arm(plan, setup, clock or SystemClock())
+    try:
+        arm.connect()
+        arm.check_way(plan, steps)
+    finally:
+        arm.close()
+        sensors.close()
+
+
+@dataclass(frozen=True)
+class Resumption:
+    """How a session goes on.
+
+    Attributes:
+        session: That broke off. plan: Of the whole run. steps: That a real arm does. note: By which protocol, for people.
+    """
+
+    session: Session
+    plan: Plan
+    steps: list[PlannedStep]
+    note: str
+
+
+def prepare_resume(
+    path: Path,
+    protocol: str | Path | None = None,
+    robot: str | Path | None = None,
+    filters: Sequence[str | OrientationFilter] | None = None,
+    tunings: Sequence[Path] = (),
+) -> Resumption:
+    """Look at what is missing of a session, and whether its files are still what they were; nothing is connected.
+
+    Args:
+        path: Of the session. protocol: As it is today; where the session had it from if None. robot: As it is today; the
+        session's own copy if None. filters, tunings: As for `run`.
+
+    Raises:
+        SessionError: It was completed, or is no run.
+        InputError: Protocol, robot or software are not what they were; lists what differs.
+    """
+    session = open_for_resume(path)
+    refuse_other_robot(session, robot)
+    today = todays_protocol(session, protocol)
+    try:
+        with stored_protocol(session) as stored:
+            plan = make_plan(today or stored, stored_robot(session), filters, tunings)
+        refuse_differences(session, plan, session.manifest["sensors"])
+    except InputError as error:
+        if protocol is not None or today is None:
+            raise
+        copy = session.path / "protocol.yaml"
+        raise InputError(f"{error}\nto go on by the protocol that the session keeps, name it: --resume {path} {copy}") from None
+    kept = "the protocol that the session keeps"
+    note = f"resuming by {kept}" if today is None else f"resuming by {kept}; {today} is still the same"
+    return Resumption(session, plan, missing_steps(session, plan), note)
+
+
 def resume(
     path: Path,
     setup: ArmSetup | None = None,
@@ -112,6 +191,7 @@ def resume(
     progress: Callable[[Progress], None] | None = None,
     calibrations: Path | None = None,
     tunings: Sequence[Path] = (),
+    prepared: Resumption | None = None,
 ) -> Result:
     """Go on with a session whose run broke off.
 
@@ -119,8 +199,9 @@ def resume(
     that give the sensors their references.
 
     Args:
-        path: Of the session. setup, options: For a run that is not simulated. protocol: As it is today; the session's own copy
-        if None. filters, with_report, clock, progress, calibrations, tunings: As for `run`.
+        path: Of the session. setup, options: For a run that is not simulated. protocol: As it is today; where the session had
+        it from if None. filters, with_report, clock, progress, calibrations, tunings: As for `run`. prepared: As made by
+        `prepare_resume`, where a person has seen it.
 
     Raises:
         SessionError: It was completed, or is no run.
@@ -128,19 +209,17 @@ def resume(
     """
     if calibrations is not None:
         load_calibrations(calibrations)
-    session = open_for_resume(path)
-    with stored_protocol(session) as stored:
-        the_plan = make_plan(protocol or stored, stored_robot(session), filters, tunings)
-        if session.manifest["arm"]["driver"] == "simulated":
-            refuse_differences(session, the_plan, simulated_sensors(the_plan))
-            seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
-            resumed = execute(the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session)
-            return analyse(resumed, filters, with_report, the_plan, calibrations, tunings)
-        if setup is None or options is None:
-            raise InputError(f"{path} was run on a real arm; say --arm, --host and --confirm-motion to go on")
-        arm, sensors, time = make_arm(the_plan, setup, clock or SystemClock())
-        refuse_differences(session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()})
-        steps = missing_steps(session, the_plan)
-        options = replace(options, steps=steps, resumes={"session": session.name, "steps": [step.index for step in steps]})
-        session = execute_on_arm(the_plan, arm, sensors, time, options)
-        return analyse(session, filters, with_report, the_plan, calibrations, tunings)
+    prepared = prepared or prepare_resume(path, protocol, None, filters, tunings)
+    session, the_plan, steps = prepared.session, prepared.plan, prepared.steps
+    if session.manifest["arm"]["driver"] == "simulated":
+        refuse_differences(session, the_plan, simulated_sensors(the_plan))
+        seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
+        resumed = execute(the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session)
+        return analyse(resumed, filters, with_report, the_plan, calibrations, tunings)
+    if setup is None or options is None:
+        raise InputError(f"{path} was run on a real arm; say --arm, --host and --confirm-motion to go on")
+    arm, sensors, time = make_arm(the_plan, setup, clock or SystemClock())
+    refuse_differences(session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()})
+    options = replace(options, steps=steps, resumes={"session": session.name, "steps": [step.index for step in steps]})
+    session = execute_on_arm(the_plan, arm, sensors, time, options)
+    return analyse(session, filters, with_report, the_plan, calibrations, tunings)

@@ -41,6 +41,11 @@ def say(message: str) -> None:
     print(message)
 
 
+def say_note(message: str) -> None:
+    """A line for people on stderr, which is no error."""
+    print(message, file=sys.stderr)
+
+
 def say_json(data: Any) -> None:
     """One line of JSON on stdout."""
     from testbench.records.storage import plain_values

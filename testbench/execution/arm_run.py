@@ -154,7 +154,8 @@ class _ArmRun:
         self.clock: Clock = time.clock
         self.now_ns = 0
         self.done = 0
-        self.total = len(plan.steps if options.steps is None else options.steps)
+        self.steps = plan.steps if options.steps is None else options.steps
+        self.total = len(self.steps)
         spec = plan.protocol.spec
         self.guards = GuardWatch(spec.guards or Guards(), list(sensors.imus))
         folder = free_folder(options.logs, options.name or f"{self.clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
@@ -208,8 +209,8 @@ class _ArmRun:
             if self.arm.finished and end_ns is None:
                 end_ns = self.now_ns + TAIL_NS
             if self.options.progress is not None:
-                step = self.plan.steps[min(self.done, len(self.plan.steps) - 1)]
-                self.options.progress(Progress(step.name, self.done, self.total, float(self.done), float(self.total)))
+                done = min(self.done, self.total - 1)
+                self.options.progress(Progress(self.steps[done].name, done, self.total, float(self.done), float(self.total)))
 
     def _pause_or_resume(self, operator: Operator) -> None:
         if operator.pause_asked and self.machine.state is RunState.RUNNING:
@@ -253,6 +254,9 @@ class _ArmRun:
             if event.event.startswith("step_"):
                 self.done += event.event == "step_ended"
                 self.recorder.step_event(event.host_time_ns, event.event, by_index[event.details["index"]])
+            elif event.event.startswith("connecting_"):
+                step = self.steps[min(self.done, self.total - 1)]
+                self.recorder.event(event.host_time_ns, event.event, towards=step.index, name=step.name)
             else:
                 self.recorder.event(event.host_time_ns, event.event, **event.details)
 

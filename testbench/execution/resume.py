@@ -36,6 +36,37 @@ def open_for_resume(path: Path) -> Session:
     return recover(session)
 
 
+def refuse_other_robot(session: Session, robot: str | Path | None) -> None:
+    """Refuse to go on with another arm than the one that began.
+
+    Args:
+        session: To go on with. robot: As named today; None if none was.
+
+    Raises:
+        InputError: It is another arm, or its file differs.
+    """
+    if robot is None:
+        return
+    given, kept = load_robot(robot), stored_robot(session)
+    if given.name != kept.name:
+        raise InputError(f"{session.path} was begun on {kept.name}, and cannot be resumed on {given.name}")
+    if given.text != kept.text:
+        raise InputError(f"{session.path} cannot be resumed: the robot file differs:\n{_difference(kept.text, given.text)}")
+
+
+def todays_protocol(session: Session, protocol: str | Path | None) -> str | Path | None:
+    """The protocol's file as it is today: the one that is named, or where the session had it from.
+
+    Returns:
+        None if that is gone, or if the session's own copy was named.
+    """
+    copy = (session.path / "protocol.yaml").resolve()
+    if protocol is not None:
+        return None if Path(protocol).resolve() == copy else protocol
+    origin = session.manifest.get("protocol_path")
+    return origin if isinstance(origin, str) and "\0" not in origin and Path(origin).is_file() else None
+
+
 @contextmanager
 def stored_protocol(session: Session) -> Iterator[Path]:
     """The protocol of a session with those it includes, as files under their own names, while the context lasts."""

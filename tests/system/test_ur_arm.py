@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,12 +17,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.arm_pipeline import ArmSetup, resume
+from testbench.arm_pipeline import ArmSetup, prepare_resume, resume
+from testbench.cli.running import ArmChoice, approve
 from testbench.clock import SystemClock
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.streamed import SessionTime
-from testbench.exceptions import ArmRefused, DriverError, InputError, RunInterrupted
+from testbench.exceptions import ArmRefused, BenchError, DriverError, InputError, RunInterrupted
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.execution.checklist import HAZARDS
 from testbench.execution.guards import GuardTripped
 from testbench.pipeline import analyse, make_plan
 from testbench.records.plan import Plan
@@ -80,7 +84,7 @@ def robot(emulator: EmulatedUr):
 
 def drive(plan: Plan, robot: EmulatedUr, logs: Path, **options) -> Session:
     time_ = SessionTime(SystemClock())
-    settings = replace(ur_settings(plan, robot.address), watchdog=1.5, arm_silence=1.5)  # this machine may be busy
+    settings = replace(ur_settings(plan, robot.address), watchdog=1.5, arm_silence=1.5, host_silence=8)  # it may be busy
     arm = UrArm(plan.robot, settings, time_)
     return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), time_, ArmRunOptions(logs, 1, **options))
 
@@ -279,9 +283,30 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
     (broken,) = list_sessions(tmp_path)
     assert [step.index for step in broken.steps] == [0, 1]
     robot.control("clear")
+    before = robot.control("status")
+    dry = [sys.executable, "-m", "testbench", "run", "--resume", str(broken.path), "--arm", "ur", "--host", robot.address]
+    shown = subprocess.run(dry, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert shown.returncode == 2 and "dry run" in shown.stderr
+    assert f"{short} is still the same" in shown.stderr
+    lines = [line.strip() for line in shown.stdout.partition("Motion, from")[2].splitlines()]
+    lines = [line for line in lines if re.match(r"[0-9] |- ", line)]
+    assert [line.split()[0] for line in lines] == ["0", "-", "2", "3", "3"]
+    assert lines[1].split()[1:4] == ["on", "to", "'wave'"] and "-70.0 90.0 40.0" in lines[1]
+    assert "wrist_3 34.0..46.0" in lines[2]
+    assert lines[4].startswith("3 steps of 4, reference and calibration once more,")
+    assert robot.control("status") == before
+    seen: list[str] = []
     setup = ArmSetup(host=robot.address, simulate_imus=True, seed=1)
-    result = resume(broken.path, setup, ArmRunOptions(tmp_path, 1), with_report=False)
+    options = ArmRunOptions(tmp_path, 1, progress=lambda progress: seen.append(progress.step))
+    result = resume(broken.path, setup, options, with_report=False)
     assert result.session.status is RunStatus.COMPLETED
+    assert list(dict.fromkeys(seen)) == ["start", "wave", "back"]
+    ways = [event for event in result.session.events if event.event.startswith("connecting_")]
+    assert [(way.event, way.details) for way in ways] == [
+        ("connecting_started", {"towards": 2, "name": "wave"}),
+        ("connecting_ended", {"towards": 2, "name": "wave"}),
+    ]
+    assert np.ptp([way.host_time_ns for way in ways]) > 2e9  # 40 deg at 15 deg/s
     assert [step.index for step in result.session.steps] == [0, 2, 3]
     assert result.session.manifest["resumes"]["session"] == broken.name
 
@@ -296,6 +321,57 @@ def test_a_changed_protocol_is_not_resumed_and_the_difference_shown(robot, short
     with pytest.raises(InputError, match=r"short\.yaml differs") as caught:
         resume(session.path, setup, ArmRunOptions(tmp_path, 1), changed)
     assert "dwell_s: 0.6" in str(caught.value)
+
+
+def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_arm(robot, tmp_path):
+    steps = "".join(f"      - {{move_to_deg: {{wrist_3_joint: {2 * (k % 2)}}}}}\n" for k in range(13))
+    path = tmp_path / "many.yaml"
+    path.write_text(SHORT.partition("  - name: moves")[0] + "  - name: moves\n    steps:\n" + steps, encoding="utf-8")
+    the_plan = make_plan(path)
+    every_other = [the_plan.steps[0], *the_plan.steps[2::2]]
+    session = drive(the_plan, robot, tmp_path / "logs", steps=every_other)
+    assert [step.index for step in session.steps] == [step.index for step in every_other]
+    assert sum(event.event == "connecting_ended" for event in session.events) > 4
+
+
+def broken_off(robot: EmulatedUr, plan: Plan, logs: Path) -> Session:
+    """A session that the operator stopped at once."""
+    with pytest.raises(RunInterrupted):
+        drive(plan, robot, logs, progress=lambda progress: os.kill(os.getpid(), signal.SIGINT))
+    (session,) = list_sessions(logs)
+    return session
+
+
+def test_a_protocol_that_was_edited_since_is_not_resumed_unless_the_sessions_own_is_named(robot, tmp_path):
+    edited = tmp_path / "short.yaml"
+    edited.write_text(SHORT, encoding="utf-8")
+    session = broken_off(robot, make_plan(edited), tmp_path / "logs")
+    edited.write_text(SHORT.replace("wrist_3_joint: 40", "wrist_3_joint: 20"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"short\.yaml differs") as caught:
+        prepare_resume(session.path)
+    assert "wrist_3_joint: 20" in str(caught.value)
+    assert str(caught.value).endswith(f"--resume {session.path} {session.path / 'protocol.yaml'}")
+    edited.write_text("name: [", encoding="utf-8")  # in the middle of an edit
+    with pytest.raises(InputError, match="the protocol that the session keeps"):
+        prepare_resume(session.path)
+    kept = prepare_resume(session.path, session.path / "protocol.yaml")
+    assert kept.note == "resuming by the protocol that the session keeps"
+    assert np.degrees(kept.plan.trajectory.q[:, 5]).max() > 39
+    edited.unlink()
+    assert prepare_resume(session.path).note == "resuming by the protocol that the session keeps"
+
+
+def test_another_arm_than_the_sessions_is_not_resumed(robot, short_plan, tmp_path):
+    session = broken_off(robot, short_plan, tmp_path / "logs")
+    with pytest.raises(InputError, match="begun on ur3e, and cannot be resumed on ur5e"):
+        prepare_resume(session.path, robot="ur5e")
+    assert prepare_resume(session.path, robot="ur3e").plan.robot.name == "ur3e"
+    changed = tmp_path / "ur3e"
+    shutil.copytree(ROOT / "robots" / "ur3e", changed)
+    text = (changed / "robot.yaml").read_text(encoding="utf-8")
+    (changed / "robot.yaml").write_text(text + "# by another hand\n", encoding="utf-8")
+    with pytest.raises(InputError, match="by another hand"):
+        prepare_resume(session.path, robot=changed)
 
 
 def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(robot, short_plan, tmp_path):
@@ -364,6 +440,37 @@ def test_without_a_look_at_the_hazards_nothing_moves(robot, short, tmp_path):
     done = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL)
     assert done.returncode == 2
     assert "--hazards-checked" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("choice", "sentence"),
+    [
+        (ArmChoice("ur", "127.0.0.1", confirmed=True), "name the sensors on the arm with --serial or --dot"),
+        (ArmChoice("ur", "127.99.99.99", simulate_imus=True, confirmed=True), r"127\.99\.99\.99"),
+    ],
+    ids=["no sensors", "no controller"],
+)
+def test_a_person_is_asked_only_when_nothing_else_would_refuse_the_run(short_plan, choice, sentence, monkeypatch):
+    asked: list[str] = []
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("testbench.cli.running._ask", lambda question: bool(asked.append(question)))
+    with pytest.raises(BenchError, match=sentence):
+        approve(short_plan, choice, choice.setup())
+    assert not asked
+
+
+def test_a_person_is_asked_of_an_arm_that_can_be_driven_and_that_was_let_go(robot, short_plan, monkeypatch):
+    asked: list[str] = []
+
+    def ask(question: str) -> bool:
+        asked.append(robot.dashboard("programState"))
+        return True
+
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("testbench.cli.running._ask", ask)
+    choice = ArmChoice("ur", robot.address, simulate_imus=True, confirmed=True)
+    assert approve(short_plan, choice, choice.setup())["by"] == "asked on the terminal"
+    assert asked == ["STOPPED null"] * len(HAZARDS)
 
 
 @pytest.mark.parametrize("whom", ["the bench", "the process that drives the arm"])

@@ -178,7 +178,7 @@ class UrArm(SteppingArm):
             elif message[0] == "event":
                 _, time, name, index = message
                 self._events.append(Event(max(time, 0), name, {"index": index} if index >= 0 else {}))
-                if name == "step_ended":
+                if name in {"step_ended", "connecting_ended"}:
                     self._feed(1)
             elif message[0] == "timing":
                 self.timing = message[1]

@@ -37,6 +37,8 @@ HAND_OVER_S = 0.05
 
 SAYING_S = 0.5
 """While nothing is recorded the bench hears at least this often that the arm is looked after [s]."""
+CONNECTING = {"step_started": "connecting_started", "step_settled": "", "step_ended": "connecting_ended"}
+"""What the events of a step are called on the way to a step that does not follow on the one before."""
 REALTIME_PRIORITY = 20
 """Of the first-in-first-out class: above every ordinary process, below the kernel's own threads."""
 
@@ -281,7 +283,8 @@ class Worker:
             yield
 
     def _event(self, name: str, index: int) -> None:
-        if self.origin_ns is not None and (index >= 0 or name in {"paused", "resumed"}):
+        name = CONNECTING.get(name, name) if index < 0 else name
+        if self.origin_ns is not None and name:
             self.connection.send(("event", self.client.now_ns() - self.origin_ns, name, index))
 
     def _stop_arm(self) -> None:
