@@ -13,19 +13,20 @@ from testbench.drivers.arms.replay import ReplayArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.estimation.filters import OrientationFilter
-from testbench.exceptions import InputError
+from testbench.exceptions import BenchError, InputError
 from testbench.execution import execute
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.execution.device_recorder import open_devices
 from testbench.execution.executor import Progress, simulated_sensors
 from testbench.execution.resume import (
+    is_own_copy,
     missing_steps,
     open_for_resume,
     refuse_differences,
+    refuse_edited_protocol,
     refuse_other_robot,
     stored_protocol,
     stored_robot,
-    todays_protocol,
 )
 from testbench.model.dh_calibration import calibrated
 from testbench.pipeline import Result, analyse, make_plan
@@ -107,7 +108,21 @@ def run_on_arm(
         load_calibrations(calibrations)  # a bad file is refused before anything moves
     arm, sensors, time = make_arm(plan, setup, clock or SystemClock())
     session = execute_on_arm(plan, arm, sensors, time, options)
-    return analyse(session, filters, with_report, plan, calibrations, tunings)
+    return _judge(session, plan, options, filters, with_report, calibrations, tunings)
+
+
+def _judge(
+    session: Session, plan: Plan, options: ArmRunOptions, filters: Sequence[str | OrientationFilter] | None,
+    with_report: bool, calibrations: Path | None, tunings: Sequence[Path],
+) -> Result:  # fmt: skip
+    """Analyse what was recorded whole; a failure says that it was."""
+    if options.progress is not None:
+        options.progress(Progress("", 0, 0, 1.0, 1.0, "the arm is done: estimating, evaluating"))
+    try:
+        return analyse(session, filters, with_report, plan, calibrations, tunings)
+    except BenchError as error:
+        error.add_note(f"the recording is whole; judge it again: testbench report {session.path}")
+        raise
 
 
 def look_at_arm(plan: Plan, setup: ArmSetup, steps: list[PlannedStep] | None = None, clock: Clock | None = None) -> None:
@@ -156,8 +171,8 @@ def prepare_resume(
     """Look at what is missing of a session, and whether its files are still what they were; nothing is connected.
 
     Args:
-        path: Of the session. protocol: As it is today; where the session had it from if None. robot: As it is today; the
-        session's own copy if None. filters, tunings: As for `run`.
+        path: Of the session. protocol: As it is today; the session's own copy if None, unless its file was edited
+        since. robot: As it is today; the session's own copy if None. filters, tunings: As for `run`.
 
     Raises:
         SessionError: It was completed, or is no run.
@@ -165,18 +180,11 @@ def prepare_resume(
     """
     session = open_for_resume(path)
     refuse_other_robot(session, robot)
-    today = todays_protocol(session, protocol)
-    try:
-        with stored_protocol(session) as stored:
-            plan = make_plan(today or stored, stored_robot(session), filters, tunings)
-        refuse_differences(session, plan, session.manifest["sensors"])
-    except InputError as error:
-        if protocol is not None or today is None:
-            raise
-        copy = session.path / "protocol.yaml"
-        raise InputError(f"{error}\nto go on by the protocol that the session keeps, name it: --resume {path} {copy}") from None
-    kept = "the protocol that the session keeps"
-    note = f"resuming by {kept}" if today is None else f"resuming by {kept}; {today} is still the same"
+    named = None if protocol is None or is_own_copy(session, protocol) else protocol
+    with stored_protocol(session) as stored:
+        plan = make_plan(named or stored, stored_robot(session), filters, tunings)
+    note = f"resuming by {protocol}" if protocol is not None else refuse_edited_protocol(session, plan)
+    refuse_differences(session, plan, session.manifest["sensors"])
     return Resumption(session, plan, missing_steps(session, plan), note)
 
 
@@ -199,8 +207,8 @@ def resume(
     that give the sensors their references.
 
     Args:
-        path: Of the session. setup, options: For a run that is not simulated. protocol: As it is today; where the session had
-        it from if None. filters, with_report, clock, progress, calibrations, tunings: As for `run`. prepared: As made by
+        path: Of the session. setup, options: For a run that is not simulated. protocol: As for
+        `prepare_resume`. filters, with_report, clock, progress, calibrations, tunings: As for `run`. prepared: As made by
         `prepare_resume`, where a person has seen it.
 
     Raises:
@@ -222,4 +230,4 @@ def resume(
     refuse_differences(session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()})
     options = replace(options, steps=steps, resumes={"session": session.name, "steps": [step.index for step in steps]})
     session = execute_on_arm(the_plan, arm, sensors, time, options)
-    return analyse(session, filters, with_report, the_plan, calibrations, tunings)
+    return _judge(session, the_plan, options, filters, with_report, calibrations, tunings)

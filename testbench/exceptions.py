@@ -10,9 +10,15 @@ from pathlib import Path
 
 
 class BenchError(Exception):
-    """Something went wrong on the bench; the base of every error raised on purpose."""
+    """Something went wrong on the bench; the base of every error raised on purpose.
+
+    Attributes:
+        session: What was recorded until then, if anything was. What helps a person to go on is in the notes of the exception
+        (`add_note`), a sentence each.
+    """
 
     exit_code = 3
+    session: object = None
 
 
 class InputError(BenchError):

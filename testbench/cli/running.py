@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -19,6 +22,7 @@ from testbench.cli.tuning import TunedOption
 if TYPE_CHECKING:
     from testbench.arm_pipeline import ArmSetup
     from testbench.estimation.filters import OrientationFilter
+    from testbench.execution.arm_run import ArmRunOptions
     from testbench.pipeline import Result
     from testbench.records.plan import Plan, PlannedStep
 
@@ -152,6 +156,20 @@ class ArmChoice:
         """Whether anything real moves."""
         return self.arm != "replay"
 
+    def resume_line(self, session: Path) -> str:
+        """The command that goes on with a session, with the same arm and sensors; the hazards will be asked for."""
+        words = ["testbench", "run", "--resume", str(session), "--arm", self.arm]
+        words += ["--host", self.host] if self.host else []
+        words += ["--log", str(self.log)] if self.log is not None else []
+        words += ["--confirm-motion"] if self.moves else []
+        words += ["--simulate-imus"] if self.simulate_imus else []
+        words += [word for text in self.serial for word in ("--serial", text)]
+        words += [word for text in self.dots for word in ("--dot", text)]
+        words += ["--kinematics", str(self.kinematics)] if self.kinematics is not None else []
+        words += ["--logs", str(self.logs)] if self.logs != Path("logs") else []
+        words += ["--seed", str(self.seed)] if self.seed else []
+        return shlex.join(words)
+
 
 def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
     """Run a protocol on a real arm, or show what it would do.
@@ -170,11 +188,27 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
     options = _options(choice)
     if choice.moves:
         options.checklist = approve(plan, choice, setup)
-    with progress_bar(not choice.json) as progress:
-        options.progress = progress
+    with _shown(choice, options):
         return run_on_arm(
             plan, setup, options, choice.filters, choice.with_report, calibrations=choice.calibration, tunings=choice.tuned
         )
+
+
+@contextmanager
+def _shown(choice: ArmChoice, options: ArmRunOptions) -> Iterator[None]:
+    """Show a run on a real arm; an error after it became a session is given the line that goes on with it."""
+    from testbench.exceptions import BenchError
+    from testbench.records.session import Session
+
+    with progress_bar(not choice.json, "connecting") as display:
+        if display is not None:
+            options.progress, options.say = display, display.say
+        try:
+            yield
+        except BenchError as error:
+            if isinstance(error.session, Session):
+                error.add_note(f"go on: {choice.resume_line(error.session.path)}")
+            raise
 
 
 def resume_run(session: Path, protocol: str | None, robot: str | None, choice: ArmChoice) -> Result:
@@ -195,16 +229,19 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
     if options is not None and choice.moves:
         assert setup is not None
         options.checklist = approve(prepared.plan, choice, setup, prepared.steps)
-    with progress_bar(not choice.json) as progress:
-        if options is not None:
-            options.progress = progress
+    with ExitStack() as stack:
+        progress = None
+        if options is None:
+            progress = stack.enter_context(progress_bar(not choice.json))
+        else:
+            stack.enter_context(_shown(choice, options))
         return resume(
             session, setup, options, filters=choice.filters, with_report=choice.with_report, progress=progress,
             calibrations=choice.calibration, tunings=choice.tuned, prepared=prepared,
         )  # fmt: skip
 
 
-def _options(choice: ArmChoice) -> Any:
+def _options(choice: ArmChoice) -> ArmRunOptions:
     from testbench.execution.arm_run import ArmRunOptions
 
     return ArmRunOptions(choice.logs, choice.seed, keys=not choice.json)

@@ -31,13 +31,14 @@ TAIL_NS = NANOSECONDS
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is; times in seconds from its start."""
+    """How far a run is; times in seconds from its start. `doing`: What happens in place of a step, for people."""
 
     step: str
     index: int
     steps: int
     time: float
     duration: float
+    doing: str = ""
 
 
 def execute(

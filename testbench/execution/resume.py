@@ -54,17 +54,37 @@ def refuse_other_robot(session: Session, robot: str | Path | None) -> None:
         raise InputError(f"{session.path} cannot be resumed: the robot file differs:\n{_difference(kept.text, given.text)}")
 
 
-def todays_protocol(session: Session, protocol: str | Path | None) -> str | Path | None:
-    """The protocol's file as it is today: the one that is named, or where the session had it from.
+def is_own_copy(session: Session, protocol: str | Path) -> bool:
+    """Whether a protocol's file is the one that the session keeps."""
+    return Path(protocol).resolve() == (session.path / "protocol.yaml").resolve()
+
+
+def refuse_edited_protocol(session: Session, plan: Plan) -> str:
+    """Refuse to go on by the session's protocol, without a word, where its file was edited since.
+
+    Args:
+        session: To go on with. plan: Made from the session's own copies.
 
     Returns:
-        None if that is gone, or if the session's own copy was named.
+        By which protocol the session goes on, for people.
+
+    Raises:
+        InputError: Lists what differs, and says how to go on all the same.
     """
-    copy = (session.path / "protocol.yaml").resolve()
-    if protocol is not None:
-        return None if Path(protocol).resolve() == copy else protocol
-    origin = session.manifest.get("protocol_path")
-    return origin if isinstance(origin, str) and "\0" not in origin and Path(origin).is_file() else None
+    note, origin = "resuming by the protocol that the session keeps", session.manifest.get("protocol_path")
+    if not isinstance(origin, str) or "\0" in origin or not Path(origin).is_file():
+        return note
+    found = []
+    for name, text in plan.protocol.texts().items():
+        file = Path(origin).parent / name
+        if file.is_file():
+            today = file.read_text(encoding="utf-8", errors="replace")
+            found += [f"{file} was edited since:\n{_difference(text, today)}"] if today != text else []
+    if found:
+        copy = session.path / "protocol.yaml"
+        found.append(f"to go on by the protocol that the session keeps, name it: --resume {session.path} {copy}")
+        raise InputError(f"{session.path} cannot be resumed: " + "\n".join(found))
+    return f"{note}; {origin} is still the same"
 
 
 @contextmanager

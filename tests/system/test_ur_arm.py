@@ -20,6 +20,7 @@ import pytest
 from testbench.arm_pipeline import ArmSetup, prepare_resume, resume
 from testbench.cli.running import ArmChoice, approve
 from testbench.clock import SystemClock
+from testbench.drivers.arms.remedies import REMEDIES
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.exceptions import ArmRefused, BenchError, DriverError, InputError, RunInterrupted
@@ -236,7 +237,7 @@ FAULTS = [
 MAY_BE_SEEN_AS = {
     "disconnect": {"disconnect", "rtde_silence", "refused", "driver"},
     "program_stopped": {"program_stopped", "refused"},
-    "slow_response": {"program_stopped", "refused", "host_silence"},  # nothing feeds the watchdog while the client waits
+    "slow_response": {"slow_response", "refused", "host_silence"},  # nothing feeds the watchdog while the client waits
 }
 
 
@@ -259,6 +260,10 @@ def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names
     told = [event for event in session.events if event.event == "arm_fault"]
     assert len(told) == 1
     assert told[0].details["fault"] in MAY_BE_SEEN_AS.get(kind, {kind})
+    seen = told[0].details["fault"]
+    notes = [note for note in caught.value.__notes__ if "what to do" not in note]
+    assert notes == [f"what was recorded is kept in {session.path}: {len(session.steps)} of 4 steps are whole"]
+    assert (f"what to do: {REMEDIES.get(seen)}" in caught.value.__notes__) == (seen in REMEDIES)
     assert session.events[-1].event == "run_error"
     assert session.arm() is not None and len(session.arm().host_time_ns) > 5
 
@@ -297,10 +302,10 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
     assert robot.control("status") == before
     seen: list[str] = []
     setup = ArmSetup(host=robot.address, simulate_imus=True, seed=1)
-    options = ArmRunOptions(tmp_path, 1, progress=lambda progress: seen.append(progress.step))
+    options = ArmRunOptions(tmp_path, 1, progress=lambda progress: progress.doing or seen.append(progress.step))
     result = resume(broken.path, setup, options, with_report=False)
     assert result.session.status is RunStatus.COMPLETED
-    assert list(dict.fromkeys(seen)) == ["start", "wave", "back"]
+    assert list(dict.fromkeys(seen)) == ["start", "on to 'wave'", "wave", "back"]
     ways = [event for event in result.session.events if event.event.startswith("connecting_")]
     assert [(way.event, way.details) for way in ways] == [
         ("connecting_started", {"towards": 2, "name": "wave"}),
@@ -347,7 +352,7 @@ def test_a_protocol_that_was_edited_since_is_not_resumed_unless_the_sessions_own
     edited.write_text(SHORT, encoding="utf-8")
     session = broken_off(robot, make_plan(edited), tmp_path / "logs")
     edited.write_text(SHORT.replace("wrist_3_joint: 40", "wrist_3_joint: 20"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"short\.yaml differs") as caught:
+    with pytest.raises(InputError, match=r"short\.yaml was edited since") as caught:
         prepare_resume(session.path)
     assert "wrist_3_joint: 20" in str(caught.value)
     assert str(caught.value).endswith(f"--resume {session.path} {session.path / 'protocol.yaml'}")
@@ -355,7 +360,7 @@ def test_a_protocol_that_was_edited_since_is_not_resumed_unless_the_sessions_own
     with pytest.raises(InputError, match="the protocol that the session keeps"):
         prepare_resume(session.path)
     kept = prepare_resume(session.path, session.path / "protocol.yaml")
-    assert kept.note == "resuming by the protocol that the session keeps"
+    assert kept.note == f"resuming by {session.path / 'protocol.yaml'}"
     assert np.degrees(kept.plan.trajectory.q[:, 5]).max() > 39
     edited.unlink()
     assert prepare_resume(session.path).note == "resuming by the protocol that the session keeps"
@@ -376,6 +381,7 @@ def test_another_arm_than_the_sessions_is_not_resumed(robot, short_plan, tmp_pat
 
 def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(robot, short_plan, tmp_path):
     paused: list[float] = []
+    said: list[str] = []
 
     def pause(progress) -> None:
         if progress.index == 1 and not paused:
@@ -384,8 +390,13 @@ def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(robot, short_plan,
         elif paused and time.monotonic() - paused[0] > 2.5:
             os.kill(os.getpid(), signal.SIGUSR2)
 
-    session = drive(short_plan, robot, tmp_path, progress=pause)
+    session = drive(short_plan, robot, tmp_path, progress=pause, say=said.append)
     assert session.status is RunStatus.COMPLETED
+    assert [line for line in said if "controller's samples" not in line] == [
+        "pause requested (asked for): the arm rests after this step",
+        "PAUSED (asked for): SIGUSR2 goes on, SIGINT stops",
+        "going on",
+    ]
     events = {event.event: event.host_time_ns for event in session.events}
     assert events["resumed"] - events["paused"] > 0.5e9
     arm = session.arm()
@@ -405,6 +416,33 @@ def test_a_guard_stops_the_arm(robot, short, tmp_path):
     assert session.status is RunStatus.ERROR
     assert any(event.event == "guard" for event in session.events)
     robot.wait_until("at rest", 5)
+
+
+def test_a_guard_that_pauses_says_why_and_how_to_go_on(robot, tmp_path):
+    guarded = tmp_path / "guarded.yaml"
+    rule = "guards: {temperature_degC: {limit: 25, action: pause}}\n"
+    guarded.write_text(SHORT + rule, encoding="utf-8")
+    said: list[str] = []
+
+    def hear(line: str) -> None:
+        said.append(line)
+        if line.startswith("PAUSED"):
+            os.kill(os.getpid(), signal.SIGUSR2)
+
+    session = drive(make_plan(guarded), robot, tmp_path / "logs", say=hear)
+    why = "guard: temperature of wrist_3_joint: 30 degC, the limit is 25 degC"  # the last of six that trip at once
+    assert said[:6] == [
+        f"warning: temperature of {joint}: 30 degC, the limit is 25 degC" for joint in session.robot.joint_names
+    ]
+    assert said[6:9] == [
+        f"pause requested ({why}): the arm rests after this step",
+        f"PAUSED ({why}): SIGUSR2 goes on, SIGINT stops",
+        "going on",
+    ]
+    assert said[9].startswith("guards: temperature_degC of elbow_joint 1, ")
+    (state,) = [event for event in session.events if event.details.get("state") == "paused"]
+    assert state.details["why"] == why
+    assert session.status is RunStatus.COMPLETED
 
 
 def command(robot: EmulatedUr, protocol: Path, logs: Path, *options: str) -> list[str]:
@@ -499,5 +537,10 @@ def test_a_kill_in_motion_stops_the_arm(robot, short, tmp_path, whom):
     else:
         assert bench.returncode == 3
         assert "watchdog" in said
+        told = json.loads(said.splitlines()[-1])["error"]
+        assert told["notes"][-1] == (
+            f"go on: testbench run --resume {session.path} --arm ur --host {robot.address} --confirm-motion --simulate-imus "
+            f"--logs {tmp_path / 'logs'}"
+        )
         assert session.status is RunStatus.ERROR
         assert json.loads((session.path / "manifest.json").read_text())["message"] in said
