@@ -326,4 +326,5 @@ def ur_settings(plan: Plan, host: str) -> LinkSettings:
         least_slider=use.speed_slider_percent / 100 - 0.005,
         mass=tool.mass_kg if tool else None,
         centre=(x / 1000, y / 1000, z / 1000),
+        joint_names=tuple(plan.robot.joint_names),
     )

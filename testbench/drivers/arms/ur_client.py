@@ -17,15 +17,18 @@ import numpy as np
 
 from testbench.drivers.arms.controller_clock import ControllerClock
 from testbench.drivers.arms.controller_lock import ControllerLock
+from testbench.drivers.arms.ur_greeting import DASHBOARD_PORT, greet_dashboard
 from testbench.drivers.arms.ur_link import LinkSettings
 
-DASHBOARD_PORT, SECONDARY_PORT = 29999, 30002
+SECONDARY_PORT = 30002
 KEEP_ALIVE_S = 0.02
 IN_TOUCH_S = 0.25
 REASON_S = 0.1
 """Samples come slower than the client learns that a program ended; they say why within this time [s]."""
 SMOOTHING = 0.1
 """Weight of the newest sample in the smoothed angles that decide whether a pose is reached: encoders hiss."""
+LATELY_S = 2.0
+"""A program that ended is put down to a silence towards the controller within this time before [s]."""
 ENDING_S = 0.5
 """A program that nobody feeds any more has ended this long after its watchdog's time [s]."""
 PROGRAM_STATES = {"PLAYING": "running", "PAUSED": "paused"}
@@ -74,6 +77,12 @@ class UrClient:
         self._bits = 0
         self._program_seen = self._streaming = False
         self._lock = ControllerLock(settings.host)
+        self._said_at = time.monotonic()
+        self._unfed = (
+            0.0,
+            0.0,
+            0.0,
+        )  # longest time between two commands of late [s], what of it was waiting for an answer, when
 
     def now_ns(self) -> int:
         """Host time [ns]."""
@@ -117,7 +126,7 @@ class UrClient:
                 raise ArmFault("payload", "the controller did not take the weight of the tool")
             if not self._control.setWatchdog(1 / self.settings.watchdog):
                 raise ArmFault("watchdog", "the controller's watchdog could not be set")
-            self._program_seen = True
+            self._program_seen, self._said_at = True, time.monotonic()
         except ArmFault:
             raise
         except Exception as error:
@@ -127,6 +136,9 @@ class UrClient:
     def _ask(self, dashboard: Any) -> dict[str, Any]:
         """What the dashboard says of the arm, and why it must be refused, if it must."""
         host = self.settings.host
+        problem = greet_dashboard(host)
+        if problem is not None:
+            raise ArmFault("connection", problem)
         try:
             dashboard.connect(2000)
             if not dashboard.isConnected():
@@ -232,13 +244,33 @@ class UrClient:
         self._check_state()
         if not self._receive.isConnected():
             raise ArmFault("disconnect", "the connection to the controller was lost")
-        if time.monotonic() - self._arrival > settings.arm_silence:
+        if self.silent_for > settings.arm_silence:
             raise ArmFault("rtde_silence", f"the controller sent no data for {settings.arm_silence:g} s")
         if self.slider < settings.least_slider - 0.005:
             raise ArmFault("speed_slider", f"the speed slider was turned down to {100 * self.slider:.0f} %")
         if self._program_seen and not self._control.isProgramRunning():
             self._look_again()
-            raise ArmFault("program_stopped", "the program on the controller was stopped")
+            raise self._program_ended()
+
+    def _program_ended(self) -> ArmFault:
+        """Who ended the program: its watchdog, where nothing reached it for longer than that waits, or somebody else."""
+        now, watchdog = time.monotonic(), self.settings.watchdog
+        gap, waited, at = self._unfed
+        if now - self._said_at > watchdog:
+            gap, waited = now - self._said_at, 0.0
+        elif gap <= watchdog or now - at > LATELY_S:
+            return ArmFault("program_stopped", "the program on the controller was stopped")
+        ended = f"its watchdog, which waits {watchdog:g} s, ended the program"
+        if waited > 0.5 * gap:
+            return ArmFault("slow_response", f"the controller answered a command only after {waited:.1f} s: {ended}")
+        return ArmFault(
+            "slow_response", f"nothing was sent to the controller for {gap:.1f} s, this machine is too busy: {ended}"
+        )
+
+    @property
+    def silent_for(self) -> float:
+        """Time since the last sample [s]."""
+        return time.monotonic() - self._arrival
 
     def _check_state(self) -> None:
         if self._bits & EMERGENCY:
@@ -275,10 +307,15 @@ class UrClient:
         self._streaming = False
 
     def _command(self, failure: str, call: Callable[..., Any], *arguments: Any) -> None:
+        begin = time.monotonic()
         try:
             done = call(*arguments)
         except Exception as error:
             raise ArmFault("disconnect", f"the connection to the controller was lost: {error}") from None
+        now = time.monotonic()
+        gap, self._said_at = now - self._said_at, now
+        if gap >= self._unfed[0] or now - self._unfed[2] > LATELY_S:
+            self._unfed = (gap, now - begin, now)
         if not done:
             self._look_again()
             raise ArmFault("refused", failure)
@@ -293,11 +330,11 @@ class UrClient:
                 raise ArmFault("disconnect", "the connection to the controller was lost")
             time.sleep(0.002)
         if self._program_seen and not self._control.isProgramRunning():
-            raise ArmFault("program_stopped", "the program on the controller was stopped")
+            raise self._program_ended()
 
     def _in_touch(self) -> bool:
         """Whether the controller spoke lately; if not, the client's commands would wait for an answer for minutes."""
-        return bool(self._receive.isConnected()) and time.monotonic() - self._arrival < IN_TOUCH_S
+        return bool(self._receive.isConnected()) and self.silent_for < IN_TOUCH_S
 
     def stop(self, deceleration: float) -> None:
         """Bring the arm to rest by every way there is; never raises.

@@ -59,6 +59,7 @@ class LinkSettings:
         watchdog: The controller ends the program, which stops the arm, when no input comes for so long [s]; it is the last
         resort, for when this very process is gone.
         least_slider: Smallest position of the speed slider that does not stop the run. mass, centre: Tool [kg], [m].
+        joint_names: For messages.
     """
 
     host: str
@@ -74,6 +75,7 @@ class LinkSettings:
     least_slider: float = 0.99
     mass: float | None = None
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    joint_names: tuple[str, ...] = ()
 
 
 class Link:
@@ -108,6 +110,8 @@ class Link:
         Raises:
             DriverError: The process has ended.
         """
+        if message[0] in {"approach", "run"}:
+            self._heard = time.monotonic()  # it had nothing to say before, however long ways were looked at meanwhile
         try:
             self._connection.send(message)
         except OSError:
