@@ -126,7 +126,7 @@ def _judge(
 
 
 def look_at_arm(plan: Plan, setup: ArmSetup, steps: list[PlannedStep] | None = None, clock: Clock | None = None) -> None:
-    """Refuse what a run would refuse of its sensors' names and of its arm, before a person is asked anything.
+    """Refuse what a run would refuse of its sensors and of its arm, before a person is asked anything.
 
     The controller is let go again: a person takes time to answer.
 
@@ -136,10 +136,11 @@ def look_at_arm(plan: Plan, setup: ArmSetup, steps: list[PlannedStep] | None = N
 
     Raises:
         InputError: As for `make_arm`, or the arm must not be driven.
-        DriverError: There is no controller, or it does not answer.
+        DriverError: A live sensor delivers nothing, or there is no controller that answers.
     """
     arm, sensors, _ = make_arm(plan, setup, clock or SystemClock())
     try:
+        sensors.listen()
         arm.connect()
         arm.check_way(plan, steps)
     finally:

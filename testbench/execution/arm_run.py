@@ -77,6 +77,15 @@ class Sensors:
             )
         return Sensors(dict(devices.imus), devices)
 
+    def listen(self) -> None:
+        """Make sure that live ones deliver, before anything moves.
+
+        Raises:
+            DriverError: One does not.
+        """
+        if self.devices is not None:
+            self.devices.listen()
+
     def start(self) -> None:
         """Begin to record."""
         if self.devices is not None:
@@ -141,11 +150,12 @@ def execute_on_arm(plan: Plan, arm: SteppingArm, sensors: Sensors, time: Session
 
     Raises:
         ArmRefused: The arm must not be driven; nothing moved and there is no session.
-        DriverError: Arm, sensor or guard ended the run; the arm was stopped, the session is kept and closed as an error. Its
-        notes say what to do.
+        DriverError: A live sensor delivers nothing, or no controller answers; nothing moved. Or arm, sensor or guard ended the
+        run; the arm was stopped, the session is kept and closed as an error. Its notes say what to do.
         RunInterrupted: The operator stopped it; the session is kept.
     """
     try:
+        sensors.listen()
         arm.connect()
         arm.check_way(plan, options.steps)
         return _ArmRun(plan, arm, sensors, time, options).run()

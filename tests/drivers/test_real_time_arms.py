@@ -15,6 +15,7 @@ from testbench.drivers.imus.following import ReportedMotion
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.execution.device_recorder import Devices
 from testbench.records.robot import Robot, load_robot
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus
@@ -153,3 +154,20 @@ def test_a_log_that_never_reaches_a_pose_is_refused(recorded, tmp_path):
     arm.connect()
     with pytest.raises(InputError, match="never rests in the pose"):
         arm.check_way(plan("quick"))
+
+
+class MuteDevices(Devices):
+    """A board that is there and delivers nothing."""
+
+    def listen(self) -> None:
+        raise DriverError("sensor hand delivers no sample")
+
+
+def test_a_sensor_that_delivers_nothing_ends_the_run_before_the_arm_is_even_connected(recorded, tiny, tmp_path, monkeypatch):
+    the_plan, time = plan(tiny), SessionTime(SystemClock())
+    arm = ReplayArm(the_plan.robot, recorded.path, time)
+    monkeypatch.setattr(arm, "connect", lambda: pytest.fail("the arm was connected"))
+    sensors = Sensors(dict(Sensors.simulated(the_plan, 1).imus), MuteDevices({}, time))
+    with pytest.raises(DriverError, match="delivers no sample"):
+        execute_on_arm(the_plan, arm, sensors, time, ArmRunOptions(tmp_path / "logs"))
+    assert not (tmp_path / "logs").exists()
