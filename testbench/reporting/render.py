@@ -29,7 +29,7 @@ def render_page(
     tiles: Sequence[Tile],
     sections: Sequence[Section],
     outcome: str | None = None,
-    simulated: bool = False,
+    simulated: str = "",
     kind: str = "report",
     footer: str = ERRORS,
 ) -> str:
@@ -37,7 +37,7 @@ def render_page(
 
     Args:
         title, purpose: Its head. facts: Names and values below it. tiles: Numbers worth seeing first. sections: The body.
-        outcome: Badge beside the title, or None. simulated: Whether to say that the samples come from models.
+        outcome: Badge beside the title, or None. simulated: From what the samples come, where that is not real.
         kind: What the page is, for the window's title. footer: Its last line.
     """
     return _template().render(
