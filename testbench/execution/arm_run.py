@@ -174,6 +174,7 @@ class _ArmRun:
         self.done = 0
         self.steps = plan.steps if options.steps is None else options.steps
         self.fault = self.paused = ""
+        self.resting = False
         self.meter = ProgressMeter(plan, self.steps, options.progress)
         self.trips: Counter[str] = Counter()
         self.received = 0
@@ -248,7 +249,8 @@ class _ArmRun:
             self._advance(max(self.now_ns + CHUNK_NS, self.time.now_ns()), operator)
             if self.arm.finished and end_ns is None:
                 end_ns = self.now_ns + TAIL_NS
-            self.meter.say(self.now_ns, "recording goes on for a second" if self.arm.finished else "")
+            rests = "paused, the arm rests" if self.resting else ""
+            self.meter.say(self.now_ns, "recording goes on for a second" if self.arm.finished else rests)
 
     def _pause_or_resume(self, operator: Operator) -> None:
         if operator.pause_asked and self.machine.state is RunState.RUNNING:
@@ -297,6 +299,8 @@ class _ArmRun:
         by_index = {step.index: step for step in self.plan.steps}
         for event in events:
             self.meter.note(event)
+            if event.event in {"paused", "resumed"}:
+                self.resting = event.event == "paused"
             if event.event == "paused":
                 self.options.say(self.paused)
             if event.event == "arm_fault":

@@ -76,3 +76,14 @@ def test_a_program_that_ended_though_it_was_fed_was_stopped_by_somebody():
         fed.check(fed.settings)
     assert caught.value.kind == "program_stopped"
     client(running=True).check(fed.settings)
+
+
+@pytest.mark.parametrize(
+    ("states", "told"),
+    [(["PAUSED mine.urp"] * 99, "paused"), (["PLAYING rtde_control"] * 99, "running"), (["PLAYING x", "STOPPED null"], None)],
+    ids=["paused", "running", "ended by its watchdog while it was asked for"],
+)
+def test_a_program_on_the_controller_is_somebody_elses_unless_it_is_just_ending(states, told):
+    asked = iter(states)
+    dashboard = SimpleNamespace(programState=lambda: next(asked))
+    assert UrClient(LinkSettings("127.0.0.1", watchdog=0.1))._program_of_others(dashboard) == told

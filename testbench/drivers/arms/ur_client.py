@@ -166,8 +166,9 @@ class UrClient:
         if not info["remote_control"]:
             info["refused"] = "the robot is not in remote control; switch it on the teach pendant"
         elif program is not None:
+            whose = "another bench, or the pendant?" if program == "running" else "of a run that was stopped, or another's?"
             info["refused"] = (
-                f"a program is {program} on this controller (another bench, or the pendant?); "
+                f"a program is {program} on this controller ({whose}); "
                 "look at who uses the arm, then stop the program on the teach pendant"
             )
         return info
