@@ -56,7 +56,7 @@ def answer_after(seconds: float) -> bool:
 def test_a_program_that_ended_while_the_controller_kept_the_client_waiting_was_not_stopped_by_anybody():
     slow = client()
     slow._command("", answer_after, 0.25)
-    with pytest.raises(ArmFault, match=r"answered a command only after 0\.\d s: its watchdog, which waits 0\.1 s") as caught:
+    with pytest.raises(ArmFault, match=r"did not answer a command within 0\.\d s: its watchdog, which waits 0\.1 s") as caught:
         slow.check(slow.settings)
     assert caught.value.kind == "slow_response"
 

@@ -263,7 +263,7 @@ class UrClient:
             return ArmFault("program_stopped", "the program on the controller was stopped")
         ended = f"its watchdog, which waits {watchdog:g} s, ended the program"
         if waited > 0.5 * gap:
-            return ArmFault("slow_response", f"the controller answered a command only after {waited:.1f} s: {ended}")
+            return ArmFault("slow_response", f"the controller did not answer a command within {waited:.1f} s: {ended}")
         return ArmFault(
             "slow_response", f"nothing was sent to the controller for {gap:.1f} s, this machine is too busy: {ended}"
         )
