@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -92,10 +92,11 @@ def run(
         raise InputError("name a protocol, or a session with --resume")
     if arm is not ArmDriver.sim:
         return _finish(run_real(protocol, robot, choice), json)
-    with progress_bar(not json) as progress:
+    with progress_bar(not json) as progress, _resumable(lambda path: shlex.join(["testbench", "run", "--resume", str(path)])):
         result = run_protocol(
             protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress,
             planned=None if json else say_warnings, calibrations=calibration, tunings=tuned or (), keys=not json,
+            say=(lambda line: None) if progress is None else progress.say,
         )  # fmt: skip
     return _finish(result, json)
 
@@ -196,19 +197,25 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
 
 @contextmanager
 def _shown(choice: ArmChoice, options: ArmRunOptions) -> Iterator[None]:
-    """Show a run on a real arm; an error after it became a session is given the line that goes on with it."""
+    """Show a run on a real arm."""
+    with progress_bar(not choice.json, "connecting") as display, _resumable(choice.resume_line):
+        if display is not None:
+            options.progress, options.say = display, display.say
+        yield
+
+
+@contextmanager
+def _resumable(line: Callable[[Path], str]) -> Iterator[None]:
+    """Give an error after a session was made the line that goes on with it."""
     from testbench.exceptions import BenchError
     from testbench.records.session import Session
 
-    with progress_bar(not choice.json, "connecting") as display:
-        if display is not None:
-            options.progress, options.say = display, display.say
-        try:
-            yield
-        except BenchError as error:
-            if isinstance(error.session, Session):
-                error.add_note(f"go on: {choice.resume_line(error.session.path)}")
-            raise
+    try:
+        yield
+    except BenchError as error:
+        if isinstance(error.session, Session):
+            error.add_note(f"go on: {line(error.session.path)}")
+        raise
 
 
 def resume_run(session: Path, protocol: str | None, robot: str | None, choice: ArmChoice) -> Result:

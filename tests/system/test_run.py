@@ -91,6 +91,7 @@ def test_ctrl_c_ends_with_130_a_sentence_and_no_traceback(interrupted):
     code, printed, session = interrupted
     assert code == 130
     assert "interrupted by the operator" in printed.replace("\n", " ")
+    assert f"go on: testbench run --resume {session.path}" in printed
     assert "Traceback" not in printed
     assert session.status is RunStatus.INTERRUPTED
 
