@@ -83,6 +83,8 @@ def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Se
     if setup.simulate_imus:
         return arm, Sensors.simulated(plan, setup.seed), time
     if not setup.serial and not setup.dots:
+        if setup.log is not None:
+            arm.connect()  # what is wrong with the log is said first
         raise InputError("name the sensors on the arm with --serial or --dot, or simulate them with --simulate-imus")
     devices = open_devices(setup.serial, setup.dots, clock, time=time)
     return arm, Sensors.live(plan, devices), time

@@ -117,12 +117,15 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
         session: To go on with. plan: Made anew, with today's software. sensors: Descriptions of today's sensors.
     """
     found: list[str] = []
-    stored = {Path(str(session.manifest["protocol"]["file"])).name: session.path / "protocol.yaml"}
+    own, named = Path(str(session.manifest["protocol"]["file"])).name, plan.protocol.document.file.name
+    stored = {named: session.path / "protocol.yaml"}
     stored |= {file.name.removeprefix("included_"): file for file in session.path.glob("included_*")}
     for name, text in plan.protocol.texts().items():
         before = stored[name].read_text(encoding="utf-8") if name in stored else ""
         if before != text:
             found.append(f"the protocol's file {name} differs:\n{_difference(before, text)}")
+    if named != own:
+        found.append(f"the protocol's file is called {named}, that of the session {own}")
     robot = (session.path / "robot.yaml").read_text(encoding="utf-8")
     today = _todays_robot(session) or plan.robot
     if robot != today.text:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from testbench import plan
+from testbench.arm_pipeline import ArmSetup, make_arm
 from testbench.clock import SystemClock
 from testbench.drivers.arms.controller_clock import ControllerClock
 from testbench.drivers.arms.replay import ReplayArm
@@ -147,6 +148,13 @@ def test_a_log_that_is_none_is_refused_in_a_sentence(tmp_path, content, sentence
     log.write_text(content)
     with pytest.raises(InputError, match=sentence):
         ReplayArm(load_robot("ur3e"), log, SessionTime(SystemClock())).connect()
+
+
+def test_a_log_that_is_none_is_told_before_a_missing_sensor(tmp_path, tiny):
+    log = tmp_path / "log.csv"
+    log.write_text("a,b\n1,2\n3,4\n")
+    with pytest.raises(InputError, match="neither time_s nor host_time_ns"):
+        make_arm(plan(tiny), ArmSetup(log=log), SystemClock())
 
 
 def test_a_log_that_never_reaches_a_pose_is_refused(recorded, tmp_path):

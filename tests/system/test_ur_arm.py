@@ -359,6 +359,11 @@ def test_a_protocol_that_was_edited_since_is_not_resumed_unless_the_sessions_own
     edited.write_text("name: [", encoding="utf-8")  # in the middle of an edit
     with pytest.raises(InputError, match="the protocol that the session keeps"):
         prepare_resume(session.path)
+    other = tmp_path / "other.yaml"
+    other.write_text(SHORT.replace("wrist_3_joint: 40", "wrist_3_joint: 20"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"called other\.yaml, that of the session short\.yaml") as caught:
+        prepare_resume(session.path, other)
+    assert str(caught.value).count("\n+") == 2  # the head of the difference, and the line
     kept = prepare_resume(session.path, session.path / "protocol.yaml")
     assert kept.note == f"resuming by {session.path / 'protocol.yaml'}"
     assert np.degrees(kept.plan.trajectory.q[:, 5]).max() > 39
