@@ -78,11 +78,8 @@ class UrClient:
         self._program_seen = self._streaming = False
         self._lock = ControllerLock(settings.host)
         self._said_at = time.monotonic()
-        self._unfed = (
-            0.0,
-            0.0,
-            0.0,
-        )  # longest time between two commands of late [s], what of it was waiting for an answer, when
+        # The longest time of late between two commands [s], what of it was waiting for an answer [s], and when that was.
+        self._unfed = (0.0, 0.0, 0.0)
 
     def now_ns(self) -> int:
         """Host time [ns]."""
