@@ -14,20 +14,30 @@ from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.estimation.filters import OrientationFilter
-from testbench.exceptions import InputError
+from testbench.exceptions import BenchError, InputError
 from testbench.execution import execute
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.execution.device_recorder import open_devices
 from testbench.execution.executor import Progress, simulated_sensors
-from testbench.execution.resume import missing_steps, open_for_resume, refuse_differences, stored_protocol, stored_robot
+from testbench.execution.resume import (
+    is_own_copy,
+    missing_steps,
+    open_for_resume,
+    refuse_differences,
+    refuse_edited_protocol,
+    refuse_other_robot,
+    stored_protocol,
+    stored_robot,
+)
 from testbench.model.dh_calibration import calibrated
 from testbench.pipeline import Result, analyse, make_plan
 from testbench.planning.planner import find_robot
 from testbench.records.arm_calibration import load_arm_calibration
 from testbench.records.calibration_file import load_calibrations
-from testbench.records.plan import Plan
+from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import Robot
+from testbench.records.session import Session
 
 
 @dataclass(frozen=True)
@@ -77,6 +87,8 @@ def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Se
     if setup.simulate_imus:
         return arm, Sensors.simulated(plan, setup.seed), time
     if not setup.serial and not setup.dots:
+        if setup.log is not None:
+            arm.connect()  # what is wrong with the log is said first
         raise InputError("name the sensors on the arm with --serial or --dot, or simulate them with --simulate-imus")
     devices = open_devices(setup.serial, setup.dots, clock, time=time)
     return arm, Sensors.live(plan, devices), time
@@ -102,7 +114,85 @@ def run_on_arm(
         load_calibrations(calibrations)  # a bad file is refused before anything moves
     arm, sensors, time = make_arm(plan, setup, clock or SystemClock())
     session = execute_on_arm(plan, arm, sensors, time, options)
-    return analyse(session, filters, with_report, plan, calibrations, tunings)
+    return _judge(session, plan, options, filters, with_report, calibrations, tunings)
+
+
+def _judge(
+    session: Session, plan: Plan, options: ArmRunOptions, filters: Sequence[str | OrientationFilter] | None,
+    with_report: bool, calibrations: Path | None, tunings: Sequence[Path],
+) -> Result:  # fmt: skip
+    """Analyse what was recorded whole; a failure says that it was."""
+    if options.progress is not None:
+        options.progress(Progress("", 0, 0, 1.0, 1.0, "the arm is done: estimating, evaluating"))
+    try:
+        return analyse(session, filters, with_report, plan, calibrations, tunings)
+    except BenchError as error:
+        error.add_note(f"the recording is whole; judge it again: testbench report {session.path}")
+        raise
+
+
+def look_at_arm(plan: Plan, setup: ArmSetup, steps: list[PlannedStep] | None = None, clock: Clock | None = None) -> None:
+    """Refuse what a run would refuse of its sensors and of its arm, before a person is asked anything.
+
+    The controller is let go again: a person takes time to answer.
+
+    Args:
+        plan: As made by `make_plan`. setup: Arm and sensors. steps: Those of its steps to do; all if None. clock: The machine's
+        if None.
+
+    Raises:
+        InputError: As for `make_arm`, or the arm must not be driven.
+        DriverError: A live sensor delivers nothing, or there is no controller that answers.
+    """
+    arm, sensors, _ = make_arm(plan, setup, clock or SystemClock())
+    try:
+        sensors.listen()
+        arm.connect()
+        arm.check_way(plan, steps)
+    finally:
+        arm.close()
+        sensors.close()
+
+
+@dataclass(frozen=True)
+class Resumption:
+    """How a session goes on.
+
+    Attributes:
+        session: That broke off. plan: Of the whole run. steps: That a real arm does. note: By which protocol, for people.
+    """
+
+    session: Session
+    plan: Plan
+    steps: list[PlannedStep]
+    note: str
+
+
+def prepare_resume(
+    path: Path,
+    protocol: str | Path | None = None,
+    robot: str | Path | None = None,
+    filters: Sequence[str | OrientationFilter] | None = None,
+    tunings: Sequence[Path] = (),
+) -> Resumption:
+    """Look at what is missing of a session, and whether its files are still what they were; nothing is connected.
+
+    Args:
+        path: Of the session. protocol: As it is today; the session's own copy if None, unless its file was edited
+        since. robot: As it is today; the session's own copy if None. filters, tunings: As for `run`.
+
+    Raises:
+        SessionError: It was completed, or is no run.
+        InputError: Protocol, robot or software are not what they were; lists what differs.
+    """
+    session = open_for_resume(path)
+    refuse_other_robot(session, robot)
+    named = None if protocol is None or is_own_copy(session, protocol) else protocol
+    with stored_protocol(session) as stored:
+        plan = make_plan(named or stored, stored_robot(session), filters, tunings)
+    note = f"resuming by {protocol}" if protocol is not None else refuse_edited_protocol(session, plan)
+    refuse_differences(session, plan, session.manifest["sensors"])
+    return Resumption(session, plan, missing_steps(session, plan), note)
 
 
 def resume(
@@ -116,6 +206,7 @@ def resume(
     progress: Callable[[Progress], None] | None = None,
     calibrations: Path | None = None,
     tunings: Sequence[Path] = (),
+    prepared: Resumption | None = None,
 ) -> Result:
     """Go on with a session whose run broke off.
 
@@ -123,8 +214,9 @@ def resume(
     that give the sensors their references.
 
     Args:
-        path: Of the session. setup, options: For a run that is not simulated. protocol: As it is today; the session's own copy
-        if None. filters, with_report, clock, progress, calibrations, tunings: As for `run`.
+        path: Of the session. setup, options: For a run that is not simulated. protocol: As for
+        `prepare_resume`. filters, with_report, clock, progress, calibrations, tunings: As for `run`. prepared: As made by
+        `prepare_resume`, where a person has seen it.
 
     Raises:
         SessionError: It was completed, or is no run.
@@ -132,19 +224,17 @@ def resume(
     """
     if calibrations is not None:
         load_calibrations(calibrations)
-    session = open_for_resume(path)
-    with stored_protocol(session) as stored:
-        the_plan = make_plan(protocol or stored, stored_robot(session), filters, tunings)
-        if session.manifest["arm"]["driver"] == "simulated":
-            refuse_differences(session, the_plan, simulated_sensors(the_plan))
-            seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
-            resumed = execute(the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session)
-            return analyse(resumed, filters, with_report, the_plan, calibrations, tunings)
-        if setup is None or options is None:
-            raise InputError(f"{path} was run on a real arm; say --arm, --host and --confirm-motion to go on")
-        arm, sensors, time = make_arm(the_plan, setup, clock or SystemClock())
-        refuse_differences(session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()})
-        steps = missing_steps(session, the_plan)
-        options = replace(options, steps=steps, resumes={"session": session.name, "steps": [step.index for step in steps]})
-        session = execute_on_arm(the_plan, arm, sensors, time, options)
-        return analyse(session, filters, with_report, the_plan, calibrations, tunings)
+    prepared = prepared or prepare_resume(path, protocol, None, filters, tunings)
+    session, the_plan, steps = prepared.session, prepared.plan, prepared.steps
+    if session.manifest["arm"]["driver"] == "simulated":
+        refuse_differences(session, the_plan, simulated_sensors(the_plan))
+        seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
+        resumed = execute(the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session)
+        return analyse(resumed, filters, with_report, the_plan, calibrations, tunings)
+    if setup is None or options is None:
+        raise InputError(f"{path} was run on a real arm; say --arm, --host and --confirm-motion to go on")
+    arm, sensors, time = make_arm(the_plan, setup, clock or SystemClock())
+    refuse_differences(session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()})
+    options = replace(options, steps=steps, resumes={"session": session.name, "steps": [step.index for step in steps]})
+    session = execute_on_arm(the_plan, arm, sensors, time, options)
+    return _judge(session, the_plan, options, filters, with_report, calibrations, tunings)

@@ -10,9 +10,15 @@ from pathlib import Path
 
 
 class BenchError(Exception):
-    """Something went wrong on the bench; the base of every error raised on purpose."""
+    """Something went wrong on the bench; the base of every error raised on purpose.
+
+    Attributes:
+        session: What was recorded until then, if anything was. What helps a person to go on is in the notes of the exception
+        (`add_note`), a sentence each.
+    """
 
     exit_code = 3
+    session: object = None
 
 
 class InputError(BenchError):
@@ -77,14 +83,18 @@ class LimitError(PlanError):
 
     Attributes:
         joint: Joint name. quantity: "position", "velocity" or "acceleration". value, limit: In unit.
-        unit: Unit of value and limit. time: [s] from the start of the plan. step: Name of the step.
+        unit: Unit of value and limit. time: [s] from the start of the plan, when it is first exceeded. step: Name of the step.
+        onwards: The farthest from the limit that the joint goes after that in the same step, in the same unit.
     """
 
-    def __init__(self, joint: str, quantity: str, value: float, limit: float, unit: str, time: float, step: str):
+    def __init__(
+        self, joint: str, quantity: str, value: float, limit: float, unit: str, time: float, step: str, onwards: float
+    ):
         self.joint, self.quantity, self.value, self.limit = joint, quantity, value, limit
-        self.unit, self.time, self.step = unit, time, step
+        self.unit, self.time, self.step, self.onwards = unit, time, step, onwards
         super().__init__(
-            f"joint {joint}: {quantity} {value:.2f} {unit} exceeds {limit:.2f} {unit} at t = {time:.3f} s (step '{step}')"
+            f"joint {joint}: {quantity} {value:.2f} {unit} exceeds {limit:.2f} {unit} at t = {time:.3f} s (step '{step}'), "
+            f"and goes on to {onwards:.2f} {unit}"
         )
 
 

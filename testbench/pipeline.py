@@ -69,6 +69,7 @@ def run(
     calibrations: Path | None = None,
     tunings: Sequence[Path] = (),
     keys: bool = False,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Result:
     """Run a protocol from its file to its report.
 
@@ -76,6 +77,7 @@ def run(
         protocol, robot: As for `plan`. seed, speed, logs, progress: As for `execute`. filters: As for `estimate`.
         with_report: Whether to write report.html. clock: The machine's if None. planned: Called with the plan before it is run.
         calibrations, tunings: As for `analyse`. keys: Listen to the keyboard: p pauses, r resumes, q stops.
+        say: As for `execute`.
     """
     clock = clock or SystemClock()
     if calibrations is not None:
@@ -83,7 +85,7 @@ def run(
     the_plan = make_plan(protocol, robot, filters, tunings)
     if planned is not None:
         planned(the_plan)
-    session = execute(the_plan, logs, seed, speed, clock, progress, keys=keys)
+    session = execute(the_plan, logs, seed, speed, clock, progress, keys=keys, say=say)
     return analyse(session, filters, with_report, the_plan, calibrations, tunings)
 
 

@@ -24,7 +24,7 @@ def main() -> None:
             sys.exit(_run_without_own_errors(app))
         app()
     except BenchError as error:
-        say_json_error(error) if wants_json else say_error(str(error))
+        say_json_error(error) if wants_json else say_error(str(error), getattr(error, "__notes__", []))
         sys.exit(error.exit_code)
     except BrokenPipeError:
         sys.exit(1)

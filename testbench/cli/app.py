@@ -257,17 +257,21 @@ def sessions(
                 outcome,
                 duration,
                 session.manifest.get("started_utc"),
+                _resumes(session).get("session"),
             ]
         )
     damaged = damaged_sessions(logs)
-    rows += [[name, None, "damaged", "-", None, None] for name in damaged]
+    rows += [[name, None, "damaged", "-", None, None, None] for name in damaged]
     causes |= damaged
     if json:
-        keys = ["session", "kind", "status", "outcome", "duration_s", "started_utc"]
+        keys = ["session", "kind", "status", "outcome", "duration_s", "started_utc", "resumes"]
         found = [dict(zip(keys, row, strict=True)) for row in rows]
         say_json({"sessions": [entry | {"damage": causes.get(str(entry["session"]))} for entry in found]})
     else:
-        say_table(f"Sessions in {logs}", ["session", "kind", "status", "outcome", "duration [s]", "started (UTC)"], rows)
+        columns = ["session", "kind", "status", "outcome", "duration [s]", "started (UTC)", "resumes"]
+        if not any(row[-1] for row in rows):
+            columns, rows = columns[:-1], [row[:-1] for row in rows]
+        say_table(f"Sessions in {logs}", columns, rows)
         for name, cause in causes.items():
             say(f"{name} is damaged: {cause}")
 
@@ -277,12 +281,43 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
     """Make a session readable whose run was cut off by a kill or a power cut."""
     from testbench.execution.recovery import recover as make_readable
 
-    recovered = make_readable(_open(session))
+    opened = _open(session)
+    recovered = make_readable(opened)
     message = recovered.manifest.get("message") or "nothing to recover"
+    if opened.status != "running":
+        before = opened.manifest.get("message")
+        message = f"nothing to recover; it was closed as {opened.status}" + (f" before: {before}" if before else "")
+    missing = _missing_steps(recovered)
     if json:
-        say_json({"session": str(recovered.path), "status": recovered.status, "message": message})
-    else:
-        say(f"{recovered.path}: {message}")
+        told = {"session": str(recovered.path), "status": recovered.status, "message": message, "missing_steps": missing}
+        say_json(told)
+        return
+    say(f"{recovered.path}: {message}")
+    if missing:
+        say(f"missing: {len(missing)} of {recovered.manifest['plan']['check']['steps']} steps, from step {missing[0]} on")
+        say(f"go on: testbench run --resume {recovered.path}, on a real arm with --arm and its options")
+
+
+def _missing_steps(session: Session) -> list[int]:
+    """Indices of the planned steps that were not finished; none where nothing was planned."""
+    try:
+        planned = int(session.manifest["plan"]["check"]["steps"])
+    except (KeyError, TypeError, ValueError):
+        return []
+    done = {step.index for step in session.steps} | set(_left_out(session, planned))
+    return [index for index in range(planned) if index not in done]
+
+
+def _left_out(session: Session, planned: int) -> list[int]:
+    """Steps that a resuming session was not to do."""
+    wanted = _resumes(session).get("steps")
+    return [index for index in range(planned) if index not in wanted] if isinstance(wanted, list) else []
+
+
+def _resumes(session: Session) -> dict[str, Any]:
+    """The session that another goes on with, and the steps it was to do; empty if none."""
+    resumes = session.manifest.get("resumes")
+    return resumes if isinstance(resumes, dict) else {}
 
 
 def _open(path: Path) -> Session:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +19,12 @@ from testbench.records.numbers import show_number
 COLOURS = {"pass": "green", "marginal": "yellow", "fail": "red", "not measured": "magenta"}
 
 
-def say_error(message: str) -> None:
-    """One message on stderr; lines of a list each stand alone."""
+def say_error(message: str, notes: Sequence[str] = ()) -> None:
+    """One message on stderr; lines of a list each stand alone, and notes follow."""
     for line in message.splitlines() or [message]:
         print(f"error: {line}", file=sys.stderr)
+    for note in notes:
+        print(note, file=sys.stderr)
 
 
 def say_json_error(error: BenchError) -> None:
@@ -31,6 +33,7 @@ def say_json_error(error: BenchError) -> None:
     from testbench.records.storage import plain_values
 
     told: dict[str, Any] = {"kind": type(error).__name__, "message": str(error), "exit_code": error.exit_code}
+    told |= {"notes": error.__notes__} if hasattr(error, "__notes__") else {}
     if isinstance(error, FileProblems):
         told |= {"file": error.file, "problems": [vars(problem) for problem in error.problems]}
     print(json.dumps({"error": plain_values(told)}, allow_nan=False), file=sys.stderr)
@@ -39,6 +42,11 @@ def say_json_error(error: BenchError) -> None:
 def say(message: str) -> None:
     """A line for people, on stdout."""
     print(message)
+
+
+def say_note(message: str) -> None:
+    """A line for people on stderr, which is no error."""
+    print(message, file=sys.stderr)
 
 
 def say_json(data: Any) -> None:
@@ -65,9 +73,29 @@ def say_table(title: str, columns: list[str], rows: list[list[Any]]) -> None:
     console.print(table)
 
 
+class RunDisplay:
+    """A bar with step, part done and remaining time on stderr, and lines above it; where there is no terminal, the lines alone.
+
+    Args:
+        bar, task: Of rich.
+    """
+
+    def __init__(self, bar: Any, task: Any):
+        self._bar, self._task = bar, task
+
+    def __call__(self, progress: RunProgress) -> None:
+        """Show how far a run is."""
+        text = progress.doing or f"step {progress.index + 1}/{progress.steps}: {progress.step}"
+        self._bar.update(self._task, description=text[:60], total=progress.duration, completed=progress.time)
+
+    def say(self, line: str) -> None:
+        """Print a line that stays."""
+        self._bar.console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
 @contextmanager
-def progress_bar(shown: bool) -> Iterator[Any]:
-    """A bar with step, part done and remaining time on stderr; yields the function that `execute` calls."""
+def progress_bar(shown: bool, first: str = "starting") -> Iterator[RunDisplay | None]:
+    """A display of a run, or None; `first` is what it says until it is told more."""
     if not shown:
         yield None
         return
@@ -77,13 +105,7 @@ def progress_bar(shown: bool) -> Iterator[Any]:
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeRemainingColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("starting", total=None)
-
-        def update(progress: RunProgress) -> None:
-            text = f"step {progress.index + 1}/{progress.steps}: {progress.step}"
-            bar.update(task, description=text[:60], total=progress.duration, completed=progress.time)
-
-        yield update
+        yield RunDisplay(bar, bar.add_task(first, total=None))
 
 
 def say_check(plan: Plan) -> None:

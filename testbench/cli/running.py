@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -13,14 +16,25 @@ import typer
 from testbench.cli.calibrating import CalibrationOption
 from testbench.cli.filtering import FiltersOption, JsonOption, parse_filters
 from testbench.cli.options import RobotOption, complete_protocol, exit_code
-from testbench.cli.output import progress_bar, say, say_check, say_evaluation, say_json, say_table, say_warning, say_warnings
+from testbench.cli.output import (
+    progress_bar,
+    say,
+    say_check,
+    say_evaluation,
+    say_json,
+    say_note,
+    say_table,
+    say_warning,
+    say_warnings,
+)
 from testbench.cli.tuning import TunedOption
 
 if TYPE_CHECKING:
     from testbench.arm_pipeline import ArmSetup
     from testbench.estimation.filters import OrientationFilter
+    from testbench.execution.arm_run import ArmRunOptions
     from testbench.pipeline import Result
-    from testbench.records.plan import Plan
+    from testbench.records.plan import Plan, PlannedStep
 
 
 class Speed(StrEnum):
@@ -84,15 +98,16 @@ def run(
         seed, logs, names, calibration, tuned or [], not no_report, json,
     )  # fmt: skip
     if resume is not None:
-        return _finish(resume_run(resume, protocol, choice), json)
+        return _finish(resume_run(resume, protocol, robot, choice), json)
     if protocol is None:
         raise InputError("name a protocol, or a session with --resume")
     if arm is not ArmDriver.sim:
         return _finish(run_real(protocol, robot, choice), json)
-    with progress_bar(not json) as progress:
+    with progress_bar(not json) as progress, _resumable(lambda path: shlex.join(["testbench", "run", "--resume", str(path)])):
         result = run_protocol(
             protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress,
             planned=None if json else say_warnings, calibrations=calibration, tunings=tuned or (), keys=not json,
+            say=(lambda line: None) if progress is None else progress.say,
         )  # fmt: skip
     return _finish(result, json)
 
@@ -153,6 +168,20 @@ class ArmChoice:
         """Whether anything real moves."""
         return self.arm != "replay"
 
+    def resume_line(self, session: Path) -> str:
+        """The command that goes on with a session, with the same arm and sensors; the hazards will be asked for."""
+        words = ["testbench", "run", "--resume", str(session), "--arm", self.arm]
+        words += ["--host", self.host] if self.host else []
+        words += ["--log", str(self.log)] if self.log is not None else []
+        words += ["--confirm-motion"] if self.moves else []
+        words += ["--simulate-imus"] if self.simulate_imus else []
+        words += [word for text in self.serial for word in ("--serial", text)]
+        words += [word for text in self.dots for word in ("--dot", text)]
+        words += ["--kinematics", str(self.kinematics)] if self.kinematics is not None else []
+        words += ["--logs", str(self.logs)] if self.logs != Path("logs") else []
+        words += ["--seed", str(self.seed)] if self.seed else []
+        return shlex.join(words)
+
 
 def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
     """Run a protocol on a real arm, or show what it would do.
@@ -170,56 +199,91 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
         say_warnings(plan)
     options = _options(choice)
     if choice.moves:
-        options.checklist = approve(plan, choice)
-    with progress_bar(not choice.json) as progress:
-        options.progress = progress
+        options.checklist = approve(plan, choice, setup)
+    with _shown(choice, options):
         return run_on_arm(
             plan, setup, options, choice.filters, choice.with_report, calibrations=choice.calibration, tunings=choice.tuned
         )
 
 
-def resume_run(session: Path, protocol: str | None, choice: ArmChoice) -> Result:
+@contextmanager
+def _shown(choice: ArmChoice, options: ArmRunOptions) -> Iterator[None]:
+    """Show a run on a real arm."""
+    with progress_bar(not choice.json, "connecting") as display, _resumable(choice.resume_line):
+        if display is not None:
+            options.progress, options.say = display, display.say
+        yield
+
+
+@contextmanager
+def _resumable(line: Callable[[Path], str]) -> Iterator[None]:
+    """Give an error after a session was made the line that goes on with it."""
+    from testbench.exceptions import BenchError
+    from testbench.records.session import Session
+
+    try:
+        yield
+    except BenchError as error:
+        if isinstance(error.session, Session):
+            error.add_note(f"go on: {line(error.session.path)}")
+        raise
+
+
+def resume_run(session: Path, protocol: str | None, robot: str | None, choice: ArmChoice) -> Result:
     """Go on with a session whose run broke off."""
-    from testbench.arm_pipeline import resume
+    from testbench.arm_pipeline import prepare_resume, resume
     from testbench.exceptions import InputError
     from testbench.records.session import Session
 
-    arm = Session(session).manifest.get("arm", {})
-    if arm.get("driver") == "simulated":
-        with progress_bar(not choice.json) as progress:
-            return resume(
-                session, None, None, protocol, choice.filters, choice.with_report, progress=progress,
-                calibrations=choice.calibration, tunings=choice.tuned,
-            )  # fmt: skip
-    if choice.arm == "sim":
-        raise InputError(f"{session} was run on a real arm; say --arm {arm.get('driver', 'ur')} and its options again")
-    setup, options = choice.setup(), _options(choice)
-    if choice.moves:
-        _refuse_unconfirmed(choice)
-        options.checklist = _hazards(choice)
-    with progress_bar(not choice.json) as progress:
-        options.progress = progress
+    driver = Session(session).manifest.get("arm", {}).get("driver", "ur")
+    simulated = driver == "simulated"
+    if choice.arm == "sim" and not simulated:
+        raise InputError(f"{session} was run on a real arm; say --arm {driver} and its options again")
+    setup = None if simulated else choice.setup()
+    prepared = prepare_resume(session, protocol, robot, choice.filters, choice.tuned)
+    if not choice.json:
+        say_note(prepared.note)
+    options = None if simulated else _options(choice)
+    if options is not None and choice.moves:
+        assert setup is not None
+        options.checklist = approve(prepared.plan, choice, setup, prepared.steps)
+    with ExitStack() as stack:
+        progress = None
+        if options is None:
+            progress = stack.enter_context(progress_bar(not choice.json))
+        else:
+            stack.enter_context(_shown(choice, options))
         return resume(
-            session, setup, options, protocol, choice.filters, choice.with_report, calibrations=choice.calibration,
-            tunings=choice.tuned,
+            session, setup, options, filters=choice.filters, with_report=choice.with_report, progress=progress,
+            calibrations=choice.calibration, tunings=choice.tuned, prepared=prepared,
         )  # fmt: skip
 
 
-def _options(choice: ArmChoice) -> Any:
+def _options(choice: ArmChoice) -> ArmRunOptions:
     from testbench.execution.arm_run import ArmRunOptions
 
     return ArmRunOptions(choice.logs, choice.seed, keys=not choice.json, notify=None if choice.json else say_warning)
 
 
-def approve(plan: Plan, choice: ArmChoice) -> dict[str, Any]:
+def approve(plan: Plan, choice: ArmChoice, setup: ArmSetup, steps: list[PlannedStep] | None = None) -> dict[str, Any]:
     """Show the whole motion, and ask; without --confirm-motion that is all.
 
+    A person is asked last, when arm and options are such that the run will not be refused afterwards.
+
+    Args:
+        plan: The motion. choice, setup: As asked for. steps: Those of its steps to do; all if None.
+
     Raises:
-        InputError: The motion or a hazard was not confirmed.
+        InputError: The arm was refused, or the motion or a hazard was not confirmed.
     """
     if not choice.json:
-        say_motion(plan)
+        say_motion(plan, steps)
     _refuse_unconfirmed(choice)
+    if not choice.hazards_checked:
+        from testbench.arm_pipeline import look_at_arm
+
+        _refuse_without_terminal()
+        look_at_arm(plan, setup, steps)
     return _hazards(choice)
 
 
@@ -230,14 +294,18 @@ def _refuse_unconfirmed(choice: ArmChoice) -> None:
         raise ArmRefused("nothing moved: this was a dry run; add --confirm-motion to move the arm")
 
 
-def _hazards(choice: ArmChoice) -> dict[str, Any]:
+def _refuse_without_terminal() -> None:
     from testbench.exceptions import ArmRefused
+
+    if not sys.stdin.isatty():
+        raise ArmRefused("nothing moves: the hazards must be confirmed on a terminal, or with --hazards-checked")
+
+
+def _hazards(choice: ArmChoice) -> dict[str, Any]:
     from testbench.execution.checklist import confirm_hazards
 
     if choice.hazards_checked:
         return confirm_hazards(lambda sentence: True) | {"by": "--hazards-checked"}
-    if not sys.stdin.isatty():
-        raise ArmRefused("nothing moves: the hazards must be confirmed on a terminal, or with --hazards-checked")
     print("Before the arm moves:", file=sys.stderr)
     return confirm_hazards(_ask) | {"by": "asked on the terminal"}
 
@@ -247,20 +315,24 @@ def _ask(sentence: str) -> bool:
     return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
 
-def say_motion(plan: Plan) -> None:
-    """Every step with its pose, so that a person can walk through it before anything moves."""
+def say_motion(plan: Plan, steps: list[PlannedStep] | None = None) -> None:
+    """Every motion with its pose, so that a person can walk through it before anything moves; `steps`: those to do."""
     import numpy as np
 
-    from testbench.frames import NANOSECONDS
+    from testbench.execution.motion_table import MotionRow, motion_rows
 
-    rows = []
-    for step in plan.steps:
-        q = np.degrees(plan.trajectory.at(np.array([step.settled_ns]))[0][0])
-        inside = (plan.trajectory.time_ns >= step.start_ns) & (plan.trajectory.time_ns <= step.settled_ns)
-        fastest = float(np.degrees(np.abs(plan.trajectory.v[inside]).max())) if inside.any() else 0.0
-        duration = (step.end_ns - step.start_ns) / NANOSECONDS
-        rows.append([step.index, step.name, step.kind, " ".join(f"{angle:.1f}" for angle in q), fastest, duration])
+    def where(row: MotionRow) -> str:
+        swings = [f"{joint.removesuffix('_joint')} {low:.1f}..{high:.1f}" for joint, (low, high) in row.swings_deg.items()]
+        return ", ".join(swings) or " ".join(f"{angle:.1f}" for angle in row.pose_deg)
+
+    motions = motion_rows(plan, steps)
     say_check(plan)
     title = f"Motion, from {' '.join(f'{angle:.1f}' for angle in np.degrees(plan.trajectory.q[0]))} deg"
-    say_table(title, ["step", "name", "kind", "pose [deg]", "fastest joint [deg/s]", "duration [s]"], rows)
-    say(f"{len(rows)} steps, about {plan.duration:.0f} s")
+    say_table(
+        title,
+        ["step", "name", "kind", "pose, of a sweep its turns [deg]", "fastest joint [deg/s]", "duration [s]"],
+        [[m.index, m.name, m.kind, where(m), m.speed_deg_s, m.duration_s] for m in motions],
+    )
+    count = sum(row.index is not None for row in motions)
+    of_all = "" if steps is None else f" of {len(plan.steps)}, reference and calibration once more,"
+    say(f"{count} steps{of_all} about {sum(row.duration_s for row in motions):.0f} s")

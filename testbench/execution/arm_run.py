@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ from typing import Any
 
 from testbench.clock import Clock
 from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.remedies import REMEDIES
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.following import ReportedMotion
 from testbench.drivers.imus.simulated import SimulatedImu
@@ -20,6 +22,7 @@ from testbench.execution.executor import Progress, free_folder
 from testbench.execution.guards import GuardTripped, GuardWatch
 from testbench.execution.operator import Operator, operator_requests
 from testbench.execution.recorder import Recorder
+from testbench.execution.run_progress import ProgressMeter
 from testbench.execution.state_machine import RunState, StateMachine
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
@@ -30,6 +33,8 @@ from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import Event, RunStatus, Session
 
 CHUNK_NS = NANOSECONDS // 10
+MISSED_SHARE = 0.01
+"""A larger share of the controller's samples that did not come is said at the end."""
 TAIL_NS = NANOSECONDS
 """Recording goes on this long after the last step, so that the last dwell is whole on every clock."""
 
@@ -73,6 +78,15 @@ class Sensors:
             )
         return Sensors(dict(devices.imus), devices)
 
+    def listen(self) -> None:
+        """Make sure that live ones deliver, before anything moves.
+
+        Raises:
+            DriverError: One does not.
+        """
+        if self.devices is not None:
+            self.devices.listen()
+
     def start(self) -> None:
         """Begin to record."""
         if self.devices is not None:
@@ -114,7 +128,7 @@ class ArmRunOptions:
         logs: Folder that sessions are made in. seed: Of simulated sensors. steps: Those to do; all if None. checklist: What was
         confirmed. resumes: Session and step that this run goes on from. keys: Listen to the keyboard. progress: Called after
         every chunk of time. name: Of the session's folder; time and protocol if None. notify: Told what a person must know of
-        the arm, once it is connected.
+        the arm, once it is connected. say: Told, a line at a time, what a person beside the arm must know.
     """
 
     logs: Path = Path("logs")
@@ -124,6 +138,7 @@ class ArmRunOptions:
     resumes: dict[str, Any] | None = None
     keys: bool = False
     progress: Callable[[Progress], None] | None = None
+    say: Callable[[str], None] = lambda line: None
     name: str | None = None
     notify: Callable[[str], None] | None = None
     details: dict[str, Any] = field(default_factory=dict)
@@ -137,10 +152,12 @@ def execute_on_arm(plan: Plan, arm: SteppingArm, sensors: Sensors, time: Session
 
     Raises:
         ArmRefused: The arm must not be driven; nothing moved and there is no session.
-        DriverError: Arm, sensor or guard ended the run; the arm was stopped, the session is kept and closed as an error.
+        DriverError: A live sensor delivers nothing, or no controller answers; nothing moved. Or arm, sensor or guard ended the
+        run; the arm was stopped, the session is kept and closed as an error. Its notes say what to do.
         RunInterrupted: The operator stopped it; the session is kept.
     """
     try:
+        sensors.listen()
         arm.connect()
         if arm.notice and options.notify is not None:
             options.notify(arm.notice)
@@ -159,7 +176,12 @@ class _ArmRun:
         self.clock: Clock = time.clock
         self.now_ns = 0
         self.done = 0
-        self.total = len(plan.steps if options.steps is None else options.steps)
+        self.steps = plan.steps if options.steps is None else options.steps
+        self.fault = self.paused = ""
+        self.resting = False
+        self.meter = ProgressMeter(plan, self.steps, options.progress)
+        self.trips: Counter[str] = Counter()
+        self.received = 0
         spec = plan.protocol.spec
         self.guards = GuardWatch(spec.guards or Guards(), list(sensors.imus))
         folder = free_folder(options.logs, options.name or f"{self.clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
@@ -186,6 +208,7 @@ class _ArmRun:
         with operator_requests(self.options.keys) as operator:
             try:
                 self.machine.to(RunState.APPROACHING)
+                self.meter.say(0, "the arm goes to the start of the plan")
                 self.arm.prepare(self.plan)
                 self.sensors.start()
                 self.arm.kickoff()
@@ -200,11 +223,29 @@ class _ArmRun:
                 said = str(failure) if isinstance(failure, BenchError) else f"{type(failure).__name__}: {failure}"
                 status, message, error = RunStatus.ERROR, said, failure
             session = self._close(status, message)
+        self._say_counts()
         if error is not None:
+            self._advise(error, session)
             raise error
         if status is RunStatus.INTERRUPTED:
             raise RunInterrupted(f"interrupted by the operator; what was recorded is kept in {session.path}", session)
         return session
+
+    def _advise(self, error: BaseException, session: Session) -> None:
+        """Say with an error what to do, and where the data are."""
+        if isinstance(error, BenchError):
+            error.session = session
+        if self.fault in REMEDIES:
+            error.add_note(f"what to do: {REMEDIES[self.fault]}")
+        error.add_note(f"what was recorded is kept in {session.path}: {self.done} of {len(self.steps)} steps are whole")
+
+    def _say_counts(self) -> None:
+        """At the end: what the guards found, and what did not come from the controller."""
+        if self.trips:
+            self.options.say("guards: " + ", ".join(f"{name} {count}" for name, count in sorted(self.trips.items())))
+        missed = self.arm.describe().get("timing", {}).get("samples_missed", 0)
+        if missed > MISSED_SHARE * (missed + self.received):
+            self.options.say(f"warning: {missed} of {missed + self.received} of the controller's samples did not come")
 
     def _follow(self, operator: Operator) -> None:
         end_ns: int | None = None
@@ -216,21 +257,25 @@ class _ArmRun:
             self._advance(max(self.now_ns + CHUNK_NS, self.time.now_ns()), operator)
             if self.arm.finished and end_ns is None:
                 end_ns = self.now_ns + TAIL_NS
-            if self.options.progress is not None:
-                step = self.plan.steps[min(self.done, len(self.plan.steps) - 1)]
-                self.options.progress(Progress(step.name, self.done, self.total, float(self.done), float(self.total)))
+            rests = "paused, the arm rests" if self.resting else ""
+            self.meter.say(self.now_ns, "recording goes on for a second" if self.arm.finished else rests)
 
     def _pause_or_resume(self, operator: Operator) -> None:
         if operator.pause_asked and self.machine.state is RunState.RUNNING:
             self.arm.pause()
-            self.machine.to(RunState.PAUSED, "asked for")
+            why = operator.pause_reason or "asked for"
+            self.machine.to(RunState.PAUSED, why)
+            self.options.say(f"pause requested ({why}): the arm rests after this step")
+            self.paused = f"PAUSED ({why}): {operator.how_to_go_on}"
         elif not operator.pause_asked and self.machine.state is RunState.PAUSED:
             self.arm.resume()
+            operator.pause_reason = ""
             self.machine.to(RunState.RUNNING, "asked for")
+            self.options.say("going on")
 
     def _advance(self, until_ns: int, operator: Operator | None = None) -> None:
         arm = self.arm.read(until_ns)
-        self.now_ns = until_ns
+        self.now_ns, self.received = until_ns, self.received + len(arm.host_time_ns)
         self._note(self.arm.events())
         imus = self.sensors.read(until_ns, arm)
         happened = self._note_devices()
@@ -251,17 +296,29 @@ class _ArmRun:
         due = self.now_ns if motion is None else motion.known_until_ns  # simulated sensors are not silent, the arm is
         for trip in self.guards.look(due, arm, imus, happened):
             self.recorder.guard_event(self.now_ns, trip)
+            self.trips[f"{trip.guard} of {trip.subject}"] += 1
             if trip.action == "stop":
                 raise GuardTripped(f"a guard stopped the run: {trip.sentence}")
+            self.options.say(f"warning: {trip.sentence}")
             if trip.action == "pause":
-                operator.pause_asked = True
+                operator.pause_asked, operator.pause_reason = True, f"guard: {trip.sentence}"
 
     def _note(self, events: Iterable[Event]) -> None:
         by_index = {step.index: step for step in self.plan.steps}
         for event in events:
+            self.meter.note(event)
+            if event.event in {"paused", "resumed"}:
+                self.resting = event.event == "paused"
+            if event.event == "paused":
+                self.options.say(self.paused)
+            if event.event == "arm_fault":
+                self.fault = str(event.details.get("fault"))
             if event.event.startswith("step_"):
                 self.done += event.event == "step_ended"
                 self.recorder.step_event(event.host_time_ns, event.event, by_index[event.details["index"]])
+            elif event.event.startswith("connecting_"):
+                step = self.steps[min(self.done, len(self.steps) - 1)]
+                self.recorder.event(event.host_time_ns, event.event, towards=step.index, name=step.name)
             else:
                 self.recorder.event(event.host_time_ns, event.event, **event.details)
 

@@ -62,6 +62,24 @@ class Devices:
         for imu in self.imus.values():
             imu.kickoff()
 
+    def listen(self) -> None:
+        """Make sure that every serial board delivers samples, and let go of them again.
+
+        (The DOTs are asked for themselves when they are connected, and know one format only.)
+
+        Raises:
+            DriverError: A port cannot be opened, or a board delivers no sample that fits its format; says what came instead.
+        """
+        trials = {name: imu.trial() for name, imu in self.imus.items() if isinstance(imu, SerialImu)}
+        try:
+            for trial in trials.values():
+                trial.kickoff()
+            for name, trial in trials.items():
+                trial.wait_for_sample(name)
+        finally:
+            for trial in trials.values():
+                trial.stop()
+
     def stop(self) -> None:
         """Stop all; a failure of one must not keep the others going."""
         for imu in self.imus.values():

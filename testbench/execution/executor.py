@@ -32,13 +32,14 @@ TAIL_NS = NANOSECONDS
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is; times in seconds from its start."""
+    """How far a run is; times in seconds from its start. `doing`: What happens in place of a step, for people."""
 
     step: str
     index: int
     steps: int
     time: float
     duration: float
+    doing: str = ""
 
 
 def execute(
@@ -51,6 +52,7 @@ def execute(
     session_name: str | None = None,
     resumed: Session | None = None,
     keys: bool = False,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Session:
     """Run a plan on the simulated arm and record it.
 
@@ -77,7 +79,7 @@ def execute(
         "environment": describe_environment(spec.environment, kinematics),
     }
     recorder = Recorder(plan, imus, folder, clock, seed, details, resumed=resumed)
-    return _Run(plan, arm, imus, recorder, clock, speed, progress, resumed, keys).run()
+    return _Run(plan, arm, imus, recorder, clock, speed, progress, resumed, keys, say).run()
 
 
 class _Run:
@@ -85,11 +87,11 @@ class _Run:
 
     def __init__(
         self, plan: Plan, arm: Arm, imus: dict[str, Imu], recorder: Recorder, clock: Clock, speed: str,
-        progress: Callable[[Progress], None] | None, resumed: Session | None, keys: bool,
+        progress: Callable[[Progress], None] | None, resumed: Session | None, keys: bool, say: Callable[[str], None],
     ):  # fmt: skip
         self.plan, self.arm, self.imus, self.recorder, self.clock = plan, arm, imus, recorder, clock
         self.realtime, self.progress = speed == "realtime", progress
-        self.now_ns, self.keys = 0, keys
+        self.now_ns, self.keys, self.say = 0, keys, say
         self.again_ns = round((resumed.manifest.get("duration_s") or 0) * NANOSECONDS) if resumed is not None else 0
         self.resumed = resumed is not None
         guards = plan.protocol.spec.guards
@@ -120,6 +122,9 @@ class _Run:
         if status is RunStatus.INTERRUPTED:
             raise RunInterrupted(f"interrupted by the operator; what was recorded is kept in {session.path}", session)
         if error is not None:
+            if isinstance(error, BenchError):
+                error.session = session
+            error.add_note(f"what was recorded is kept in {session.path}: {len(session.steps)} of {len(self.plan.steps)} steps")
             raise error
         return session
 
@@ -147,12 +152,15 @@ class _Run:
             return 0
         self.machine.to(RunState.PAUSED)
         self.recorder.event(self.now_ns, "paused")
+        self.say(f"PAUSED ({operator.pause_reason or 'asked for'}): {operator.how_to_go_on}")
+        operator.pause_reason = ""
         start = self.clock.monotonic_ns()
         while operator.pause_asked and not operator.stop_asked:
             self.clock.sleep(0.02)
             operator.look()
         self.machine.to(RunState.RUNNING)
         self.recorder.event(self.now_ns, "resumed")
+        self.say("going on")
         return self.clock.monotonic_ns() - start
 
     def _advance(self, until_ns: int, operator: Operator | None = None) -> None:
@@ -166,7 +174,9 @@ class _Run:
             self.recorder.guard_event(until_ns, trip)
             if trip.action == "stop":
                 raise GuardTripped(f"a guard stopped the run: {trip.sentence}")
-            operator.pause_asked |= trip.action == "pause"
+            self.say(f"warning: {trip.sentence}")
+            if trip.action == "pause":
+                operator.pause_asked, operator.pause_reason = True, f"guard: {trip.sentence}"
 
     def _note_devices(self) -> None:
         """Put what happened to the sensors, such as a lost connection, among the events of the run."""

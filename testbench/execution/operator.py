@@ -21,7 +21,13 @@ class Operator:
     def __init__(self) -> None:
         self.stop_asked = False
         self.pause_asked = False
+        self.pause_reason = ""
         self._keyboard: int | None = None
+
+    @property
+    def how_to_go_on(self) -> str:
+        """For a person in front of a run that is paused."""
+        return "r goes on, q stops" if self._keyboard is not None else "SIGUSR2 goes on, SIGINT stops"
 
     def look(self) -> None:
         """Take the keys that were pressed."""

@@ -64,6 +64,7 @@ class Recorder:
             {
                 "kind": "run",
                 "seed": seed,
+                "protocol_path": str(plan.protocol.document.file.resolve()),
                 "protocol": {"name": spec.name, "purpose": spec.purpose, "file": plan.protocol.document.file.name},
                 "robot": {
                     "name": plan.robot.name,

@@ -36,6 +36,57 @@ def open_for_resume(path: Path) -> Session:
     return recover(session)
 
 
+def refuse_other_robot(session: Session, robot: str | Path | None) -> None:
+    """Refuse to go on with another arm than the one that began.
+
+    Args:
+        session: To go on with. robot: As named today; None if none was.
+
+    Raises:
+        InputError: It is another arm, or its file differs.
+    """
+    if robot is None:
+        return
+    given, kept = load_robot(robot), stored_robot(session)
+    if given.name != kept.name:
+        raise InputError(f"{session.path} was begun on {kept.name}, and cannot be resumed on {given.name}")
+    if given.text != kept.text:
+        raise InputError(f"{session.path} cannot be resumed: the robot file differs:\n{_difference(kept.text, given.text)}")
+
+
+def is_own_copy(session: Session, protocol: str | Path) -> bool:
+    """Whether a protocol's file is the one that the session keeps."""
+    return Path(protocol).resolve() == (session.path / "protocol.yaml").resolve()
+
+
+def refuse_edited_protocol(session: Session, plan: Plan) -> str:
+    """Refuse to go on by the session's protocol, without a word, where its file was edited since.
+
+    Args:
+        session: To go on with. plan: Made from the session's own copies.
+
+    Returns:
+        By which protocol the session goes on, for people.
+
+    Raises:
+        InputError: Lists what differs, and says how to go on all the same.
+    """
+    note, origin = "resuming by the protocol that the session keeps", session.manifest.get("protocol_path")
+    if not isinstance(origin, str) or "\0" in origin or not Path(origin).is_file():
+        return note
+    found = []
+    for name, text in plan.protocol.texts().items():
+        file = Path(origin).parent / name
+        if file.is_file():
+            today = file.read_text(encoding="utf-8", errors="replace")
+            found += [f"{file} was edited since:\n{_difference(text, today)}"] if today != text else []
+    if found:
+        copy = session.path / "protocol.yaml"
+        found.append(f"to go on by the protocol that the session keeps, name it: --resume {session.path} {copy}")
+        raise InputError(f"{session.path} cannot be resumed: " + "\n".join(found))
+    return f"{note}; {origin} is still the same"
+
+
 @contextmanager
 def stored_protocol(session: Session) -> Iterator[Path]:
     """The protocol of a session with those it includes, as files under their own names, while the context lasts."""
@@ -66,12 +117,15 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
         session: To go on with. plan: Made anew, with today's software. sensors: Descriptions of today's sensors.
     """
     found: list[str] = []
-    stored = {Path(str(session.manifest["protocol"]["file"])).name: session.path / "protocol.yaml"}
+    own, named = Path(str(session.manifest["protocol"]["file"])).name, plan.protocol.document.file.name
+    stored = {named: session.path / "protocol.yaml"}
     stored |= {file.name.removeprefix("included_"): file for file in session.path.glob("included_*")}
     for name, text in plan.protocol.texts().items():
         before = stored[name].read_text(encoding="utf-8") if name in stored else ""
         if before != text:
             found.append(f"the protocol's file {name} differs:\n{_difference(before, text)}")
+    if named != own:
+        found.append(f"the protocol's file is called {named}, that of the session {own}")
     robot = (session.path / "robot.yaml").read_text(encoding="utf-8")
     today = _todays_robot(session) or plan.robot
     if robot != today.text:

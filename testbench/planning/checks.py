@@ -93,9 +93,11 @@ class _Limits:
         row = int(np.argmax(broken.any(axis=1)))
         column = int(np.argmax(broken[row]))
         value, time = values[row, column], int(times[row])
-        limit = high[column] if value > high[column] else low[column]
-        joint, step = self.robot.joint_names[column], self.locate.step(time).name
-        error = LimitError(joint, quantity, math.degrees(value), math.degrees(limit), unit, time / NANOSECONDS, step)
+        joint, step = self.robot.joint_names[column], self.locate.step(time)
+        above, end = value > high[column], max(int(np.searchsorted(times, step.end_ns, side="right")), row + 1)
+        limit, farthest = (high[column], np.max) if above else (low[column], np.min)
+        first, bound, onwards = np.degrees([value, limit, farthest(values[row:end, column])]).tolist()
+        error = LimitError(joint, quantity, first, bound, unit, time / NANOSECONDS, step.name, onwards)
         raise self.locate.placed(error, time)
 
     def uses(self) -> list[JointUse]:

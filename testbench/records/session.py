@@ -77,7 +77,8 @@ class Session:
         self.path = Path(path)
         self._near: Instants | None = None
         if not (self.path / MANIFEST).is_file():
-            what = "is not a session: it has no manifest.json" if self.path.is_dir() else "does not exist"
+            what = "is a file; a session is a folder" if self.path.is_file() else "does not exist"
+            what = "is not a session: it has no manifest.json" if self.path.is_dir() else what
             raise SessionError(f"{self.path} {what}")
         self.manifest: dict[str, Any] = read_json(self.path / MANIFEST)
         if not isinstance(self.manifest, dict):

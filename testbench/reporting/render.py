@@ -30,7 +30,7 @@ def render_page(
     sections: Sequence[Section],
     outcome: str | None = None,
     verdict: str = "",
-    simulated: bool = False,
+    simulated: str = "",
     kind: str = "report",
     footer: str = ERRORS,
 ) -> str:
@@ -39,7 +39,7 @@ def render_page(
     Args:
         title, purpose: Its head. facts: Names and values below it. tiles: Numbers worth seeing first. sections: The body.
         outcome: Colour of the badge beside the title, None for no badge. verdict: Its words.
-        simulated: Whether to say that the samples come from models.
+        simulated: From what the samples come, where that is not real.
         kind: What the page is, for the window's title. footer: Its last line.
     """
     return _template().render(

@@ -23,7 +23,7 @@ from testbench.reporting.page import Section, Sentence, Tile
 from testbench.reporting.palette import filter_colours
 from testbench.reporting.recording_section import recording_section
 from testbench.reporting.render import render_page
-from testbench.reporting.session_section import facts, is_simulated, provenance_section, run_section, verdict_section
+from testbench.reporting.session_section import facts, provenance_section, run_section, simulated_parts, verdict_section
 from testbench.reporting.tables import digits
 from testbench.reporting.uncertainty_section import uncertainty_section
 
@@ -70,7 +70,7 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
         purpose=described.get("purpose") or "",
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
         verdict=evaluation.verdict if evaluation else "not evaluated",
-        simulated=is_simulated(session),
+        simulated=simulated_parts(session),
         facts=facts(session),
         tiles=_tiles(evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}),
         sections=sections,

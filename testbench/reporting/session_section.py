@@ -47,10 +47,42 @@ def facts(session: Session) -> list[tuple[str, str]]:
     return [(name, str(value)) for name, value in rows if value not in (None, "")]
 
 
-def is_simulated(session: Session) -> bool:
-    """Whether any part of the recording came from a model."""
-    described = [*session.manifest["sensors"].values(), session.manifest.get("arm")]
-    return any(_mapping(entry).get("driver") == "simulated" for entry in described)
+def simulated_parts(session: Session) -> str:
+    """What of a recording came from a model, in a few words; empty if nothing did."""
+    arm = _mapping(session.manifest.get("arm")).get("driver")
+    sensors = [_mapping(sensor).get("driver") == "simulated" for sensor in session.manifest["sensors"].values()]
+    if arm == "simulated":
+        return "models of the arm and of the sensors, not from real ones" if any(sensors) else "a model of the arm"
+    if not any(sensors):
+        return ""
+    which = "models of the sensors" if all(sensors) else "models of some of the sensors"
+    moved = {
+        "ur": "which followed the motion that the controller of an arm reported",
+        "replay": "which followed a recorded motion",
+    }
+    return ", ".join([which, *([moved[arm]] if arm in moved else [])])
+
+
+def _interruptions(session: Session) -> list[Sentence]:
+    """Pauses and broken limits of a run on an arm in real time, and what its controller did not deliver."""
+    sentences, since, why = [], None, ""
+    for event in session.events:
+        if event.event == "state" and event.details.get("state") == "paused":
+            why = str(event.details.get("why", ""))
+        elif event.event == "paused":
+            since = event.host_time_ns
+        elif event.event == "resumed" and since is not None:
+            begin, length = since / NANOSECONDS, (event.host_time_ns - since) / NANOSECONDS
+            sentences.append(Sentence(f"Paused at {begin:.1f} s for {length:.1f} s ({why or 'asked for'})."))
+            since = None
+    trips = [event.details for event in session.events if event.event == "guard"]
+    limits = dict.fromkeys(f"{trip.get('guard')} of {trip.get('subject')} ({trip.get('action')})" for trip in trips)
+    if limits:
+        sentences.append(Sentence(f"Limits of guards that were broken ({len(trips)} in all): {', '.join(limits)}."))
+    missed = _mapping(_mapping(session.manifest.get("arm")).get("timing")).get("samples_missed")
+    if isinstance(missed, int) and missed > 0:
+        sentences.append(Sentence(f"Of the controller's samples {missed} did not come."))
+    return sentences
 
 
 def _robot(session: Session, robot: dict[str, Any], arm: dict[str, Any]) -> str:
@@ -91,6 +123,7 @@ def run_section(session: Session) -> Section:
     environment = _mapping(session.manifest.get("environment"))
     if environment:
         blocks.append(_environment(environment))
+    blocks += _interruptions(session)
     noticed = session.manifest.get("notes")
     if isinstance(noticed, list):
         blocks += [Sentence(f"Note: {note}{'' if str(note).endswith('.') else '.'}") for note in noticed]
@@ -255,7 +288,7 @@ def _repeatable(session: Session) -> str:
     """What gives the same raw files again."""
     if session.manifest.get("kind") == "import":
         return "the same files, options and versions give the same session; the files themselves are not in it"
-    if session.has_protocol and is_simulated(session):
+    if session.has_protocol and _mapping(session.manifest.get("arm")).get("driver") == "simulated":
         return "the same plan, seed and versions give the same raw files, bit by bit"
     return "what real devices measured cannot be measured again; the versions are of the software that wrote it down"
 

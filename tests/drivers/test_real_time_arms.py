@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from testbench import plan
+from testbench.arm_pipeline import ArmSetup, make_arm
 from testbench.clock import SystemClock
 from testbench.drivers.arms.controller_clock import ControllerClock
 from testbench.drivers.arms.replay import ReplayArm
@@ -15,6 +16,7 @@ from testbench.drivers.imus.following import ReportedMotion
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.execution.device_recorder import Devices
 from testbench.records.robot import Robot, load_robot
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus
@@ -148,8 +150,32 @@ def test_a_log_that_is_none_is_refused_in_a_sentence(tmp_path, content, sentence
         ReplayArm(load_robot("ur3e"), log, SessionTime(SystemClock())).connect()
 
 
+def test_a_log_that_is_none_is_told_before_a_missing_sensor(tmp_path, tiny):
+    log = tmp_path / "log.csv"
+    log.write_text("a,b\n1,2\n3,4\n")
+    with pytest.raises(InputError, match="neither time_s nor host_time_ns"):
+        make_arm(plan(tiny), ArmSetup(log=log), SystemClock())
+
+
 def test_a_log_that_never_reaches_a_pose_is_refused(recorded, tmp_path):
     arm = ReplayArm(load_robot("ur3e"), recorded.path, SessionTime(SystemClock()))
     arm.connect()
     with pytest.raises(InputError, match="never rests in the pose"):
         arm.check_way(plan("quick"))
+
+
+class MuteDevices(Devices):
+    """A board that is there and delivers nothing."""
+
+    def listen(self) -> None:
+        raise DriverError("sensor hand delivers no sample")
+
+
+def test_a_sensor_that_delivers_nothing_ends_the_run_before_the_arm_is_even_connected(recorded, tiny, tmp_path, monkeypatch):
+    the_plan, time = plan(tiny), SessionTime(SystemClock())
+    arm = ReplayArm(the_plan.robot, recorded.path, time)
+    monkeypatch.setattr(arm, "connect", lambda: pytest.fail("the arm was connected"))
+    sensors = Sensors(dict(Sensors.simulated(the_plan, 1).imus), MuteDevices({}, time))
+    with pytest.raises(DriverError, match="delivers no sample"):
+        execute_on_arm(the_plan, arm, sensors, time, ArmRunOptions(tmp_path / "logs"))
+    assert not (tmp_path / "logs").exists()

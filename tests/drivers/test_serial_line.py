@@ -471,3 +471,46 @@ def test_a_reader_that_fails_is_not_silent(board: Board, make_imu: Maker, monkey
     wait_for(lambda: imu._failure is not None)
     with pytest.raises(DriverError, match="ZeroDivisionError"):
         imu.read(0)
+
+
+# A board that is listened to before an arm moves
+
+
+def heard_of(trial: SerialImu, patience_s: float = 3.0) -> None:
+    trial.kickoff()
+    try:
+        trial.wait_for_sample("hand", patience_s)
+    finally:
+        trial.stop()
+
+
+def test_a_board_that_delivers_is_let_go_of_and_can_be_started(board: Board, make_imu: Maker) -> None:
+    imu = SerialImu(str(board.link), make_format(), SessionTime(SystemClock()))
+    sender = threading.Thread(target=board.send_steadily, args=(0, 120, 100.0))
+    sender.start()
+    heard_of(imu.trial())
+    assert imu.queue.received == 0 and imu.statistics() == {"samples": 0}
+    started = make_imu()
+    wait_for(lambda: started.queue.received > 5)
+    sender.join()
+
+
+def test_a_board_of_another_format_is_told_with_a_line_and_what_is_wrong_with_it(board: Board) -> None:
+    imu = SerialImu(str(board.link), make_format(), SessionTime(SystemClock()))
+
+    def send() -> None:
+        for k in range(40):  # m/s^2 where the format says g
+            time.sleep(0.01)
+            board.send(b"%d 0.1 0.2 9.81 0 0 0\n" % k)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    with pytest.raises(DriverError, match=r"sensor hand, .* lines arrive but none fits the format: .*'[0-9]+ 0\.1 0\.2 9\.81"):
+        heard_of(imu.trial(), 0.3)
+    sender.join()
+
+
+def test_a_board_that_says_nothing_is_told_before_anything_depends_on_it(board: Board) -> None:
+    imu = SerialImu(str(board.link), make_format(), SessionTime(SystemClock()))
+    with pytest.raises(DriverError, match="nothing arrives"):
+        heard_of(imu.trial(), 0.1)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import signal
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from testbench import execute, plan
 from testbench.exceptions import ArmRefused, BenchError
 from testbench.execution.checklist import HAZARDS, confirm_hazards
 from testbench.execution.guards import GuardWatch
@@ -14,7 +18,7 @@ from testbench.execution.operator import Operator
 from testbench.execution.state_machine import FOLLOWING, RunState, StateMachine
 from testbench.records.protocol_arm import Guard, Guards
 from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import Event
+from testbench.records.session import Event, RunStatus
 
 SECOND = 1_000_000_000
 
@@ -121,3 +125,19 @@ def test_keys_pause_resume_and_stop():
     for key, paused, stopped in (("x", False, False), ("p", True, False), ("r", False, False), ("q", False, True)):
         operator.key(key)
         assert (operator.pause_asked, operator.stop_asked) == (paused, stopped)
+
+
+def test_a_simulated_run_says_what_a_guard_found_and_that_it_waits(tiny, tmp_path, clock):
+    rule = "guards: {sample_gap_s: {limit: 0.001, action: pause}}\n"
+    (tmp_path / "tiny.yaml").write_text(tiny.read_text(encoding="utf-8") + rule, encoding="utf-8")
+    said: list[str] = []
+
+    def hear(line: str) -> None:
+        said.append(line)
+        if line.startswith("PAUSED"):
+            os.kill(os.getpid(), signal.SIGUSR2)
+
+    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path / "logs", speed="realtime", clock=clock, say=hear)
+    assert session.status is RunStatus.COMPLETED
+    assert said[0].startswith("warning: sample gap of hand: ") and said[0].endswith("the limit is 0.001 s")
+    assert said[1:] == [f"PAUSED (guard: {said[0].removeprefix('warning: ')}): SIGUSR2 goes on, SIGINT stops", "going on"]

@@ -59,10 +59,11 @@ def test_a_position_beyond_its_limit_is_refused(planned, tmp_path):
     assert (error.joint, error.quantity, error.step, error.unit) == ("shoulder_pan_joint", "position", "too far", "deg")
     assert error.limit == pytest.approx(-360)
     assert -361 <= error.value < -360
+    assert error.onwards == pytest.approx(-361)
     assert error.time > 0
     assert str(error) == (
         f"{tmp_path / 'trial.yaml'}:10: joint shoulder_pan_joint: position {error.value:.2f} deg exceeds -360.00 deg "
-        f"at t = {error.time:.3f} s (step 'too far')"
+        f"at t = {error.time:.3f} s (step 'too far'), and goes on to -361.00 deg"
     )
 
 
@@ -74,6 +75,7 @@ def test_a_velocity_beyond_its_limit_is_refused(planned, tmp_path):
     assert (error.joint, error.quantity, error.step, error.unit) == ("wrist_3_joint", "velocity", "fast", "deg/s")
     assert abs(error.limit) == pytest.approx(360)
     assert 360 < abs(error.value) < 365
+    assert error.onwards == pytest.approx(np.copysign(360 * 2 * np.pi / 6, error.value), rel=0.05)  # of the whole sine
     assert str(error).startswith(f"{tmp_path / 'trial.yaml'}:9: joint wrist_3_joint: velocity ")
 
 

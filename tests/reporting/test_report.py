@@ -253,6 +253,31 @@ def test_an_imported_recording_has_orientation_but_no_joints(imported: Judged) -
     assert "Simulated" not in page.words
 
 
+def test_of_simulated_sensors_on_an_arm_that_reports_only_the_sensors_are_called_simulated(
+    quick: Judged, tmp_path: Path
+) -> None:
+    folder = copy_of(quick.session, tmp_path)
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    manifest["arm"] = {"driver": "ur", "timing": {"samples_missed": 398}}
+    happened = [
+        {"host_time_ns": 2 * 10**9, "event": "state", "state": "paused", "before": "running", "why": "guard: too warm"},
+        {"host_time_ns": 3 * 10**9, "event": "paused"},
+        {"host_time_ns": 3 * 10**9, "event": "guard", "guard": "temperature_degC", "subject": "elbow", "action": "pause"},
+        {"host_time_ns": 7 * 10**9, "event": "resumed"},
+    ]
+    with (folder / "events.jsonl").open("a", encoding="utf-8") as events:
+        events.writelines(json.dumps(event) + "\n" for event in happened)
+    manifest["files"].pop("events.jsonl")
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    page = Page(report(Session(folder), quick.estimate, quick.evaluation).read_text(encoding="utf-8"))
+    assert "models of the sensors, which followed the motion that the controller of an arm reported" in page.words
+    assert "models of the arm" not in page.words
+    assert "bit by bit" not in page.words
+    assert "Paused at 3.0 s for 4.0 s (guard: too warm)." in page.words
+    assert "Limits of guards that were broken (1 in all): temperature_degC of elbow (pause)." in page.words
+    assert "398 did not come" in page.words
+
+
 def test_sweeps_without_a_flexion_get_a_table_of_their_own(quick: Judged) -> None:
     swept = [row for row in quick.evaluation.joint_angle if row.section == "sweep" and row.filter == "device"][:1]
     rows = [

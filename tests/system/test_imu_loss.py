@@ -32,7 +32,7 @@ from testbench.pipeline import analyse, make_plan
 from testbench.records.samples import ImuSamples
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.conftest import TINY, FakeClock
-from tests.emulated_ur import EmulatedUr, emulated_ur
+from tests.emulated_arms import EmulatedUr, emulated_ur
 from tests.system.crashes import comparable
 
 SILENT_NS = (round(2.5 * NANOSECONDS), round(3.6 * NANOSECONDS))

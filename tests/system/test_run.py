@@ -91,6 +91,7 @@ def test_ctrl_c_ends_with_130_a_sentence_and_no_traceback(interrupted):
     code, printed, session = interrupted
     assert code == 130
     assert "interrupted by the operator" in printed.replace("\n", " ")
+    assert f"go on: testbench run --resume {session.path}" in printed
     assert "Traceback" not in printed
     assert session.status is RunStatus.INTERRUPTED
 
@@ -128,5 +129,11 @@ def test_a_session_killed_in_the_middle_is_recovered_from_the_command_line(tiny,
     assert refused.returncode == 2 and "recover" in refused.stderr and "Traceback" not in refused.stderr
     recovered = bench("recover", folder)
     assert recovered.returncode == 0, recovered.stderr
+    assert "and recovered" in recovered.stdout and f"go on: testbench run --resume {folder}" in recovered.stdout
+    again = json.loads(bench("recover", folder, "--json").stdout)
+    assert again["message"].startswith("nothing to recover; it was closed as aborted before: cut off after")
+    done = {step.index for step in Session(folder).steps}
+    assert again["missing_steps"] == [index for index in range(max(again["missing_steps"]) + 1) if index not in done]
+    assert 0 not in again["missing_steps"]
     assert bench("evaluate", folder, "--json").returncode == 0
     assert Session(folder).status is RunStatus.ABORTED

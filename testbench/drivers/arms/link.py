@@ -61,6 +61,7 @@ class LinkSettings(ABC):
         tracking: Largest error of following [rad]. settled: Largest error of a pose that counts as reached [rad]. host_silence,
         arm_silence: The arm stops when the bench, or the controller's data, are silent for so long [s]. mass, centre: Tool
         [kg], [m]. orphaned: What becomes of an arm whose driving process is gone, for a person to read.
+        joint_names: For messages.
     """
 
     host: str
@@ -73,6 +74,7 @@ class LinkSettings(ABC):
     arm_silence: float = 0.5
     mass: float | None = None
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    joint_names: tuple[str, ...] = ()
     orphaned: ClassVar[str]
 
     @abstractmethod

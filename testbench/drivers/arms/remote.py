@@ -187,7 +187,7 @@ class RemoteArm(SteppingArm):
             elif message[0] == "event":
                 _, time, name, index = message
                 self._events.append(Event(max(time, 0), name, {"index": index} if index >= 0 else {}))
-                if name == "step_ended":
+                if name in {"step_ended", "connecting_ended"}:
                     self._feed(1)
             elif message[0] == "timing":
                 self.timing = message[1]
@@ -326,6 +326,7 @@ def common_settings(plan: Plan) -> dict[str, Any]:
     x, y, z = use.tool.centre_mm if use.tool else (0.0, 0.0, 0.0)
     return {
         "joints": len(plan.robot.joint_names),
+        "joint_names": tuple(plan.robot.joint_names),
         "control_hz": rates.control_hz,
         "record_hz": rates.record_hz,
         "tracking": float(np.radians(use.tracking_error_deg)),

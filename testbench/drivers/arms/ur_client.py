@@ -17,13 +17,21 @@ from typing import Any, ClassVar
 import numpy as np
 
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
+from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, ControllerLock
 from testbench.drivers.arms.link import LinkSettings
+from testbench.drivers.arms.ur_greeting import DASHBOARD_PORT, greet_dashboard
 
-DASHBOARD_PORT, SECONDARY_PORT = 29999, 30002
+SECONDARY_PORT = 30002
 KEEP_ALIVE_S = 0.02
 IN_TOUCH_S = 0.25
 REASON_S = 0.1
 """Samples come slower than the client learns that a program ended; they say why within this time [s]."""
+LATELY_S = 2.0
+"""A program that ended is put down to a silence towards the controller within this time before [s]."""
+ENDING_S = 0.5
+"""A program that nobody feeds any more has ended this long after its watchdog's time [s]."""
+PROGRAM_STATES = {"PLAYING": "running", "PAUSED": "paused"}
+"""Answers to `programState` of the dashboard that are not STOPPED, in words."""
 VARIABLES = [
     "timestamp", "target_q", "actual_q", "actual_qd", "actual_current", "joint_temperatures", "robot_mode", "safety_mode",
     "runtime_state", "robot_status_bits", "safety_status_bits", "target_speed_fraction", "speed_scaling",
@@ -72,6 +80,10 @@ class UrClient(ArmClient):
         self._modes = (0, 0)
         self._bits = 0
         self._program_seen = self._streaming = False
+        self._lock = ControllerLock(settings.host)
+        self._said_at = time.monotonic()
+        # The longest time of late between two commands [s], what of it was waiting for an answer [s], and when that was.
+        self._unfed = (0.0, 0.0, 0.0)
 
     def connect(self) -> dict[str, Any]:
         """Connect, and say what there is; nothing moves.
@@ -90,6 +102,8 @@ class UrClient(ArmClient):
                 "(its client library exists for x86-64 and Python up to 3.12)",
             ) from None
         host = self.settings.host
+        if not self._lock.take():
+            return {"refused": USED_BY_ANOTHER_RUN}
         dashboard = dashboard_client.DashboardClient(host)
         info = self._ask(dashboard)
         if info["refused"] is not None:
@@ -109,7 +123,7 @@ class UrClient(ArmClient):
                 raise ArmFault("payload", "the controller did not take the weight of the tool")
             if not self._control.setWatchdog(1 / self.settings.watchdog):
                 raise ArmFault("watchdog", "the controller's watchdog could not be set")
-            self._program_seen = True
+            self._program_seen, self._said_at = True, time.monotonic()
         except ArmFault:
             raise
         except Exception as error:
@@ -119,6 +133,9 @@ class UrClient(ArmClient):
     def _ask(self, dashboard: Any) -> dict[str, Any]:
         """What the dashboard says of the arm, and why it must be refused, if it must."""
         host = self.settings.host
+        problem = greet_dashboard(host)
+        if problem is not None:
+            raise ArmFault("connection", problem)
         try:
             dashboard.connect(2000)
             if not dashboard.isConnected():
@@ -136,6 +153,8 @@ class UrClient(ArmClient):
                 "remote_control": dashboard.isInRemoteControl(),
                 "safety_status": dashboard.safetystatus().partition(": ")[2],
             }
+            sound = info["safety_status"] in {"NORMAL", "REDUCED"}  # of a stopped arm the cause of its stop is said first
+            program = self._program_of_others(dashboard) if sound else None
             dashboard.disconnect()
         except ArmFault:
             raise
@@ -143,7 +162,22 @@ class UrClient(ArmClient):
             raise ArmFault("connection", f"the dashboard at {host} does not answer: {error}") from None
         if not info["remote_control"]:
             info["refused"] = "the robot is not in remote control; switch it on the teach pendant"
+        elif program is not None:
+            whose = "another bench, or the pendant?" if program == "running" else "of a run that was stopped, or another's?"
+            info["refused"] = (
+                f"a program is {program} on this controller ({whose}); "
+                "look at who uses the arm, then stop the program on the teach pendant"
+            )
         return info
+
+    def _program_of_others(self, dashboard: Any) -> str | None:
+        """Whether a program is "running" or "paused"; that of a bench that is just gone has the time to end by its watchdog."""
+        end = time.monotonic() + self.settings.watchdog + ENDING_S
+        while True:
+            state = str(dashboard.programState()).partition(" ")[0]
+            if state not in PROGRAM_STATES or time.monotonic() > end:
+                return PROGRAM_STATES.get(state)
+            time.sleep(0.05)
 
     def _refusal(self) -> str | None:
         if self._bits & PROTECTIVE:
@@ -199,7 +233,22 @@ class UrClient(ArmClient):
             raise ArmFault("speed_slider", f"the speed slider was turned down to {100 * self.slider:.0f} %")
         if self._program_seen and not self._control.isProgramRunning():
             self._look_again()
-            raise ArmFault("program_stopped", "the program on the controller was stopped")
+            raise self._program_ended()
+
+    def _program_ended(self) -> ArmFault:
+        """Who ended the program: its watchdog, where nothing reached it for longer than that waits, or somebody else."""
+        now, watchdog = time.monotonic(), self.settings.watchdog
+        gap, waited, at = self._unfed
+        if now - self._said_at > watchdog:
+            gap, waited = now - self._said_at, 0.0
+        elif gap <= watchdog or now - at > LATELY_S:
+            return ArmFault("program_stopped", "the program on the controller was stopped")
+        ended = f"its watchdog, which waits {watchdog:g} s, ended the program"
+        if waited > 0.5 * gap:
+            return ArmFault("slow_response", f"the controller did not answer a command within {waited:.1f} s: {ended}")
+        return ArmFault(
+            "slow_response", f"nothing was sent to the controller for {gap:.1f} s, this machine is too busy: {ended}"
+        )
 
     def _check_state(self) -> None:
         if self._bits & EMERGENCY:
@@ -236,10 +285,15 @@ class UrClient(ArmClient):
         self._streaming = False
 
     def _command(self, failure: str, call: Callable[..., Any], *arguments: Any) -> None:
+        begin = time.monotonic()
         try:
             done = call(*arguments)
         except Exception as error:
             raise ArmFault("disconnect", f"the connection to the controller was lost: {error}") from None
+        now = time.monotonic()
+        gap, self._said_at = now - self._said_at, now
+        if gap >= self._unfed[0] or now - self._unfed[2] > LATELY_S:
+            self._unfed = (gap, now - begin, now)
         if not done:
             self._look_again()
             raise ArmFault("refused", failure)
@@ -254,7 +308,7 @@ class UrClient(ArmClient):
                 raise ArmFault("disconnect", "the connection to the controller was lost")
             time.sleep(0.002)
         if self._program_seen and not self._control.isProgramRunning():
-            raise ArmFault("program_stopped", "the program on the controller was stopped")
+            raise self._program_ended()
 
     def _in_touch(self) -> bool:
         """Whether the controller spoke lately; if not, the client's commands would wait for an answer for minutes."""
@@ -290,3 +344,4 @@ class UrClient(ArmClient):
                 with suppress(Exception):
                     interface.disconnect()
         self.listening = False
+        self._lock.release()

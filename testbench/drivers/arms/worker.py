@@ -26,6 +26,8 @@ SETTLED_FOR_S = 0.05
 """A pose counts as reached once the joints are at rest in it for so long [s]."""
 REST_RAD_S = float(np.radians(0.15))
 """Largest joint rate at rest: above the noise of the rates [rad/s]."""
+STALE_S = 0.05
+"""An error of following is none when the newest sample is older: then it is the controller's silence [s]."""
 STOP_RAD_S2 = 4.0
 """Deceleration of stops [rad/s^2]; the script manual's default for stopj is 2."""
 PATIENCE = 3.0
@@ -37,6 +39,8 @@ HAND_OVER_S = 0.05
 
 SAYING_S = 0.5
 """While nothing is recorded the bench hears at least this often that the arm is looked after [s]."""
+CONNECTING = {"step_started": "connecting_started", "step_settled": "", "step_ended": "connecting_ended"}
+"""What the events of a step are called on the way to a step that does not follow on the one before."""
 REALTIME_PRIORITY = 20
 """Of the first-in-first-out class: above every ordinary process, below the kernel's own threads."""
 
@@ -235,8 +239,9 @@ class Worker:
             if since is not None and now - since > SETTLED_FOR_S:
                 return
             if now > end:
-                error = np.degrees(np.abs(self.client.q - motion.target).max())
-                raise ArmFault("not_reached", f"a pose was not reached in time; the worst joint is {error:.3f} deg away")
+                away = np.abs(self.client.q - motion.target)
+                worst = f"{self._joint(away)} is {np.degrees(away.max()):.3f} deg away"
+                raise ArmFault("not_reached", f"a pose was not reached in time; {worst}")
             self._compare(self.client.q_target[None])
             self._keep_target()
             yield
@@ -269,9 +274,21 @@ class Worker:
 
     def _compare(self, sent: np.ndarray) -> None:
         """Watch the error of following: against whatever was sent lately, so that lag alone is no error."""
-        error = float(np.abs(sent - self.client.q).max(axis=1).min())
-        if error > self.settings.tracking:
-            raise ArmFault("tracking_error", f"the arm is {np.degrees(error):.2f} deg from where it was sent")
+        errors = np.abs(sent - self.client.q)
+        nearest = int(errors.max(axis=1).argmin())
+        error = float(errors[nearest].max())
+        if error <= self.settings.tracking:
+            return
+        silence = self.client.silent_for
+        if silence > STALE_S:  # where the arm is nobody knows: it may well be where it was sent
+            raise ArmFault("rtde_silence", f"the controller sent no data for {1000 * silence:.0f} ms of a motion")
+        joint = self._joint(errors[nearest])
+        raise ArmFault("tracking_error", f"{joint} is {np.degrees(error):.2f} deg from where it was sent")
+
+    def _joint(self, errors: np.ndarray) -> str:
+        """Name of the joint whose error is largest; errors of shape (n,)."""
+        worst, names = int(errors.argmax()), self.settings.joint_names
+        return names[worst] if worst < len(names) else f"joint {worst + 1}"
 
     def _hold(self, motion: Motion) -> Iterator[None]:
         yield from ()
@@ -283,7 +300,8 @@ class Worker:
             yield
 
     def _event(self, name: str, index: int) -> None:
-        if self.origin_ns is not None and (index >= 0 or name in {"paused", "resumed"}):
+        name = CONNECTING.get(name, name) if index < 0 else name
+        if self.origin_ns is not None and name:
             self.connection.send(("event", self.client.now_ns() - self.origin_ns, name, index))
 
     def _stop_arm(self) -> None:

@@ -22,6 +22,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
+from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, ControllerLock
 from testbench.drivers.arms.link import LinkSettings
 
 CONTROL_PORT, REPORT_PORT = 502, 30000
@@ -106,6 +107,7 @@ class XArmClient(ArmClient):
         self._state = self._mode = self._commands = -1
         self._wanted_mode: int | None = None
         self._lost = self._taken_over = self._unanswered = False
+        self._lock = ControllerLock(settings.host)
 
     def connect(self) -> dict[str, Any]:
         host = self.settings.host
@@ -114,6 +116,8 @@ class XArmClient(ArmClient):
             socket.create_connection((address, self.settings.control_port), 2.0).close()
         except OSError:
             raise ArmFault("connection", f"no controller answers at {host}, port {self.settings.control_port}") from None
+        if not self._lock.take():
+            return {"refused": USED_BY_ANOTHER_RUN}
         try:
             self._arm = self._open(address)
             info = self._ask()
@@ -383,3 +387,4 @@ class XArmClient(ArmClient):
         if self._report is not None:
             self._report.close()
         self.listening = False
+        self._lock.release()

@@ -27,6 +27,8 @@ BACKOFF_S = (0.1, 2.0)
 """First and longest wait between attempts to open a lost port [s]; each is twice the one before."""
 TEMPERATURE_EVERY_S = 10.0
 """Interval of temperature events [s]."""
+FIRST_SAMPLE_S = 3.0
+"""A board that is asked whether it works has this long for its first sample [s]."""
 JOIN_S = 5.0
 
 
@@ -147,6 +149,36 @@ class SerialImu(StreamedImu):
             self._thread.join(JOIN_S)
             self._thread = None
         self._stopped = True
+
+    def trial(self) -> SerialImu:
+        """The same device once more, to listen to before anything depends on it; must be stopped before this one starts."""
+        time = SessionTime(self.time.clock)
+        return SerialImu(self.port_name, self.line_format, time, self._open_port, backoff_s=self._backoff_s)
+
+    def wait_for_sample(self, name: str, patience_s: float = FIRST_SAMPLE_S) -> None:
+        """Wait until a sample has come.
+
+        Args:
+            name: Of the sensor, for the message. patience_s: After the board has settled [s]; ten periods are granted anyway.
+
+        Raises:
+            DriverError: None came; says what came instead.
+        """
+        wanted = self.line_format.settle_s + max(patience_s, 10 / self.rate)
+        end = self.time.clock.monotonic_ns() + round(wanted * NANOSECONDS)
+        while not self.queue.received and self.time.clock.monotonic_ns() < end:
+            self.time.clock.sleep(0.02)
+        if self.queue.received:
+            return
+        events = {event.event: event.details for event in self.notices.take(everything=True)}
+        if "malformed_lines" in events:
+            example = events["malformed_lines"]
+            heard = f"lines arrive but none fits the format: {example['why']}, such as '{example['line'].strip()}'"
+        elif "disconnected" in events:
+            heard = f"its port was lost: {events['disconnected']['reason']}"
+        else:
+            heard = "nothing arrives; is the board powered, and does it begin to send by itself?"
+        raise DriverError(f"sensor {name}, {self}, delivers no sample within {wanted:g} s: {heard}")
 
     def describe(self) -> dict[str, Any]:
         """Port, format and rate."""
