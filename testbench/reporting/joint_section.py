@@ -31,6 +31,7 @@ def joint_section(
         rows = [row for row in evaluation.joint_angle if row.joint == joint]
         if len(joints) > 1:
             section.blocks.append(Heading(joint))
+        section.blocks += [Sentence(f"Note: {note}.") for note in evaluation.notes if note.startswith(f"joint '{joint}':")]
         section.blocks += _summaries(joint, rows, evaluation)
         for name, own in by_section(rows).items():
             section.blocks += ranking_blocks(evaluation, joint, name)
