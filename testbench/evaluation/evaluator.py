@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.evaluation.budgets import Arm, joint_budgets, sensor_budgets
-from testbench.evaluation.chain import evaluate_chain
+from testbench.evaluation.chain import judge_chain
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
@@ -46,12 +46,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     for name in estimate.joints:
         _judge_joint(session, estimate, name, steps or [], arm, result)
     result.notes.extend(estimate.remarks)
-    recorded = session.arm()
-    for one in estimate.chain:
-        if recorded is None:
-            break
-        rows, result.series[one.key] = evaluate_chain(session, one, recorded)
-        result.chain.extend(rows)
+    judge_chain(session, estimate, result)
     metrics, outcome = judge(session.analysis, summarise_metrics(result) + norms)
     result.notes.extend(
         f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED

@@ -175,8 +175,13 @@ SENSOR_METRICS = {
 class AcceptanceLimit(StrictModel):
     """A limit that decides pass or fail."""
 
-    metric: str = Field(description="<joint>.<joint metric> or <sensor>.<sensor metric>, e.g. elbow.flexion_rmse_deg.")
-    filter: str | None = Field(default=None, description="One of estimate.filters; null: every filter.")
+    metric: str = Field(
+        description="<joint>.<joint metric>, <sensor>.<sensor metric>, <joint of the arm>.<chain metric> or "
+        "chain.<chain metric>, e.g. elbow.flexion_rmse_deg."
+    )
+    filter: str | None = Field(
+        default=None, description="One of estimate.filters, for a chain metric of estimate.chain.states; null: every one."
+    )
     sequence: Name | None = Field(
         default=None, description="Euler sequence or other definition of a joint metric, e.g. YXZ or isb_elbow; null: its own."
     )

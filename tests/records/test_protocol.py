@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from testbench.cli import main
 from testbench.exceptions import FileProblems, NotFoundError
 from testbench.records.protocol import FILTER_NAMES, JOINT_METRICS, SENSOR_METRICS, ProtocolSpec
+from testbench.records.protocol_chain import CHAIN_METRICS
 from testbench.records.protocol_file import list_protocols, load_protocol
 from testbench.records.protocol_schema import protocol_schema, schema_text
 from testbench.records.protocol_steps import Range
@@ -291,7 +292,7 @@ def inner_models(annotation):
 def test_the_reference_explains_every_key_choice_and_name():
     text = REFERENCE.read_text(encoding="utf-8")
     words = [key for model in models(ProtocolSpec) | models(ImuParameters) for key in model.model_fields]
-    words += [*FILTER_NAMES, *JOINT_METRICS, *SENSOR_METRICS, *list_presets()]
+    words += [*FILTER_NAMES, *JOINT_METRICS, *SENSOR_METRICS, *CHAIN_METRICS, *list_presets()]
     assert len(words) > 100
     assert sorted({word for word in words if f"`{word}`" not in text}) == []
 
