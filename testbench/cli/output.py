@@ -133,7 +133,7 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
         wanted = ("flexion_mean_error_deg", "flexion_mean_abs_error_deg", "flexion_rmse_deg", "flexion_max_abs_error_deg")
         values = {(m.name, m.section, m.filter, m.sequence): m.value for m in evaluation.metrics}
         expanded = {(b.owner, b.section): b.expanded_deg for b in evaluation.uncertainty if b.quantity == "flexion"}
-        groups = {(r.owner, r.section, r.filter, r.sequence): r.group for r in evaluation.ranking}
+        groups = _groups(evaluation, keys)
         say_table(
             "Flexion error [deg]; U: of the truth (k = 2); filters that share a letter were not shown to differ",
             ["joint", "section", "filter", "sequence", "mean", "U", "mean |e|", "RMSE", "max |e|", "group"],
@@ -170,6 +170,19 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
     say(f"session: {session}")
     if report:
         say(f"report:  {report}")
+
+
+def _groups(evaluation: Evaluation, keys: list[tuple[str, str, str, str]]) -> dict[tuple[str, str, str, str], str]:
+    """Letters by joint, section, filter and sequence; where a joint's own sequence could not be ranked, why."""
+    result = {}
+    for joint, section, name, sequence in keys:
+        ranked = [row for row in evaluation.ranking if (row.owner, row.section) == (joint, section) and row.sequence]
+        alone = len({key[2] for key in keys if key[:2] == (joint, section)}) < 2
+        letter = next((row.group for row in ranked if (row.filter, row.sequence) == (name, sequence)), None)
+        if letter is None and not alone and sequence in ({row.sequence for row in ranked} or {sequence}):
+            letter = "too few to rank"
+        result[joint, section, name, sequence] = letter or ""
+    return result
 
 
 def _joint_by_joint(rows: list[ChainRow]) -> list[ChainRow]:

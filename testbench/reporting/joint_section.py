@@ -15,7 +15,7 @@ from testbench.reporting.figures import Curve, Figure, Span, error_curves, heat_
 from testbench.reporting.flexion import Key, PoseErrors, SweepErrors, by_section, published_beside
 from testbench.reporting.page import Block, Figures, Heading, Section, Sentence
 from testbench.reporting.palette import REFERENCE
-from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, with_interval
+from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, unranked_filters, with_interval
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
 
 Colours = dict[str, str]
@@ -35,6 +35,7 @@ def joint_section(
         section.blocks += _summaries(joint, rows, evaluation)
         for name, own in by_section(rows).items():
             section.blocks += ranking_blocks(evaluation, joint, name)
+            section.blocks += unranked_filters(evaluation, joint, name)
             posed = [row for row in own if row.flexion_deg is not None]
             swept = [row for row in own if row.flexion_deg is None]
             if posed:
@@ -97,6 +98,7 @@ def _pose_blocks(
     joint: str, section: str, errors: PoseErrors, published: PublishedResults | None, colours: Colours
 ) -> list[Block]:
     where = f"{joint}, section {section}" + (f", misalignment {errors.aligned:g} deg" if errors.aligned is not None else "")
+    where += f", all values of {' and '.join(errors.pooled)} together" if errors.pooled else ""
     blocks: list[Block] = [_flexion_table(where, errors, published)]
     if len(errors.flexions) > 1:
         figures = {

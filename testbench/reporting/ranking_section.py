@@ -95,3 +95,17 @@ def distribution_table(caption: str, names: list[str], rows: list[tuple[list[Cel
         f"until the error stays within 0.1 deg of its settled value, median over the poses that settle.{how}",
         folded=True,
     )  # fmt: skip
+
+
+def unranked_filters(evaluation: Evaluation, owner: str, section: str | None = None) -> list[Block]:
+    """A sentence on the filters that a ranking leaves out."""
+    ranked = {row.filter for row in evaluation.ranking if (row.owner, row.section) == (owner, section)}
+    if section is None:
+        ran = [row.filter for row in evaluation.orientation if row.sensor == owner]
+    else:
+        ran = [row.filter for row in evaluation.joint_angle if (row.joint, row.section) == (owner, section)]
+    left = [name for name in dict.fromkeys(ran) if name not in ranked]
+    if not ranked or not left:
+        return []
+    verb = "is" if len(left) == 1 else "are"
+    return [Sentence(f"{', '.join(left)} {verb} not ranked: errors that last so long hold too few independent stretches.")]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from testbench.evaluation.blocks import sample_series
-from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, group_letters, holm, rank_filters
+from testbench.evaluation.ranking import FEWEST_RANKED, MEAN_MAGNITUDE, MEAN_SQUARE, group_letters, holm, rank_filters
 
 
 def test_holm_corrects_as_the_textbook_does():
@@ -85,9 +85,21 @@ def test_slow_errors_alone_seldom_part_filters_that_are_alike():
     assert parted < 0.12 * 200
 
 
-def test_too_few_blocks_show_nothing():
-    drift = np.linspace(0, 1, 8)
-    series = {"one": sample_series(drift[:2]), "two": sample_series(5 + drift[:2])}
+@pytest.mark.parametrize(("blocks", "ranked"), [(2, False), (FEWEST_RANKED - 1, False), (FEWEST_RANKED, True)])
+def test_on_too_few_blocks_nothing_is_ranked(blocks, ranked):
+    noise = np.random.default_rng(6).standard_normal((2, blocks))
+    series = {"one": sample_series(noise[0]), "two": sample_series(80 + noise[1])}
     rows, comparisons = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series)
-    assert comparisons[0].p == 1.0
-    assert [(row.best_rank, row.worst_rank) for row in rows] == [(1, 2), (1, 2)]
+    assert (len(rows), len(comparisons)) == ((2, 1) if ranked else (0, 0))
+
+
+def test_a_filter_that_drifts_all_the_time_does_not_take_the_ranking_from_the_others():
+    names = ("good", "as_good", "bad")
+    series = {
+        name: sample_series(errors(bias, i, n=24, memory=0.0))
+        for i, (name, bias) in enumerate(zip(names, (0, 0, 5), strict=True))
+    }
+    drifting = series | {"drifting": sample_series(np.linspace(0, 80, 24))}
+    alone, together = (rank_filters("elbow", None, None, MEAN_MAGNITUDE, given)[0] for given in (series, drifting))
+    assert {row.filter for row in together} == set(names)
+    assert together == alone
