@@ -17,6 +17,7 @@ from testbench.evaluation.judged import judged_steps, sound_truth
 from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
 from testbench.evaluation.orientation import rank_sensor, sensor_errors, sensor_rows, summarise_sensor, sweep_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
+from testbench.model.reference_step import reference_warning
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
 from testbench.records.evaluation_rows import Comparison, RankRow, TunedRow
@@ -35,6 +36,9 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     steps = judged_steps(session.steps) if session.has_protocol or session.steps else None
     result = Evaluation(session.name, [], [], [], Outcome.NOT_MEASURED)
     result.notes.extend(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
+    doubt = reference_warning(session.steps, session.analysis.estimate.align)
+    if doubt is not None and doubt not in result.notes:  # else the plan has said so
+        result.notes.append(doubt)
     if session.status is not RunStatus.COMPLETED:
         result.notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
     result.tuned.extend(_tuned_rows(estimate))

@@ -90,11 +90,14 @@ class _Limits:
             return
         row = int(np.argmax(broken.any(axis=1)))
         column = int(np.argmax(broken[row]))
-        value, time = values[row, column], int(times[row])
+        first, step = int(times[row]), self.locate.step(int(times[row]))
+        during = slice(row, int(np.searchsorted(times, step.end_ns, side="right")))
+        beyond = np.maximum(values[during, column] - high[column], low[column] - values[during, column])
+        worst = row + int(np.argmax(beyond))
+        value, time = values[worst, column], int(times[worst])
         limit = high[column] if value > high[column] else low[column]
-        joint, step = self.robot.joint_names[column], self.locate.step(time).name
-        error = LimitError(joint, quantity, math.degrees(value), math.degrees(limit), unit, time / NANOSECONDS, step)
-        raise self.locate.placed(error, time)
+        told = (math.degrees(value), math.degrees(limit), unit, time / NANOSECONDS, step.name, first / NANOSECONDS)
+        raise self.locate.placed(LimitError(self.robot.joint_names[column], quantity, *told), first)
 
     def uses(self) -> list[JointUse]:
         low, high, speed, acceleration = np.degrees([self.lowest, self.highest, self.speed, self.acceleration]).tolist()

@@ -9,9 +9,11 @@ from typing import Any
 from testbench.exceptions import FileProblems, InputError, NotFoundError, PlanError
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
+from testbench.model.reference_step import reference_warning
 from testbench.planning.checks import check_plan
 from testbench.planning.expansion import LONGEST_DURATION_S, Command, expand
 from testbench.planning.motion import MotionBuilder
+from testbench.planning.radians import radians_warning
 from testbench.planning.segment_frames import segment_frame_warnings
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol import Protocol
@@ -55,7 +57,10 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
     _check_settling(protocol, steps)
     trajectory = builder.trajectory()
     check = check_plan(robot, protocol, trajectory, steps)
-    check = replace(check, warnings=robot.spec.assumptions + segment_frame_warnings(robot, protocol, trajectory, steps))
+    doubts = [reference_warning(steps, protocol.spec.estimate.align), radians_warning(commands)]
+    warnings = [sentence for sentence in doubts if sentence is not None]
+    warnings += segment_frame_warnings(robot, protocol, trajectory, steps)
+    check = replace(check, warnings=robot.spec.assumptions + warnings)
     return Plan(protocol, robot, trajectory, steps, check)
 
 

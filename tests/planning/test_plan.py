@@ -58,12 +58,52 @@ def test_a_position_beyond_its_limit_is_refused(planned, tmp_path):
     error = caught.value
     assert (error.joint, error.quantity, error.step, error.unit) == ("shoulder_pan_joint", "position", "too far", "deg")
     assert error.limit == pytest.approx(-360)
-    assert -361 <= error.value < -360
-    assert error.time > 0
+    assert error.value == pytest.approx(-361, abs=0.01)  # where it is farthest beyond, not where it passes
+    assert 0 < error.first < error.time
     assert str(error) == (
         f"{tmp_path / 'trial.yaml'}:10: joint shoulder_pan_joint: position {error.value:.2f} deg exceeds -360.00 deg "
-        f"at t = {error.time:.3f} s (step 'too far')"
+        f"at t = {error.time:.3f} s, first at t = {error.first:.3f} s (step 'too far')"
     )
+
+
+@pytest.mark.parametrize(
+    ("poses", "said"),
+    [
+        (["[3.1416, -1.5708, -1.5708, 0, 1.5708, 0.5]"], "3.1416 is 1.00 pi"),
+        (["{wrist_3_joint: 2}", "{wrist_3_joint: -1.57}"], "-1.57 is -0.50 pi"),
+        (["[0, -90, -90, 0, 0, 1.5708]"], None),
+        (["{wrist_3_joint: -90}", "{wrist_3_joint: -1.57}"], None),
+        (["{wrist_3_joint: 5, wrist_2_joint: 2.2}"], None),
+        (["{wrist_3_joint: 0}"], None),
+    ],
+)
+def test_angles_in_radians_are_noticed(planned, poses, said):
+    the_plan = planned("{dwell_s: 0.1}", *(f"{{move_to_deg: {pose}}}" for pose in poses))
+    warnings = [sentence for sentence in the_plan.check.warnings if "radians" in sentence]
+    assert len(warnings) == (said is not None)
+    assert said is None or said in warnings[0]
+
+
+def test_a_protocol_without_a_reference_is_told_so_once(tmp_path):
+    text = TOP + "sections:\n  - {name: part, steps: [{name: turn, move_to_deg: {wrist_3_joint: 30}, dwell_s: DWELL}]}\n"
+    for dwell, where in (("1", "in 'turn', of section part"), ("0.1", "nowhere, for nothing dwells")):
+        file = tmp_path / "trial.yaml"
+        file.write_text(text.replace("DWELL", dwell))
+        [said] = [w for w in plan(file).check.warnings if w.startswith("align:")]
+        assert "finds no section of the role reference" in said and where in said
+        file.write_text(text.replace("DWELL", dwell) + "estimate: {align: none}\n")
+        assert not [w for w in plan(file).check.warnings if w.startswith("align:")]
+
+
+def test_the_evaluation_says_once_where_the_frames_were_aligned(run_protocol, tmp_path):
+    file = tmp_path / "trial.yaml"
+    file.write_text(
+        TOP.replace("sensors: {", "sensors: {wrist: {preset: ideal, link: wrist_1_link}, ")
+        + "sections:\n  - {name: part, steps: [{move_to_deg: {wrist_3_joint: 30}, dwell_s: 1}]}\n"
+        + "estimate: {filters: [vqf_6d, fusion]}\n"
+    )
+    notes = run_protocol(file).evaluation.notes
+    assert len([note for note in notes if "aligned" in note]) == 1
 
 
 def test_a_velocity_beyond_its_limit_is_refused(planned, tmp_path):
@@ -72,8 +112,8 @@ def test_a_velocity_beyond_its_limit_is_refused(planned, tmp_path):
         planned(f"{{name: fast, sweep: {sweep}}}")
     error = caught.value
     assert (error.joint, error.quantity, error.step, error.unit) == ("wrist_3_joint", "velocity", "fast", "deg/s")
+    assert abs(error.value) == pytest.approx(60 * 2 * np.pi, rel=1e-3)  # what the sweep asks for, amplitude times 2 pi f
     assert abs(error.limit) == pytest.approx(360)
-    assert 360 < abs(error.value) < 365
     assert str(error).startswith(f"{tmp_path / 'trial.yaml'}:9: joint wrist_3_joint: velocity ")
 
 

@@ -87,6 +87,21 @@ def test_a_protocol_survives_being_written_and_read_again():
 
 
 @pytest.mark.parametrize(
+    ("mounting", "said"),
+    [
+        (
+            "{rotation_deg: [0, 0, 8]}",
+            r"rotation_deg: angles need the Euler sequence they belong to, such as {XYZ: \[0, 0, 8\]}",
+        ),
+        ("{position_mm: [0, 0, 10000]}", "a sensor 10 m from its link is not meant; positions are in millimetres"),
+    ],
+)
+def test_a_mounting_that_cannot_be_meant_is_refused_with_what_is(tmp_path, mounting, said):
+    with pytest.raises(FileProblems, match=said):
+        read(tmp_path, MINIMAL.replace("preset: ideal", f"preset: ideal, mounting: {mounting}"))
+
+
+@pytest.mark.parametrize(
     ("start", "stop", "step", "values"),
     [
         (0, 70, 35, [0, 35, 70]),
