@@ -13,6 +13,7 @@ from testbench.records.published import PublishedResults
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Curve, Figure, Span, error_curves, heat_map, time_panels
 from testbench.reporting.flexion import Key, PoseErrors, SweepErrors, by_section, published_beside
+from testbench.reporting.flexion_section import flexion_blocks
 from testbench.reporting.page import Block, Figures, Heading, Section, Sentence
 from testbench.reporting.palette import REFERENCE
 from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, unranked_filters, with_interval
@@ -42,6 +43,7 @@ def joint_section(
                 section.blocks += _pose_blocks(joint, name, PoseErrors(posed), published.get(joint), colours)
             if swept:
                 section.blocks += _sweep_blocks(joint, name, SweepErrors(swept))
+        section.blocks += flexion_blocks(joint, rows, evaluation, colours, spans)
         section.blocks += _time_blocks(joint, rows, evaluation, colours, spans)
     if not joints:
         section.blocks.append(Sentence("No joint angle was judged in this session."))
