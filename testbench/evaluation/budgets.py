@@ -106,13 +106,15 @@ def _joint_budget(
     return combine(errors.name, "flexion", section, sources, missing)
 
 
-def chain_budget(session: Session, estimate: Estimate, chain: ChainEstimate, joint: str, true: ChainTruth) -> UncertaintyBudget:
+def chain_budget(
+    session: Session, estimate: Estimate, chain: ChainEstimate, joint: str, true: ChainTruth, arm: Arm | None
+) -> UncertaintyBudget:
     """The budget of the true angle of one joint of the arm, which the chain filter is judged by.
 
     Mounting, levelling and the alignment of frames are no part of it: the filter takes them as the protocol states them, so
     that what they are wrong by is an error of its own.
     """
-    sensor, arm = estimate.sensors[chain.sensors[0]], Arm.of(session)
+    sensor = estimate.sensors[chain.sensors[0]]
     rate = np.gradient(np.degrees(true.angle), chain.host_time_ns / NANOSECONDS)[true.judged]
     clock = clock_source(
         sensor.clock.offset_sd_s, sensor.clock.method, float(rate.mean()), float(np.sqrt(np.mean(np.square(rate))))

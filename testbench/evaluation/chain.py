@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.evaluation.budgets import ChainTruth, chain_budget
+from testbench.evaluation.budgets import Arm, ChainTruth, chain_budget
 from testbench.evaluation.metrics import rms, summarise
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import joint_acceleration
@@ -29,7 +29,8 @@ LEAST_COVERED_PERCENT = 80.0
 
 def judge_chain(session: Session, estimate: Estimate, result: Evaluation) -> None:
     """Add the rows, error signals, budgets and remarks of every section and state to the result."""
-    recorded = session.arm()
+    arm = Arm.of(session) if estimate.chain else None
+    recorded = arm.samples if arm is not None else None
     for one in estimate.chain:
         where = f"chain, section {one.section}, {one.state}"
         if recorded is None:
@@ -44,7 +45,7 @@ def judge_chain(session: Session, estimate: Estimate, result: Evaluation) -> Non
             )
         for row in rows:
             true = ChainTruth(series[f"{row.joint}_rad"] - series[f"{row.joint}_error_rad"], series["judged"])
-            budget = chain_budget(session, estimate, one, row.joint, true)
+            budget = chain_budget(session, estimate, one, row.joint, true, arm)
             if budget not in result.uncertainty:  # the states share their truth
                 result.uncertainty.append(budget)
             known = replace(row, expanded_uncertainty_deg=budget.expanded_deg)

@@ -13,11 +13,11 @@ from testbench.records.published import PublishedResults
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Curve, Figure, Span, error_curves, heat_map, time_panels
 from testbench.reporting.flexion import Key, PoseErrors, SweepErrors, by_section, published_beside
-from testbench.reporting.flexion_section import flexion_blocks
 from testbench.reporting.page import Block, Figures, Heading, Section, Sentence
 from testbench.reporting.palette import REFERENCE
 from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, unranked_filters, with_interval
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
+from testbench.reporting.true_flexion import flexion_blocks
 
 Colours = dict[str, str]
 
