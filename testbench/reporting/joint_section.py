@@ -15,7 +15,7 @@ from testbench.reporting.figures import Curve, Figure, Span, error_curves, heat_
 from testbench.reporting.flexion import Key, PoseErrors, SweepErrors, by_section, published_beside
 from testbench.reporting.page import Block, Figures, Heading, Section, Sentence
 from testbench.reporting.palette import REFERENCE
-from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, unranked_filters, with_interval
+from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, ranking_doubts, with_interval
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
 from testbench.reporting.true_flexion import flexion_blocks
 
@@ -36,7 +36,7 @@ def joint_section(
         section.blocks += _summaries(joint, rows, evaluation)
         for name, own in by_section(rows).items():
             section.blocks += ranking_blocks(evaluation, joint, name)
-            section.blocks += unranked_filters(evaluation, joint, name)
+            section.blocks += ranking_doubts(evaluation, joint, name)
             posed = [row for row in own if row.flexion_deg is not None]
             swept = [row for row in own if row.flexion_deg is None]
             if posed:
