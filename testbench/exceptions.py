@@ -76,19 +76,16 @@ class LimitError(PlanError):
     """A joint would exceed one of its limits.
 
     Attributes:
-        joint: Joint name. quantity: "position", "velocity" or "acceleration". value, limit: In unit; the value that is farthest
-        beyond the limit in the step. unit: Unit of value and limit. time: When that is [s], from the start of the plan. first:
-        When the limit is broken first [s]. step: Name of the step.
+        joint: Joint name. quantity: "position", "velocity" or "acceleration". value, limit: In unit.
+        unit: Unit of value and limit. time: [s] from the start of the plan. step: Name of the step.
     """
 
-    def __init__(
-        self, joint: str, quantity: str, value: float, limit: float, unit: str, time: float, step: str, first: float
-    ):  # fmt: skip
+    def __init__(self, joint: str, quantity: str, value: float, limit: float, unit: str, time: float, step: str):
         self.joint, self.quantity, self.value, self.limit = joint, quantity, value, limit
-        self.unit, self.time, self.step, self.first = unit, time, step, first
-        since = f", first at t = {first:.3f} s" if f"{first:.3f}" != f"{time:.3f}" else ""
-        when = f"at t = {time:.3f} s{since} (step '{step}')"
-        super().__init__(f"joint {joint}: {quantity} {value:.2f} {unit} exceeds {limit:.2f} {unit} {when}")
+        self.unit, self.time, self.step = unit, time, step
+        super().__init__(
+            f"joint {joint}: {quantity} {value:.2f} {unit} exceeds {limit:.2f} {unit} at t = {time:.3f} s (step '{step}')"
+        )
 
 
 @dataclass(frozen=True)

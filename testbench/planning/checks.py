@@ -90,14 +90,11 @@ class _Limits:
             return
         row = int(np.argmax(broken.any(axis=1)))
         column = int(np.argmax(broken[row]))
-        first, step = int(times[row]), self.locate.step(int(times[row]))
-        during = slice(row, int(np.searchsorted(times, step.end_ns, side="right")))
-        beyond = np.maximum(values[during, column] - high[column], low[column] - values[during, column])
-        worst = row + int(np.argmax(beyond))
-        value, time = values[worst, column], int(times[worst])
+        value, time = values[row, column], int(times[row])
         limit = high[column] if value > high[column] else low[column]
-        told = (math.degrees(value), math.degrees(limit), unit, time / NANOSECONDS, step.name, first / NANOSECONDS)
-        raise self.locate.placed(LimitError(self.robot.joint_names[column], quantity, *told), first)
+        joint, step = self.robot.joint_names[column], self.locate.step(time).name
+        error = LimitError(joint, quantity, math.degrees(value), math.degrees(limit), unit, time / NANOSECONDS, step)
+        raise self.locate.placed(error, time)
 
     def uses(self) -> list[JointUse]:
         low, high, speed, acceleration = np.degrees([self.lowest, self.highest, self.speed, self.acceleration]).tolist()
