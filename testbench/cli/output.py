@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from testbench.exceptions import BenchError
     from testbench.execution.executor import Progress as RunProgress
-    from testbench.records.evaluation import Evaluation, NoiseRow
+    from testbench.records.evaluation import ChainRow, Evaluation, NoiseRow
     from testbench.records.plan import Plan
 
 from testbench.records.numbers import show_number
@@ -159,8 +159,8 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
     if keys:
         wanted = ("flexion_mean_error_deg", "flexion_mean_abs_error_deg", "flexion_rmse_deg", "flexion_max_abs_error_deg")
         values = {(m.name, m.section, m.filter, m.sequence): m.value for m in evaluation.metrics}
-        expanded = {(b.owner, b.section): b.expanded_deg for b in evaluation.uncertainty}
-        groups = {(r.owner, r.section, r.filter, r.sequence): r.group for r in evaluation.ranking}
+        expanded = {(b.owner, b.section): b.expanded_deg for b in evaluation.uncertainty if b.quantity == "flexion"}
+        groups = _groups(evaluation, keys)
         say_table(
             "Flexion error [deg]; U: of the truth (k = 2); filters that share a letter were not shown to differ",
             ["joint", "section", "filter", "sequence", "mean", "U", "mean |e|", "RMSE", "max |e|", "group"],
@@ -170,6 +170,16 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
                 for mean, *rest in [[values.get((f"{j}.{kind}", s, f, e)) for kind in wanted]]
             ],
         )
+    if evaluation.chain:
+        say_table(
+            "Joints of the chain, error [deg]; U: of the truth (k = 2); covered: errors within 1.96 of the stated uncertainty",
+            ["section", "joint", "state", "mean", "U", "mean |e|", "RMSE", "largest", "stated", "covered [%]"],
+            [
+                [r.section, r.joint, r.state, r.mean_error_deg, r.expanded_uncertainty_deg, r.mean_abs_error_deg, r.rmse_deg,
+                 r.largest_error_deg, r.uncertainty_deg, r.covered_percent]
+                for r in _joint_by_joint(evaluation.chain)
+            ],
+        )  # fmt: skip
     if evaluation.orientation:
         say_table(
             "Orientation error, RMSE [deg]",
@@ -186,6 +196,25 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
     say(f"session: {session}")
     if report:
         say(f"report:  {report}")
+
+
+def _groups(evaluation: Evaluation, keys: list[tuple[str, str, str, str]]) -> dict[tuple[str, str, str, str], str]:
+    """Letters by joint, section, filter and sequence; where a joint's own sequence could not be ranked, why."""
+    result = {}
+    for joint, section, name, sequence in keys:
+        ranked = [row for row in evaluation.ranking if (row.owner, row.section) == (joint, section) and row.sequence]
+        alone = len({key[2] for key in keys if key[:2] == (joint, section)}) < 2
+        letter = next((row.group for row in ranked if (row.filter, row.sequence) == (name, sequence)), None)
+        if letter is None and not alone and sequence in ({row.sequence for row in ranked} or {sequence}):
+            letter = "too few to rank"
+        result[joint, section, name, sequence] = letter or ""
+    return result
+
+
+def _joint_by_joint(rows: list[ChainRow]) -> list[ChainRow]:
+    """The states of each joint one below the other, sections and joints in their order."""
+    places = list(dict.fromkeys((row.section, row.joint) for row in rows))
+    return sorted(rows, key=lambda row: places.index((row.section, row.joint)))
 
 
 def say_noise(rows: list[NoiseRow]) -> None:

@@ -56,6 +56,14 @@ def open_samples(session: Session, sensor: str, stored: Change | None = None) ->
     return WholeRecording(session, sensor, change) if every == 1 else PiecewiseRecording(session, sensor, every, change)
 
 
+def hisses(session: Session, sensor: str) -> bool:
+    """Whether a sensor's readings must differ at rest: not those of a simulated one whose data sheet states no noise."""
+    if session.manifest["sensors"].get(sensor, {}).get("driver") != "simulated":
+        return True
+    sheet = session.analysis.sensors[sensor].imu()
+    return any(bool(triad.triad().noise_density.any()) for triad in (sheet.accelerometer, sheet.gyroscope))
+
+
 class SampleAccess(ABC):
     """A sensor's samples.
 
@@ -98,6 +106,7 @@ class WholeRecording(SampleAccess):
 
     def __init__(self, session: Session, sensor: str, change: Change = _unchanged):
         self.samples, self.every = change(session.imu(sensor)), 1
+        self._hisses = hisses(session, sensor)
         self._regular: tuple[ClockFit, tuple[UniformSamples, np.ndarray]] | None = None
 
     def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
@@ -108,7 +117,7 @@ class WholeRecording(SampleAccess):
 
     def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
         """See SampleAccess."""
-        return assess(self.samples, clock.to_host(self.samples.device_time_ns), static)
+        return assess(self.samples, clock.to_host(self.samples.device_time_ns), static, self._hisses)
 
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
         """See SampleAccess."""
@@ -135,7 +144,7 @@ class PiecewiseRecording(SampleAccess):
         self._session, self._sensor, self.every, self._change = session, sensor, every, change
         self._count = session.sample_count(sensor)
         self.samples = change(session.imu(sensor, every=every))
-        self._traits = Traits()
+        self._traits = Traits(hisses(session, sensor))
         steps, ordered = [], True
         first = last = None
         for piece in session.imu_batches(sensor, PIECE):

@@ -25,11 +25,11 @@ from testbench.exceptions import InputError, SessionError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series, segment_orientation
+from testbench.model.reference_step import reference_step
 from testbench.model.truth import truth_at
 from testbench.records.calibration_file import SensorCalibration, find_calibration
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, JointEstimate, SensorEstimate
 from testbench.records.near import Instants
-from testbench.records.plan import PlannedStep
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import Session
 from testbench.records.tuning import Tuning
@@ -330,7 +330,7 @@ def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]
         if sensor.mounting is None or not len(q):
             return FrameFit(), "the truth is known too seldom to align it by rates and gravity"
         return fit_frames_by_vectors(q, q_true, sensor.mounting)
-    step = _reference_step(session)
+    step = reference_step(session.steps)
     if step is None:
         return FrameFit(), "there is no dwell to align it in"
     begin = (step.settled_ns + step.end_ns) // 2  # the second half: filters have settled
@@ -338,10 +338,7 @@ def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]
     known = (truth.host_time_ns >= begin) & (truth.host_time_ns <= step.end_ns) & np.isfinite(truth.q_world_from_sensor[:, 0])
     if not mine.any() or not known.any():
         return FrameFit(), "neither it nor the truth is known in the reference pose"
-    warning = None
-    if step.role != "reference":
-        warning = f"without a reference section it was aligned in '{step.name}', of section {step.section}"
-    return fit_frames(q[mine], truth.q_world_from_sensor[known], method), warning
+    return fit_frames(q[mine], truth.q_world_from_sensor[known], method), None
 
 
 def _align_by_motion(q: np.ndarray, q_true: np.ndarray, seconds: float) -> tuple[FrameFit, str | None]:
@@ -349,11 +346,6 @@ def _align_by_motion(q: np.ndarray, q_true: np.ndarray, seconds: float) -> tuple
     if len(q) < 10:
         return FrameFit(), "the truth is known too seldom to align it by motion"
     return fit_frames_by_motion(q, q_true, seconds)
-
-
-def _reference_step(session: Session) -> PlannedStep | None:
-    dwells = [step for step in session.steps if step.kind != "sweep" and step.end_ns - step.settled_ns >= NANOSECONDS // 5]
-    return next((step for step in dwells if step.role == "reference"), dwells[0] if dwells else None)
 
 
 def _estimate_joint(session: Session, name: str, sensors: dict[str, SensorEstimate]) -> JointEstimate:

@@ -53,9 +53,11 @@ class Traits:
     """What must be known of a whole recording before any of its samples can be judged; it may be told piece by piece.
 
     Attributes:
+        hisses: False for a model without noise, which no repetition can be held against.
         present: Quantities of which any value is finite; a column that the file lacks is NaN throughout.
     """
 
+    hisses: bool = True
     present: set[str] = field(default_factory=set)
     _same: dict[str, int] = field(default_factory=lambda: {"gyr": 0, "acc": 0})
     _count: int = 0
@@ -85,7 +87,7 @@ class Traits:
     @property
     def noisy(self) -> bool:
         """Whether readings differ from sample to sample as a rule; a sensor without noise repeats itself whenever it rests."""
-        return any(2 * same < self._count for key, same in self._same.items() if key in self.present)
+        return self.hisses and any(2 * same < self._count for key, same in self._same.items() if key in self.present)
 
 
 class AfterGaps:
@@ -108,13 +110,13 @@ class AfterGaps:
         return np.asarray(time_ns <= until)
 
 
-def assess(samples: ImuSamples, time_ns: np.ndarray, static: np.ndarray) -> Quality:
+def assess(samples: ImuSamples, time_ns: np.ndarray, static: np.ndarray, hisses: bool = True) -> Quality:
     """Put a recording through the gates.
 
     Args:
-        samples: As recorded. time_ns: Their host times, shape (n,). static: At rest, shape (n,).
+        samples: As recorded. time_ns: Their host times, shape (n,). static: At rest, shape (n,). hisses: As in `Traits`.
     """
-    flags = {**sample_flags(samples, Traits().add(samples)), "after a gap": AfterGaps()(time_ns)}
+    flags = {**sample_flags(samples, Traits(hisses).add(samples)), "after a gap": AfterGaps()(time_ns)}
     return Quality(flags, remarks_on(samples, static & ~flags["not finite"]))
 
 

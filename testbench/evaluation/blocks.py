@@ -17,7 +17,9 @@ from scipy.stats import norm, t
 LONGEST_SERIES = 1024
 """A longer series is first summed over equal runs: errors are far smoother than their sampling [1]."""
 FEWEST_STEPS = 4
-"""Fewer poses than this say too little of other poses; so few sweeps are cut into runs of time instead."""
+"""Fewer poses than this say too little of other poses."""
+FEWEST_SWEEPS = 5
+"""Fewer sweeps are cut into runs of time, which are many: as blocks they would be too few to rank filters by."""
 FEWEST_BLOCKS = 3
 """Fewer independent blocks give no interval and no comparison."""
 DRAWS = 1000
@@ -52,7 +54,7 @@ def step_series(errors: np.ndarray, steps: Sequence[np.ndarray], moving: bool, e
     Returns:
         One block for each step; runs of equal time within the steps where they are few sweeps; None for few poses.
     """
-    if len(steps) >= FEWEST_STEPS:
+    if len(steps) >= (FEWEST_SWEEPS if moving else FEWEST_STEPS):
         pieces = list(steps)
     elif moving and steps:
         runs = max(min(LONGEST_SERIES // len(steps), min(len(rows) for rows in steps)), 1)

@@ -21,6 +21,7 @@ from testbench.evaluation.uncertainty import (
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
+from testbench.records.chain import ChainEstimate
 from testbench.records.estimate import Estimate, SensorEstimate
 from testbench.records.plan import PlannedStep
 from testbench.records.robot import Robot
@@ -31,6 +32,14 @@ from testbench.records.uncertainty import UncertaintyBudget
 UNKNOWN_TRUTH = "the accuracy of the reference system is not known"
 UNKNOWN_TIME = "the sensor's time is not known, and the truth moves"
 PARTS = ("total", "heading", "inclination")
+
+
+@dataclass(frozen=True)
+class ChainTruth:
+    """The true angle of a joint of the arm [rad], and which of its samples count, shape (n,) each."""
+
+    angle: np.ndarray
+    judged: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -95,6 +104,33 @@ def _joint_budget(
         alignment_source(arm.robot, aligned, c, None),
     ]
     return combine(errors.name, "flexion", section, sources, missing)
+
+
+def chain_budget(
+    session: Session, estimate: Estimate, chain: ChainEstimate, joint: str, true: ChainTruth, arm: Arm | None
+) -> UncertaintyBudget:
+    """The budget of the true angle of one joint of the arm, which the chain filter is judged by.
+
+    Mounting, levelling and the alignment of frames are no part of it: the filter takes them as the protocol states them, so
+    that what they are wrong by is an error of its own.
+    """
+    sensor = estimate.sensors[chain.sensors[0]]
+    rate = np.gradient(np.degrees(true.angle), chain.host_time_ns / NANOSECONDS)[true.judged]
+    clock = clock_source(
+        sensor.clock.offset_sd_s, sensor.clock.method, float(rate.mean()), float(np.sqrt(np.mean(np.square(rate))))
+    )
+    missing = ([UNKNOWN_TIME] if clock is None else []) + ([UNKNOWN_TRUTH] if arm is None else [])
+    time = chain.host_time_ns[true.judged]
+    steps = [step for step in session.steps if step.section == chain.section]
+    counts = np.array([np.diff(np.searchsorted(time, [step.start_ns, step.end_ns]))[0] for step in steps])
+    steps = [step for step, count in zip(steps, counts, strict=True) if count]
+    sources = []
+    if arm is not None:
+        own = np.zeros((len(steps), len(arm.robot.joint_names)))
+        own[:, arm.robot.joint_names.index(joint)] = 1.0
+        c = ArmSensitivity(own, own, np.arange(len(steps)), counts[counts > 0] / counts.sum(), None)
+        sources = arm_sources(arm.robot, arm.samples, steps, c)
+    return combine(joint, "angle", chain.section, [*sources, clock], missing)
 
 
 def sensor_budgets(

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from testbench.evaluation.budgets import Arm, ChainTruth, chain_budget
 from testbench.evaluation.metrics import rms, summarise
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import joint_acceleration
 from testbench.records.chain import ChainEstimate
-from testbench.records.evaluation import ChainRow
+from testbench.records.estimate import Estimate
+from testbench.records.evaluation import ChainRow, Evaluation
 from testbench.records.samples import ArmSamples
 from testbench.records.session import Session
 
@@ -18,6 +22,41 @@ STANDS_STILL = np.radians(0.01)
 """A joint whose angle varies less than this (standard deviation) has no correlation [rad]."""
 COVERAGE_FACTOR = 1.96
 """Of 95 % of a normal distribution (JCGM 100, 6.3.3)."""
+
+LEAST_COVERED_PERCENT = 80.0
+"""Stated uncertainties that cover fewer of the errors than this are remarked on; 95 is honest."""
+
+
+def judge_chain(session: Session, estimate: Estimate, result: Evaluation) -> None:
+    """Add the rows, error signals, budgets and remarks of every section and state to the result."""
+    arm = Arm.of(session) if estimate.chain else None
+    recorded = arm.samples if arm is not None else None
+    for one in estimate.chain:
+        where = f"chain, section {one.section}, {one.state}"
+        if recorded is None:
+            result.notes.append(f"{where}: not judged, for no arm reported the true angles of its joints")
+            continue
+        rows, series = evaluate_chain(session, one, recorded)
+        result.series[one.key] = series
+        if not rows:
+            result.notes.append(
+                f"{where}: not judged, for no sample is left: settling_s leaves out as much as its steps last, or none was "
+                f"finished"
+            )
+        for row in rows:
+            true = ChainTruth(series[f"{row.joint}_rad"] - series[f"{row.joint}_error_rad"], series["judged"])
+            budget = chain_budget(session, estimate, one, row.joint, true, arm)
+            if budget not in result.uncertainty:  # the states share their truth
+                result.uncertainty.append(budget)
+            known = replace(row, expanded_uncertainty_deg=budget.expanded_deg)
+            result.chain.append(replace(known, expanded_uncertainty_magnitude_deg=budget.expanded_magnitude_deg))
+        low = [row for row in rows if row.covered_percent < LEAST_COVERED_PERCENT]
+        if low:
+            worst = min(low, key=lambda row: row.covered_percent)
+            result.notes.append(
+                f"{where}: the uncertainties that it states are too small for {len(low)} of {len(rows)} joints: 1.96 of them "
+                f"cover {worst.covered_percent:.0f} % of the errors of {worst.joint}, where 95 % would be honest"
+            )
 
 
 def evaluate_chain(session: Session, estimate: ChainEstimate, arm: ArmSamples) -> tuple[list[ChainRow], dict[str, np.ndarray]]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.evaluation.budgets import Arm, joint_budgets, sensor_budgets
-from testbench.evaluation.chain import evaluate_chain
+from testbench.evaluation.chain import judge_chain
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
@@ -19,6 +19,7 @@ from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
 from testbench.evaluation.orientation import rank_sensor, sensor_errors, sensor_rows, summarise_sensor, sweep_rows
 from testbench.evaluation.outliers import outlier_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
+from testbench.model.reference_step import reference_warning
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
 from testbench.records.evaluation_rows import Comparison, RankRow, TunedRow
@@ -42,6 +43,9 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     steps = judged_steps(session.steps) if session.has_protocol or session.steps else None
     result = Evaluation(session.name, [], [], [], Outcome.NOT_MEASURED)
     result.notes.extend(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
+    doubt = reference_warning(session.steps, session.analysis.estimate.align)
+    if doubt is not None and doubt not in result.notes:  # else the plan has said so
+        result.notes.append(doubt)
     if session.status is not RunStatus.COMPLETED:
         result.notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
     result.tuned.extend(_tuned_rows(estimate))
@@ -55,12 +59,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         _judge_joint(session, estimate, name, steps or [], arm, result)
     result.outliers.extend(outlier_rows(result, estimate.behaviour))
     result.notes.extend(estimate.remarks)
-    recorded = session.arm() if estimate.chain else None
-    for one in estimate.chain:
-        if recorded is None:
-            break
-        rows, result.series[one.key] = evaluate_chain(session, one, recorded)
-        result.chain.extend(rows)
+    judge_chain(session, estimate, result)
     metrics, outcome = judge(session.analysis, summarise_metrics(result) + norms)
     result.notes.extend(
         f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED

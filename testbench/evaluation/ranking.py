@@ -7,10 +7,13 @@ from itertools import combinations
 import numpy as np
 from scipy.stats import t
 
-from testbench.evaluation.blocks import FEWEST_BLOCKS, ErrorSeries, mean_and_error
+from testbench.evaluation.blocks import ErrorSeries, mean_and_error
 from testbench.records.evaluation_rows import Comparison, RankRow
 
 SIGNIFICANCE = 0.05
+FEWEST_RANKED = 5
+"""Filters are not ranked on fewer independent blocks: with four, a pair among five filters would have to differ by more than
+seven standard errors to be told apart, so that letters would say nothing."""
 MEAN_MAGNITUDE, MEAN_SQUARE = "mean |flexion error|", "RMS total error"
 LEAST_RELEVANT = 0.01
 """A difference is shown only where it exceeds this, the last digit that the tables give [deg]."""
@@ -28,7 +31,14 @@ def rank_filters(
     Args:
         owner: Joint or sensor. section, sequence: Of a joint. criterion: `MEAN_MAGNITUDE` compares |e|, `MEAN_SQUARE` e².
         series: By filter; errors in degrees, equally long, on the same samples.
+
+    Returns:
+        Rows, best first, and the comparisons behind them. Filters whose comparisons rest on too few independent blocks are left
+        out of both; where fewer than two are left, both are empty.
     """
+    series = _comparable(criterion, series)
+    if len(series) < 2:
+        return [], []
     measured = {name: own.absolute if criterion == MEAN_MAGNITUDE else own.square for name, own in series.items()}
     means = {name: float(measured[name].sum() / own.weight.sum()) for name, own in series.items()}
     order = sorted(series, key=lambda name: means[name])
@@ -55,11 +65,28 @@ def rank_filters(
     return rows, comparisons
 
 
+def _comparable(criterion: str, series: dict[str, ErrorSeries]) -> dict[str, ErrorSeries]:
+    """Without those, the worst first, whose differences from others hold too few independent blocks."""
+    kept = dict(series)
+    measured = {name: own.absolute if criterion == MEAN_MAGNITUDE else own.square for name, own in series.items()}
+    few = {
+        frozenset((a, b))
+        for a, b in combinations(series, 2)
+        if mean_and_error(measured[a] - measured[b], series[a].weight)[2] < FEWEST_RANKED
+    }
+    while True:
+        lost = {name: sum(frozenset((name, other)) in few for other in kept) for name in kept}
+        worst = max(lost, key=lambda name: (lost[name], float(measured[name].sum())), default="")
+        if not lost.get(worst):
+            return kept
+        del kept[worst]
+
+
 def _paired(first: np.ndarray, second: np.ndarray, weight: np.ndarray, relevant: float) -> tuple[float, float, int]:
     """Mean difference, the two-sided p of its being larger than what is relevant, and the number of independent blocks."""
     mean, error, blocks = mean_and_error(first - second, weight)
     excess = abs(mean) - relevant
-    if blocks < FEWEST_BLOCKS or excess <= 0:
+    if excess <= 0:
         return mean, 1.0, blocks
     return mean, float(2 * t.sf(excess / max(error, 1e-12), blocks - 1)), blocks
 

@@ -8,9 +8,10 @@ from itertools import groupby
 
 import numpy as np
 
-from testbench.records.evaluation import SEVERITY, Evaluation, JointRow, Metric, Outcome
+from testbench.records.evaluation import SEVERITY, ChainRow, Evaluation, JointRow, Metric, Outcome
 from testbench.records.evaluation_rows import JointSummary
 from testbench.records.protocol import JOINT_METRICS, SENSOR_METRICS, AcceptanceLimit, Analysis
+from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
 
 _POOL: dict[str, Callable[[list[JointRow]], float]] = {
     "flexion_mean_error_deg": lambda rows: float(np.mean([row.flexion_mean_error_deg for row in rows])),
@@ -31,7 +32,15 @@ _CONFIDENCE = {
     "flexion_mean_abs_error_deg": "mean_abs_error_ci95_deg",
     "flexion_rmse_deg": "rmse_ci95_deg",
 }
-_SIGNED = ("flexion_mean_error_deg", "flexion_median_error_deg", "heading_mean_error_deg")
+_OF_CHAIN: dict[str, Callable[[list[ChainRow]], float]] = {
+    "angle_mean_error_deg": lambda rows: float(np.mean([row.mean_error_deg for row in rows])),
+    "angle_mean_abs_error_deg": lambda rows: float(np.mean([row.mean_abs_error_deg for row in rows])),
+    "angle_rmse_deg": lambda rows: float(np.sqrt(np.mean([row.rmse_deg**2 for row in rows]))),
+    "angle_max_abs_error_deg": lambda rows: max(abs(row.largest_error_deg) for row in rows),
+    "angle_covered_percent": lambda rows: float(np.mean([row.covered_percent for row in rows])),
+}
+"""Metrics of a joint of the chain, or of all of them, every joint alike."""
+_SIGNED = ("flexion_mean_error_deg", "flexion_median_error_deg", "heading_mean_error_deg", "angle_mean_error_deg")
 """Metrics in which errors of the truth average out as they do in the mean; in all others they add to magnitudes."""
 _OF_PARTS: dict[str, tuple[str, str, str | None]] = {
     "total_mean_error_deg": ("total", "mean_error_deg", "mean_error_ci95_deg"),
@@ -47,7 +56,7 @@ _OF_PARTS: dict[str, tuple[str, str, str | None]] = {
 
 def summarise_metrics(evaluation: Evaluation) -> list[Metric]:
     """Every metric of every filter, without limits; joint metrics give each pose or sweep the same weight."""
-    return _joint_metrics(evaluation) + _sensor_metrics(evaluation)
+    return _joint_metrics(evaluation) + _chain_metrics(evaluation) + _sensor_metrics(evaluation)
 
 
 def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
@@ -79,6 +88,25 @@ def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
                 Metric(f"{joint}.{kind}", value, unit_of(kind), None, None, None, meaning, name, sequence, section, expanded,
                        ci95)
             )  # fmt: skip
+    return metrics
+
+
+def _chain_metrics(evaluation: Evaluation) -> list[Metric]:
+    metrics = []
+    for place in dict.fromkeys((row.section, row.state) for row in evaluation.chain):
+        own = [row for row in evaluation.chain if (row.section, row.state) == place]
+        groups = {WHOLE_CHAIN: own} | {row.joint: [row] for row in own}
+        for joint, rows in groups.items():
+            for kind, meaning in CHAIN_METRICS.items():
+                signed = kind in _SIGNED
+                if joint == WHOLE_CHAIN and signed:
+                    continue
+                known = [row.expanded_uncertainty_deg if signed else row.expanded_uncertainty_magnitude_deg for row in rows]
+                expanded = max((value for value in known if value is not None), default=None)
+                metrics.append(
+                    Metric(f"{joint}.{kind}", _OF_CHAIN[kind](rows), unit_of(kind), None, None, None, meaning, place[1], None,
+                           place[0], expanded if unit_of(kind) == "deg" and None not in known else None)
+                )  # fmt: skip
     return metrics
 
 
@@ -129,7 +157,7 @@ def judge(analysis: Analysis, metrics: list[Metric]) -> tuple[list[Metric], Outc
 
 def _judge_limit(analysis: Analysis, limit: AcceptanceLimit, metrics: list[Metric]) -> list[Metric]:
     owner, _, kind = limit.metric.partition(".")
-    sequence = analysis.joints[owner].label if owner in analysis.joints else None
+    sequence = analysis.joints[owner].label if kind in JOINT_METRICS and owner in analysis.joints else None
     matching = [
         metric
         for metric in metrics
@@ -139,7 +167,7 @@ def _judge_limit(analysis: Analysis, limit: AcceptanceLimit, metrics: list[Metri
         and (sequence is None or (limit.sequence or sequence) == metric.sequence)
     ]
     if not matching:
-        meaning = (JOINT_METRICS | SENSOR_METRICS)[kind]
+        meaning = (JOINT_METRICS | SENSOR_METRICS | CHAIN_METRICS)[kind]
         absent = Metric(limit.metric, None, unit_of(kind), limit.min, limit.max, Outcome.NOT_MEASURED, meaning)
         return [replace(absent, filter=limit.filter, sequence=sequence, section=limit.section)]
     return [

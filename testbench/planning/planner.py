@@ -7,13 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from testbench.exceptions import FileProblems, InputError, NotFoundError, PlanError
+from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
+from testbench.model.reference_step import reference_warning
 from testbench.planning.checks import check_plan
 from testbench.planning.expansion import LONGEST_DURATION_S, Command, expand
 from testbench.planning.motion import MotionBuilder
+from testbench.planning.radians import radians_warning
 from testbench.planning.segment_frames import segment_frame_warnings
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol import Protocol
+from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
 from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import Robot, load_robot
 
@@ -38,7 +42,7 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
     commands = expand(protocol, robot)
     _check_names(protocol, robot)
     builder = MotionBuilder(robot)
-    steps = []
+    steps: list[PlannedStep] = []
     for index, command in enumerate(commands):
         try:
             start, settled, end = builder.add(command)
@@ -50,9 +54,13 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
         steps.append(_planned(index, command, start, settled, end))
     if builder.now_ns == 0:
         raise protocol.document.problem("nothing moves and nothing dwells: the protocol lasts no time", "sections")
+    _check_settling(protocol, steps)
     trajectory = builder.trajectory()
     check = check_plan(robot, protocol, trajectory, steps)
-    check = replace(check, warnings=robot.spec.assumptions + segment_frame_warnings(robot, protocol, trajectory, steps))
+    doubts = [reference_warning(steps, protocol.spec.estimate.align), radians_warning(commands)]
+    warnings = [sentence for sentence in doubts if sentence is not None]
+    warnings += segment_frame_warnings(robot, protocol, trajectory, steps)
+    check = replace(check, warnings=robot.spec.assumptions + warnings)
     return Plan(protocol, robot, trajectory, steps, check)
 
 
@@ -105,3 +113,29 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
         if name not in robot.joint_names:
             unknown = NotFoundError(f"joint of {robot.name}", name, robot.joint_names)
             raise protocol.document.problem(str(unknown), "estimate", "chain", "joints", i)
+    for i, limit in enumerate(protocol.spec.accept):
+        owner, _, kind = limit.metric.partition(".")
+        if kind in CHAIN_METRICS and owner not in (WHOLE_CHAIN, *robot.joint_names):
+            unknown = NotFoundError(f"joint of {robot.name}", owner, robot.joint_names)
+            raise protocol.document.problem(str(unknown), "accept", i, "metric")
+
+
+def _check_settling(protocol: Protocol, steps: list[PlannedStep]) -> None:
+    """What `settling_s` leaves out at either end of a step must leave something to judge of each section of the chain."""
+    chain = protocol.spec.estimate.chain
+    if chain is None or chain.settling_s == 0:
+        return
+    judged = [step.section for step in steps if step.role == "evaluation"]
+    for section in chain.sections or dict.fromkeys(judged):
+        spans = [
+            (step.settled_ns if step.kind == "sweep" else step.end_ns) - step.start_ns
+            for step in steps
+            if step.section == section
+        ]
+        longest = max(spans, default=0) / NANOSECONDS
+        if spans and longest <= 2 * chain.settling_s:
+            message = (
+                f"settling_s leaves out {chain.settling_s:g} s at either end of each step, and the longest of section "
+                f"'{section}' lasts {longest:.1f} s: nothing would be judged; it must be below {longest / 2:.1f} s"
+            )
+            raise protocol.document.problem(message, "estimate", "chain", "settling_s")

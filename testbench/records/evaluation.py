@@ -174,6 +174,8 @@ class ChainRow:
         correlation: Of estimate and truth; None where the joint stands still. rate_rmse_deg_s, acceleration_rmse_deg_s2: Of the
         derivatives. uncertainty_deg: RMS of the standard uncertainty stated. normalised_error: RMS of error over uncertainty,
         1 where it is honest. covered_percent: Errors within 1.96 of it.
+        expanded_uncertainty_deg, expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for the signed mean and for the
+        columns of magnitudes; None where they are not known.
     """
 
     section: str
@@ -195,6 +197,8 @@ class ChainRow:
     uncertainty_deg: float
     normalised_error: float
     covered_percent: float
+    expanded_uncertainty_deg: float | None = None
+    expanded_uncertainty_magnitude_deg: float | None = None
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from testbench.records.strict import Angles3, EulerSequence, StrictModel
 
@@ -76,6 +76,22 @@ def axis_label(axis: Sequence[float]) -> str:
     return "_".join(f"{value:.3f}".replace("-", "m").replace(".", "p") for value in axis)
 
 
+_EXAMPLES = {
+    "euler": "{euler: ZXZ}",
+    "isb": "{isb: elbow}",
+    "grood_suntay": "{grood_suntay: knee}",
+    "hinge": "{hinge: [0, 0, 1]}",
+    "swing_twist": "{swing_twist: [0, 0, 1]}",
+}
+
+
+def _refuse_kind_alone(value: Any) -> Any:
+    """The name of a kind of definition says nothing without what belongs to it."""
+    if isinstance(value, str) and value in _EXAMPLES:
+        raise ValueError(f"{value} needs to be told of what, such as {_EXAMPLES[value]}")
+    return value
+
+
 def _name_or_mapping(value: Any) -> str:
     return "<name>" if isinstance(value, str) else "<definition>"
 
@@ -83,6 +99,7 @@ def _name_or_mapping(value: Any) -> str:
 RotationDefinition = Annotated[
     Annotated[NamedDefinition, Tag("<name>")] | Annotated[JointRotation, Tag("<definition>")],
     Discriminator(_name_or_mapping),
+    BeforeValidator(_refuse_kind_alone),
 ]
 
 

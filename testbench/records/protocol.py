@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from testbench.records.joint_definition import FlexionAngle
 from testbench.records.magnetism import MagneticDipole
@@ -17,6 +17,8 @@ from testbench.records.strict import Angles3, EulerSequence, Name, Placement, Ro
 from testbench.records.yaml_file import YamlDocument
 
 MOST_VARIABLES = 100
+FARTHEST_SENSOR_MM = 2000.0
+"""Farther from its link than the longest arms reach no sensor is carried [mm]."""
 RESERVED_NAMES = ("pi", "abs", "min", "max", "round", "sqrt")
 """Words of the expression language, which no variable may be called."""
 
@@ -56,6 +58,17 @@ class Sensor(StrictModel):
         default_factory=Placement,
         description="How the real mounting differs, seen in the sensor; the estimators do not know it.",
     )
+
+    @field_validator("mounting", "mounting_error")
+    @classmethod
+    def _near_its_link(cls, placement: Placement) -> Placement:
+        farthest = max(abs(value) for value in placement.position_mm)
+        if farthest > FARTHEST_SENSOR_MM:
+            raise ValueError(
+                f"position_mm: a sensor {farthest / 1000:g} m from its link is not meant; positions are in millimetres and end "
+                f"at {FARTHEST_SENSOR_MM:g}"
+            )
+        return placement
 
     @model_validator(mode="after")
     def _is_described(self) -> Sensor:
@@ -176,8 +189,13 @@ SENSOR_METRICS = {
 class AcceptanceLimit(StrictModel):
     """A limit that decides pass or fail."""
 
-    metric: str = Field(description="<joint>.<joint metric> or <sensor>.<sensor metric>, e.g. elbow.flexion_rmse_deg.")
-    filter: str | None = Field(default=None, description="One of estimate.filters; null: every filter.")
+    metric: str = Field(
+        description="<joint>.<joint metric>, <sensor>.<sensor metric>, <joint of the arm>.<chain metric> or "
+        "chain.<chain metric>, e.g. elbow.flexion_rmse_deg."
+    )
+    filter: str | None = Field(
+        default=None, description="One of estimate.filters, for a chain metric of estimate.chain.states; null: every one."
+    )
     sequence: Name | None = Field(
         default=None, description="Euler sequence or other definition of a joint metric, e.g. YXZ or isb_elbow; null: its own."
     )

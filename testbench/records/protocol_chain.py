@@ -9,6 +9,16 @@ from pydantic import Field, model_validator
 from testbench.records.strict import Name, StrictModel
 
 ChainState = Literal["kinematic", "fourier"]
+WHOLE_CHAIN = "chain"
+"""Stands for all joints together in the name of a metric."""
+CHAIN_METRICS = {
+    "angle_mean_error_deg": "signed mean of the error of the joint's angle by the chain filter",
+    "angle_mean_abs_error_deg": "mean magnitude of the error of the joint's angle by the chain filter",
+    "angle_rmse_deg": "root mean square of the error of the joint's angle by the chain filter",
+    "angle_max_abs_error_deg": "largest magnitude of the error of the joint's angle by the chain filter",
+    "angle_covered_percent": "part of the errors of the joint's angle within 1.96 of the uncertainty that the filter states",
+}
+"""Metrics of a joint of the arm, and of all joints together but for the signed mean."""
 
 
 class ChainEstimation(StrictModel):

@@ -19,6 +19,7 @@ from testbench.records.protocol import (
     ProtocolSpec,
     merge,
 )
+from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
 from testbench.records.protocol_steps import Step
 from testbench.records.sensor import PRESET_SUFFIXES, ImuParameters, list_presets
 from testbench.records.shipped import shipped_folder
@@ -227,10 +228,14 @@ class _Names:
         spec = self.spec
         joint_metrics = [f"{joint}.{kind}" for joint in spec.joints for kind in JOINT_METRICS]
         sensor_metrics = [f"{name}.{kind}" for name in spec.sensors for kind in SENSOR_METRICS]
-        known = self._known([*joint_metrics, *sensor_metrics], limit.metric, "metric", *where, "metric")
+        chain_metrics = _chain_metrics(spec, limit.metric)
+        known = self._known([*joint_metrics, *sensor_metrics, *chain_metrics], limit.metric, "metric", *where, "metric")
         if limit.section is not None:
             self._known([section.name for section in spec.sections], limit.section, "section", *where, "section")
-        if limit.filter is not None:
+        if limit.filter is not None and limit.metric in chain_metrics:
+            assert spec.estimate.chain is not None
+            self._known(list(spec.estimate.chain.states), limit.filter, "state of the chain", *where, "filter")
+        elif limit.filter is not None:
             self._known(list(spec.estimate.filters), limit.filter, "filter of this protocol", *where, "filter")
         if limit.sequence is not None and known:
             if limit.metric not in joint_metrics:
@@ -239,3 +244,17 @@ class _Names:
             labels = [angle.label for angle in joint.definitions()]
             self._known(labels, limit.sequence, "Euler sequence or definition of this joint", *where, "sequence")
         return None
+
+
+def _chain_metrics(spec: ProtocolSpec, wanted: str) -> list[str]:
+    """Metrics of the chain's joints.
+
+    Where the protocol names no joints only the plan knows which the arm has: the wanted one is taken to be among them.
+    """
+    chain = spec.estimate.chain
+    if chain is None:
+        return []
+    owner, _, kind = wanted.partition(".")
+    joints = chain.joints or ([owner] if kind in CHAIN_METRICS and owner != WHOLE_CHAIN else [])
+    metrics = [f"{joint}.{kind}" for joint in joints for kind in CHAIN_METRICS]
+    return metrics + [f"{WHOLE_CHAIN}.{kind}" for kind in CHAIN_METRICS if kind != "angle_mean_error_deg"]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 EulerSequence = Literal[
     "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX",
@@ -29,7 +29,14 @@ def check_one_sequence(rotation_deg: EulerAngles) -> EulerAngles:
     return rotation_deg
 
 
-Rotation = Annotated[EulerAngles, AfterValidator(check_one_sequence)]
+def _refuse_bare_angles(rotation_deg: Any) -> Any:
+    """Angles without a sequence mean twelve rotations."""
+    if isinstance(rotation_deg, list):
+        raise ValueError(f"angles need the Euler sequence they belong to, such as {{XYZ: {rotation_deg}}}")
+    return rotation_deg
+
+
+Rotation = Annotated[EulerAngles, AfterValidator(check_one_sequence), BeforeValidator(_refuse_bare_angles)]
 
 
 class StrictModel(BaseModel):

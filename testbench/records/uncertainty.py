@@ -44,8 +44,9 @@ class UncertaintyBudget:
     """The uncertainty of the truth behind one reported mean error; degrees.
 
     Attributes:
-        owner: Joint or sensor. quantity: "flexion", "total", "heading" or "inclination". section: Of a joint's poses or sweeps;
-        None for a sensor, which is judged over the whole session. sources: The lines.
+        owner: Joint of the protocol, joint of the arm, or sensor. quantity: "flexion", "angle" (of the arm's joint), "total",
+        "heading" or "inclination". section: Of a joint's poses or sweeps; None for a sensor, which is judged over the whole
+        session. sources: The lines.
         complete: Whether every source is known; where not, nothing below is stated.
         combined_deg, combined_magnitude_deg: Combined standard uncertainties, of the signed mean and of magnitudes.
         degrees_of_freedom: Effective, of the signed mean (Welch-Satterthwaite); None for infinitely many.

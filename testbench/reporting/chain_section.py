@@ -9,14 +9,15 @@ from testbench.records.estimate import Estimate
 from testbench.records.evaluation import ChainRow, Evaluation
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Span, time_panels
-from testbench.reporting.page import Figures, Section, Sentence
+from testbench.reporting.page import Figures, Section, Sentence, Tile
 from testbench.reporting.palette import filter_colours
-from testbench.reporting.tables import Cell, Row, Table, header, label, number, significant, text
+from testbench.reporting.ranking_section import plus_minus
+from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, significant, text
 
 MOST_PANELS = 6
 """Joints drawn over time; of more, those with the largest errors."""
 KINDS = (
-    ("mean_error_deg", 3), ("mean_abs_error_deg", 3), ("rmse_deg", 3), ("iqr_deg", 3), ("largest_error_deg", 2),
+    ("mean_abs_error_deg", 3), ("rmse_deg", 3), ("iqr_deg", 3), ("largest_error_deg", 2),
     ("correlation", 5), ("rate_rmse_deg_s", 2), ("acceleration_rmse_deg_s2", 1), ("uncertainty_deg", 3), ("covered_percent", 0),
 )  # fmt: skip
 
@@ -26,12 +27,12 @@ def chain_section(estimate: Estimate, evaluation: Evaluation | None, spans: list
     if not estimate.chain:
         return None
     section = Section("chain", "Joints of the chain")
-    section.blocks.append(_facts(estimate))
-    rows = evaluation.chain if evaluation is not None else []
-    if not rows or evaluation is None:
-        section.blocks.append(Sentence("Its errors were not judged: nobody knows the true angles of the joints."))
+    if evaluation is None:
+        section.blocks += [Sentence("This session has not been evaluated: its errors are not known."), _facts(estimate)]
         return section
-    section.blocks.append(_errors(rows))
+    rows = evaluation.chain
+    section.blocks += [Sentence(f"Note: {note}.") for note in evaluation.notes if note.startswith("chain, ")]
+    section.blocks += [_errors(rows), _facts(estimate)] if rows else [_facts(estimate)]
     colours = filter_colours(list(dict.fromkeys(chain.state for chain in estimate.chain)))
     for name in dict.fromkeys(row.section for row in rows):
         own = [row for row in rows if row.section == name]
@@ -56,6 +57,30 @@ def chain_section(estimate: Estimate, evaluation: Evaluation | None, spans: list
             )
         )
     return section
+
+
+def chain_tiles(evaluation: Evaluation) -> list[Tile]:
+    """The better state of each section, over all joints."""
+    tiles = []
+    for section in dict.fromkeys(row.section for row in evaluation.chain):
+        rms: dict[str, float] = {}
+        for state in dict.fromkeys(row.state for row in evaluation.chain if row.section == section):
+            own = [row for row in evaluation.chain if (row.section, row.state) == (section, state)]
+            rms[state] = float(np.sqrt(np.mean([row.rmse_deg**2 for row in own])))
+        best = min(rms, key=lambda state: rms[state])
+        own = [row for row in evaluation.chain if (row.section, row.state) == (section, best)]
+        worst = max(own, key=lambda row: row.rmse_deg)
+        detail = f"best: {best}"
+        bounds = [row.expanded_uncertainty_magnitude_deg for row in own if row.expanded_uncertainty_magnitude_deg is not None]
+        if bounds:
+            detail += f" (truth ± {digits(max(bounds), 2)} deg)"
+        if len(own) > 1:
+            detail += f"; worst joint: {worst.joint}, {digits(worst.rmse_deg, 2)} deg"
+        other = max(rms, key=lambda state: rms[state])
+        if other != best:
+            detail += f"; {other}: {digits(rms[other], 2)} deg"
+        tiles.append(Tile(digits(rms[best], 2), "deg", f"RMS error of {len(own)} chain joints, {section}", detail))
+    return tiles
 
 
 def _facts(estimate: Estimate) -> Table:
@@ -92,13 +117,15 @@ def _errors(rows: list[ChainRow]) -> Table:
                     )
                     for kind, digits in KINDS
                 ]
-                body.append(Row([label(joint), text(section), text(row.state), *cells]))
+                mean = plus_minus(row.mean_error_deg, row.expanded_uncertainty_deg)
+                body.append(Row([label(joint), text(section), text(row.state), mean, *cells]))
     return Table(
         "Error of each joint by each state",
-        header("joint", "section", "state", "mean [deg]", "mean magnitude [deg]", "RMS [deg]", "IQR [deg]", "largest [deg]",
+        header("joint", "section", "state", "mean ± U [deg]", "mean magnitude [deg]", "RMS [deg]", "IQR [deg]", "largest [deg]",
                "correlation", "rate, RMS [deg/s]", "acceleration, RMS [deg/s²]", "uncertainty [deg]", "covered [%]",
                numbers_from=3),
         body,
-        "How to read: the mean is signed and hides what it averages; bold is the lower RMS. Uncertainty is what the filter "
-        "states (RMS of the standard uncertainty), covered the part of the errors within 1.96 of it: 95 is honest.",
+        "How to read: the mean is signed and hides what it averages; bold is the lower RMS. ± U is how far the arm's own angle "
+        "may be off (k = 2). Uncertainty is what the filter states (RMS of the standard uncertainty), covered the part of the "
+        "errors within 1.96 of it: 95 is honest.",
     )  # fmt: skip

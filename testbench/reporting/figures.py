@@ -257,7 +257,7 @@ def time_panels(
     data: list[Figure] = []
     height = 96 + (200 if len(panels) > 1 else 260) * len(panels)
     layout = _layout(height, hovermode="x")
-    gap = 0.05 if len(panels) > 1 else 0.0
+    gap = 0.05 if len(panels) == 2 else 0.1 / len(panels) if len(panels) > 1 else 0.0
     each = (1 - gap * (len(panels) - 1)) / len(panels)
     times = _packed(time)
     for i, (title, signals) in enumerate(panels.items()):
@@ -283,6 +283,8 @@ def time_panels(
             )
         top = 1 - i * (each + gap)
         layout[f"yaxis{number}"] = _axis(title) | {"domain": [max(top - each, 0.0), top]}
+        if len(panels) > 1:  # a title longer than its panel is high would run into the next
+            layout[f"yaxis{number}"]["title"] |= {"text": _two_lines(title), "font": {"size": 12}}
     layout["xaxis"] = _axis("time since start [s]") | {
         "anchor": "y" if len(panels) == 1 else f"y{len(panels)}",
         "showspikes": True,
@@ -333,6 +335,15 @@ def _layout(height: int, **more: Any) -> Figure:
 
 def _axis(title: str, **more: Any) -> Figure:
     return {"title": {"text": _text(title), "standoff": 8}, "automargin": True, "zeroline": True, **more}
+
+
+def _two_lines(title: str) -> str:
+    """A title broken at its comma, or before its unit where it is long."""
+    for mark, keeps in ((", ", ","), (" [", "")):
+        before, found, after = title.partition(mark)
+        if found and len(title) > 20:
+            return f"{_text(before)}{keeps}<br>{_text(mark.lstrip(', ') + after)}"
+    return _text(title)
 
 
 def _text(text: str) -> str:

@@ -17,7 +17,7 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True)
 class Pooled:
-    """Errors of several rows taken together, each sample with the same weight [deg]."""
+    """Errors of several rows taken together, each sample with the same weight; sd is that within a pose or sweep [deg]."""
 
     n: int
     mean: float
@@ -28,7 +28,7 @@ class Pooled:
 
 
 def pool(rows: Iterable[JointRow]) -> Pooled:
-    """Errors of rows taken together; the sd is about their common mean."""
+    """Errors of rows taken together; the sd is about the mean of each row, RMS, so that it does not hold what parts them."""
     rows = list(rows)
     if len(rows) == 1:
         row = rows[0]
@@ -38,8 +38,9 @@ def pool(rows: Iterable[JointRow]) -> Pooled:
     mean = float(np.average([row.flexion_mean_error_deg for row in rows], weights=weight))
     mean_abs = float(np.average([row.flexion_mean_abs_error_deg for row in rows], weights=weight))
     square = float(np.average([row.flexion_rmse_deg**2 for row in rows], weights=weight))
+    within = float(np.average([row.flexion_sd_deg**2 for row in rows], weights=weight))
     largest = max(row.flexion_max_abs_error_deg for row in rows)
-    return Pooled(int(weight.sum()), mean, mean_abs, max(square - mean**2, 0.0) ** 0.5, square**0.5, largest)
+    return Pooled(int(weight.sum()), mean, mean_abs, within**0.5, square**0.5, largest)
 
 
 class PoseErrors:
@@ -50,7 +51,7 @@ class PoseErrors:
 
     Attributes:
         flexions, misalignments: Commanded, increasing [deg]; misalignments is empty where the protocol varies none.
-        keys: Filters and sequences, in the order of the rows.
+        keys: Filters and sequences, in the order of the rows. pooled: Other variables, whose values are taken together.
     """
 
     def __init__(self, rows: list[JointRow]):
@@ -62,6 +63,10 @@ class PoseErrors:
             if row.flexion_deg is not None:
                 groups[(row.filter, row.sequence), row.misalignment_deg, row.flexion_deg].append(row)
         self._errors = {place: pool(group) for place, group in groups.items()}
+        names = dict.fromkeys(name for row in rows for name in row.variables)
+        self.pooled = [
+            name for name in names if any(len({row.variables.get(name) for row in group}) > 1 for group in groups.values())
+        ]
 
     @property
     def sequences(self) -> list[str]:

@@ -16,8 +16,9 @@ from testbench.reporting.flexion import PoseErrors, SweepErrors, by_section, pub
 from testbench.reporting.outliers import common_top, flexion_outliers, flexion_remarks, hidden_names, how_remarks
 from testbench.reporting.page import Block, Figures, Heading, Section, Sentence
 from testbench.reporting.palette import REFERENCE
-from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, with_interval
+from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, ranking_doubts, with_interval
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
+from testbench.reporting.true_flexion import flexion_blocks
 
 Colours = dict[str, str]
 SCALE = (
@@ -36,15 +37,18 @@ def joint_section(
         rows = [row for row in evaluation.joint_angle if row.joint == joint]
         if len(joints) > 1:
             section.blocks.append(Heading(joint))
+        section.blocks += [Sentence(f"Note: {note}.") for note in evaluation.notes if note.startswith(f"joint '{joint}':")]
         section.blocks += _summaries(joint, rows, evaluation)
         for name, own in by_section(rows).items():
             section.blocks += ranking_blocks(evaluation, joint, name)
+            section.blocks += ranking_doubts(evaluation, joint, name)
             posed = [row for row in own if row.flexion_deg is not None]
             swept = [row for row in own if row.flexion_deg is None]
             if posed:
                 section.blocks += _pose_blocks(joint, name, PoseErrors(posed), published.get(joint), colours, evaluation)
             if swept:
                 section.blocks += _sweep_blocks(joint, name, SweepErrors(swept))
+        section.blocks += flexion_blocks(joint, rows, evaluation, colours, spans)
         section.blocks += _time_blocks(joint, rows, evaluation, colours, spans)
     if not joints:
         section.blocks.append(Sentence("No joint angle was judged in this session."))
@@ -112,6 +116,7 @@ def _pose_blocks(
     joint: str, section: str, errors: PoseErrors, published: PublishedResults | None, colours: Colours, evaluation: Evaluation
 ) -> list[Block]:
     where = f"{joint}, section {section}" + (f", misalignment {errors.aligned:g} deg" if errors.aligned is not None else "")
+    where += f", all values of {' and '.join(errors.pooled)} together" if errors.pooled else ""
     blocks: list[Block] = [_flexion_table(where, errors, published)]
     if len(errors.flexions) > 1:
         far = {s: flexion_outliers(evaluation, joint, section, s) for s in errors.sequences}

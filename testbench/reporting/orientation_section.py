@@ -14,7 +14,7 @@ from testbench.reporting.figures import Span, time_panels
 from testbench.reporting.magnetic_section import magnetic_blocks
 from testbench.reporting.outliers import hidden_names, how_remarks, outliers_of, remark
 from testbench.reporting.page import Block, Figures, Section, Sentence
-from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, with_interval
+from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, ranking_doubts, with_interval
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
 
 PARTS = {"total": "total [deg]", "inclination": "inclination [deg]", "heading": "heading, signed [deg]"}
@@ -31,6 +31,7 @@ def orientation_section(evaluation: Evaluation, colours: dict[str, str], spans: 
     section.blocks += _tables(evaluation)
     for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
         section.blocks += ranking_blocks(evaluation, sensor)
+        section.blocks += ranking_doubts(evaluation, sensor)
         filters = [row.filter for row in evaluation.orientation if row.sensor == sensor]
         series = evaluation.series.get(f"orientation_{sensor}")
         if not series:

@@ -114,3 +114,33 @@ def distribution_table(caption: str, names: list[str], rows: list[tuple[list[Cel
         f"until the error stays within 0.1 deg of its settled value, median over the poses that settle.{how}",
         folded=True,
     )  # fmt: skip
+
+
+def ranking_doubts(evaluation: Evaluation, owner: str, section: str | None = None) -> list[Block]:
+    """Sentences on filters that a ranking leaves out, and on those that it places nowhere."""
+    rows = [row for row in evaluation.ranking if (row.owner, row.section) == (owner, section)]
+    if section is None:
+        ran = [row.filter for row in evaluation.orientation if row.sensor == owner]
+    else:
+        ran = [row.filter for row in evaluation.joint_angle if (row.joint, row.section) == (owner, section)]
+    left = [name for name in dict.fromkeys(ran) if name not in {row.filter for row in rows}]
+    sentences: list[Block] = []
+    if rows and left:
+        verb = "is" if len(left) == 1 else "are"
+        sentences.append(
+            Sentence(f"{', '.join(left)} {verb} not ranked: errors that last so long hold too few independent stretches.")
+        )
+    for criterion in dict.fromkeys(row.criterion for row in rows):
+        own = [row for row in rows if row.criterion == criterion]
+        if all(len(row.no_difference) == len(own) - 1 for row in own):
+            continue  # nobody was told apart: the letters say so
+        for row in own:
+            if len(row.no_difference) == len(own) - 1:
+                sentences.append(
+                    Sentence(
+                        f"{row.filter} ({digits(row.value, 3)} deg, {criterion}) shares a letter with every other: its errors "
+                        "differ so much from one stretch to the next that this recording places it nowhere. That is no sign "
+                        "that it is as good as the best."
+                    )
+                )
+    return sentences

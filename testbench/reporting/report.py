@@ -14,7 +14,7 @@ from testbench.records.published import load_published
 from testbench.records.replacing import write_page
 from testbench.records.session import Session
 from testbench.reporting.axes_section import axes_section
-from testbench.reporting.chain_section import chain_section
+from testbench.reporting.chain_section import chain_section, chain_tiles
 from testbench.reporting.figures import Span
 from testbench.reporting.fit_section import fit_section
 from testbench.reporting.joint_section import joint_section
@@ -80,6 +80,8 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
 def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> list[Section]:
     spans = section_spans(session)
     sections = [verdict_section(evaluation), run_section(session)]
+    chain = chain_section(estimate, evaluation, spans) if estimate is not None else None
+    of_chain = [chain] if chain is not None else []
     if evaluation is not None:
         names = [row.filter for row in evaluation.orientation] + [row.filter for row in evaluation.joint_angle]
         colours = filter_colours([name for name in session.analysis.estimate.filters if name in names] + names)
@@ -89,10 +91,9 @@ def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluatio
                 for name, joint in session.analysis.joints.items()
             }
             sections.append(joint_section(evaluation, published, colours, spans))
-        sections += [orientation_section(evaluation, colours, spans), uncertainty_section(evaluation, session)]
+        sections += [*of_chain, orientation_section(evaluation, colours, spans), uncertainty_section(evaluation, session)]
     if estimate is not None:
-        chain = chain_section(estimate, evaluation, spans)
-        sections += [chain] if chain is not None else []
+        sections += of_chain if evaluation is None else []
         sections += [fit_section(estimate), recording_section(estimate, evaluation)]
         axes = axes_section(estimate, evaluation)
         sections += [axes] if axes is not None else []
@@ -131,6 +132,7 @@ def _tiles(evaluation: Evaluation | None, sequences: Mapping[str, str]) -> list[
             if worst is not best:
                 detail += f"; worst: {worst.filter}, {worst.sequence}, {digits(worst.value, 2)} deg"
             tiles.append(Tile(digits(best.value, 2), "deg", f"mean |flexion error|, {joint}, {section}", detail))
+    tiles += chain_tiles(evaluation)
     for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
         rows = [row for row in evaluation.orientation if row.sensor == sensor]
         nearest = min(rows, key=lambda row: row.total_rmse_deg)

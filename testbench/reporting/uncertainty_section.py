@@ -15,7 +15,7 @@ def uncertainty_section(evaluation: Evaluation, session: Session) -> Section:
     if not evaluation.uncertainty:
         section.blocks.append(Sentence("Nothing was judged against a truth, so there is no uncertainty to state."))
         return section
-    budgets = sorted(evaluation.uncertainty, key=lambda budget: budget.quantity != "flexion")
+    budgets = sorted(evaluation.uncertainty, key=lambda budget: budget.quantity not in ("flexion", "angle"))
     section.blocks.append(_overview(budgets))
     if session.robot is not None:
         section.blocks.append(Sentence(f"What the robot file says of its values: {session.robot.spec.uncertainty.why.strip()}"))

@@ -54,6 +54,15 @@ def test_a_sensor_without_noise_is_not_called_stuck_for_being_at_rest():
     assert not gates(recording(noise=0.0)).flagged.any()
 
 
+def test_a_model_without_noise_may_rest_in_a_recording_that_moves_for_the_most_part():
+    samples = recording()
+    for column in (samples.gyr, samples.acc):
+        column[:800] = column[0]
+    at_rest = np.arange(N) < 800
+    assert assess(samples, samples.device_time_ns, at_rest).counts()["stuck"] == 799
+    assert not assess(samples, samples.device_time_ns, at_rest, hisses=False).flagged.any()
+
+
 def test_the_second_after_a_long_gap_is_flagged():
     samples = recording()
     keep = np.r_[0:500, 550:N]

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from testbench.evaluation.blocks import sample_series
-from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, group_letters, holm, rank_filters
+from testbench.evaluation.blocks import sample_series, step_series
+from testbench.evaluation.ranking import FEWEST_RANKED, MEAN_MAGNITUDE, MEAN_SQUARE, group_letters, holm, rank_filters
 
 
 def test_holm_corrects_as_the_textbook_does():
@@ -85,9 +85,37 @@ def test_slow_errors_alone_seldom_part_filters_that_are_alike():
     assert parted < 0.12 * 200
 
 
-def test_too_few_blocks_show_nothing():
-    drift = np.linspace(0, 1, 8)
-    series = {"one": sample_series(drift[:2]), "two": sample_series(5 + drift[:2])}
+@pytest.mark.parametrize(("blocks", "ranked"), [(2, False), (FEWEST_RANKED - 1, False), (FEWEST_RANKED, True)])
+def test_on_too_few_blocks_nothing_is_ranked(blocks, ranked):
+    noise = np.random.default_rng(6).standard_normal((2, blocks))
+    series = {"one": sample_series(noise[0]), "two": sample_series(80 + noise[1])}
     rows, comparisons = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series)
-    assert comparisons[0].p == 1.0
-    assert [(row.best_rank, row.worst_rank) for row in rows] == [(1, 2), (1, 2)]
+    assert (len(rows), len(comparisons)) == ((2, 1) if ranked else (0, 0))
+
+
+def test_four_sweeps_are_enough_for_filters_that_are_far_apart():
+    """Blocks of whole sweeps would be four: too few."""
+    rng = np.random.default_rng(8)
+    noise = lfilter([1.0], [1.0, -0.98], 0.05 * rng.standard_normal((2, 4000)))
+    drift = np.abs(np.sin(np.linspace(0, 20, 4000))) * np.repeat([40, 60, 90, 110], 1000)
+    sweeps = np.split(np.arange(4000), 4)
+    series = {
+        name: step_series(error, sweeps, moving=True, equally=True)
+        for name, error in (("good", noise[0]), ("as_good", noise[1]), ("lost", drift))
+    }
+    rows = {row.filter: row for row in rank_filters("shank", "walk", "ZXZ", MEAN_MAGNITUDE, series)[0]}
+    assert rows["lost"].best_rank == 3 and not set(rows["lost"].group) & set(rows["good"].group)
+    still = {name: step_series(error, sweeps, moving=False, equally=True) for name, error in (("a", noise[0]), ("b", drift))}
+    assert rank_filters("shank", "poses", "ZXZ", MEAN_MAGNITUDE, still) == ([], [])
+
+
+def test_a_filter_that_drifts_all_the_time_does_not_take_the_ranking_from_the_others():
+    names = ("good", "as_good", "bad")
+    series = {
+        name: sample_series(errors(bias, i, n=24, memory=0.0))
+        for i, (name, bias) in enumerate(zip(names, (0, 0, 5), strict=True))
+    }
+    drifting = series | {"drifting": sample_series(np.linspace(0, 80, 24))}
+    alone, together = (rank_filters("elbow", None, None, MEAN_MAGNITUDE, given)[0] for given in (series, drifting))
+    assert {row.filter for row in together} == set(names)
+    assert together == alone

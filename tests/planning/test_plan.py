@@ -67,6 +67,46 @@ def test_a_position_beyond_its_limit_is_refused(planned, tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("poses", "said"),
+    [
+        (["[3.1416, -1.5708, -1.5708, 0, 1.5708, 0.5]"], "3.1416 is 1.00 pi"),
+        (["{wrist_3_joint: 2}", "{wrist_3_joint: -1.57}"], "-1.57 is -0.50 pi"),
+        (["[0, -90, -90, 0, 0, 1.5708]"], None),
+        (["{wrist_3_joint: -90}", "{wrist_3_joint: -1.57}"], None),
+        (["{wrist_3_joint: 5, wrist_2_joint: 2.2}"], None),
+        (["{wrist_3_joint: 0}"], None),
+    ],
+)
+def test_angles_in_radians_are_noticed(planned, poses, said):
+    the_plan = planned("{dwell_s: 0.1}", *(f"{{move_to_deg: {pose}}}" for pose in poses))
+    warnings = [sentence for sentence in the_plan.check.warnings if "radians" in sentence]
+    assert len(warnings) == (said is not None)
+    assert said is None or said in warnings[0]
+
+
+def test_a_protocol_without_a_reference_is_told_so_once(tmp_path):
+    text = TOP + "sections:\n  - {name: part, steps: [{name: turn, move_to_deg: {wrist_3_joint: 30}, dwell_s: DWELL}]}\n"
+    for dwell, where in (("1", "in 'turn', of section part"), ("0.1", "nowhere, for nothing dwells")):
+        file = tmp_path / "trial.yaml"
+        file.write_text(text.replace("DWELL", dwell))
+        [said] = [w for w in plan(file).check.warnings if w.startswith("align:")]
+        assert "finds no section of the role reference" in said and where in said
+        file.write_text(text.replace("DWELL", dwell) + "estimate: {align: none}\n")
+        assert not [w for w in plan(file).check.warnings if w.startswith("align:")]
+
+
+def test_the_evaluation_says_once_where_the_frames_were_aligned(run_protocol, tmp_path):
+    file = tmp_path / "trial.yaml"
+    file.write_text(
+        TOP.replace("sensors: {", "sensors: {wrist: {preset: ideal, link: wrist_1_link}, ")
+        + "sections:\n  - {name: part, steps: [{move_to_deg: {wrist_3_joint: 30}, dwell_s: 1}]}\n"
+        + "estimate: {filters: [vqf_6d, fusion]}\n"
+    )
+    notes = run_protocol(file).evaluation.notes
+    assert len([note for note in notes if "aligned" in note]) == 1
+
+
 def test_a_velocity_beyond_its_limit_is_refused(planned, tmp_path):
     sweep = "{wrist_3_joint: {sine: {amplitude_deg: 60, frequency_hz: 1, cycles: 2, ramp_cycles: 4}}}"
     with pytest.raises(LimitError) as caught:

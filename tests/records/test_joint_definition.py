@@ -68,6 +68,8 @@ def test_what_is_written_says_label_flexion_and_mathematics(written, label, flex
         ({"definition": {"isb": "knee", "euler": "XYZ"}}, "takes exactly one of .*, not euler and isb"),
         ({"definition": {"hinge": [0.0, 0.0, 0.0]}}, "an axis needs a direction"),
         ({"definition": {"euler": "XYZ", "side": "left"}}, "side goes with isb and grood_suntay, not with euler"),
+        ({"definition": "grood_suntay"}, "grood_suntay needs to be told of what, such as {grood_suntay: knee}"),
+        ({"definition": "hinge"}, r"such as {hinge: \[0, 0, 1\]}"),
         ({"definition": "shoulder"}, "'elbow', 'wrist', 'hip', 'knee', 'ankle'"),
         ({"definition": {"isb": "thumb"}}, "'elbow', 'wrist', 'hip', 'knee' or 'ankle'"),
     ],

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from testbench.cli import main
 from testbench.exceptions import FileProblems, NotFoundError
 from testbench.records.protocol import FILTER_NAMES, JOINT_METRICS, SENSOR_METRICS, ProtocolSpec
+from testbench.records.protocol_chain import CHAIN_METRICS
 from testbench.records.protocol_file import list_protocols, load_protocol
 from testbench.records.protocol_schema import protocol_schema, schema_text
 from testbench.records.protocol_steps import Range
@@ -84,6 +85,21 @@ def test_a_protocol_survives_being_written_and_read_again():
         spec = load_protocol(file).spec
         assert ProtocolSpec.model_validate(spec.model_dump()) == spec
         assert ProtocolSpec.model_validate_json(spec.model_dump_json()) == spec
+
+
+@pytest.mark.parametrize(
+    ("mounting", "said"),
+    [
+        (
+            "{rotation_deg: [0, 0, 8]}",
+            r"rotation_deg: angles need the Euler sequence they belong to, such as {XYZ: \[0, 0, 8\]}",
+        ),
+        ("{position_mm: [0, 0, 10000]}", "a sensor 10 m from its link is not meant; positions are in millimetres"),
+    ],
+)
+def test_a_mounting_that_cannot_be_meant_is_refused_with_what_is(tmp_path, mounting, said):
+    with pytest.raises(FileProblems, match=said):
+        read(tmp_path, MINIMAL.replace("preset: ideal", f"preset: ideal, mounting: {mounting}"))
 
 
 @pytest.mark.parametrize(
@@ -292,7 +308,7 @@ def inner_models(annotation):
 def test_the_reference_explains_every_key_choice_and_name():
     text = REFERENCE.read_text(encoding="utf-8")
     words = [key for model in models(ProtocolSpec) | models(ImuParameters) for key in model.model_fields]
-    words += [*FILTER_NAMES, *JOINT_METRICS, *SENSOR_METRICS, *list_presets()]
+    words += [*FILTER_NAMES, *JOINT_METRICS, *SENSOR_METRICS, *CHAIN_METRICS, *list_presets()]
     assert len(words) > 100
     assert sorted({word for word in words if f"`{word}`" not in text}) == []
 

@@ -36,7 +36,7 @@ def test_a_session_without_a_chain_has_no_such_section():
 
 def test_every_joint_and_state_has_a_row_and_the_lower_error_is_marked():
     section = chain_section(*made(["kinematic", "fourier"]), [])
-    facts, errors = [block for block in section.blocks if isinstance(block, Table)]
+    errors, facts = [block for block in section.blocks if isinstance(block, Table)]
     assert len(facts.rows) == 2
     assert [(line.cells[0].text, line.cells[2].text) for line in errors.rows[:2]] == [
         ("joint_0", "kinematic"),

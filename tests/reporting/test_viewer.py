@@ -14,7 +14,7 @@ from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.robot import load_robot
 from testbench.reporting.viewer import process, save_recording, screenshot, view
 from testbench.reporting.viewer.process import ViewerError
-from testbench.reporting.viewer.scene import viewable_urdf
+from testbench.reporting.viewer.scene import COLUMN, ROW, column_width, viewable_urdf
 from testbench.reporting.viewer.timeline import TIMELINE, changing, every
 from tests.reporting.conftest import Judged
 
@@ -153,3 +153,52 @@ def test_the_viewer_listens_on_this_machine_only_and_reports_no_usage(
     assert "--web-viewer-port 9999" in arguments
     assert '"analytics_enabled": false' in settings
     assert told[0].startswith("http://127.0.0.1:9999/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1")
+
+
+class Loading:
+    """A viewer that takes a while to know its timelines, or that refuses."""
+
+    def __init__(self, answers: list[str]):
+        self.answers, self.time = answers, None
+
+    def set_time(self, timeline: str, duration: float, play_state: str) -> None:
+        if self.answers:
+            raise RuntimeError(self.answers.pop(0))
+        self.time = (timeline, duration, play_state)
+
+
+class Pause:
+    """Waits that take no time and are counted."""
+
+    def __init__(self) -> None:
+        self.waited = 0.0
+
+    def wait(self, seconds: float) -> None:
+        self.waited += seconds
+
+
+def test_a_recording_that_is_still_being_loaded_is_waited_for() -> None:
+    client, pause = Loading(["recording has no timelines yet"] * 7), Pause()
+    process._go_to(client, 12.5, pause)
+    assert client.time == (TIMELINE, 12.5, "paused")
+    assert pause.waited == pytest.approx(1.4)
+
+
+@pytest.mark.parametrize(
+    ("answers", "waited"), [(["the viewer is gone"], 0.0), (["no timelines yet"] * 1000, process.TIMELINE_TIMEOUT)]
+)
+def test_a_viewer_that_refuses_is_not_waited_for_for_ever(answers: list[str], waited: float) -> None:
+    pause = Pause()
+    with pytest.raises(RuntimeError, match=answers[0]):
+        process._go_to(Loading(answers), 1.0, pause)
+    assert pause.waited == pytest.approx(waited, abs=0.5)
+
+
+def test_columns_move_apart_where_many_rows_make_the_axes_small() -> None:
+    assert column_width(2, 11) == COLUMN
+    assert column_width(7, 2) > 2.5 * COLUMN
+    for rows in range(1, 20):
+        for columns in range(1, 12):
+            width = column_width(rows, columns)
+            assert COLUMN <= width <= 3 * COLUMN
+            assert width == COLUMN or width * columns <= 1.2 * ROW * rows + 1e-9

@@ -18,17 +18,11 @@ robot: ur3e
 sensors:
   before:
     preset: ideal
-    parameters:
-      accelerometer: {noise_density_ug_sqrthz: [10, 10, 10]} # else samples at rest repeat and count as stuck
-      gyroscope: {noise_density_deg_s_sqrthz: [0.001, 0.001, 0.001]}
     link: wrist_2_link
     segment: {name: before, rotation_deg: {XYZ: [-90, 0, 0]}}
     mounting: {rotation_deg: {XYZ: [0, 0, 0]}, position_mm: [0, 0, 20]}
   after:
     preset: ideal
-    parameters:
-      accelerometer: {noise_density_ug_sqrthz: [10, 10, 10]} # else samples at rest repeat and count as stuck
-      gyroscope: {noise_density_deg_s_sqrthz: [0.001, 0.001, 0.001]}
     link: wrist_3_link
     segment: {name: after}
     mounting: {rotation_deg: {XYZ: [0, 90, 0]}, position_mm: [0, 0, 10]}
@@ -81,6 +75,11 @@ def test_every_definition_gives_the_angle_of_the_arms_joint(result):
     for label in LABELS:
         for section in ("beyond", "held"):
             assert rows[label, section].flexion_max_abs_error_deg < 0.6, (label, section)
+
+
+def test_sensors_without_noise_are_not_stuck_at_rest(result):
+    assert all(sensor.quality["stuck"] == 0 for sensor in result.estimate.sensors.values())
+    assert {row.section for row in result.evaluation.joint_angle if row.kind == "move"} == {"held"}
 
 
 def test_the_flexion_is_one_curve_through_half_a_turn(result):

@@ -7,7 +7,7 @@ import rerun.blueprint as rrb
 
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
-from testbench.reporting.viewer.scene import COLUMN, ROW, WORLD
+from testbench.reporting.viewer.scene import ROW, WORLD, column_width
 from testbench.reporting.viewer.signals import PARTS
 from testbench.reporting.viewer.timeline import TIMELINE
 
@@ -67,8 +67,9 @@ def _bench(reach: float) -> rrb.Spatial3DView:
 
 def _side_by_side(sensors: int, columns: int, alone: bool) -> rrb.Spatial3DView:
     """All axes in view, be it wide and low under the bench or narrow and high where there is none."""
-    middle = (0.0, COLUMN * (columns - 1) / 2, -ROW * (sensors - 1) / 2 - 0.05)
-    distance = max((1.6 if alone else 0.62) * COLUMN * columns, 1.25 * ROW * sensors, 1.0)
+    width = column_width(sensors, columns)
+    middle = (0.0, width * (columns - 1) / 2, -ROW * (sensors - 1) / 2 - 0.05)
+    distance = max((1.6 if alone else 0.62) * width * columns, 1.25 * ROW * sensors, 1.0)
     return rrb.Spatial3DView(
         origin="/",
         contents=["+ /orientations/**"],

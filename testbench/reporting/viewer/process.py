@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from testbench.exceptions import BenchError
@@ -24,8 +25,8 @@ from testbench.reporting.viewer.recording import FILE, save_recording
 from testbench.reporting.viewer.timeline import TIMELINE
 
 LOOPBACK = "127.0.0.1"
-START_TIMEOUT, PICTURE_TIMEOUT = 30.0, 20.0
-"""How long the viewer may take to answer, and to draw [s]."""
+START_TIMEOUT, TIMELINE_TIMEOUT = 30.0, 30.0
+"""How long the viewer may take to answer, and then to load so much that it knows the timelines [s]."""
 
 
 class ViewerError(BenchError):
@@ -123,13 +124,30 @@ def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float
         pause.wait(0.2)
         waited += 0.2
     try:
-        client.set_time(TIMELINE, duration=time_s, play_state="paused")
+        _go_to(client, time_s, pause)
         pause.wait(2.0)
         client.save_screenshot(str(path))
     except RuntimeError as error:
         raise ViewerError(f"the viewer could not draw: {error}") from None
     if not path.is_file():
         raise ViewerError(f"the viewer wrote no picture to {path}")
+
+
+def _go_to(client: Any, time_s: float, pause: threading.Event) -> None:
+    """Set the time of the picture [s]; a recording that is still being loaded has no timelines for a while.
+
+    Raises:
+        RuntimeError: It still has none after `TIMELINE_TIMEOUT`, or refuses for another reason.
+    """
+    waited = 0.0
+    while True:
+        try:
+            return client.set_time(TIMELINE, duration=time_s, play_state="paused")
+        except RuntimeError as error:
+            if "timeline" not in str(error) or waited > TIMELINE_TIMEOUT:
+                raise
+        pause.wait(0.2)
+        waited += 0.2
 
 
 def _telling_time(session: Session) -> float:

@@ -72,7 +72,7 @@ def _log(
             log_mounted_sensor(recording, name, sensor)
             if estimate is not None:
                 log_estimated_sensor(recording, session, name, estimate, arm, colours)
-    log_side_by_side(recording, truths, estimate, colours)
+    log_side_by_side(recording, truths, estimate, colours, columns)
     for name, own in samples.items():
         log_imu(recording, name, own, estimate)
     if evaluation is not None:

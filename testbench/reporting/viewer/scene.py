@@ -29,7 +29,9 @@ STILL = 2e-5
 TRUE_AXES = ((230, 60, 60), (60, 170, 60), (70, 110, 240))
 TRUE_LENGTH, ESTIMATED_LENGTH = 0.12, 0.085
 ROW, COLUMN = 0.4, 0.4
-"""Distances between the axes that stand side by side [m]."""
+"""Distances between the axes that stand side by side, the least between columns [m]."""
+WIDE = 1.2
+"""Part of the height of all rows that the columns may take, up to three times the least distance apart."""
 
 
 def log_arm(recording: rr.RecordingStream, robot: Robot, samples: ArmSamples) -> None:
@@ -115,18 +117,29 @@ def log_estimated_sensor(
         _log_moving_axes(recording, path, time, shown, position, ESTIMATED_LENGTH, [rgb(colours[key])] * 3)
 
 
+def column_width(rows: int, columns: int) -> float:
+    """Distance between columns [m]: of many rows, seen from afar, the names beneath the axes would overlap."""
+    return float(np.clip(WIDE * ROW * rows / max(columns, 1), COLUMN, 3 * COLUMN))
+
+
 def log_side_by_side(
-    recording: rr.RecordingStream, truths: dict[str, Truth | None], estimate: Estimate | None, colours: dict[str, str]
+    recording: rr.RecordingStream,
+    truths: dict[str, Truth | None],
+    estimate: Estimate | None,
+    colours: dict[str, str],
+    columns: int,
 ) -> None:
-    """True and estimated axes of every sensor in a row, each with its name beneath."""
+    """True and estimated axes of every sensor in a row of at most so many columns, each with its name beneath, or before it."""
     labels: list[tuple[str, tuple[float, float, float]]] = []
+    width = column_width(len(truths), columns)
     for row, (name, truth) in enumerate(truths.items()):
         cells = [] if truth is None else [("true", truth.host_time_ns, truth.q_world_from_sensor)]
         own = None if estimate is None else estimate.sensors.get(name)
         cells += [] if own is None else [(key, own.host_time_ns, q) for key, q in own.orientation.items()]
         for column, (key, time, q) in enumerate(cells):
-            place = np.array([0.0, COLUMN * column, -ROW * row])
-            labels.append((f"{name}, true" if key == "true" else key, (0.0, place[1], place[2] - 0.45 * ROW)))
+            place = np.array([0.0, width * column, -ROW * row])
+            aside, below = (0.5 * (width - COLUMN), 0.0) if width > 2 * COLUMN else (0.0, 0.45 * ROW)
+            labels.append((f"{name}, true" if key == "true" else key, (0.0, place[1] - aside, place[2] - below)))
             shades = list(TRUE_AXES) if key == "true" else [_tinted(axis, rgb(colours[key])) for axis in TRUE_AXES]
             chosen = every(time, AXES_RATE)
             known = np.isfinite(q[chosen]).all(axis=1)

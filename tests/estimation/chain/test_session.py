@@ -107,6 +107,7 @@ def test_a_section_without_rest_before_it_is_remarked_on_and_left_out(altered_pr
     def restless(spec):
         spec["sections"] = spec["sections"][1:]
         spec["sections"][0]["steps"][0]["sweep"]["knee"]["sine"]["cycles"] = 2
+        spec["estimate"]["chain"]["settling_s"] = 1
 
     session = execute(plan(altered_protocol("pendulum", restless)), tmp_path, seed=2)
     estimated = estimate(session)

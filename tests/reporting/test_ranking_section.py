@@ -1,0 +1,44 @@
+"""What a ranking cannot say is said beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from testbench.records.evaluation import Evaluation, OrientationRow, Outcome
+from testbench.records.evaluation_rows import RankRow
+from testbench.reporting.page import Sentence
+from testbench.reporting.ranking_section import ranking_doubts
+
+NAMES = ["good", "worse", "wild"]
+
+
+def rank(name: str, value: float, group: str, *alike: str) -> RankRow:
+    return RankRow("shank", None, None, "RMS total error", name, value, 1, 3, group, list(alike))
+
+
+EVALUATION = Evaluation(
+    "s",
+    [],
+    [OrientationRow("shank", name, 10, 1.0, 1.0, 1.0, 1.0) for name in (*NAMES, "drifting")],
+    [],
+    Outcome.NOT_MEASURED,
+    ranking=[rank("good", 0.2, "a", "wild"), rank("worse", 0.9, "b", "wild"), rank("wild", 75.8, "ab", "good", "worse")],
+)
+
+
+def said(evaluation: Evaluation) -> list[str]:
+    blocks = ranking_doubts(evaluation, "shank")
+    assert all(isinstance(block, Sentence) for block in blocks)
+    return [block.text for block in blocks]
+
+
+def test_a_filter_that_is_left_out_and_one_that_is_placed_nowhere_are_named() -> None:
+    left_out, nowhere = said(EVALUATION)
+    assert left_out.startswith("drifting is not ranked")
+    assert nowhere.startswith("wild (75.8") and "shares a letter with every other" in nowhere
+
+
+def test_where_nobody_is_told_apart_the_letters_say_enough() -> None:
+    alike = [rank(name, 1.0, "a", *(other for other in NAMES if other != name)) for name in NAMES]
+    assert said(replace(EVALUATION, ranking=alike, orientation=EVALUATION.orientation[:3])) == []
+    assert said(replace(EVALUATION, ranking=[])) == []
