@@ -312,7 +312,7 @@ def test_a_changed_protocol_is_not_resumed_and_the_difference_shown(robot, short
 
 
 def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_arm(robot, tmp_path):
-    steps = "".join(f"      - {{move_to_deg: {{wrist_3_joint: {2 * (k % 2)}}}}}\n" for k in range(11))
+    steps = "".join(f"      - {{move_to_deg: {{wrist_3_joint: {2 * (k % 2)}}}}}\n" for k in range(15))
     path = tmp_path / "many.yaml"
     path.write_text(SHORT.partition("  - name: moves")[0] + "  - name: moves\n    steps:\n" + steps, encoding="utf-8")
     the_plan = make_plan(path)
