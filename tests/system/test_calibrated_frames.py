@@ -35,6 +35,7 @@ def crooked_sessions(altered_protocol, tmp_path_factory):
     logs = tmp_path_factory.mktemp("logs")
 
     def crook(data):
+        data["environment"] = {"arm_magnetism": False}  # whose disturbance would hide what a frame is off
         data["sensors"]["forearm"]["mounting_error"] = {"rotation_deg": {"XYZ": CROOKED_DEG}}
         data["estimate"] = {"filters": ["device", "vqf_9d"], "align": "rates", "calibrate": "static_poses"}
 

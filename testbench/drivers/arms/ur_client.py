@@ -26,6 +26,8 @@ KEEP_ALIVE_S = 0.02
 IN_TOUCH_S = 0.25
 REASON_S = 0.1
 """Samples come slower than the client learns that a program ended; they say why within this time [s]."""
+MOST_UNFED = 3
+"""Feeds of the watchdog that may fail one after the other."""
 LATELY_S = 2.0
 """A program that ended is put down to a silence towards the controller within this time before [s]."""
 ENDING_S = 0.5
@@ -84,6 +86,7 @@ class UrClient(ArmClient):
         self._said_at = time.monotonic()
         # The longest time of late between two commands [s], what of it was waiting for an answer [s], and when that was.
         self._unfed = (0.0, 0.0, 0.0)
+        self._unfed_in_a_row = 0
 
     def connect(self) -> dict[str, Any]:
         """Connect, and say what there is; nothing moves.
@@ -261,11 +264,16 @@ class UrClient(ArmClient):
             raise ArmFault("power_off", f"the arm lost its power (robot mode {self._modes[0]})")
 
     def keep_alive(self) -> None:
-        """Feed the controller's watchdog."""
+        """Feed the controller's watchdog; a feed that is lost is repeated, for the watchdog itself decides what is too late."""
         now = time.monotonic()
         if self._control is not None and now - self._fed > KEEP_ALIVE_S:
             self._fed = now
-            self._command("the watchdog could not be fed", self._control.kickWatchdog)
+            fed = self._call(self._control.kickWatchdog)
+            self._unfed_in_a_row = 0 if fed else self._unfed_in_a_row + 1
+            if not fed:
+                self._look_again()
+            if self._unfed_in_a_row >= MOST_UNFED:
+                raise ArmFault("refused", "the watchdog could not be fed")
 
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
         """Begin a moveJ."""
@@ -285,6 +293,12 @@ class UrClient(ArmClient):
         self._streaming = False
 
     def _command(self, failure: str, call: Callable[..., Any], *arguments: Any) -> None:
+        if not self._call(call, *arguments):
+            self._look_again()
+            raise ArmFault("refused", failure)
+
+    def _call(self, call: Callable[..., Any], *arguments: Any) -> bool:
+        """Whether the controller took a command."""
         begin = time.monotonic()
         try:
             done = call(*arguments)
@@ -294,9 +308,7 @@ class UrClient(ArmClient):
         gap, self._said_at = now - self._said_at, now
         if gap >= self._unfed[0] or now - self._unfed[2] > LATELY_S:
             self._unfed = (gap, now - begin, now)
-        if not done:
-            self._look_again()
-            raise ArmFault("refused", failure)
+        return bool(done)
 
     def _look_again(self) -> None:
         """A command that is refused, or a program that ended, has a reason, which the next samples may tell."""
@@ -309,6 +321,8 @@ class UrClient(ArmClient):
             time.sleep(0.002)
         if self._program_seen and not self._control.isProgramRunning():
             raise self._program_ended()
+        if self.silent_for > IN_TOUCH_S:
+            raise ArmFault("rtde_silence", f"the controller sent no data for {1000 * self.silent_for:.0f} ms")
 
     def _in_touch(self) -> bool:
         """Whether the controller spoke lately; if not, the client's commands would wait for an answer for minutes."""

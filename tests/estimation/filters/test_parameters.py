@@ -198,8 +198,8 @@ def test_the_page_about_filters_has_every_filter_parameter_and_default():
     page = (Path(__file__).resolve().parents[3] / "docs" / "filters.md").read_text(encoding="utf-8")
     rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| `")]
     for name, kind in FILTERS.items():
-        (row,) = [row for row in rows if row[0] == f"| `{name}`" and len(row) == 5]
-        assert row[1] == ", ".join(kind.needs) and row[3].startswith(kind.sampling)
+        (row,) = [row for row in rows if row[0] == f"| `{name}`" and len(row) == 5 and row[3].startswith(kind.sampling)]
+        assert row[1] == ", ".join(kind.needs)
         assert row[2] == (", ".join(f"`{p.name}` {p.default:g}" for p in kind.PARAMETERS) or "none")
         assert kind.source in page
         for parameter in kind.PARAMETERS:
