@@ -26,10 +26,12 @@ from testbench.records.samples import ImuSamples
 from testbench.records.session import Session
 from testbench.records.storage import read_parquet_batches
 
-MOST_KEPT = 2_000_000
+MOST_KEPT = 1_000_000
 """Estimates kept of a sensor; a recording with more samples is estimated in pieces, and every so-manieth one is kept."""
-MOST_KEPT_IN_ALL = 8_000_000
-"""Likewise of all sensors of a session together: about 1 GB with three filters."""
+MOST_KEPT_IN_ALL = 4_000_000
+"""Likewise of all sensors of a session together: about 0.5 GB with three filters."""
+MOST_AT_ONCE = 4_000_000
+"""A filter that needs the whole recording still gets so many samples of a sensor at once: about 0.5 GB."""
 PIECE = 131_072
 """Samples of a long recording that are in memory at once."""
 OF_EACH_PIECE = 4_096
@@ -94,7 +96,7 @@ class SampleAccess(ABC):
     def orientations(
         self, filters: Mapping[str, OrientationFilter], clock: ClockFit, correct: Correct
     ) -> Iterator[tuple[str, np.ndarray]]:
-        """q_earth_from_sensor of each filter at the kept samples, shape (n, 4), one filter after the other.
+        """q_earth_from_sensor of each filter at the kept samples, shape (n, 4), one filter after the other, in any order.
 
         Args:
             filters: By name. clock: Gives the true interval. correct: Calibration, applied to what the filters get.
@@ -194,14 +196,19 @@ class PiecewiseRecording(SampleAccess):
 
     def refuses(self, kind: OrientationFilter) -> str | None:
         """See SampleAccess."""
-        if not isinstance(kind, RecursiveFilter):
-            return f"it needs all {self._count} samples at once; recordings of more than {MOST_KEPT} go through in pieces"
+        if not isinstance(kind, RecursiveFilter) and self._count > MOST_AT_ONCE:
+            return f"it needs all {self._count} samples at once; recordings of more than {MOST_AT_ONCE} go through in pieces"
         return None
 
     def orientations(
         self, filters: Mapping[str, OrientationFilter], clock: ClockFit, correct: Correct
     ) -> Iterator[tuple[str, np.ndarray]]:
         """See SampleAccess."""
+        at_once = {name: kind for name, kind in filters.items() if not isinstance(kind, RecursiveFilter)}
+        for name, kind in at_once.items():
+            uniform, rows = fill_gaps(self._change(self._session.imu(self._sensor)), clock)
+            yield name, kind.run(correct(uniform))[rows[self.every - 1 :: self.every]]
+        filters = {name: kind for name, kind in filters.items() if name not in at_once}
         interval = self._span / max(self._grid - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
         states: dict[str, FilterState | None] = dict.fromkeys(filters)
         results = {name: np.empty((len(self.samples), 4)) for name in filters}

@@ -143,7 +143,13 @@ class PreparedSensor:
             drift = drift_remark(running[key], orientation[key], self.estimate.host_time_ns, resting)
             if drift is not None:
                 remarks.append(drift)
-        return replace(self.estimate, orientation=orientation, frames=frames, skipped=skipped, remarks=remarks)
+        return replace(
+            self.estimate,
+            orientation={key: orientation[key] for key in running},
+            frames={key: frames[key] for key in running},
+            skipped=skipped,
+            remarks=remarks,
+        )
 
 
 def _stored(session: Session, name: str, calibrations: list[SensorCalibration]) -> SensorCalibration | None:

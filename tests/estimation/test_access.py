@@ -98,6 +98,7 @@ def case(request, tmp_path_factory):
     whole = estimate(session)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(access, "MOST_KEPT", len(samples) // EVERY + 1)
+        patch.setattr(access, "MOST_AT_ONCE", len(samples) - 1)
         patch.setattr(access, "PIECE", PIECE)
         patch.setattr(access, "STRETCH", 15_000)
         pieces = estimate(session)
@@ -116,6 +117,15 @@ def test_every_filter_that_can_go_on_gives_the_same_orientation(case):
         turned = np.abs(np.sum(q * whole.orientation[key][EVERY - 1 :: EVERY][: len(q)], axis=1))
         expected = 0.2 if name in {"damaged", "lost"} else 0.05
         assert np.degrees(2 * np.arccos(np.minimum(np.quantile(turned, 0.02), 1))) < expected, key
+
+
+def test_a_filter_that_needs_the_whole_recording_gets_it_while_it_is_not_too_long(case):
+    _, session, whole, pieces = case
+    clock, kinds = whole.sensors["imu"].clock, {"vqf_offline": access_filter("vqf_offline")}
+    every = pieces.sensors["imu"].every
+    (_, expected), *_ = access.WholeRecording(session, "imu").orientations(kinds, clock, lambda samples: samples)
+    (_, found), *_ = access.PiecewiseRecording(session, "imu", every).orientations(kinds, clock, lambda samples: samples)
+    np.testing.assert_array_equal(found, expected[every - 1 :: every])
 
 
 def test_the_filters_see_the_same_samples_bit_for_bit_when_the_clock_is_given(case):
