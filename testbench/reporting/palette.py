@@ -4,6 +4,7 @@ from __future__ import annotations
 
 COLOURS = (
     "#2f7ed8", "#dd7a1f", "#1f9e77", "#a866d6", "#d64f5c", "#9a8712", "#1a9bb0", "#cc5c9e", "#6d8f2c", "#8a7461",
+    "#7276e6", "#b5533c",
 )  # fmt: skip
 """Contrast of at least 3 to 1 against #ffffff and #14171c each; neighbours differ in hue and lightness."""
 
@@ -18,7 +19,7 @@ REFERENCE = "#868e99"
 
 
 def filter_colours(filters: list[str]) -> dict[str, str]:
-    """Colour of each filter: those of `USUAL` always have their own, others take what is left; beyond ten they repeat."""
+    """Colour of each filter: those of `USUAL` always have their own, others take what is left; beyond twelve they repeat."""
     names = list(dict.fromkeys(filters))
     taken = {name: COLOURS[i] for i, name in enumerate(USUAL) if name in names}
     free = [colour for colour in COLOURS if colour not in taken.values()] or list(COLOURS)
