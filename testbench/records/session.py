@@ -35,6 +35,8 @@ from testbench.records.storage import (
 )
 
 SCHEMA_VERSION = 1
+MAPPINGS = ("analysis", "arm", "clocks", "environment", "files", "plan", "protocol", "robot", "samples", "software")
+"""Parts of a manifest that are mappings where they are there."""
 SENSOR_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_]{0,99}")
 """Files are named after sensors: nothing that could lead out of the session's folder."""
 MANIFEST, EVENTS, ARM, PLAN = "manifest.json", "events.jsonl", "arm", "plan.parquet"
@@ -95,6 +97,9 @@ class Session:
             raise SessionError(f"{self.path / MANIFEST} is damaged: its status is {status!r:.50}")
         if not isinstance(sensors, dict) or not all(isinstance(sensor, dict) for sensor in sensors.values()):
             raise SessionError(f"{self.path / MANIFEST} is damaged: it names no sensors")
+        flat = next((key for key in MAPPINGS if not isinstance(self.manifest.get(key, {}), dict)), None)
+        if flat is not None:
+            raise SessionError(f"{self.path / MANIFEST} is damaged: its {flat} is no mapping")
         wrong = next((name for name in sensors if not SENSOR_NAME.fullmatch(name)), None)
         if wrong is not None:
             raise SessionError(f"{self.path / MANIFEST} is refused: '{wrong[:50]}' is no name for a sensor")

@@ -58,6 +58,15 @@ def test_a_session_cannot_name_a_sensor_out_of_its_folder(tmp_path, quick, name)
     assert {path.name for path in tmp_path.iterdir()} == {"session"}
 
 
+@pytest.mark.parametrize("part", ["files", "plan", "robot", "software"])
+@pytest.mark.parametrize("value", [-1, "x", None, []])
+def test_a_part_of_a_manifest_that_is_no_mapping_is_called_damage(tmp_path, quick, part, value):
+    manifest = json.loads((quick.session.path / "manifest.json").read_text())
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest | {part: value}))
+    with pytest.raises(SessionError, match=f"damaged: its {part} is no mapping"):
+        Session(tmp_path)
+
+
 @pytest.mark.parametrize(
     "expression", ["__import__('os')", "open('/etc/passwd')", "(" * 150 + ")" * 150, "9**9**9", "x.__class__"]
 )
