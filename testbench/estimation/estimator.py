@@ -17,6 +17,7 @@ from testbench.estimation.chain.session import estimate_chain
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.tuned import choose_tuned
 from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion, fit_frames_by_vectors
+from testbench.estimation.joints import estimate_joint
 from testbench.estimation.resting_heading import drift_remark
 from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
@@ -24,11 +25,10 @@ from testbench.estimation.vector_mounting import VectorMounting, mounting_from_v
 from testbench.exceptions import InputError, SessionError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
-from testbench.model.joint_angle import joint_angle_series, segment_orientation
-from testbench.model.reference_step import reference_step
+from testbench.model.reference_step import aligning_part, before_judging, reference_step
 from testbench.model.truth import truth_at
 from testbench.records.calibration_file import SensorCalibration, find_calibration
-from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, JointEstimate, SensorEstimate
+from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, SensorEstimate
 from testbench.records.near import Instants
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import Session
@@ -61,7 +61,7 @@ def estimate(
     chosen = choose_tuned(filters, settings.filters, settings.filter_parameters, tunings)
     _check_calibrations(session, calibrations or [])
     sensors = {name: prepare_sensor(session, name, calibrations).run(chosen) for name in session.sensor_names}
-    joints = {name: _estimate_joint(session, name, sensors) for name in session.analysis.joints}
+    joints = {name: estimate_joint(session, name, sensors, chosen) for name in session.analysis.joints}
     chain, chain_remarks = estimate_chain(session, sensors, settings.chain) if settings.chain is not None else ([], [])
     used = {kind.name: kind.parameters for kind in chosen}
     tuned = {tuning.filter: tuning.used_on(session) for tuning in tunings}
@@ -92,7 +92,7 @@ class PreparedSession:
     def run(self, filters: Sequence[OrientationFilter]) -> Estimate:
         """The estimate by some filters, of the sensors and joints that were prepared."""
         sensors = {name: sensor.run(filters) for name, sensor in self.sensors.items()}
-        joints = {name: _estimate_joint(self.session, name, sensors) for name in self._joints}
+        joints = {name: estimate_joint(self.session, name, sensors, filters) for name in self._joints}
         used = {kind.name: kind.parameters for kind in filters}
         return Estimate(self.session.name, self.session.fingerprint, sensors, joints, used)
 
@@ -297,7 +297,7 @@ def _mounting(
     gravity: np.ndarray,
 ) -> VectorMounting | None:
     """The mounting by rates while moving and by gravity at rest, over what comes before the first judged step."""
-    usable = _before_judging(session, time)
+    usable = before_judging(session.steps, time)
     gyr, acc = samples.gyr[rows], samples.acc[rows]
     rate, sound = true_rates(truth, time)
     moving = usable & sound & ~static & np.isfinite(gyr).all(axis=1)
@@ -315,12 +315,6 @@ def _mounting(
     )
 
 
-def _before_judging(session: Session, time: np.ndarray) -> np.ndarray:
-    """Samples before the first judged step, or all of a recording that has no such part, shape (n,), bool."""
-    judged = [step.start_ns for step in session.steps if step.role == "evaluation"]
-    return time < min(judged) if judged and min(judged) > time[0] else np.ones(len(time), dtype=bool)
-
-
 def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]:
     """The alignment of one filter, and what is doubtful about it."""
     session, truth, time = sensor.session, sensor.truth, sensor.estimate.host_time_ns
@@ -329,7 +323,7 @@ def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]
         return FrameFit(), None
     if sensor.aligned_to is not None:
         q, time = q[:: sensor.aligned_every], time[:: sensor.aligned_every]
-        known = _before_judging(session, time) & np.isfinite(sensor.aligned_to[:, 0]) & np.isfinite(q[:, 0])
+        known = before_judging(session.steps, time) & np.isfinite(sensor.aligned_to[:, 0]) & np.isfinite(q[:, 0])
         q, q_true = q[known], sensor.aligned_to[known]
         if method == "motion":
             return _align_by_motion(q, q_true, float(len(q)) * float(np.median(np.diff(time))) / NANOSECONDS)
@@ -339,9 +333,9 @@ def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]
     step = reference_step(session.steps)
     if step is None:
         return FrameFit(), "there is no dwell to align it in"
-    begin = (step.settled_ns + step.end_ns) // 2  # the second half: filters have settled
-    mine = (time >= begin) & (time <= step.end_ns)
-    known = (truth.host_time_ns >= begin) & (truth.host_time_ns <= step.end_ns) & np.isfinite(truth.q_world_from_sensor[:, 0])
+    begin, end = aligning_part(step)
+    mine = (time >= begin) & (time <= end)
+    known = (truth.host_time_ns >= begin) & (truth.host_time_ns <= end) & np.isfinite(truth.q_world_from_sensor[:, 0])
     if not mine.any() or not known.any():
         return FrameFit(), "neither it nor the truth is known in the reference pose"
     return fit_frames(q[mine], truth.q_world_from_sensor[known], method), None
@@ -352,20 +346,3 @@ def _align_by_motion(q: np.ndarray, q_true: np.ndarray, seconds: float) -> tuple
     if len(q) < 10:
         return FrameFit(), "the truth is known too seldom to align it by motion"
     return fit_frames_by_motion(q, q_true, seconds)
-
-
-def _estimate_joint(session: Session, name: str, sensors: dict[str, SensorEstimate]) -> JointEstimate:
-    """Joint angles at the proximal sensor's instants; the distal orientation is interpolated to them."""
-    joint = session.analysis.joints[name]
-    proximal, distal = sensors[joint.proximal], sensors[joint.distal]
-    placed = session.analysis.sensors
-    angles: dict[tuple[str, str], np.ndarray] = {}
-    for key, q_proximal in proximal.orientation.items():
-        if key not in distal.orientation:
-            continue
-        q_distal = rotation.interpolate(distal.host_time_ns, distal.orientation[key], proximal.host_time_ns)
-        world_from_proximal = segment_orientation(q_proximal, placed[joint.proximal])
-        world_from_distal = segment_orientation(q_distal, placed[joint.distal])
-        for definition in joint.definitions():
-            angles[key, definition.label] = joint_angle_series(world_from_proximal, world_from_distal, definition)
-    return JointEstimate(proximal.host_time_ns, angles)

@@ -155,7 +155,8 @@ def _judge_joint(
     if errors is None:
         result.notes.append(f"{name}: no truth, so its angle is not judged")
         return
-    result.series[f"joint_{name}"] = errors.series()
+    result.notes.extend(f"joint '{name}': {remark}" for remark in estimate.joints[name].remarks)
+    result.series[f"joint_{name}"] = errors.series() | estimate.joints[name].heading_series()
     stated = estimate.sensors[errors.joint.proximal].clock.offset_sd_s
     clock_sd = stated if np.isfinite(stated) else 0.0
     rows = joint_rows(errors, clock_sd)

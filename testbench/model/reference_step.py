@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import PlannedStep
 
@@ -15,6 +17,31 @@ def reference_step(steps: Sequence[PlannedStep]) -> PlannedStep | None:
     """The first dwell of the reference section, or the first dwell of all where there is no such section; None without any."""
     dwells = [step for step in steps if step.kind != "sweep" and step.end_ns - step.settled_ns >= SHORTEST_DWELL_NS]
     return next((step for step in dwells if step.role == "reference"), dwells[0] if dwells else None)
+
+
+def aligning_part(step: PlannedStep) -> tuple[int, int]:
+    """Begin and end of the part of the dwell that is averaged, host time [ns]: its second half, when filters have settled."""
+    return (step.settled_ns + step.end_ns) // 2, step.end_ns
+
+
+def before_judging(steps: Sequence[PlannedStep], time_ns: np.ndarray) -> np.ndarray:
+    """Samples before the first judged step, or all of a recording that has no such part, shape (n,), bool."""
+    judged = [step.start_ns for step in steps if step.role == "evaluation"]
+    return time_ns < min(judged) if judged and min(judged) > time_ns[0] else np.ones(len(time_ns), dtype=bool)
+
+
+def aligned_instant(steps: Sequence[PlannedStep], align: str, time_ns: np.ndarray) -> int:
+    """The middle of what a method of alignment averages over, host time [ns].
+
+    Args:
+        steps: Of the session. align: The method, which is not "none". time_ns: Of the samples, increasing, shape (n,).
+    """
+    step = reference_step(steps)
+    if align in ("heading", "reference_pose") and step is not None:
+        begin, end = aligning_part(step)
+        return (begin + end) // 2
+    used = time_ns[before_judging(steps, time_ns)]
+    return int((used[0] + used[-1]) // 2)
 
 
 def reference_warning(steps: Sequence[PlannedStep], align: str) -> str | None:

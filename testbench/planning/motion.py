@@ -94,6 +94,9 @@ class MotionBuilder:
             except ruckig.RuckigError as error:
                 failure = str(error).strip().splitlines()[0]
                 continue
+            except ValueError:  # ruckig 0.19 answers -101 (its trajectory would last too long), which its Python does not know
+                failure = "it would last too long for ruckig"
+                continue
             if result in (ruckig.Result.Working, ruckig.Result.Finished):
                 return path
             failure = result.name

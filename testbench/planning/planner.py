@@ -12,6 +12,7 @@ from testbench.model.kinematics import Kinematics
 from testbench.model.reference_step import reference_warning
 from testbench.planning.checks import check_plan
 from testbench.planning.expansion import LONGEST_DURATION_S, Command, expand
+from testbench.planning.joint_constraints import constraint_warnings
 from testbench.planning.motion import MotionBuilder
 from testbench.planning.radians import radians_warning
 from testbench.planning.segment_frames import segment_frame_warnings
@@ -60,6 +61,7 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
     doubts = [reference_warning(steps, protocol.spec.estimate.align), radians_warning(commands)]
     warnings = [sentence for sentence in doubts if sentence is not None]
     warnings += segment_frame_warnings(robot, protocol, trajectory, steps)
+    warnings += constraint_warnings(robot, protocol, trajectory, steps)
     check = replace(check, warnings=robot.spec.assumptions + warnings)
     return Plan(protocol, robot, trajectory, steps, check)
 

@@ -46,7 +46,7 @@ def segment_frame_warnings(robot: Robot, protocol: Protocol, trajectory: Traject
     judged = [step for step in steps if step.role == "evaluation"]
     if not judged:
         return []
-    moments = _moments(judged)
+    moments = moments_of(judged)
     kinematics, q = Kinematics(robot), trajectory.at(np.array([time for _, time in moments]))[0]
     posed = np.array([step.kind != "sweep" for step, _ in moments])
     warnings = []
@@ -70,7 +70,7 @@ def segment_frame_warnings(robot: Robot, protocol: Protocol, trajectory: Traject
     return warnings
 
 
-def _moments(judged: list[PlannedStep]) -> list[tuple[PlannedStep, int]]:
+def moments_of(judged: list[PlannedStep]) -> list[tuple[PlannedStep, int]]:
     """When to look [ns]: at the end of each pose, and all along each sweep."""
     moments = []
     for step in judged:

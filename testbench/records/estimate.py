@@ -179,16 +179,39 @@ class SensorEstimate:
 
 
 @dataclass(frozen=True)
+class RelativeHeading:
+    """By how much the world of a joint's distal sensor was turned about the vertical to be that of the proximal one.
+
+    Attributes:
+        heading, sd: Anticlockwise from above, and its standard deviation, shape (n,) [rad].
+    """
+
+    heading: np.ndarray
+    sd: np.ndarray
+
+
+@dataclass(frozen=True)
 class JointEstimate:
     """One joint's angles.
 
     Attributes:
         host_time_ns: Shape (n,), int64. angles: The three intrinsic Euler angles of the distal segment against the proximal one
-        by (filter, sequence), shape (n, 3) [rad].
+        by (filter, sequence), shape (n, 3) [rad]. headings: What the joint's axes took out, by filter. remarks: On
+        what is doubtful.
     """
 
     host_time_ns: np.ndarray
     angles: dict[tuple[str, str], np.ndarray]
+    headings: dict[str, RelativeHeading] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+
+    def heading_series(self) -> dict[str, np.ndarray]:
+        """Columns of what the joint's axes took out."""
+        return {
+            column: values
+            for key, found in self.headings.items()
+            for column, values in zip(_heading_columns(key), (found.heading, found.sd), strict=True)
+        }
 
 
 @dataclass(frozen=True)
@@ -243,8 +266,13 @@ class Estimate:
             columns = {"host_time_ns": joint.host_time_ns}
             for (key, sequence), angles in joint.angles.items():
                 columns |= split(_angle_columns(key, sequence), angles)
+            columns |= joint.heading_series()
             write_parquet(folder / f"joint_{name}.parquet", columns, {"content": "intrinsic Euler angles"})
-            summary["joints"][name] = [{"filter": key, "sequence": sequence} for key, sequence in joint.angles]
+            summary["joints"][name] = {
+                "angles": [{"filter": key, "sequence": sequence} for key, sequence in joint.angles],
+                "headings": list(joint.headings),
+                "remarks": joint.remarks,
+            }
         summary["chain"] = [chain.save(folder) for chain in self.chain]
         summary["remarks"] = self.remarks
         summary["behaviour"] = self.behaviour
@@ -294,12 +322,14 @@ class Estimate:
                 {triad: AxisFinding(**finding) for triad, finding in data["axes"].items()},
                 data["stored_calibration"],
             )
-        for name, rows in summary["joints"].items():
+        for name, data in summary["joints"].items():
             table = read_parquet(folder / f"joint_{name}.parquet")
             angles = {
-                (row["filter"], row["sequence"]): join(table, _angle_columns(row["filter"], row["sequence"])) for row in rows
+                (row["filter"], row["sequence"]): join(table, _angle_columns(row["filter"], row["sequence"]))
+                for row in data["angles"]
             }
-            joints[name] = JointEstimate(table["host_time_ns"], angles)
+            headings = {key: RelativeHeading(*(table[column] for column in _heading_columns(key))) for key in data["headings"]}
+            joints[name] = JointEstimate(table["host_time_ns"], angles, headings, data["remarks"])
         tuned = {key: UsedTuning(**used) for key, used in summary.get("tuned", {}).items()}
         chain = [ChainEstimate.load(folder, data) for data in summary["chain"]]
         return Estimate(
@@ -310,6 +340,10 @@ class Estimate:
 
 def _angle_columns(key: str, sequence: str) -> list[str]:
     return [f"{key}_{sequence}_{which}_rad" for which in ("first", "second", "third")]
+
+
+def _heading_columns(key: str) -> list[str]:
+    return [f"{key}_relative_heading_rad", f"{key}_relative_heading_sd_rad"]
 
 
 def _numbers(data: dict[str, Any], keep: tuple[str, ...] = ()) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from testbench.records.strict import Angles3, EulerSequence, StrictModel
 
@@ -101,6 +101,43 @@ RotationDefinition = Annotated[
     Discriminator(_name_or_mapping),
     BeforeValidator(_refuse_kind_alone),
 ]
+
+
+LEAST_ANGLE_DEG, MOST_ANGLE_DEG = 30.0, 150.0
+"""Two axes that are nearer to one direction hardly tell a heading."""
+
+
+class JointConstraint(StrictModel):
+    """The axes that a joint turns about, which tell how far the headings of its two sensors drift apart."""
+
+    proximal_axis: Axis = Field(description="Axis that is fixed in the proximal segment, in that segment's axes.")
+    distal_axis: Axis = Field(
+        description="Axis that is fixed in the distal segment, in that segment's axes; a hinge's, the same axis."
+    )
+    angle_deg: float = Field(
+        default=0.0, description="Angle between both axes [deg]: 0 for a hinge, else 30 to 150 for a joint of two axes."
+    )
+    axes_sd_deg: float = Field(
+        default=3.0, ge=0.1, le=30, description="How well the axes are known in their segments, standard deviation [deg]."
+    )
+    drift_deg: float = Field(
+        default=2.0, gt=0, le=180, description="How far the headings drift apart in a minute, standard deviation [deg]."
+    )
+    filters: list[str] | None = Field(
+        default=None,
+        min_length=1,
+        description="Filters of estimate.filters to correct; null: those that use no magnetometer, without the device's own.",
+    )
+
+    @field_validator("angle_deg")
+    @classmethod
+    def _tells_a_heading(cls, angle: float) -> float:
+        if angle != 0 and not LEAST_ANGLE_DEG <= angle <= MOST_ANGLE_DEG:
+            raise ValueError(
+                f"{angle:g} deg between the axes: allowed are 0 (a hinge, its axis pointing the same way in both segments) and "
+                f"{LEAST_ANGLE_DEG:g} to {MOST_ANGLE_DEG:g} (two axes)"
+            )
+        return angle
 
 
 class FlexionAngle(StrictModel):

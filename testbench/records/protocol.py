@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 
 from pydantic import Field, field_validator, model_validator
 
-from testbench.records.joint_definition import FlexionAngle
+from testbench.records.joint_definition import FlexionAngle, JointConstraint
 from testbench.records.magnetism import MagneticDipole
 from testbench.records.protocol_arm import ArmUse, Guards
 from testbench.records.protocol_chain import ChainEstimation
@@ -96,6 +96,9 @@ class JointDefinition(FlexionAngle):
         description="Joint of the arm whose angle is the true flexion; null: the same angle of the true frames.",
     )
     compare: list[FlexionAngle] = Field(default=[], description="Further definitions to report beside it.")
+    constraint: JointConstraint | None = Field(
+        default=None, description="Axes that keep the headings of both sensors together over time; null: nothing does."
+    )
     published: Literal["reference_1"] | None = Field(
         default=None,
         description="Published results of the same experiment, which the report shows beside this joint's; null: none.",

@@ -200,6 +200,9 @@ class _Names:
                 if self._known(list(sensors), sensor, "sensor", "joints", name, side) and sensors[sensor].segment is None:
                     message = f"sensor '{sensor}' needs a segment: a joint angle is between segments, whose axes must be stated"
                     self._refuse(message, "joints", name, side)
+            for i, key in enumerate((joint.constraint.filters if joint.constraint else None) or []):
+                where = ("joints", name, "constraint", "filters", i)
+                self._known(list(self.spec.estimate.filters), key, "filter of this protocol", *where)
             for key in ("misalignment", "flexion_variable"):
                 if key in joint.model_fields_set:
                     self._known(list(self.spec.variables), getattr(joint, key), "variable", "joints", name, key)

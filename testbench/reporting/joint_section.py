@@ -17,6 +17,7 @@ from testbench.reporting.outliers import common_top, flexion_outliers, flexion_r
 from testbench.reporting.page import Block, Figures, Heading, Section, Sentence
 from testbench.reporting.palette import REFERENCE
 from testbench.reporting.ranking_section import distribution_table, plus_minus, ranking_blocks, ranking_doubts, with_interval
+from testbench.reporting.relative_heading import relative_heading_blocks
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
 from testbench.reporting.true_flexion import flexion_blocks
 
@@ -50,6 +51,8 @@ def joint_section(
                 section.blocks += _sweep_blocks(joint, name, SweepErrors(swept))
         section.blocks += flexion_blocks(joint, rows, evaluation, colours, spans)
         section.blocks += _time_blocks(joint, rows, evaluation, colours, spans)
+        filters = list(dict.fromkeys(row.filter for row in rows))
+        section.blocks += relative_heading_blocks(evaluation, joint, filters, colours, spans)
     if not joints:
         section.blocks.append(Sentence("No joint angle was judged in this session."))
     return section

@@ -1,13 +1,12 @@
 """Heading between two sensors of a joint, whose filters know up but not north, from the axes that the joint turns about.
 
 The heading d turns the earth of the second sensor into that of the first: q_earth1_from_earth2 is the rotation by d about the
-vertical.
+vertical. Here it is constant; `testbench.estimation.joint_constraint` follows one that drifts.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from testbench.estimation.calibration.least_squares import PoorExcitation, covariance_of
 from testbench.model import rotation
@@ -56,25 +55,6 @@ def heading_1d(
     heading = float(np.angle(np.sum(first * np.conj(second))))
     left = np.imag(first * np.conj(second) * np.exp(-1j * heading)) / np.sqrt(weight)  # sd is that of the horizontal parts
     return _fit(heading, np.sqrt(weight), left, independent, ADVICE_1D)
-
-
-def heading_1d_series(
-    q_earth1_from_sensor1: np.ndarray, axis1: np.ndarray, q_earth2_from_sensor2: np.ndarray, axis2: np.ndarray, window: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The same over a moving window, for headings that drift apart.
-
-    Args:
-        window: Samples, centred. Others as of `heading_1d`.
-
-    Returns:
-        Heading, unwrapped, and RMS horizontal part of the axis over the window, below which nothing was seen; shapes (n,)
-        [rad] and [1].
-    """
-    first, second = _horizontal(q_earth1_from_sensor1, axis1), _horizontal(q_earth2_from_sensor2, axis2)
-    product = first * np.conj(second)
-    mean = uniform_filter1d(product.real, window) + 1j * uniform_filter1d(product.imag, window)
-    seen = np.sqrt(np.maximum(uniform_filter1d(np.abs(product), window), 0.0))
-    return np.unwrap(np.angle(mean)), seen
 
 
 def heading_2d(
