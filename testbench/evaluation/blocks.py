@@ -175,19 +175,20 @@ def resampled_sums(columns: np.ndarray, starts: np.ndarray, length: int) -> np.n
     return result
 
 
-def mean_and_error(values: np.ndarray, weight: np.ndarray) -> tuple[float, float, int]:
+def mean_and_error(values: np.ndarray, weight: np.ndarray, least: int = 1) -> tuple[float, float, int]:
     """Weighted mean of a series, its standard error by blocks, and how many independent blocks there are.
 
     The standard error is that which the circular block bootstrap would show after infinitely many draws (Politis & Romano
     1992), with its bias for few blocks taken out.
 
     Args:
-        values: Sums over the blocks, shape (n,). weight: Of the blocks, shape (n,).
+        values: Sums over the blocks, shape (n,). weight: Of the blocks, shape (n,). least: Length of the independent blocks
+        where the series' own autocorrelation asks for less.
     """
     n = len(values)
     mean = float(values.sum() / weight.sum())
     deviation = values - mean * weight
-    length = block_length(values / weight)
+    length = min(max(block_length(values / weight), least), n)
     blocks = n // length
     running = np.concatenate([[0.0], np.cumsum(np.concatenate([deviation, deviation[: length - 1]]))])
     sums = running[length:] - running[:-length]

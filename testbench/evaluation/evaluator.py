@@ -10,6 +10,7 @@ from testbench.evaluation.budgets import Arm, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.euler_ranges import euler_range_rows
+from testbench.evaluation.field_following import following_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
@@ -121,6 +122,7 @@ def _judge_sensor(
         if deviation is not None:
             result.magnetic_field.extend(field_rows(errors, deviation))
             result.magnetic_errors.extend(field_error_rows(errors, deviation))
+            result.magnetic_following.extend(following_rows(errors, deviation))
             result.series[f"magnetic_{name}"] = deviation.series(errors)
     return metrics
 

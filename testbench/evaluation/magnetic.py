@@ -28,7 +28,7 @@ class FieldDeviation:
     Attributes:
         norm: Of the reference [uT]. dip: Of the reference, below the horizon [rad].
         norm_percent: Deviation of the norm, shape (n,) [%]. dip_rad, heading_rad: Of the direction, shape (n,); the heading is
-        what a compass errs by there, anticlockwise from above.
+        anticlockwise from above, and a compass errs by as much the other way.
     """
 
     norm: float

@@ -14,6 +14,7 @@ from testbench.records.evaluation_rows import (
     Comparison,
     ErrorSummary,
     FieldErrorRow,
+    FieldFollowingRow,
     FieldRow,
     GyroscopeBiasRow,
     JointSummary,
@@ -241,7 +242,8 @@ class Evaluation:
         joint_summary, orientation_summary: Errors of whole sections and sessions, static and dynamic, with confidence.
         ranking, comparisons: Of the filters, with significance. uncertainty: Budgets of the truth. gyroscope_bias: What the
         calibration left. tuned: Filters that ran with tuned parameters. magnetic_field, magnetic_errors: How far the field was
-        disturbed, and the heading errors there. outliers: Filters far from all others.
+        disturbed, and the heading errors there. magnetic_following: How much of its changes each filter follows. outliers:
+        Filters far from all others.
     """
 
     session: str
@@ -265,6 +267,7 @@ class Evaluation:
     magnetic_field: list[FieldRow] = field(default_factory=list)
     magnetic_errors: list[FieldErrorRow] = field(default_factory=list)
     outliers: list[OutlierRow] = field(default_factory=list)
+    magnetic_following: list[FieldFollowingRow] = field(default_factory=list)
 
     @property
     def limited(self) -> bool:
@@ -335,6 +338,7 @@ class Evaluation:
             [FieldRow(**row) for row in data["magnetic_field"]],
             [FieldErrorRow(**row) for row in data["magnetic_errors"]],
             [OutlierRow(**row) for row in data["outliers"]],
+            [FieldFollowingRow(**row) for row in data.get("magnetic_following", [])],
         )
 
 

@@ -222,6 +222,26 @@ class FieldErrorRow:
 
 
 @dataclass(frozen=True)
+class FieldFollowingRow:
+    """How much of the changes of the field's heading a filter's heading follows.
+
+    Attributes:
+        n: Half seconds. field_change_deg: Standard deviation of the field's heading against its mean over the minute around.
+        followed: Slope of the filter's heading error, changes likewise, on the error of a compass: 1 follows wholly, 0 ignores
+        the field; None where the field changes by less than 0.2 deg or for less than three minutes. followed_ci95: By blocks,
+        and wider by what a gyroscope's errors may do in the pace of the field. blocks: Independent ones.
+    """
+
+    sensor: str
+    filter: str
+    n: int
+    field_change_deg: float
+    followed: float | None
+    followed_ci95: Interval
+    blocks: int
+
+
+@dataclass(frozen=True)
 class OutlierRow:
     """A filter whose error is far from that of all others: beyond the upper quartile by three quartile ranges.
 

@@ -9,8 +9,9 @@ from testbench.records.evaluation import Evaluation
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Curve, Span, error_curves, time_panels
 from testbench.reporting.outliers import hidden_names, outliers_of
-from testbench.reporting.page import Block, Figures
+from testbench.reporting.page import Block, Figures, Sentence
 from testbench.reporting.palette import REFERENCE
+from testbench.reporting.ranking_section import with_interval
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, text
 
 FIELD = "field"
@@ -43,7 +44,39 @@ def magnetic_blocks(evaluation: Evaluation, sensor: str, colours: dict[str, str]
             "errs by; a filter with gyroscope and magnetometer follows it where it stays, and may ride out what passes.",
         )
     ]  # fmt: skip
-    return [*blocks, *_against(evaluation, sensor, colours), *_over_time(evaluation, sensor, spans)]
+    return [
+        *blocks, *_following(evaluation, sensor), *_against(evaluation, sensor, colours), *_over_time(evaluation, sensor, spans)
+    ]  # fmt: skip
+
+
+def _following(evaluation: Evaluation, sensor: str) -> list[Block]:
+    """How much of the field's heading each filter follows, or why that cannot be told."""
+    found = [row for row in evaluation.magnetic_following if row.sensor == sensor]
+    if not found:
+        return []
+    change = digits(found[0].field_change_deg, 2)
+    if all(row.followed is None for row in found):
+        return [
+            Sentence(
+                f"How much of the field's heading each filter follows at {sensor} cannot be told: against its mean over the "
+                f"minute around, the heading changes by {change} deg (SD) over {found[0].n / 2:.0f} s of judged samples. It "
+                "takes 0.2 deg and three minutes. On the simulated bench, what the field costs is seen by another run with "
+                "the same seed and environment: {arm_magnetism: false}."
+            )
+        ]
+    rows = [Row([label(row.filter), with_interval(row.followed, row.followed_ci95, 2), number(row.blocks, 0)]) for row in found]
+    return [
+        Table(
+            f"How much of the field's heading each filter follows: {sensor}, where it changes by {change} deg (SD)",
+            header("filter", "part followed", "independent stretches"),
+            rows,
+            "How to read: slope of the filter's heading error on the error that the field would give a compass, both against "
+            "their means over the minute around: 1 follows what passes wholly, 0 rides it out. A disturbance that stays longer "
+            "is followed more. In square brackets: the 95 % confidence interval, by stretches of a minute or more, made wider "
+            "by what a gyroscope's own errors may do in the pace of the field (0.1 deg): a filter without magnetometer should "
+            "have 0 in it. A compass may have less than 1 where accelerations turn it, too.",
+        )
+    ]
 
 
 def _against(evaluation: Evaluation, sensor: str, colours: dict[str, str]) -> list[Block]:

@@ -17,11 +17,12 @@ from PIL import Image
 
 from testbench.cli.output import say_evaluation
 from testbench.records.evaluation import Metric, Outcome
-from testbench.records.evaluation_rows import OutlierRow
+from testbench.records.evaluation_rows import FieldFollowingRow, OutlierRow
 from testbench.records.published import load_published
 from testbench.records.session import Session
 from testbench.reporting.figures import Curve, error_curves, heat_map
 from testbench.reporting.joint_section import joint_section
+from testbench.reporting.magnetic_section import magnetic_blocks
 from testbench.reporting.orientation_section import orientation_section
 from testbench.reporting.outliers import common_top
 from testbench.reporting.page import Figures, Sentence
@@ -399,6 +400,20 @@ def test_the_report_shows_the_magnetic_field_and_what_disturbed_it(quick_page: P
     for sensor in ("arm", "forearm"):
         assert f"Magnetic field at {sensor} against that of the reference pose" in quick_page.words
         assert f"Magnetic field over time: {sensor}" in quick_page.words
+        assert f"How much of the field's heading each filter follows at {sensor} cannot be told" in quick_page.words
     for dipole in quick.session.manifest["environment"]["dipoles"]:
         assert dipole["name"] in quick_page.words
     assert "de Vries" in quick_page.words
+
+
+def test_the_report_shows_how_much_of_the_field_each_filter_follows(quick: Judged) -> None:
+    told = FieldFollowingRow("arm", "vqf_9d", 700, 1.234, 0.307, [0.111, 0.503], 9)
+    evaluation = replace(quick.evaluation, magnetic_following=[told, replace(told, filter="vqf_6d", followed=-0.004)])
+    filters = {row.filter for row in evaluation.magnetic_errors}
+    blocks = magnetic_blocks(evaluation, "arm", dict.fromkeys(filters, "#000000"), [])
+    table = next(block for block in blocks if isinstance(block, Table) and "follows: arm" in block.caption)
+    assert "1.23 deg" in table.caption
+    assert [[cell.text for cell in row.cells] for row in table.rows] == [
+        ["vqf_9d", "0.31 [0.11, 0.50]", "9"],
+        ["vqf_6d", "0.00 [0.11, 0.50]", "9"],
+    ]
