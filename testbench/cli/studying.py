@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from testbench.studies.bench import StudyBench
 
 
+MOST_LISTED = 12
+"""More sessions are counted, not listed."""
+
+
 def _complete_study(incomplete: str) -> list[str]:
     from testbench.studies import STUDIES
 
@@ -116,7 +120,11 @@ def _say_study(record: StudyRecord) -> None:
         _say_study_table(table)
     for finding in record.findings:
         say(f"- {finding}")
-    for session in record.sessions:
+    sessions = record.sessions
+    if len(sessions) > MOST_LISTED:
+        say(f"sessions: {len(sessions)}, from {sessions[0]} to {sessions[-1]}; study.json and the report list them")
+        return
+    for session in sessions:
         say(f"session: {session}")
 
 

@@ -40,10 +40,10 @@ def load_protocol(path: str | Path) -> Protocol:
     """
     file = Path(path)
     if file.suffix not in {".yaml", ".yml"} and not _exists(file):
-        known = list_protocols()
+        known = {shipped.stem: shipped for shipped in shipped_folder("protocols").glob("*.yaml")}
         if str(path) not in known:
             raise NotFoundError("protocol", str(path), sorted(known))
-        file = shipped_folder("protocols") / f"{path}.yaml"
+        file = known[str(path)]
     return _load(file, (), {})
 
 

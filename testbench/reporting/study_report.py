@@ -17,6 +17,8 @@ from testbench.reporting.render import render_page
 from testbench.reporting.tables import Cell, Row, Table, label, number, ratio, significant, text
 
 FILE = "report.html"
+MOST_OPEN = 12
+"""A table of more sessions is folded."""
 SYMBOLS = ("circle", "diamond", "square", "triangle-up", "star", "hexagon")
 """Of measurements, filter by filter; simulation has `SIMULATED`."""
 SIMULATED = "circle-open"
@@ -168,7 +170,8 @@ def _provenance(study: StudyRecord, folder: Path | None) -> Section:
     entries += [(f"version of {name}", version) for name, version in study.software.items()]
     rows += [Row([label(name), Cell(value, kind="code")]) for name, value in entries]
     how = f"How to read: every number of ours comes from these sessions. {study.trace}".strip()
-    return Section("provenance", "Provenance", [Table("Sessions and versions", [Cell("entry"), Cell("value")], rows, how)])
+    table = Table("Sessions and versions", [Cell("entry"), Cell("value")], rows, how, folded=len(study.sessions) > MOST_OPEN)
+    return Section("provenance", "Provenance", [table])
 
 
 def _link(session: Path, folder: Path | None) -> str:

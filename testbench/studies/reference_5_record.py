@@ -24,7 +24,7 @@ def run(bench: StudyBench) -> StudyRecord:
         words.QUESTION,
         found.published.source,
         started,
-        {"seed": bench.seed, "parts": bench.parts, "protocols": ", ".join(found.sessions)},
+        {"seed": bench.seed, "parts": bench.parts, "runs of a rig": found.rigs, "protocols": ", ".join(found.sessions)},
         tuple(str(path) for paths in found.sessions.values() for path in paths),
         findings(found),
         (
@@ -63,8 +63,8 @@ def uncovered(found: Reference5) -> dict[tuple[str, str, str], JointErrors]:
 def findings(found: Reference5) -> tuple[str, ...]:
     """The answer in sentences, each no wider than its spread."""
     sentences = [
-        words.judged(words.STATES, fourier_changes(found), found.parts),
-        words.judged(words.ORDER, distal_changes(found), found.parts),
+        words.judged(words.STATES, fourier_changes(found), found.rigs),
+        words.judged(words.ORDER, distal_changes(found), found.rigs),
     ]
     states = list(dict.fromkeys(state for _, state in found.walk))
     sentences += [
@@ -103,8 +103,8 @@ def _servo_table(found: Reference5, table: str) -> StudyTable:
         f"{words.RIGS[table]}: RMS errors",
         ("angle [deg]", "rate [deg/s]", "acceleration [deg/s²]", "covered [%]"),
         tuple(rows),
-        f"How to read: RMS over {words.counted(found.parts)} of one kind, against the joints of the arm; covered are the "
-        "errors of the angle within 1.96 of the uncertainty that the filter states.",
+        f"How to read: RMS over {words.run_times(found.rigs)}, each with other sensors of one kind, against the joints of the "
+        "arm; covered are the errors of the angle within 1.96 of the uncertainty that the filter states.",
         words.sizes(ratios) if table == "4.1" else "",
         table,
         (4, 3, 2, 0),
@@ -121,13 +121,13 @@ def _change_table(key: str, question: words.Question, changes: dict[str, Change]
         low, high = change.interval or (None, None)
         values: tuple[Value, ...] = (change.percent, low, high, float((change.ratios < 1).sum()), change.verdict)
         rows.append(StudyRow(name, values, (round(published[name], 1), None, None, None, None)))
-    parts = len(next(iter(changes.values())).ratios)
+    runs = len(next(iter(changes.values())).ratios)
     return StudyTable(
         key,
         question.caption,
-        ("change [%]", "from [%]", "to [%]", "parts with less", "shown"),
+        ("change [%]", "from [%]", "to [%]", "runs with less", "shown"),
         tuple(rows),
-        words.CHANGE_HOW.format(parts=words.counted(parts)),
+        words.CHANGE_HOW.format(parts=words.run_times(runs)),
         question.why,
         decimals=(1, 1, 1, 0, 0),
         short=question.short,

@@ -50,7 +50,7 @@ ORDER = Question(
 )
 CHANGE_HOW = (
     "How to read: geometric mean over {parts} of the ratio of both errors, as a change, with its interval of 95 % by Student's "
-    "t, each for itself. More or less is shown where the interval leaves zero out; a single part has no interval."
+    "t, each for itself. More or less is shown where the interval leaves zero out; a single run has no interval."
 )
 GAIT_HOW = (
     "How to read: over {parts}, the mean of each part's signed mean and the lowest and highest, the mean magnitude, and the "
@@ -78,17 +78,22 @@ def counted(parts: int) -> str:
     return "one part" if parts == 1 else f"{parts} parts"
 
 
-def judged(question: Question, changes: Mapping[str, Change], parts: int) -> str:
+def run_times(runs: int) -> str:
+    """One run, five runs."""
+    return "one run" if runs == 1 else f"{runs} runs"
+
+
+def judged(question: Question, changes: Mapping[str, Change], runs: int) -> str:
     """What is shown of a question, what is not, and what the thesis has."""
     end = f"The thesis has {question.published} in all {len(changes)}."
-    if parts == 1:
+    if runs == 1:
         signs = {
             "less": [n for n, c in changes.items() if c.percent < 0],
             "more": [n for n, c in changes.items() if c.percent >= 0],
         }
         told = "; ".join(f"{word} in {', '.join(names)}" for word, names in signs.items() if names)
         which = question.less.replace(" has less error than ", " against ")
-        return f"One part shows nothing of {which}: here its error is {told}; another part may turn that about. {end}"
+        return f"One run shows nothing of {which}: here its error is {told}; another sensor may turn that about. {end}"
     found = by_verdict(changes)
     said = []
     for word, clause in (("less", question.less), ("more", question.more)):
@@ -99,12 +104,12 @@ def judged(question: Question, changes: Mapping[str, Change], parts: int) -> str
         names = [f"{name} ({_interval(changes[name])})" for name in found["not shown"]]
         said.append(f"neither is shown in {', '.join(names)}")
     text = "; ".join(said)
-    return f"Over {counted(parts)}, by intervals of {100 * LEVEL:g} %: {text}. {end}"
+    return f"Over {run_times(runs)} of each rig, by intervals of {100 * LEVEL:g} %: {text}. {end}"
 
 
 def _interval(change: Change) -> str:
     interval = change.interval
-    assert interval is not None  # there are several parts
+    assert interval is not None  # there are several runs
     return f"{in_percent(interval[0])} to {in_percent(interval[1])}"
 
 
