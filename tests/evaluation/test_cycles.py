@@ -23,6 +23,7 @@ from testbench.evaluation.flexion import JointErrors
 from testbench.records.chain import ChainEstimate
 from testbench.records.evaluation import Evaluation, Outcome
 from testbench.records.plan import PlannedCycles, PlannedStep
+from testbench.reporting.report import report
 
 HZ, AMPLITUDE, CENTRE = 0.8, np.radians(25), np.radians(40)
 START_S = 3.0
@@ -244,3 +245,11 @@ def test_a_run_has_the_cycles_of_the_chain_and_of_the_joints_that_the_protocol_d
         assert row.true_rom_deg == pytest.approx(24 if row.joint == "ankle" else 80, rel=0.05)
         assert abs(row.rom_error_deg) < 1 and row.true_sd_deg < 0.2 and row.cmc > 0.99
     assert not [note for note in squat.evaluation.notes if "cycle" in note]
+
+
+def test_the_report_shows_the_cycles_of_the_run(squat):
+    page = report(squat.session, squat.estimate, squat.evaluation).read_text()
+    assert "Average cycle: knee_flexion, section squats" in page
+    assert "Average cycle: joints of the chain, section squats" in page
+    assert page.count('"cycle [%]"') == 3  # one figure a joint
+    assert "fewer than 3" not in page
