@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.evaluation.budgets import Arm, ChainTruth, chain_budget
+from testbench.evaluation.cycles import add_cycles, chain_cycles, cycle_notes
 from testbench.evaluation.metrics import rms, summarise
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import joint_acceleration
@@ -38,6 +39,11 @@ def judge_chain(session: Session, estimate: Estimate, result: Evaluation) -> Non
             continue
         rows, series = evaluate_chain(session, one, recorded)
         result.series[one.key] = series
+        cycles = chain_cycles(session.steps, one, series)
+        add_cycles(result, cycles)
+        own = [step for step in session.steps if step.section == one.section]
+        notes = cycle_notes(f"chain, section {one.section}", own, cycles)
+        result.notes.extend(note for note in notes if note not in result.notes)  # the states share their truth
         if not rows:
             result.notes.append(
                 f"{where}: not judged, for no sample is left: settling_s leaves out as much as its steps last, or none was "

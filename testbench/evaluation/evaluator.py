@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.evaluation.budgets import Arm, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
+from testbench.evaluation.cycles import add_cycles, cycle_notes, joint_cycles
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.field_following import following_rows
@@ -161,6 +162,9 @@ def _judge_joint(
     result.series[f"joint_{name}"] = errors.series() | estimate.joints[name].heading_series()
     stated = estimate.sensors[errors.joint.proximal].clock.offset_sd_s
     clock_sd = stated if np.isfinite(stated) else 0.0
+    cycles = joint_cycles(errors)
+    add_cycles(result, cycles)
+    result.notes.extend(cycle_notes(f"joint '{name}'", [step for step, _ in errors.steps], cycles))
     rows = joint_rows(errors, clock_sd)
     result.joint_angle.extend(rows)
     own = joint_budgets(session, estimate, errors, arm)

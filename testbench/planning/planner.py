@@ -11,6 +11,7 @@ from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
 from testbench.model.reference_step import reference_warning
 from testbench.planning.checks import check_plan
+from testbench.planning.cycles import planned_cycles
 from testbench.planning.expansion import LONGEST_DURATION_S, Command, expand
 from testbench.planning.joint_constraints import constraint_warnings
 from testbench.planning.motion import MotionBuilder
@@ -68,9 +69,9 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
 
 def _planned(index: int, command: Command, start: int, settled: int, end: int) -> PlannedStep:
     kind: Any = "sweep" if command.sweeps else "hold" if settled == start else "move"
-    return PlannedStep(
-        index, command.section, command.role, command.name, kind, dict(command.variables), start, settled, end, command.place
-    )
+    cycles = planned_cycles(command.sweeps, (settled - start) / NANOSECONDS)
+    names = (command.section, command.role, command.name)
+    return PlannedStep(index, *names, kind, dict(command.variables), start, settled, end, command.place, cycles)
 
 
 def find_robot(protocol: Protocol, robot: str | Path | None) -> Robot:

@@ -12,6 +12,7 @@ import numpy as np
 from testbench.exceptions import SessionError
 from testbench.records.evaluation_rows import (
     Comparison,
+    CycleRow,
     ErrorSummary,
     FieldErrorRow,
     FieldFollowingRow,
@@ -239,11 +240,13 @@ class Evaluation:
             <filter>_<sequence>_flexion_rad and <filter>_<sequence>_error_rad; for each filter <filter>_total_error_rad.
             "magnetic_<sensor>": host_time_ns, judged, and deviations of the field: norm_percent, dip_rad, heading_rad.
             "chain_<section>_<state>": host_time_ns, judged, and for each joint <joint>_rad, <joint>_error_rad, <joint>_sd_rad.
+            "cycles": row (its place in `cycles`), cycle_percent, and estimated_rad, true_rad, error_rad with their standard
+            deviations over the cycles, <name>_sd_rad; 101 rows for each.
         joint_summary, orientation_summary: Errors of whole sections and sessions, static and dynamic, with confidence.
         ranking, comparisons: Of the filters, with significance. uncertainty: Budgets of the truth. gyroscope_bias: What the
         calibration left. tuned: Filters that ran with tuned parameters. magnetic_field, magnetic_errors: How far the field was
         disturbed, and the heading errors there. magnetic_following: How much of its changes each filter follows. outliers:
-        Filters far from all others.
+        Filters far from all others. cycles: Average cycles of sweeps.
     """
 
     session: str
@@ -268,6 +271,7 @@ class Evaluation:
     magnetic_errors: list[FieldErrorRow] = field(default_factory=list)
     outliers: list[OutlierRow] = field(default_factory=list)
     magnetic_following: list[FieldFollowingRow] = field(default_factory=list)
+    cycles: list[CycleRow] = field(default_factory=list)
 
     @property
     def limited(self) -> bool:
@@ -339,6 +343,7 @@ class Evaluation:
             [FieldErrorRow(**row) for row in data["magnetic_errors"]],
             [OutlierRow(**row) for row in data["outliers"]],
             [FieldFollowingRow(**row) for row in data.get("magnetic_following", [])],
+            [CycleRow(**row) for row in data.get("cycles", [])],
         )
 
 

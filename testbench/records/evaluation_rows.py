@@ -260,3 +260,36 @@ class OutlierRow:
     value_deg: float
     fence_deg: float
     known: str
+
+
+@dataclass(frozen=True)
+class CycleRow:
+    """The average cycle of a joint's angle in one periodic sweep, estimated against true; degrees.
+
+    Attributes:
+        joint: Of the protocol, or of the arm where a chain filter estimates it. filter: Or state of the chain. sequence: None
+        for a chain. section, step, variables: Of the sweep. frequency_hz: Of its cycles.
+        cycles: Averaged. left_out: For gaps. rom, true_rom: Range of motion, mean over the cycles. rom_error: Of the former
+        less the latter, with the standard deviation of a single cycle. mean_error: Signed. rmse: Root mean square difference of
+        the average cycles. error_sd, true_sd: Standard deviation of error and true angle over the cycles, RMS over the cycle.
+        cmc: Coefficient of multiple correlation; None where it is no real number.
+    """
+
+    joint: str
+    filter: str
+    sequence: str | None
+    section: str
+    step: int
+    variables: dict[str, float]
+    frequency_hz: float
+    cycles: int
+    left_out: int
+    rom_deg: float
+    true_rom_deg: float
+    rom_error_deg: float
+    rom_error_sd_deg: float
+    mean_error_deg: float
+    rmse_deg: float
+    error_sd_deg: float
+    true_sd_deg: float
+    cmc: float | None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,39 @@ from testbench.records.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
+class PlannedCycles:
+    """The whole cycles that a periodic sweep makes at full amplitude, its fades left out.
+
+    Attributes:
+        frequency_hz: Of the whole motion: the highest of which the frequency of every joint is a multiple. first_s: Where the
+        first cycle begins, a whole number of cycles after the sweep does, so that 0 % is where the phases of the
+        protocol count from. count: How many follow one another. motion_s: How long the sweep lasts as planned, with fades.
+    """
+
+    frequency_hz: float
+    first_s: float
+    count: int
+    motion_s: float
+
+    @staticmethod
+    def of(data: Any) -> PlannedCycles | None:
+        """From what was recorded of a step; None where that says nothing.
+
+        Raises:
+            ValueError: It says nothing that could be.
+        """
+        if data is None:
+            return None
+        keys = ("frequency_hz", "first_s", "count", "motion_s")
+        found = [data.get(key) for key in keys] if isinstance(data, dict) else []
+        numbers = [float(n) for n in found if isinstance(n, int | float) and math.isfinite(n) and n >= 0]
+        if len(numbers) < len(keys) or numbers[0] == 0:
+            raise ValueError(f"{data!r:.80} are no cycles")
+        frequency, first, count, motion = numbers
+        return PlannedCycles(frequency, first, int(count), motion)
+
+
+@dataclass(frozen=True)
 class PlannedStep:
     """One step of the protocol with its times from the start of the plan.
 
@@ -26,6 +60,7 @@ class PlannedStep:
         index: From 0. section, role: Of the protocol. name: For people. kind: "move" ends at rest in a pose, "sweep" is judged
         while it moves, "hold" does not move. variables: Values of the loop variables, by name. start_ns: Motion begins.
         settled_ns: Motion ends and the dwell begins. end_ns: The dwell ends. place: `file:line` in the protocol.
+        cycles: Of a periodic sweep that has any at full amplitude.
     """
 
     index: int
@@ -38,6 +73,7 @@ class PlannedStep:
     settled_ns: int
     end_ns: int
     place: str = ""
+    cycles: PlannedCycles | None = None
 
 
 @dataclass(frozen=True)
@@ -127,7 +163,8 @@ class Plan:
 
     @staticmethod
     def _step_data(step: PlannedStep) -> dict[str, Any]:
-        return {key: value for key, value in asdict(step).items() if key != "place"}
+        data = asdict(step)
+        return {key: value for key, value in data.items() if key != "place" and not (key == "cycles" and value is None)}
 
     def step_at(self, time_ns: int) -> PlannedStep:
         """The step under way at a time."""

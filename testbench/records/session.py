@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 from functools import cached_property
@@ -21,7 +21,7 @@ from pydantic import ValidationError
 
 from testbench.exceptions import NotFoundError, SessionError
 from testbench.records.near import MOST_THINNED, Instants, is_long, read_near
-from testbench.records.plan import PlannedStep
+from testbench.records.plan import PlannedCycles, PlannedStep
 from testbench.records.protocol import Analysis
 from testbench.records.robot import Robot, robot_from_text
 from testbench.records.samples import TRUTH_Q, TRUTH_RATE, ArmSamples, ImuSamples, Truth
@@ -337,6 +337,10 @@ class Session:
                 if not all(key in step.details for key in keys):
                     raise SessionError(f"{self.path / EVENTS} is damaged: step {index} says too little")
                 data = {key: step.details[key] for key in keys}
+                try:
+                    data["cycles"] = PlannedCycles.of(step.details.get("cycles"))
+                except ValueError as error:
+                    raise SessionError(f"{self.path / EVENTS} is damaged: of step {index}, {error}") from None
                 steps.append(PlannedStep(**data, start_ns=times[0], settled_ns=times[1], end_ns=times[2]))
         return steps
 
@@ -358,6 +362,7 @@ def step_events(steps: Iterable[PlannedStep]) -> list[Event]:
     events = []
     for step in steps:
         details = {key: getattr(step, key) for key in ("index", "section", "role", "name", "kind", "variables")}
+        details |= {"cycles": asdict(step.cycles)} if step.cycles is not None else {}
         events.append(Event(step.start_ns, "step_started", details))
         events.append(Event(step.settled_ns, "step_settled", {"index": step.index}))
         events.append(Event(step.end_ns, "step_ended", {"index": step.index}))

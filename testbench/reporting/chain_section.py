@@ -7,6 +7,7 @@ import numpy as np
 from testbench.frames import NANOSECONDS
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import ChainRow, Evaluation
+from testbench.reporting.cycle_section import cycle_blocks
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Span, time_panels
 from testbench.reporting.page import Figures, Section, Sentence, Tile
@@ -35,6 +36,8 @@ def chain_section(estimate: Estimate, evaluation: Evaluation | None, spans: list
     section.blocks += [_errors(rows), _facts(estimate)] if rows else [_facts(estimate)]
     colours = filter_colours(list(dict.fromkeys(chain.state for chain in estimate.chain)))
     for name in dict.fromkeys(row.section for row in rows):
+        cycles = {i: row for i, row in enumerate(evaluation.cycles) if row.section == name and row.sequence is None}
+        section.blocks += cycle_blocks(evaluation, cycles, f"joints of the chain, section {name}", colours)
         own = [row for row in rows if row.section == name]
         states = list(dict.fromkeys(row.state for row in own))
         worst = sorted(own, key=lambda row: -row.rmse_deg)

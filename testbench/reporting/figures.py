@@ -6,22 +6,24 @@ Validated graph objects would cost more time than everything else in the report.
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import Any
 
 import numpy as np
 
 from testbench.records.study import BoxNumbers
+from testbench.reporting.figure_parts import Figure as Figure
+from testbench.reporting.figure_parts import axis as _axis
+from testbench.reporting.figure_parts import layout as _layout
+from testbench.reporting.figure_parts import packed as _packed
+from testbench.reporting.figure_parts import rounded as _rounded
+from testbench.reporting.figure_parts import text as _text
+from testbench.reporting.figure_parts import two_lines as _two_lines
 from testbench.reporting.palette import REFERENCE, translucent
-
-Figure = dict[str, Any]
 
 FLAT = 8.0
 """The highest curve over the median of ours from which a linear axis leaves half of these an eighth of its height."""
-_MARGIN = {"l": 58, "r": 14, "t": 34, "b": 46}
 
 
 def plotly_script() -> str:
@@ -319,43 +321,3 @@ def _section_marks(spans: Sequence[Span]) -> tuple[list[Figure], list[Figure]]:
         for s in spans if s.end - s.begin > 0.1 * whole
     ]  # fmt: skip
     return lines, names
-
-
-def _layout(height: int, **more: Any) -> Figure:
-    return {
-        "height": height,
-        "margin": dict(_MARGIN),
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"},
-        "paper_bgcolor": "rgba(0,0,0,0)",
-        "plot_bgcolor": "rgba(0,0,0,0)",
-        "hoverlabel": {"namelength": -1},
-        **more,
-    }
-
-
-def _axis(title: str, **more: Any) -> Figure:
-    return {"title": {"text": _text(title), "standoff": 8}, "automargin": True, "zeroline": True, **more}
-
-
-def _two_lines(title: str) -> str:
-    """A title broken at its comma, or before its unit where it is long."""
-    for mark, keeps in ((", ", ","), (" [", "")):
-        before, found, after = title.partition(mark)
-        if found and len(title) > 20:
-            return f"{_text(before)}{keeps}<br>{_text(mark.lstrip(', ') + after)}"
-    return _text(title)
-
-
-def _text(text: str) -> str:
-    """Plotly reads its texts as HTML: show them as they are."""
-    return escape(str(text), quote=False)
-
-
-def _rounded(values: Iterable[float | None]) -> list[float | None]:
-    """Four significant digits are more than a figure can show; JSON has no NaN."""
-    return [None if value is None or not np.isfinite(value) else float(f"{value:.4g}") for value in values]
-
-
-def _packed(values: np.ndarray) -> Figure:
-    """A typed array as plotly.js takes it: a third of the size of digits, and NaN is a gap."""
-    return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")}

@@ -10,6 +10,7 @@ from testbench.frames import NANOSECONDS
 from testbench.records.evaluation import Evaluation, JointRow
 from testbench.records.evaluation_rows import JointSummary, OutlierRow
 from testbench.records.published import PublishedResults
+from testbench.reporting.cycle_section import cycle_blocks
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Curve, Figure, Span, error_curves, heat_map, time_panels
 from testbench.reporting.flexion import PoseErrors, SweepErrors, by_section, published_beside
@@ -49,6 +50,11 @@ def joint_section(
                 section.blocks += _pose_blocks(joint, name, PoseErrors(posed), published.get(joint), colours, evaluation)
             if swept:
                 section.blocks += _sweep_blocks(joint, name, SweepErrors(swept))
+            cycles = {
+                i: row for i, row in enumerate(evaluation.cycles)
+                if (row.joint, row.section) == (joint, name) and row.sequence is not None
+            }  # fmt: skip
+            section.blocks += cycle_blocks(evaluation, cycles, f"{joint}, section {name}", colours)
         section.blocks += flexion_blocks(joint, rows, evaluation, colours, spans)
         section.blocks += _time_blocks(joint, rows, evaluation, colours, spans)
         filters = list(dict.fromkeys(row.filter for row in rows))

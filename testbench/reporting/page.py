@@ -14,13 +14,14 @@ class Figures:
 
     Attributes:
         caption: What they show. figures: By the words a screen reader says. how: How to read them, one line. small: Several to
-        a row.
+        a row. folded: Shown, and drawn, only when asked for.
     """
 
     caption: str
     figures: dict[str, Figure]
     how: str
     small: bool = False
+    folded: bool = False
 
 
 @dataclass(frozen=True)

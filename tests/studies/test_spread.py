@@ -61,9 +61,9 @@ def test_the_sentence_says_what_each_change_shows():
     assert "more error" not in only and "neither" not in only
 
 
-def test_of_one_part_the_sentence_claims_nothing():
+def test_of_one_run_the_sentence_claims_nothing():
     said = words.judged(words.STATES, {"angle": Change.of([3.0], [2.0]), "rate": Change.of([1.0], [2.0])}, 1)
-    assert said.startswith("One part shows nothing")
+    assert said.startswith("One run shows nothing")
     assert "less in rate; more in angle" in said and "%" not in said
 
 

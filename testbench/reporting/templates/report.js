@@ -56,23 +56,30 @@
     for (const holder of holders) if (holder.layout) Plotly.relayout(holder, scheme(holder.layout));
   }
 
-  // One figure at a time, so that the page can be scrolled meanwhile.
+  // One figure at a time, so that the page can be scrolled meanwhile; what is folded away has no width, and waits for being asked.
+  const folds = Array.from(document.querySelectorAll("details")).filter((fold) => fold.querySelector(".figure"));
+  const open = holders.filter((holder) => !holder.closest("details:not([open])"));
   let next = 0;
   function drawNext() {
-    if (next < holders.length) draw(holders[next++]).then(() => setTimeout(drawNext, 0));
+    if (next < open.length) draw(open[next++]).then(() => setTimeout(drawNext, 0));
     else document.documentElement.dataset.drawn = "all";
   }
   drawNext();
+  for (const fold of folds) {
+    fold.addEventListener("toggle", () => {
+      if (fold.open) for (const holder of fold.querySelectorAll(".figure")) if (!holder.layout) draw(holder);
+    });
+  }
 
   dark.addEventListener("change", recolour);
   window.addEventListener("beforeprint", () => {
-    while (next < holders.length) draw(holders[next++]);
-    for (const holder of holders) {
+    while (next < open.length) draw(open[next++]);
+    for (const holder of holders.filter((one) => one.layout)) {
       const small = holder.parentElement.classList.contains("small-figures");
       Plotly.relayout(holder, Object.assign({ width: small ? 330 : 690 }, scheme(holder.layout)));
     }
   });
   window.addEventListener("afterprint", () => {
-    for (const holder of holders) Plotly.relayout(holder, Object.assign({ width: null, autosize: true }, scheme(holder.layout)));
+    for (const holder of holders) if (holder.layout) Plotly.relayout(holder, Object.assign({ width: null, autosize: true }, scheme(holder.layout)));
   });
 })();

@@ -1,0 +1,222 @@
+"""The average cycle of a joint's angle in periodic sweeps, estimated against true.
+
+Where a cycle begins is known from the plan; estimate and truth are cut alike.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.evaluation.flexion import JointErrors
+from testbench.frames import NANOSECONDS
+from testbench.records.chain import ChainEstimate
+from testbench.records.evaluation import Evaluation
+from testbench.records.evaluation_rows import CycleRow
+from testbench.records.plan import PlannedStep
+
+POINTS = 101
+"""Points of an average cycle: each percent from 0 to 100, as gait laboratories draw it."""
+LEAST_CYCLES = 3
+"""An average of fewer cycles is not made: their standard deviation would say nothing."""
+WIDEST_GAP = 0.05
+"""Part of a cycle that may lie between two of its samples; a cycle with a wider gap is left out."""
+LEAST_ROM = np.radians(1.0)
+"""A true angle with a smaller range of motion stands still [rad]."""
+LEAST_REPEATED = 0.05
+"""Scatter of the true cycles, as part of their range of motion, from which they are no repetitions of one another."""
+MOST_LATE_S = 0.5
+"""How much longer than planned a sweep may last, for an arm that takes its time to come to rest [s]."""
+
+Found = tuple[CycleRow, dict[str, np.ndarray]]
+"""A row with its average cycle: "estimated", "true", "error" and the standard deviation of each over the cycles, (101,)."""
+
+
+@dataclass(frozen=True)
+class CutCycles:
+    """The cycles of one sweep, resampled to every percent.
+
+    Attributes:
+        estimated, true: [rad], shape (cycles, 101). planned: How many cycles the plan has in the judged part, those with gaps
+        among them.
+    """
+
+    estimated: np.ndarray
+    true: np.ndarray
+    planned: int
+
+
+def cut_cycles(step: PlannedStep, time_ns: np.ndarray, true: np.ndarray, error: np.ndarray) -> CutCycles | None:
+    """The whole cycles of a sweep that samples cover without a gap.
+
+    Linear between samples; estimate and truth are taken at the same instants.
+
+    Args:
+        step: A sweep, when it happened. time_ns: Of the judged samples, increasing, shape (n,). true, error: True angle, and
+        estimated less true [rad], shape (n,) each.
+
+    Returns:
+        None for a step without planned cycles, and for one that did not last as planned.
+    """
+    if step.cycles is None or not lasted_as_planned(step) or len(time_ns) < 2:
+        return None
+    period = 1 / step.cycles.frequency_hz
+    time = (time_ns - step.start_ns) / NANOSECONDS
+    borders = step.cycles.first_s + period * np.arange(step.cycles.count + 1)
+    borders = borders[: np.searchsorted(borders, (step.settled_ns - step.start_ns) / NANOSECONDS + 1e-6 * period, "right")]
+    edge = min(1.5 * float(np.median(np.diff(time))), WIDEST_GAP * period)
+    whole = [
+        begin for begin, end in itertools.pairwise(borders)
+        if time[0] - edge <= begin and end <= time[-1] + edge
+    ]  # fmt: skip
+    covered = [begin for begin in whole if _widest_gap(time, begin, begin + period) <= WIDEST_GAP * period]
+    instants = np.array(covered)[:, None] + period * np.linspace(0, 1, POINTS)
+    true_cycles = np.interp(instants, time, true)
+    estimated = true_cycles + np.interp(instants, time, error)
+    known = np.isfinite(estimated).all(axis=1)
+    return CutCycles(estimated[known], true_cycles[known], len(whole))
+
+
+def lasted_as_planned(step: PlannedStep) -> bool:
+    """Whether the cycles of a sweep were where the plan says: it neither broke off nor was it held up."""
+    late = (step.settled_ns - step.start_ns) / NANOSECONDS - (step.cycles.motion_s if step.cycles is not None else 0.0)
+    return step.cycles is None or -1e-3 <= late <= MOST_LATE_S
+
+
+def _widest_gap(time: np.ndarray, begin: float, end: float) -> float:
+    inside = time[np.searchsorted(time, begin) : np.searchsorted(time, end, "right")]
+    return float(np.diff(inside, prepend=begin, append=end).max())
+
+
+def coefficient_of_multiple_correlation(estimated: np.ndarray, true: np.ndarray) -> float | None:
+    """Similarity of two waveforms measured at once, in offset, gain and shape together: 1 where they are the same.
+
+    The inter-protocol CMC of Ferrari, Cutti & Cappello (Gait & Posture 31, 2010, 540-542), with two protocols and equally many
+    frames in each cycle; it leaves out how cycles differ from one another, which the within-day CMC of Kadaba et al. (Journal
+    of Orthopaedic Research 7, 1989, 849-860) has for its subject.
+
+    Args:
+        estimated, true: Shape (cycles, frames).
+
+    Returns:
+        None where it is no real number: the two differ more than they move.
+    """
+    both = np.stack([estimated, true])
+    protocols, cycles, frames = both.shape
+    within = np.sum((both - both.mean(axis=0)) ** 2) / (cycles * frames * (protocols - 1))
+    about = np.sum((both - both.mean(axis=(0, 2))[None, :, None]) ** 2) / (cycles * (protocols * frames - 1))
+    return float(np.sqrt(1 - within / about)) if about > within else None
+
+
+def joint_cycles(errors: JointErrors) -> list[Found]:
+    """Average cycles of a joint's flexion in every sweep, by every filter and definition."""
+    found = []
+    for step, rows in errors.steps:
+        for (name, sequence), error in errors.error.items():
+            cut = cut_cycles(step, errors.time_ns[rows], errors.reference[rows], error[rows])
+            if cut is not None:
+                found.append(_average(cut, errors.name, name, sequence, step))
+    return [item for item in found if item is not None]
+
+
+def chain_cycles(steps: list[PlannedStep], estimate: ChainEstimate, series: dict[str, np.ndarray]) -> list[Found]:
+    """Average cycles of every joint of a chain that moves, in the sweeps of its section.
+
+    Args:
+        steps: Of the session. estimate: The chain's. series: Its error signals, as `evaluate_chain` gives them.
+    """
+    judged = series["judged"]
+    time = series["host_time_ns"][judged]
+    found = []
+    for step in steps:
+        if step.section == estimate.section and step.cycles is not None:
+            for joint in estimate.joints:
+                error = series[f"{joint}_error_rad"][judged]
+                cut = cut_cycles(step, time, series[f"{joint}_rad"][judged] - error, error)
+                if cut is not None:
+                    found.append(_average(cut, joint, estimate.state, None, step))
+    return [item for item in found if item is not None]
+
+
+def _average(cut: CutCycles, joint: str, name: str, sequence: str | None, step: PlannedStep) -> Found | None:
+    """The row of one joint and filter, and its average cycle; None for too few cycles, and where the joint stands still."""
+    if len(cut.true) < LEAST_CYCLES or np.ptp(cut.true.mean(axis=0)) < LEAST_ROM:
+        return None
+    assert step.cycles is not None  # they were cut by it
+    error = cut.estimated - cut.true
+    average: dict[str, np.ndarray] = {}
+    for key, cycles in (("estimated", cut.estimated), ("true", cut.true), ("error", error)):
+        average |= {key: cycles.mean(axis=0), f"{key}_sd": cycles.std(axis=0, ddof=1)}
+    rom, true_rom = (np.degrees(np.ptp(cycles, axis=1)) for cycles in (cut.estimated, cut.true))
+    row = CycleRow(
+        joint=joint,
+        filter=name,
+        sequence=sequence,
+        section=step.section,
+        step=step.index,
+        variables=step.variables,
+        frequency_hz=step.cycles.frequency_hz,
+        cycles=len(cut.true),
+        left_out=cut.planned - len(cut.true),
+        rom_deg=float(rom.mean()),
+        true_rom_deg=float(true_rom.mean()),
+        rom_error_deg=float((rom - true_rom).mean()),
+        rom_error_sd_deg=float((rom - true_rom).std(ddof=1)),
+        mean_error_deg=float(np.degrees(error.mean())),
+        rmse_deg=_rms_deg(average["error"]),
+        error_sd_deg=_rms_deg(average["error_sd"]),
+        true_sd_deg=_rms_deg(average["true_sd"]),
+        cmc=coefficient_of_multiple_correlation(cut.estimated, cut.true),
+    )
+    return row, average
+
+
+def _rms_deg(angles: np.ndarray) -> float:
+    return float(np.degrees(np.sqrt(np.mean(angles**2))))
+
+
+def add_cycles(result: Evaluation, found: list[Found]) -> None:
+    """Add rows to the result, and their average cycles to its table "cycles", which numbers them as the rows are."""
+    if not found:
+        return
+    first = len(result.cycles)
+    result.cycles.extend(row for row, _ in found)
+    columns = {
+        "row": np.repeat(np.arange(first, len(result.cycles)), POINTS),
+        "cycle_percent": np.tile(np.arange(POINTS), len(found)),
+    }
+    for key in found[0][1]:
+        columns[f"{key}_rad"] = np.concatenate([average[key] for _, average in found])
+    earlier = result.series.get("cycles", {})
+    result.series["cycles"] = {key: np.concatenate([earlier.get(key, own[:0]), own]) for key, own in columns.items()}
+
+
+def cycle_notes(where: str, steps: Sequence[PlannedStep], found: list[Found]) -> list[str]:
+    """What must be known of the cycles of a joint or chain, in sentences that begin with `where`."""
+    periodic = [(step, step.cycles) for step in steps if step.cycles is not None and step.cycles.count >= LEAST_CYCLES]
+    notes = []
+    for step, cycles in periodic:
+        if not lasted_as_planned(step):
+            lasted = (step.settled_ns - step.start_ns) / NANOSECONDS
+            notes.append(
+                f"{where}: the sweep '{step.name}' lasted {lasted:.2f} s where {cycles.motion_s:.2f} s were planned, so that "
+                "nobody knows where its cycles begin: they are not averaged"
+            )
+    averaged = {row.step for row, _ in found}
+    missing = [step for step, _ in periodic if lasted_as_planned(step) and step.index not in averaged]
+    if missing:
+        notes.append(
+            f"{where}: no average cycle of {len(missing)} of {len(periodic)} sweeps: fewer than {LEAST_CYCLES} of their cycles "
+            "are judged from end to end, or the angle hardly changes"
+        )
+    unlike = {(row.joint, row.step): row for row, _ in found if row.true_sd_deg > LEAST_REPEATED * row.true_rom_deg}
+    for row in unlike.values():
+        notes.append(
+            f"{where}: the true angle of {row.joint} in step {row.step} differs from one cycle of {1 / row.frequency_hz:.3g} s "
+            f"to the next by {row.true_sd_deg:.2f} deg (standard deviation) of a range of {row.true_rom_deg:.1f} deg: it is "
+            "not periodic as planned, and its average cycle says little"
+        )
+    return notes
