@@ -32,8 +32,8 @@ SLOW_S, FAST_SD = 5.0, np.radians(0.5)
 """How long most of what the constraint is off by lasts [s], and the part of each look [rad]."""
 WINDOW_S = 60.0
 """About so long a stretch decides on the heading in its middle [s]."""
-START_SD = np.radians(2.0)
-"""Of the heading in the reference pose, which the alignment has brought to zero [rad]."""
+START_SD, LARGEST_SD = np.radians(2.0), np.radians(30.0)
+"""Of the heading in the reference pose, which the alignment has brought to zero, and the most that it is begun with [rad]."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def track_heading(
     constraint: JointConstraint,
     start_ns: int | None,
 ) -> HeadingTrack:
-    """Follow the heading from the instant where it is known to either end.
+    """Follow the heading over the whole of a recording.
 
     Args:
         time_ns: Increasing, shape (n,). q_world_from_proximal, q_world_from_distal: Of the segments at the same instants,
@@ -76,19 +76,14 @@ def track_heading(
     at, terms = seconds[rows], heading_terms(*axes_in_world(q_proximal, q_distal, constraint), constraint)
     walk = np.radians(constraint.drift_deg) / np.sqrt(60.0)  # the sd after a minute, as one of a second
     axes_sd = np.radians(constraint.axes_sd_deg)
-    first, first_sd, begin = 0.0, START_SD, 0
     if start_ns is None:
-        first, first_sd = _guess(q_proximal, q_distal, constraint)
+        known, (first, first_sd) = -1, _guess(q_proximal, q_distal, constraint)
     else:
-        begin = min(int(np.searchsorted(time_ns[rows], start_ns)), len(rows) - 1)
-    heading, variance = np.empty(len(rows)), np.empty(len(rows))
-    heading[begin:], variance[begin:] = _smooth(at[begin:], terms[begin:], first, first_sd, walk, axes_sd)
-    if begin > 0:  # the same, back in time
-        back = slice(begin, None, -1)
-        past, past_variance = _smooth(at[back], terms[back], first, first_sd, walk, axes_sd)
-        heading[:begin], variance[:begin] = past[:0:-1], past_variance[:0:-1]
+        known = min(int(np.searchsorted(time_ns[rows], start_ns)), len(rows) - 1)
+        first, first_sd = 0.0, min(float(np.hypot(START_SD, walk * np.sqrt(at[known] - at[0]))), LARGEST_SD)
+    heading, variance = _smooth(at, terms, first, first_sd, known, walk, axes_sd)
     lasting = axes_sd**2 / 2 * _response(heading, terms, q_proximal, q_distal, constraint)
-    told = START_SD**2 + np.abs(at - at[begin]) * walk**2  # all that is doubtful where the axes tell nothing
+    told = first_sd**2 if known < 0 else START_SD**2 + np.abs(at - at[known]) * walk**2  # where the axes tell nothing
     sd = np.sqrt(variance + np.minimum(lasting, told))
     return HeadingTrack(np.interp(seconds, at, heading), np.interp(seconds, at, sd))
 
@@ -137,11 +132,12 @@ def _response(
 
 @njit(cache=True)
 def _smooth(
-    seconds: np.ndarray, terms: np.ndarray, first: float, first_sd: float, walk: float, axes_sd: float
+    seconds: np.ndarray, terms: np.ndarray, first: float, first_sd: float, known: int, walk: float, axes_sd: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Extended Kalman filter and Rauch-Tung-Striebel smoother (Särkkä 2013, algorithms 5.4 and 9.1).
 
-    The state is the heading and the slow part of what the constraint is off by, begun at the first look.
+    The state is the heading and the slow part of what the constraint is off by. At the look `known` the heading is zero, but
+    for `START_SD`; -1: at none.
 
     Returns:
         Heading and its variance, shapes (m,).
@@ -167,6 +163,10 @@ def _smooth(
         variance = H @ gain + FAST_SD**2
         x[k] = ahead[k] + gain / variance * left
         P[k] = P_ahead[k] - np.outer(gain, gain) / variance
+        if k == known and k > 0:  # at the first look it is what the filter begins with
+            gain = P[k, :, 0] / (P[k, 0, 0] + START_SD**2)
+            x[k] = x[k] - gain * x[k, 0]
+            P[k] = P[k] - np.outer(gain, P[k, 0])
     for k in range(m - 2, -1, -1):
         F = np.array([[1.0, 0.0], [0.0, np.exp(-abs(seconds[k + 1] - seconds[k]) / SLOW_S)]])
         back = P[k] @ F @ np.linalg.inv(P_ahead[k + 1])
