@@ -14,7 +14,7 @@ from testbench.reporting.figures import Curve, Figure, box_plots, error_curves, 
 from testbench.reporting.page import Block, Figures, Section, Sentence
 from testbench.reporting.palette import COLOURS, REFERENCE, ordered_colours
 from testbench.reporting.render import render_page
-from testbench.reporting.tables import Cell, Row, Table, label, number, ratio, significant, text
+from testbench.reporting.tables import Cell, Row, Table, label, number, power_of_ten, ratio, significant, text
 
 FILE = "report.html"
 SYMBOLS = ("circle", "diamond", "square", "triangle-up", "star", "hexagon")
@@ -140,7 +140,10 @@ def _table(table: StudyTable) -> Table:
 
 
 def _as_printed(value: Value) -> Cell:
-    return Cell(f"{value:.7g}", kind="number") if isinstance(value, int | float) else _word(value)
+    if not isinstance(value, int | float):
+        return _word(value)
+    mantissa, _, exponent = f"{value:.7g}".partition("e")
+    return Cell(power_of_ten(mantissa, int(exponent)) if exponent else mantissa.replace("-", "−"), kind="number")
 
 
 def _word(value: str | None) -> Cell:
