@@ -98,7 +98,12 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str, logarithmi
 
 
 def flat_on_a_linear_axis(curves: Sequence[Curve]) -> bool:
-    """Whether half of our curves would keep to the lowest part of an axis that shows every curve that is not hidden."""
+    """Whether half of our curves would keep to the lowest part of an axis that shows every curve that is not hidden.
+
+    Never where a value is negative: signed errors have no place on a logarithmic axis.
+    """
+    if any(y is not None and y < 0 for curve in curves for y in curve.y):
+        return False
     tops = {
         dashed: [
             max(known)

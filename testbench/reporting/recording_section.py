@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from math import floor, log10
-
-import numpy as np
-
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation, NoiseRow
 from testbench.reporting.page import Section, Sentence
-from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, significant, text, unit_words
+from testbench.reporting.tables import (
+    Cell,
+    Row,
+    Table,
+    digits,
+    header,
+    label,
+    number,
+    significant,
+    text,
+    to_uncertainty,
+    unit_words,
+)
 
 
 def recording_section(estimate: Estimate, evaluation: Evaluation | None) -> Section:
@@ -64,11 +72,8 @@ def _quality(estimate: Estimate) -> Table:
 
 def _noise(rows: list[NoiseRow]) -> Table:
     def with_sd(value: float | None, sd: float | None) -> Cell:
-        """To the digit that its standard uncertainty reaches."""
-        if value is None or not sd or not np.isfinite(sd):
-            return significant(value)
-        decimals = max(0, 1 - floor(log10(sd)))
-        return Cell(f"{digits(value, decimals)} ± {digits(sd, decimals)}", kind="number")
+        shown = to_uncertainty(value, sd)
+        return Cell(shown if sd is None or value is None else f"{shown} ± {to_uncertainty(sd, sd)}", kind="number")
 
     body = [
         Row([

@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 
 from testbench.reporting.figures import plotly_script
 from testbench.reporting.page import Figures, Folded, Heading, Section, Tile
-from testbench.reporting.tables import Table, counted
+from testbench.reporting.tables import Table, counted, powers_of_ten
 
 ERRORS = (
     "Errors are estimated minus true; e is an error, |e| its magnitude. Angles in degrees, times in seconds since the start of "
@@ -88,8 +88,8 @@ def _breakable(text: str) -> Any:
 
 
 def _code(text: str) -> Any:
-    """A sentence whose parts in backticks are shown as code."""
-    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+    """A sentence whose parts in backticks are shown as code, and whose powers of ten as such."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(powers_of_ten(text)))))
 
 
 def _verbatim(name: str) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import floor, log10
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,19 @@ def significant_digits(value: float | None, count: int = 3) -> str:
     if not -5 < int(exponent) < 6:
         return power_of_ten(mantissa, int(exponent))
     return f"{float(f'{value:.{count - 1}e}'):.{max(count - 1 - int(exponent), 0)}f}".replace("-", "−")
+
+
+def to_uncertainty(value: float | None, sd: float | None) -> str:
+    """A value to the second significant digit of its standard uncertainty; by itself where that is unknown."""
+    if value is None or not np.isfinite(value) or sd is None or not np.isfinite(sd) or sd <= 0:
+        return significant_digits(value)
+    decimals = 1 - floor(log10(sd))
+    return digits(value, max(decimals, 0)) if decimals <= 9 else significant_digits(value)
+
+
+def powers_of_ten(text: str) -> str:
+    """Words in which numbers such as 3e-06 are written as people write them."""
+    return re.sub(r"(?<![\w.])(\d(?:\.\d+)?)e([-+]\d+)\b", lambda found: power_of_ten(found[1], int(found[2])), text)
 
 
 def power_of_ten(mantissa: str, exponent: int) -> str:

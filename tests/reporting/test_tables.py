@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.reporting.figures import heat_map
+from testbench.reporting.figures import Curve, flat_on_a_linear_axis, heat_map
 from testbench.reporting.render import _breakable, _code
-from testbench.reporting.tables import counted, significant_digits, unit_words
+from testbench.reporting.tables import counted, powers_of_ten, significant_digits, to_uncertainty, unit_words
 
 
 @pytest.mark.parametrize(
@@ -47,3 +47,24 @@ def test_maps_end_where_their_cells_do_and_dust_is_not_crossed() -> None:
     assert heat_map("t", [0.0, 1.0], [0.0, 1.0], np.array([[0.0, 1.5649]] * 2), "x", "y", "z", 1.5649)["data"][0][
         "zmax"
     ] == pytest.approx(1.57)
+
+
+def test_powers_of_ten_in_words_are_written_out_and_names_left_alone() -> None:
+    said = powers_of_ten("0.019 before and 3e-06 after; published: 8.9e-7; 1.2e+05 of them, run 5e7f, x1e-3")
+    assert said == "0.019 before and 3·10⁻⁶ after; published: 8.9·10⁻⁷; 1.2·10⁵ of them, run 5e7f, x1e-3"
+
+
+def test_signed_errors_never_get_a_logarithmic_axis() -> None:
+    flat = [Curve(name, [0.0, 1.0], [0.01, sign * 0.02], "#000000") for name, sign in (("a", 1), ("b", 1), ("c", -1))]
+    far = Curve("far", [0.0, 1.0], [1.0, 40.0], "#000000")
+    assert flat_on_a_linear_axis([*flat[:2], far])
+    assert not flat_on_a_linear_axis([*flat, far])
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "shown"),
+    [(6.30405e-5, 0.00031, "0.00006"), (0.702587, 0.62, "0.70"), (123.42, 2.6, "123.4"), (-0.0075431, 0.00018, "−0.00754"),
+     (0.123456, None, "0.123"), (1234.5, 250.0, "1234"), (None, 1.0, "–")],
+)  # fmt: skip
+def test_values_go_no_further_than_their_uncertainty(value: float | None, sd: float | None, shown: str) -> None:
+    assert to_uncertainty(value, sd) == shown
