@@ -269,6 +269,7 @@ def sessions(
         say_json({"sessions": [entry | {"damage": causes.get(str(entry["session"]))} for entry in found]})
     else:
         columns = ["session", "kind", "status", "outcome", "duration [s]", "started (UTC)", "resumes"]
+        rows = [[*row[:5], row[5] and str(row[5])[:19].replace("T", " "), row[6]] for row in rows]
         if not any(row[-1] for row in rows):
             columns, rows = columns[:-1], [row[:-1] for row in rows]
         say_table(f"Sessions in {logs}", columns, rows)

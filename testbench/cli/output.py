@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from testbench.records.evaluation import ChainRow, Evaluation, NoiseRow
     from testbench.records.plan import Plan
 
+from testbench.cli.narrow import NOTHING, fit
 from testbench.records.numbers import show_number
 
 COLOURS = {"pass": "green", "marginal": "yellow", "fail": "red", "not measured": "magenta"}
@@ -63,14 +64,24 @@ def say_table(title: str, columns: list[str], rows: list[list[Any]]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=escape(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
-    for i, column in enumerate(columns):
-        numeric = bool(rows) and isinstance(rows[0][i], int | float)
-        table.add_column(escape(column), justify="right" if numeric else "left", overflow="fold")
-    for row in rows:
-        table.add_row(*[_cell(value) for value in row])
     console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
-    console.print(table)
+    numeric = [bool(rows) and all(row[i] is None or _is_number(row[i]) for row in rows) for i in range(len(columns))]
+    layout = fit(columns, [[_shown(value) for value in row] for row in rows], numeric, console.width)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=layout.widths is None)
+    if layout.widths is not None:
+        table.padding = (0, 1, 0, 0)
+    for place, i in enumerate(layout.kept):
+        width = None if layout.widths is None else layout.widths[place]
+        table.add_column(escape(columns[i]), justify="right" if numeric[i] else "left", overflow="fold", width=width)
+    for row in rows:
+        table.add_row(*[_cell(row[i]) for i in layout.kept])
+    same = "".join(f"; {name} {value}" for name, value in layout.same)
+    console.print(f"[bold]{escape(title + same)}[/]", *([] if layout.widths is None else [""]), sep="\n")
+    console.print(table, *([] if layout.widths is None else [""]), sep="\n", width=max(console.width, layout.width), crop=False)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 class RunDisplay:
@@ -221,23 +232,26 @@ def say_noise(rows: list[NoiseRow]) -> None:
     """Noise at rest; nothing where there is none."""
     if not rows:
         return
-    say_table(
-        "At rest",
-        ["sensor", "axis", "time [s]", "mean", "sd", "unit", "noise density", "unit", "bias instability", "unit"],
-        [
-            [n.sensor, f"{n.quantity} {n.axis}", n.span_s, n.mean, n.sd, n.unit, n.noise_density, n.noise_density_unit,
-             n.bias_instability, n.bias_instability_unit]
-            for n in rows
-        ],
-    )  # fmt: skip
+    columns = ["sensor", "axis", "time [s]", "mean", "sd", "unit", "noise density", "unit", "bias instability", "unit"]
+    shown = [
+        [n.sensor, f"{n.quantity} {n.axis}", n.span_s, n.mean, n.sd, n.unit, n.noise_density, n.noise_density_unit,
+         n.bias_instability, n.bias_instability_unit]
+        for n in rows
+    ]  # fmt: skip
+    if all(n.bias_instability is None for n in rows):  # the rest was too short for any
+        columns, shown = columns[:-2], [row[:-2] for row in shown]
+    say_table("At rest", columns, shown)
 
 
 def _cell(value: Any) -> str:
     from rich.markup import escape
 
+    text = escape(_shown(value))
+    return f"[{COLOURS[value]}]{text}[/]" if isinstance(value, str) and value in COLOURS else text
+
+
+def _shown(value: Any) -> str:
+    """A value as people read it."""
     if value is None:
-        return "-"
-    if isinstance(value, float):
-        return show_number(value)
-    text = escape(str(value))
-    return f"[{COLOURS[value]}]{text}[/]" if value in COLOURS else text
+        return NOTHING
+    return show_number(value) if isinstance(value, float) else str(value)

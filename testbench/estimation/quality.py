@@ -169,6 +169,7 @@ def remarks_on(samples: ImuSamples, rest: np.ndarray) -> list[str]:
         disturbed = float(np.mean(np.abs(field - usual) > FIELD_TOLERANCE * usual))
         if disturbed > 0.01:
             remarks.append(
-                f"the magnetic field differs from its median of {usual:.1f} uT by over 20 % in {disturbed:.0%} of the samples"
+                f"the magnetic field differs from its median of {usual:.1f} uT by over 20 % in {100 * disturbed:.0f} % of the "
+                "samples"
             )
     return remarks

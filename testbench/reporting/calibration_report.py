@@ -14,7 +14,19 @@ from testbench.records.published import load_published
 from testbench.reporting.figures import heat_map
 from testbench.reporting.page import Block, Figures, Section, Sentence, Tile
 from testbench.reporting.render import render_page
-from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, significant, text
+from testbench.reporting.tables import (
+    Cell,
+    Row,
+    Table,
+    digits,
+    header,
+    label,
+    number,
+    significant,
+    text,
+    to_uncertainty,
+    unit_words,
+)
 
 MILLI_G = 1e3 / STANDARD_GRAVITY
 MOST_CORRELATED = 40
@@ -80,7 +92,14 @@ def _figures(result: CalibrationResult, triad: str) -> dict[str, float]:
 
 def _held_out(result: CalibrationResult) -> Section:
     rows = [
-        Row([label(_words(name)[0]), text(triad), significant(value, 4), text(_words(name)[1])])
+        Row(
+            [
+                label(_words(name)[0]),
+                text(triad),
+                significant(value, 4) if _words(name)[1] else number(value, 0),
+                text(_words(name)[1]),
+            ]
+        )
         for triad, found in result.calibration.triads.items()
         for name, value in found.validation.items()
     ]
@@ -98,8 +117,12 @@ def _held_out(result: CalibrationResult) -> Section:
     else:
         section.blocks.append(Sentence("There are too few poses to hold any out; nothing here judges this calibration."))
     section.blocks += _beside_published(result)
-    section.blocks += [Sentence(f"{remark}.") for remark in result.remarks]
+    section.blocks += [Sentence(_sentence(remark)) for remark in result.remarks]
     return section
+
+
+def _sentence(remark: str) -> str:
+    return f"{remark[:1].upper()}{remark[1:]}."
 
 
 SUFFIXES = {"_mm_s2": "mm/s²", "_mg": "mg", "_deg": "deg", "_ut": "µT"}
@@ -160,23 +183,31 @@ def _triad(triad: str, found: TriadCalibration) -> Section:
     )
     for fit in found.fits:
         section.blocks += [_parameters(fit), *_correlation(fit)]
-    section.blocks += [Sentence(f"{remark}.") for remark in found.remarks]
+    section.blocks += [Sentence(_sentence(remark)) for remark in found.remarks]
     return section
 
 
 def _parameters(fit: Fit) -> Table:
     half = fit.half_width()
     rows = [
-        Row([label(name), significant(value, 6), significant(sd, 2), significant(width, 2), text(unit)])
+        Row(
+            [
+                label(name),
+                Cell(to_uncertainty(value, sd), kind="number"),
+                significant(sd, 2),
+                significant(width, 2),
+                text(unit_words(unit)),
+            ]
+        )
         for name, value, sd, width, unit in zip(fit.names, fit.values, fit.sd, half, fit.units, strict=True)
     ]
-    dof = "known beforehand" if not np.isfinite(fit.dof) else f"{fit.dof:.0f} degrees of freedom"
+    dof = "known beforehand" if not np.isfinite(fit.dof) else f"found with {fit.dof:.0f} degrees of freedom"
     left = f"; residuals {fit.residual_rms:.3g} {fit.residual_unit} RMS" if np.isfinite(fit.residual_rms) else ""
     return Table(
         "Parameters with their uncertainty",
-        header("parameter", "value", "standard uncertainty", "95 % ±", "unit"),
+        [*header("parameter", "value", "standard uncertainty", "95 % ±"), Cell("unit")],
         rows,
-        f"How to read: scatter by {dof}{left}; condition number {fit.condition:.3g}. The interval is Student's.",
+        f"How to read: the scatter is {dof}{left}; condition number {fit.condition:.3g}. The interval is Student's.",
     )
 
 
@@ -184,8 +215,8 @@ def _correlation(fit: Fit) -> list[Block]:
     if not 1 < len(fit.names) <= MOST_CORRELATED:
         return []
     figure = heat_map("", list(fit.names), list(fit.names), np.abs(fit.correlation), "", "", "|r|", 1.0)
-    figure["layout"]["height"] = 200 + 18 * len(fit.names)
-    figure["layout"]["margin"] = {"l": 150, "r": 14, "t": 14, "b": 150}
+    figure["layout"]["height"] = 224 + 18 * len(fit.names)
+    figure["layout"]["margin"] = {"l": 150, "r": 14, "t": 38, "b": 150}
     for axis in ("xaxis", "yaxis"):
         figure["layout"][axis] |= {"tickmode": "array", "tickvals": list(fit.names), "type": "category", "automargin": True}
     figure["layout"]["xaxis"]["tickangle"] = -60
@@ -213,7 +244,7 @@ def _mounting(found: MountingCalibration) -> Section:
         "How to read: the rotation vector that takes what the sensor reads into the axes in which it was believed to sit; all "
         "triads and the device's orientation are turned by it, after their own corrections.",
     )
-    return Section("mounting", "Mounting", [table, *(Sentence(f"{remark}.") for remark in found.remarks)])
+    return Section("mounting", "Mounting", [table, *(Sentence(_sentence(remark)) for remark in found.remarks)])
 
 
 def _poses(result: CalibrationResult) -> Section:

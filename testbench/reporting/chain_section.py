@@ -13,7 +13,7 @@ from testbench.reporting.figures import Span, time_panels
 from testbench.reporting.page import Figures, Section, Sentence, Tile
 from testbench.reporting.palette import filter_colours
 from testbench.reporting.ranking_section import plus_minus
-from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, significant, text
+from testbench.reporting.tables import Cell, Row, Table, counted, digits, header, label, number, significant, text
 
 MOST_PANELS = 6
 """Joints drawn over time; of more, those with the largest errors."""
@@ -41,7 +41,8 @@ def chain_section(estimate: Estimate, evaluation: Evaluation | None, spans: list
         own = [row for row in rows if row.section == name]
         states = list(dict.fromkeys(row.state for row in own))
         worst = sorted(own, key=lambda row: -row.rmse_deg)
-        drawn = list(dict.fromkeys(row.joint for row in worst))[:MOST_PANELS]
+        joints = list(dict.fromkeys(row.joint for row in worst))
+        drawn = joints[:MOST_PANELS]
         series = evaluation.series[f"chain_{name}_{states[0]}"]
         envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series["judged"])
         panels = {
@@ -56,7 +57,8 @@ def chain_section(estimate: Estimate, evaluation: Evaluation | None, spans: list
                 f"Error of the joint angles over time: {name}",
                 {f"error of the joints of {name} over time": time_panels(envelope.time, panels, colours, spans)},
                 "How to read: estimate less what the arm measured; a constant part is a bias of a sensor or of the start, a "
-                "growing one a heading that nothing tells. Of many joints the six with the largest errors are drawn.",
+                "growing one a heading that nothing tells."
+                + (f" Of {len(joints)} joints those with the largest errors are drawn." if len(joints) > len(drawn) else ""),
             )
         )
     return section
@@ -82,7 +84,7 @@ def chain_tiles(evaluation: Evaluation) -> list[Tile]:
         other = max(rms, key=lambda state: rms[state])
         if other != best:
             detail += f"; {other}: {digits(rms[other], 2)} deg"
-        tiles.append(Tile(digits(rms[best], 2), "deg", f"RMS error of {len(own)} chain joints, {section}", detail))
+        tiles.append(Tile(digits(rms[best], 2), "deg", f"RMS error of {counted(len(own), 'chain joint')}, {section}", detail))
     return tiles
 
 

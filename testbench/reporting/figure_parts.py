@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 
 Figure = dict[str, Any]
-_MARGIN = {"l": 58, "r": 14, "t": 34, "b": 46}
+MARGIN = {"l": 58, "r": 14, "t": 34, "b": 46}
+"""About the panels of a figure [px]."""
 
 
 def layout(height: int, **more: Any) -> Figure:
     """What every figure has; its height in pixels."""
     return {
         "height": height,
-        "margin": dict(_MARGIN),
+        "margin": dict(MARGIN),
         "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"},
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "rgba(0,0,0,0)",

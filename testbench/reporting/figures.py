@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from testbench.records.study import BoxNumbers
+from testbench.reporting.figure_parts import MARGIN
 from testbench.reporting.figure_parts import Figure as Figure
 from testbench.reporting.figure_parts import axis as _axis
 from testbench.reporting.figure_parts import layout as _layout
@@ -24,6 +25,8 @@ from testbench.reporting.palette import REFERENCE, translucent
 
 FLAT = 8.0
 """The highest curve over the median of ours from which a linear axis leaves half of these an eighth of its height."""
+_NAMES = 16
+"""Height of a line with the names of sections [px]."""
 
 
 def plotly_script() -> str:
@@ -87,7 +90,7 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str, logarithmi
                 "hovertemplate": "%{y:.3f}",
             }
         )
-    layout = _layout(380, hovermode="closest" if plane else "x unified")
+    layout = _layout(380, hovermode="closest" if plane else "x unified", showlegend=True)
     layout["xaxis"] = _axis(x_title)
     layout["yaxis"] = _axis(y_title, rangemode="tozero")
     if logarithmic:
@@ -98,7 +101,12 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str, logarithmi
 
 
 def flat_on_a_linear_axis(curves: Sequence[Curve]) -> bool:
-    """Whether half of our curves would keep to the lowest part of an axis that shows every curve that is not hidden."""
+    """Whether half of our curves would keep to the lowest part of an axis that shows every curve that is not hidden.
+
+    Never where a value is negative: signed errors have no place on a logarithmic axis.
+    """
+    if any(y is not None and y < 0 for curve in curves for y in curve.y):
+        return False
     tops = {
         dashed: [
             max(known)
@@ -143,7 +151,7 @@ def heat_map(
         x, y: Shape (m,), (n,); words make cells of equal size. z: Shape (n, m), NaN where there is none. z_max: Upper end of
         the colours; cells beyond it are crossed.
     """
-    end = float(f"{z_max:.3g}")
+    end = _rounded_up(z_max)
     data = {
         "type": "heatmap",
         "x": _places(x),
@@ -156,14 +164,14 @@ def heat_map(
         "hovertemplate": f"{_text(x_title)} %{{x}}<br>{_text(y_title)} %{{y}}<br>{_text(z_title)} %{{z:.3f}}<extra></extra>",
     }
     layout = _layout(300) | {"title": {"text": _text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left", "y": 0.97}}
-    layout["xaxis"] = _axis(x_title) | _few_ticks(x)
-    layout["yaxis"] = _axis(y_title) | _few_ticks(y)
+    layout["xaxis"] = _axis(x_title, range=_edges(x)) | _few_ticks(x)
+    layout["yaxis"] = _axis(y_title, range=_edges(y)) | _few_ticks(y)
     return {"data": [data, *_crosses(_places(x), _places(y), z, end)], "layout": layout}
 
 
 def _crosses(x: list[Any], y: list[Any], z: np.ndarray, z_max: float) -> list[Figure]:
     """A cross in each cell that lies beyond the colours."""
-    rows, columns = np.nonzero(np.isfinite(z) & (z > z_max))
+    rows, columns = np.nonzero(np.isfinite(z) & (z > z_max * (1 + 1e-9)))
     if not len(rows):
         return []
     marker = {"symbol": "x-thin", "size": 5, "line": {"color": "#14171c", "width": 1}}
@@ -171,6 +179,21 @@ def _crosses(x: list[Any], y: list[Any], z: np.ndarray, z_max: float) -> list[Fi
         {"type": "scatter", "mode": "markers", "x": [x[j] for j in columns], "y": [y[i] for i in rows], "marker": marker,
          "hoverinfo": "skip", "showlegend": False}
     ]  # fmt: skip
+
+
+def _rounded_up(value: float) -> float:
+    """To three significant digits, so that nothing below it comes to lie beyond it."""
+    step = 10.0 ** (np.floor(np.log10(value)) - 2) if value > 0 else 1.0
+    return float(f"{np.ceil(value / step - 1e-6) * step:.3g}")
+
+
+def _edges(values: Sequence[float] | Sequence[str]) -> list[float]:
+    """Where the first cell begins and the last one ends, as plotly draws cells about their places."""
+    if len(values) < 2 or isinstance(values[0], str):
+        first = 0.0 if isinstance(values[0], str) else float(values[0])
+        return [first - 0.5, first + len(values) - 0.5]
+    places = [float(value) for value in values]
+    return [1.5 * places[0] - 0.5 * places[1], 1.5 * places[-1] - 0.5 * places[-2]]
 
 
 def _places(values: Sequence[float] | Sequence[str]) -> list[Any]:
@@ -292,6 +315,10 @@ def time_panels(
         "showspikes": True,
     }
     layout["shapes"], layout["annotations"] = _section_marks(spans)
+    if layout["annotations"]:  # their names stand between the panel and the legend
+        layout["margin"]["t"] += _NAMES
+        layout["height"] += _NAMES
+        layout["legend"]["y"] = 1 + _NAMES / (height - MARGIN["t"] - MARGIN["b"])
     return {"data": data, "layout": layout}
 
 
@@ -316,8 +343,8 @@ def _section_marks(spans: Sequence[Span]) -> tuple[list[Figure], list[Figure]]:
         for s in spans
     ]  # fmt: skip
     names = [
-        {"text": _text(s.name), "xref": "x", "yref": "paper", "x": s.begin, "y": 1, "xanchor": "left", "yanchor": "top",
-         "showarrow": False, "font": {"size": 11, "color": REFERENCE}, "xshift": 3}
+        {"text": _text(s.name), "xref": "x", "yref": "paper", "x": s.begin, "y": 1, "xanchor": "left", "yanchor": "bottom",
+         "showarrow": False, "font": {"size": 11, "color": REFERENCE}, "borderpad": 0}
         for s in spans if s.end - s.begin > 0.1 * whole
     ]  # fmt: skip
     return lines, names

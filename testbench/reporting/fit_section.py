@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from testbench.frames import STANDARD_GRAVITY
@@ -27,7 +25,7 @@ def fit_section(estimate: Estimate) -> Section:
     section.blocks.append(
         _calibration(estimate) if calibrated else Sentence("No calibration was fitted to this session's own poses.")
     )
-    section.blocks += [_stored(name, sensor.stored_calibration) for name, sensor in estimate.sensors.items()]
+    section.blocks += _stored(estimate)
     if estimate.filter_parameters:
         section.blocks.append(parameter_table(estimate))
     section.blocks += [
@@ -38,15 +36,27 @@ def fit_section(estimate: Estimate) -> Section:
     return section
 
 
-def _stored(name: str, stored: dict[str, Any] | None) -> Sentence:
-    """Whether a stored calibration corrected the raw samples, and which."""
-    if stored is None:
-        return Sentence(f"{name}: no stored calibration; the samples as recorded went on.")
-    methods = ", ".join(f"{triad} by {method}" for triad, method in stored["methods"].items())
-    return Sentence(
-        f"{name}: the raw samples were first corrected by the stored calibration of {stored['calibrated_utc'][:10]}, session "
-        f"{stored['session']} ({methods}), from {stored.get('file') or 'memory'}."
-    )
+def _stored(estimate: Estimate) -> list[Sentence]:
+    """Which sensors a stored calibration corrected, with which, and what became of the samples of the others."""
+    sentences = []
+    for name, sensor in estimate.sensors.items():
+        if (stored := sensor.stored_calibration) is not None:
+            methods = ", ".join(f"{triad} by {method}" for triad, method in stored["methods"].items())
+            sentences.append(
+                Sentence(
+                    f"{name}: the raw samples were first corrected by the stored calibration of "
+                    f"{stored['calibrated_utc'][:10]}, session {stored['session']} ({methods}), from "
+                    f"{stored.get('file') or 'memory'}."
+                )
+            )
+    without = {name: sensor for name, sensor in estimate.sensors.items() if sensor.stored_calibration is None}
+    fitted = [name for name, sensor in without.items() if sensor.calibration.method != "none"]
+    raw = [name for name in without if name not in fitted]
+    if fitted:
+        sentences.append(Sentence(f"Without a stored calibration, corrected by the one above alone: {', '.join(fitted)}."))
+    if raw:
+        sentences.append(Sentence(f"Without any calibration, so that the samples went on as recorded: {', '.join(raw)}."))
+    return sentences
 
 
 def _fitted_clock(estimate: Estimate) -> bool:
@@ -98,8 +108,8 @@ def _frames(estimate: Estimate) -> Table:
         ),
         rows,
         "How to read: heading of the filter's earth frame seen from the world, and the rotation vector that was left "
-        "between the believed and the found mounting, in the sensor frame. All sensors of a bench should agree in the "
-        "heading of a 9-axis filter.",
+        "between the believed and the found mounting, in the sensor frame. Without a magnetometer the heading is where a "
+        "filter happened to begin; with one, sensors agree in it as far as the magnetic field is the same where they are.",
     )
 
 

@@ -24,8 +24,9 @@ from testbench.reporting.true_flexion import flexion_blocks
 
 Colours = dict[str, str]
 SCALE = (
-    ", which end at the value that 98 % of the cells stay below, those of filters left out whose median cell is an outlier; a "
-    "cell beyond that end is crossed, and its value shows on hovering"
+    ", which end at the largest value, or at the one that 98 % of the cells stay below where the largest is over half as much "
+    "again; filters whose median cell is an outlier do not count. A cell beyond that end is crossed, and its value shows on "
+    "hovering"
 )
 
 
@@ -283,7 +284,7 @@ def _measured(rows: list[JointRow], samples: int) -> list[Cell]:
 
 
 def _sweep_grid(joint: str, section: str, errors: SweepErrors) -> Table:
-    first, second = errors.variables
+    first, second = (_variable_words(name) for name in errors.variables)
     body = []
     for key in errors.keys:
         body.append(Row([Cell(f"{key[0]}, {key[1]}", head=True, span=len(errors.values(1)) + 1)], "group"))
@@ -298,6 +299,14 @@ def _sweep_grid(joint: str, section: str, errors: SweepErrors) -> Table:
     )
 
 
+def _variable_words(name: str) -> str:
+    """A variable of a protocol with its unit in brackets, where its name ends in one."""
+    for suffix, unit in {"_deg": "deg", "_hz": "Hz", "_s": "s", "_deg_s": "deg/s", "_mm": "mm"}.items():
+        if name.endswith(suffix) and not (suffix == "_s" and name.endswith("_deg_s")):
+            return f"{name.removesuffix(suffix).replace('_', ' ')} [{unit}]"
+    return name
+
+
 def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
     grids = {key: errors.grid(key) for key in errors.keys}
     top = common_top({f"{name}, {sequence}": grid for (name, sequence), grid in grids.items()})
@@ -305,10 +314,10 @@ def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
     for (name, sequence), grid in grids.items():
         figures[f"RMS error over {errors.variables[1]} and {errors.variables[0]}, {name}, {sequence}"] = heat_map(
             f"{name}, {sequence}", [f"{v:g}" for v in errors.values(1)], [f"{v:g}" for v in errors.values(0)], grid,
-            errors.variables[1], errors.variables[0], "RMS e [deg]", top,
+            _variable_words(errors.variables[1]), _variable_words(errors.variables[0]), "RMS e [deg]", top,
         )  # fmt: skip
     return Figures(
-        f"RMS flexion error over {errors.variables[1]} and {errors.variables[0]}: {joint}, section {section}",
+        f"RMS flexion error over {' and '.join(map(_variable_words, reversed(errors.variables)))}: {joint}, section {section}",
         figures,
         f"How to read: each cell is one sweep; all maps share their colours{SCALE}.",
         small=True,

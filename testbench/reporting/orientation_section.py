@@ -50,7 +50,8 @@ def orientation_section(evaluation: Evaluation, colours: dict[str, str], spans: 
                 f"Orientation error over time: {sensor}",
                 {f"orientation error of {sensor} over time": time_panels(envelope.time, panels, colours, spans, far)},
                 "How to read: total is the angle between estimated and true orientation; heading is its part about the "
-                "vertical, inclination the rest. A heading that runs away is a filter without magnetometer. Only judged "
+                "vertical, inclination the rest. A heading that runs away is that of a filter without magnetometer, or of one "
+                "that is still turning to a field other than that of the reference pose. Only judged "
                 "samples are drawn; long recordings show the lowest and highest error of each short span." + hidden_names(far),
             )
         )

@@ -13,6 +13,8 @@ from testbench.reporting.page import Sentence
 from testbench.reporting.tables import Cell, digits, text
 
 RULE = "beyond the upper quartile of all filters by three quartile ranges, and by 1 deg above their median"
+FAR_BEYOND = 1.5
+"""The largest cell of several maps over that which 98 % stay below, from which it does not set their colours."""
 HIDDEN = " Outliers begin hidden, so that the others can be seen: {names}. Click a name to show it."
 
 
@@ -84,7 +86,9 @@ def hidden_names(names: Iterable[str]) -> str:
 
 
 def common_top(grids: Mapping[str, np.ndarray]) -> float:
-    """Upper end of the colours that several maps share: 98 % of the cells of the filters that are no outliers lie below.
+    """Upper end of the colours that several maps share, from the cells of the filters that are no outliers.
+
+    It is the largest, or the value that 98 % lie below where the largest is far beyond it.
 
     Args:
         grids: By filter, NaN where there is nothing.
@@ -92,4 +96,8 @@ def common_top(grids: Mapping[str, np.ndarray]) -> float:
     middles = {name: float(np.median(grid[np.isfinite(grid)])) for name, grid in grids.items() if np.isfinite(grid).any()}
     far = far_ones(middles)
     known = [grid[np.isfinite(grid)] for name, grid in grids.items() if name in middles and name not in far]
-    return max(float(np.quantile(np.concatenate(known), 0.98)), 1e-3) if known else 1.0
+    if not known:
+        return 1.0
+    cells = np.concatenate(known)
+    usual, largest = float(np.quantile(cells, 0.98)), float(cells.max())
+    return max(largest if largest <= FAR_BEYOND * usual else usual, 1e-3)

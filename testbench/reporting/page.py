@@ -38,7 +38,15 @@ class Sentence:
     text: str
 
 
-Block = Table | Figures | Heading | Sentence
+@dataclass(frozen=True)
+class Folded:
+    """Blocks of one kind that are too many to stand one below the other: shown only when asked for."""
+
+    caption: str
+    blocks: list[Table]
+
+
+Block = Table | Figures | Heading | Sentence | Folded
 
 
 @dataclass

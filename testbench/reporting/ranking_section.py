@@ -13,6 +13,8 @@ WHOLE_JOINT = (
     "the total error is the angle between estimated and true orientation of the distal segment against the proximal one, all "
     "three angles at once: headings count here, even where the flexion does not see them; "
 )
+FORMS = (("shares", "its", "it", "it is"), ("share", "their", "them", "they are"))
+"""Of one and of several filters."""
 
 
 def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = None) -> list[Block]:
@@ -47,7 +49,7 @@ def _ranking(where: str, rows: list[RankRow], compared: list[Comparison], far: d
     body = []
     for row in rows:
         rank = f"{row.best_rank}" if row.best_rank == row.worst_rank else f"{row.best_rank} to {row.worst_rank}"
-        alike = ", ".join(row.no_difference)
+        alike = "any other" if len(row.no_difference) == len(rows) - 1 > 1 else ", ".join(row.no_difference)
         body.append(
             Row([label(row.filter), Cell(rank, kind="number"), text(row.group), number(row.value, 3),
                  _p_value(clearest[row.filter]), text(alike, kind="wide"),
@@ -101,7 +103,7 @@ def distribution_table(caption: str, names: list[str], rows: list[tuple[list[Cel
         body.append(
             Row([*leading, number(e.median_error_deg, 3), number(e.iqr_deg, 3), number(e.p95_abs_error_deg, 3),
                  number(e.max_abs_error_deg, 3), number(e.correlation, 4), Cell(late, kind="number"),
-                 Cell(settling, kind="number"), number(e.unsettled, 0)])
+                 Cell(settling, kind="number"), number(e.unsettled if e.convergence_s is not None or e.unsettled else None, 0)])
         )  # fmt: skip
     return Table(
         caption,
@@ -134,13 +136,14 @@ def ranking_doubts(evaluation: Evaluation, owner: str, section: str | None = Non
         own = [row for row in rows if row.criterion == criterion]
         if all(len(row.no_difference) == len(own) - 1 for row in own):
             continue  # nobody was told apart: the letters say so
-        for row in own:
-            if len(row.no_difference) == len(own) - 1:
-                sentences.append(
-                    Sentence(
-                        f"{row.filter} ({digits(row.value, 3)} deg, {criterion}) shares a letter with every other: its errors "
-                        "differ so much from one stretch to the next that this recording places it nowhere. That is no sign "
-                        "that it is as good as the best."
-                    )
+        nowhere = [f"{row.filter} ({digits(row.value, 3)} deg)" for row in own if len(row.no_difference) == len(own) - 1]
+        if nowhere:
+            shares, its, places, it_is = FORMS[len(nowhere) > 1]
+            sentences.append(
+                Sentence(
+                    f"{', '.join(nowhere)} {shares} a letter with every other by {criterion}: {its} errors differ so much from "
+                    f"one stretch to the next that this recording places {places} nowhere. That is no sign that {it_is} as "
+                    "good as the best."
                 )
+            )
     return sentences

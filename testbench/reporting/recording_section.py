@@ -5,7 +5,19 @@ from __future__ import annotations
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation, NoiseRow
 from testbench.reporting.page import Section, Sentence
-from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, significant, text
+from testbench.reporting.tables import (
+    Cell,
+    Row,
+    Table,
+    digits,
+    header,
+    label,
+    number,
+    significant,
+    text,
+    to_uncertainty,
+    unit_words,
+)
 
 
 def recording_section(estimate: Estimate, evaluation: Evaluation | None) -> Section:
@@ -60,16 +72,16 @@ def _quality(estimate: Estimate) -> Table:
 
 def _noise(rows: list[NoiseRow]) -> Table:
     def with_sd(value: float | None, sd: float | None) -> Cell:
-        shown = significant(value).text
-        return Cell(shown if sd is None or value is None else f"{shown} ± {significant(sd, 1).text}", kind="number")
+        shown = to_uncertainty(value, sd)
+        return Cell(shown if sd is None or value is None else f"{shown} ± {to_uncertainty(sd, sd)}", kind="number")
 
     body = [
         Row([
             label(row.sensor), text(f"{row.quantity} {row.axis}"), number(row.span_s, 1),
-            Cell(digits(row.mean, 3), kind="number"), significant(row.sd), text(row.unit),
-            with_sd(row.noise_density, row.noise_density_sd), text(row.noise_density_unit),
-            significant(row.random_walk), text(row.random_walk_unit),
-            with_sd(row.bias_instability, row.bias_instability_sd), text(row.bias_instability_unit),
+            Cell(digits(row.mean, 3), kind="number"), significant(row.sd), text(unit_words(row.unit)),
+            with_sd(row.noise_density, row.noise_density_sd), text(unit_words(row.noise_density_unit)),
+            significant(row.random_walk), text(unit_words(row.random_walk_unit)),
+            with_sd(row.bias_instability, row.bias_instability_sd), text(unit_words(row.bias_instability_unit)),
         ])
         for row in rows
     ]  # fmt: skip

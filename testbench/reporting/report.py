@@ -28,6 +28,8 @@ from testbench.reporting.tables import digits
 from testbench.reporting.uncertainty_section import uncertainty_section
 
 FILE = "report.html"
+VENDORS_FILTER = "device"
+"""The orientation that a sensor computes itself; simulated sensors have an error model of it."""
 
 
 def report(session: Session, estimate: Estimate | None = None, evaluation: Evaluation | None = None) -> Path:
@@ -71,10 +73,19 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
         verdict=evaluation.verdict if evaluation else "not evaluated",
         simulated=simulated_parts(session),
+        modelled_filter=VENDORS_FILTER if VENDORS_FILTER in _filters_of(estimate, evaluation) else "",
         facts=facts(session),
         tiles=_tiles(evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}),
         sections=sections,
     )
+
+
+def _filters_of(estimate: Estimate | None, evaluation: Evaluation | None) -> set[str]:
+    """Filters that the page speaks of."""
+    names = {name for sensor in estimate.sensors.values() for name in sensor.orientation} if estimate else set()
+    if evaluation is None:
+        return names
+    return names | {row.filter for row in evaluation.orientation} | {row.filter for row in evaluation.joint_angle}
 
 
 def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> list[Section]:

@@ -14,7 +14,7 @@ from testbench.records.session import Session
 from testbench.records.strict import Placement
 from testbench.reporting.page import Block, Section, Sentence
 from testbench.reporting.ranking_section import plus_minus
-from testbench.reporting.tables import NOTHING, Cell, Row, Table, digits, header, label, number, significant, text, vector
+from testbench.reporting.tables import NOTHING, Cell, Row, Table, digits, header, label, number, text, vector
 
 SHOWN = {
     "schema_version", "session", "status", "started_utc", "clocks", "software", "sensors", "analysis", "kind", "seed",
@@ -122,7 +122,7 @@ def run_section(session: Session) -> Section:
     blocks.append(_sections(session) if session.steps else Sentence("The session lists no steps: it is judged as a whole."))
     environment = _mapping(session.manifest.get("environment"))
     if environment:
-        blocks.append(_environment(environment))
+        blocks.append(_environment(environment) if environment.get("dipoles") else _undisturbed(environment))
     blocks += _interruptions(session)
     noticed = session.manifest.get("notes")
     if isinstance(noticed, list):
@@ -145,7 +145,16 @@ def _sensors(session: Session) -> Table:
                     carried[3] += f", injected error {vector(sensor.mounting_error.position_mm, 1)}"
         kind = described.get("description") or described.get("preset") or described.get("driver")
         rate = described.get("rate_hz")
-        rows.append(Row([label(name), text(kind, kind="wide"), significant(rate, 4), *(text(value) for value in carried)]))
+        rows.append(
+            Row(
+                [
+                    label(name),
+                    text(kind, kind="wide"),
+                    Cell(f"{rate:.4g}" if isinstance(rate, int | float) else NOTHING, kind="number"),
+                    *(text(value) for value in carried),
+                ]
+            )
+        )
     return Table(
         "Sensors and their mounting",
         [Cell("sensor"), Cell("kind"), Cell("rate [Hz]", kind="number"), Cell("link"), Cell("segment"),
@@ -156,12 +165,17 @@ def _sensors(session: Session) -> Table:
     )  # fmt: skip
 
 
+def _undisturbed(environment: dict[str, Any]) -> Sentence:
+    earth = vector(environment.get("magnetic_field_uT") or [], 1)
+    return Sentence(f"Magnetic field that was simulated: the earth's of ({earth}) µT in the world; nothing disturbs it.")
+
+
 def _environment(environment: dict[str, Any]) -> Table:
     """The magnetic field that the simulated sensors feel, and what disturbs it."""
     earth = environment.get("magnetic_field_uT") or []
     rows = [
         Row([label(str(dipole.get("name") or NOTHING)), text(dipole.get("link")), text(vector(dipole["position_mm"], 1)),
-             text(vector(dipole["moment_A_m2"], 3)), number(dipole.get("iron_radius_mm"), 0)])
+             text(vector(dipole["moment_A_m2"], 3)), number(dipole.get("iron_radius_mm") or None, 0)])
         for dipole in environment.get("dipoles", [])
     ]  # fmt: skip
     why = f" {environment['why']}" if environment.get("why") else ""
@@ -237,7 +251,7 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
         cells = [label(metric.name), *(text(value) for value in (metric.filter, metric.sequence, metric.section))]
         cells += [plus_minus(metric.value, metric.expanded_uncertainty), _interval(metric), text(metric.unit)]
         if limits and metric.outcome is not None:
-            cells += [text(_limits(metric)), Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}")]
+            cells += [text(_limits(metric), kind="limit"), Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}")]
         rows.append(Row([*cells, text(metric.meaning, kind="wide")]))
     titles = ["metric", "filter", "sequence", "section"]
     columns = [

@@ -14,7 +14,7 @@ from testbench.reporting.figures import Curve, Figure, box_plots, error_curves, 
 from testbench.reporting.page import Block, Figures, Section, Sentence
 from testbench.reporting.palette import COLOURS, REFERENCE, ordered_colours
 from testbench.reporting.render import render_page
-from testbench.reporting.tables import Cell, Row, Table, label, number, ratio, significant, text
+from testbench.reporting.tables import Cell, Row, Table, label, number, power_of_ten, powers_of_ten, ratio, significant, text
 
 FILE = "report.html"
 MOST_OPEN = 12
@@ -120,36 +120,41 @@ def _figure(figure: StudyBoxes) -> Figures:
 
 def _table(table: StudyTable) -> Table:
     compared = table.ratio_column
+    words = [
+        all(isinstance(value, str | None) for row in table.rows for value in (row.values[i], *row.published[i : i + 1]))
+        for i in range(len(table.columns))
+    ]
     rows = []
     for row in table.rows:
         ours = [] if compared is None else [ratio(row.ratio(compared))]
+        printed = [_as_printed(value, own) for value, own in zip(row.published, words, strict=False)]
         if row.published_alone:
-            rows.append(Row([label(row.label, row.note), *map(_as_printed, row.published), *ours], kind="published"))
+            rows.append(Row([label(row.label, row.note), *printed, *ours], kind="published"))
             continue
-        rows.append(Row([label(row.label, row.note), *_cells(table, row.values), *ours]))
+        rows.append(Row([label(row.label, row.note), *_cells(table, row.values, words), *ours]))
         if row.published:
-            rows.append(
-                Row([label("published"), *map(_as_printed, row.published), *(Cell("") for _ in ours)], kind="published")
-            )
+            rows.append(Row([label("published"), *printed, *(Cell("") for _ in ours)], kind="published"))
     columns = [Cell("")]
-    for i, title in enumerate(table.columns):
-        words = all(isinstance(value, str | None) for row in table.rows for value in (row.values[i], *row.published[i : i + 1]))
-        columns.append(Cell(title, kind="" if words else "number"))
+    columns += [Cell(title, kind="" if own else "number") for title, own in zip(table.columns, words, strict=True)]
     if compared is not None:
         columns.append(Cell(f"ratio, {table.columns[compared].split(' [')[0]}", kind="number"))
     beside = f" (beside table{'s' if ' ' in table.table else ''} {table.table})" if table.table else ""
     return Table(table.caption + beside, columns, rows, table.how)
 
 
-def _as_printed(value: Value) -> Cell:
-    return Cell(f"{value:.7g}", kind="number") if isinstance(value, int | float) else _word(value)
+def _as_printed(value: Value, among_words: bool) -> Cell:
+    if not isinstance(value, int | float):
+        return _word(value, among_words)
+    mantissa, _, exponent = f"{value:.7g}".partition("e")
+    return Cell(power_of_ten(mantissa, int(exponent)) if exponent else mantissa.replace("-", "−"), kind="number")
 
 
-def _word(value: str | None) -> Cell:
-    return number(None) if value is None else text(value)
+def _word(value: str | None, among_words: bool) -> Cell:
+    """A word, or that there is none, on the side where the others of its column stand."""
+    return number(None) if value is None and not among_words else text(None if value is None else powers_of_ten(value))
 
 
-def _cells(table: StudyTable, values: tuple[Value, ...]) -> list[Cell]:
+def _cells(table: StudyTable, values: tuple[Value, ...], words: list[bool]) -> list[Cell]:
     cells = []
     for i, value in enumerate(values):
         if isinstance(value, int | float):
@@ -157,7 +162,7 @@ def _cells(table: StudyTable, values: tuple[Value, ...]) -> list[Cell]:
             tiny = 0 < abs(value) < SMALLEST_FIXED and decimals > 5
             cells.append(significant(value, 3) if tiny else number(value, decimals))
         else:
-            cells.append(_word(value))
+            cells.append(_word(value, words[i]))
     return cells
 
 

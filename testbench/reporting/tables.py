@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import floor, log10
 from typing import Any
 
 import numpy as np
@@ -75,9 +77,45 @@ def number(value: float | None, decimals: int = 2, title: str = "", kind: str = 
 
 
 def significant(value: float | None, count: int = 3, title: str = "") -> Cell:
-    """A number with a fixed count of significant digits."""
-    shown = NOTHING if value is None or not np.isfinite(value) else f"{value:.{count}g}".replace("-", "−")
-    return Cell(shown, title, "number")
+    """A number with a fixed count of significant digits, final zeros too; a power of ten where it has many zeros."""
+    return Cell(significant_digits(value, count), title, "number")
+
+
+def significant_digits(value: float | None, count: int = 3) -> str:
+    """As `significant`, for a cell with more in it."""
+    if value is None or not np.isfinite(value):
+        return NOTHING
+    if value == 0:
+        return "0"
+    mantissa, exponent = f"{value:.{count - 1}e}".split("e")
+    if not -5 < int(exponent) < 6:
+        return power_of_ten(mantissa, int(exponent))
+    return f"{float(f'{value:.{count - 1}e}'):.{max(count - 1 - int(exponent), 0)}f}".replace("-", "−")
+
+
+def to_uncertainty(value: float | None, sd: float | None) -> str:
+    """A value to the second significant digit of its standard uncertainty; by itself where that is unknown."""
+    if value is None or not np.isfinite(value) or sd is None or not np.isfinite(sd) or sd <= 0:
+        return significant_digits(value)
+    decimals = 1 - floor(log10(sd))
+    return digits(value, max(decimals, 0)) if decimals <= 9 else significant_digits(value)
+
+
+def powers_of_ten(text: str) -> str:
+    """Words in which numbers such as 3e-06 are written as people write them."""
+    return re.sub(r"(?<![\w.])(\d(?:\.\d+)?)e([-+]\d+)\b", lambda found: power_of_ten(found[1], int(found[2])), text)
+
+
+def power_of_ten(mantissa: str, exponent: int) -> str:
+    """A number in scientific notation, with true minus signs."""
+    return f"{mantissa}·10{str(exponent).translate(_RAISED)}".replace("-", "−")
+
+
+def unit_words(unit: str | None) -> str | None:
+    """A unit as it is written by hand, from one in ASCII: "ug/sqrt(Hz)" to "µg/√Hz"."""
+    if unit is None:
+        return None
+    return re.sub(r"sqrt\((\w+)\)", r"√\1", re.sub(r"\bu(?=[gT]\b)", "µ", unit)).replace("^2", "²").replace("^3", "³")
 
 
 def ratio(value: float | None) -> Cell:
@@ -88,7 +126,7 @@ def ratio(value: float | None) -> Cell:
     if value == 0 or -4 <= int(exponent) <= 4:
         shown = f"{float(f'{value:.2g}'):.6f}".rstrip("0").rstrip(".")
     else:
-        shown = f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
+        shown = power_of_ten(mantissa, int(exponent))
     return Cell(shown.replace("-", "−"), kind="number")
 
 
@@ -100,6 +138,11 @@ def digits(value: float | None, decimals: int = 2) -> str:
     if shown.strip("-0.") == "":
         shown = shown.lstrip("-")
     return shown.replace("-", "−")
+
+
+def counted(count: int, what: str) -> str:
+    """A count with its noun: 1 row, 2 rows."""
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def vector(values: Iterable[float], decimals: int = 2) -> str:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
 from testbench.records.uncertainty import UncertaintyBudget
-from testbench.reporting.page import Section, Sentence
+from testbench.reporting.page import Folded, Section, Sentence
 from testbench.reporting.tables import Cell, Row, Table, digits, header, label, number, significant, text
+
+MOST_BUDGETS = 4
+"""Budgets of one quantity that stand one below the other; more are folded into one."""
 
 
 def uncertainty_section(evaluation: Evaluation, session: Session) -> Section:
@@ -19,7 +22,9 @@ def uncertainty_section(evaluation: Evaluation, session: Session) -> Section:
     section.blocks.append(_overview(budgets))
     if session.robot is not None:
         section.blocks.append(Sentence(f"What the robot file says of its values: {session.robot.spec.uncertainty.why.strip()}"))
-    section.blocks += [_budget(budget) for budget in budgets]
+    for quantity in dict.fromkeys(budget.quantity for budget in budgets):
+        tables = [_budget(budget) for budget in budgets if budget.quantity == quantity]
+        section.blocks += [Folded(f"Budgets of the {quantity} errors", tables)] if len(tables) > MOST_BUDGETS else tables
     return section
 
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 from testbench.records.evaluation import Evaluation, OrientationRow, Outcome
 from testbench.records.evaluation_rows import RankRow
 from testbench.reporting.page import Sentence
-from testbench.reporting.ranking_section import ranking_doubts
+from testbench.reporting.ranking_section import ranking_blocks, ranking_doubts
+from testbench.reporting.tables import Table
 
 NAMES = ["good", "worse", "wild"]
 
@@ -36,6 +37,17 @@ def test_a_filter_that_is_left_out_and_one_that_is_placed_nowhere_are_named() ->
     left_out, nowhere = said(EVALUATION)
     assert left_out.startswith("drifting is not ranked")
     assert nowhere.startswith("wild (75.8") and "shares a letter with every other" in nowhere
+
+
+def test_those_that_are_placed_nowhere_share_one_sentence() -> None:
+    rows = [rank("good", 0.2, "a", "wild", "wilder"), rank("worse", 0.9, "b", "wild", "wilder")]
+    rows += [rank("wild", 7.0, "ab", "good", "worse", "wilder"), rank("wilder", 8.0, "ab", "good", "worse", "wild")]
+    evaluation = replace(EVALUATION, ranking=rows, orientation=EVALUATION.orientation[:3])
+    (nowhere,) = said(evaluation)
+    assert nowhere.startswith("wild (7.000 deg), wilder (8.000 deg) share a letter with every other by RMS total error")
+    (table,) = (block for block in ranking_blocks(evaluation, "shank") if isinstance(block, Table))
+    alike = [row.cells[-1].text for row in table.rows]
+    assert alike == ["wild, wilder", "wild, wilder", "any other", "any other"]
 
 
 def test_where_nobody_is_told_apart_the_letters_say_enough() -> None:

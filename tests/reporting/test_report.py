@@ -16,18 +16,20 @@ import pytest
 from PIL import Image
 
 from testbench.cli.output import say_evaluation
+from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Metric, Outcome
 from testbench.records.evaluation_rows import FieldFollowingRow, OutlierRow
 from testbench.records.published import load_published
 from testbench.records.session import Session
 from testbench.reporting.figures import Curve, error_curves, heat_map
+from testbench.reporting.fit_section import fit_section
 from testbench.reporting.joint_section import joint_section
 from testbench.reporting.magnetic_section import magnetic_blocks
 from testbench.reporting.orientation_section import orientation_section
 from testbench.reporting.outliers import common_top
 from testbench.reporting.page import Figures, Sentence
 from testbench.reporting.palette import COLOURS, ORDERED, REFERENCE, filter_colours, rgb
-from testbench.reporting.report import report
+from testbench.reporting.report import render, report
 from testbench.reporting.tables import Table
 from tests.reporting.conftest import Judged, copy_of
 
@@ -289,7 +291,7 @@ def test_sweeps_without_a_flexion_get_a_table_of_their_own(quick: Judged) -> Non
     evaluation = replace(quick.evaluation, joint_angle=rows)
     page = Page(report(quick.session, quick.estimate, evaluation).read_text(encoding="utf-8"))
     assert "RMS flexion error [deg] of the sweeps" in page.words
-    assert re.search(r"frequency_hz\s*amplitude_deg\s*0\.1\s*0\.5", page.words)
+    assert re.search(r"frequency \[Hz\]\s*amplitude \[deg\]\s*0\.1\s*0\.5", page.words)
     assert re.search(r"5\s*0\.50\s*2\.50\s*10\s*1\.00\s*5\.00", page.words)
 
 
@@ -388,8 +390,10 @@ def test_maps_share_a_scale_that_an_outlier_does_not_set_and_cross_what_lies_bey
     rng = np.random.default_rng(0)
     grids = {name: rng.uniform(0, 1, (5, 8)) for name in ("a", "b", "c", "d", "e")}
     everyone = np.concatenate([grid.ravel() for grid in grids.values()])
+    assert common_top(grids) == pytest.approx(everyone.max())
+    assert common_top(grids | {"runs": np.full((5, 8), 60.0)}) == pytest.approx(everyone.max())
+    grids["a"][0, 0] = everyone[0] = 5.0
     assert common_top(grids) == pytest.approx(np.quantile(everyone, 0.98))
-    assert common_top(grids | {"runs": np.full((5, 8), 60.0)}) == pytest.approx(np.quantile(everyone, 0.98))
     z = np.array([[0.1, 3.0], [np.nan, 0.9]])
     _, crosses = heat_map("t", [1.0, 2.0], [10.0, 20.0], z, "x", "y", "z", 1.0)["data"]
     assert (crosses["x"], crosses["y"]) == ([2.0], [10.0])
@@ -417,3 +421,20 @@ def test_the_report_shows_how_much_of_the_field_each_filter_follows(quick: Judge
         ["vqf_9d", "0.31 [0.11, 0.50]", "9"],
         ["vqf_6d", "0.00 [0.11, 0.50]", "9"],
     ]
+
+
+def test_what_became_of_samples_without_a_stored_calibration_depends_on_the_sessions_own(quick: Judged) -> None:
+    def said(estimate: Estimate) -> str:
+        return " ".join(block.text for block in fit_section(estimate).blocks if isinstance(block, Sentence))
+
+    assert "the samples went on as recorded: arm, forearm" in said(quick.estimate)
+    arm = quick.estimate.sensors["arm"]
+    fitted = replace(arm, calibration=replace(arm.calibration, method="static_poses"))
+    estimate = replace(quick.estimate, sensors=quick.estimate.sensors | {"arm": fitted})
+    assert "corrected by the one above alone: arm." in said(estimate) and "as recorded: forearm." in said(estimate)
+
+
+def test_the_vendors_filter_is_spoken_of_only_where_it_ran(quick: Judged) -> None:
+    assert "Rows of the filter “device”" in render(quick.session, quick.estimate, quick.evaluation)
+    evaluation = replace(quick.evaluation, orientation=[], joint_angle=[])
+    assert "Rows of the filter" not in render(quick.session, None, evaluation)

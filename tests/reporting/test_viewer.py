@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,12 @@ import pytest
 from PIL import Image
 
 from testbench.model.kinematics import Kinematics, Pose
+from testbench.records.evaluation import ChainRow
 from testbench.records.robot import load_robot
 from testbench.reporting.viewer import process, save_recording, screenshot, view
 from testbench.reporting.viewer.process import ViewerError
-from testbench.reporting.viewer.scene import COLUMN, ROW, column_width, viewable_urdf
+from testbench.reporting.viewer.scene import COLUMN, PER_ROW, ROW, WIDE, arrangement, column_width, viewable_urdf
+from testbench.reporting.viewer.signals import chain_joints
 from testbench.reporting.viewer.timeline import TIMELINE, changing, every
 from tests.reporting.conftest import Judged
 
@@ -201,4 +204,28 @@ def test_columns_move_apart_where_many_rows_make_the_axes_small() -> None:
         for columns in range(1, 12):
             width = column_width(rows, columns)
             assert COLUMN <= width <= 3 * COLUMN
-            assert width == COLUMN or width * columns <= 1.2 * ROW * rows + 1e-9
+            assert width == COLUMN or width * columns <= WIDE * ROW * rows + 1e-9
+
+
+def test_many_axes_go_on_in_the_next_row() -> None:
+    assert arrangement(2, 5) == (2, 5)
+    assert arrangement(2, 11) == (4, PER_ROW)
+    assert arrangement(0, 1) == (1, 1)
+
+
+def test_the_joints_of_a_chain_are_drawn_with_their_truth_the_worst_first(quick: Judged, tmp_path: Path) -> None:
+    time = np.arange(0, 2_000_000_000, 50_000_000)
+    row = ChainRow("waves", "fourier", "", *([0] * 16))  # type: ignore[arg-type]
+    joints = {"hip": 1.0, "knee": 3.0, "ankle": 2.0, "toe": 0.5, "list": 0.1}
+    rows = [replace(row, joint=joint, rmse_deg=rmse) for joint, rmse in joints.items()]
+    one = {"host_time_ns": time, "judged": (time >= 500_000_000) & (time < 1_800_000_000)}
+    for joint in joints:
+        one |= {f"{joint}_rad": np.full(len(time), 0.3), f"{joint}_error_rad": np.full(len(time), 0.1)}
+    evaluation = replace(quick.evaluation, chain=rows, series=quick.evaluation.series | {"chain_waves_fourier": one})
+    assert chain_joints(evaluation) == {"waves": ["knee", "ankle", "hip", "toe"]}
+    chunks = chunks_of(save_recording(quick.session, tmp_path / "chain.rrd", quick.estimate, evaluation))
+    angles = column(chunks, "/chain/waves/knee/angle", "Scalars:scalars")
+    assert np.allclose(angles, np.degrees([0.2, 0.3]))
+    assert len(angles) == len(time)
+    assert rows_of(chunks, "/chain/waves/knee/error") == int(one["judged"].sum())
+    assert rows_of(chunks, "/chain/waves/list/error") == 0

@@ -45,11 +45,36 @@
     const figure = JSON.parse(holder.querySelector("script").textContent);
     const change = scheme(figure.layout);
     for (const key of Object.keys(change)) put(figure.layout, key, change[key]);
-    // On a phone the names in a legend stand one or two in a row: they must not take the room of the curves.
-    const named = figure.data.filter((trace) => trace.type === "scatter" && trace.showlegend !== false).length;
-    if (narrow.matches && named > 2) figure.layout.height += 14 * named;
     const small = holder.parentElement.classList.contains("small-figures");
-    return Plotly.newPlot(holder, figure.data, figure.layout, small || narrow.matches ? Object.assign({}, config, { displayModeBar: false }) : config);
+    return Plotly.newPlot(
+      holder, figure.data, figure.layout, small || narrow.matches ? Object.assign({}, config, { displayModeBar: false }) : config
+    ).then(() => makeRoom(holder));
+  }
+
+  // How many rows a legend takes, and which names of sections would cover each other, shows once they are drawn.
+  function makeRoom(holder) {
+    const change = {};
+    const legend = holder.querySelector(".legend");
+    const plot = holder.querySelector(".nsewdrag");
+    if (legend && plot) {
+      const names = legend.getBoundingClientRect();
+      const bar = holder.querySelector(".modebar");
+      const beside = bar ? bar.getBoundingClientRect() : { left: Infinity, height: 0 };
+      const line = (holder.layout.annotations || []).length ? 18 : 0;
+      const top = Math.ceil(names.height + line + 6 + (names.right > beside.left ? beside.height : 0));
+      if (top > holder.layout.margin.t) {
+        change["margin.t"] = top;
+        change.height = holder.layout.height + top - holder.layout.margin.t;
+      }
+    }
+    let end = -Infinity;
+    for (const name of holder.querySelectorAll(".annotation")) {
+      const box = name.getBoundingClientRect();
+      if (box.left < end + 4 || box.right > holder.getBoundingClientRect().right) {
+        change["annotations[" + name.dataset.index + "].visible"] = false;
+      } else end = box.right;
+    }
+    return Object.keys(change).length ? Plotly.relayout(holder, change) : holder;
   }
 
   function recolour() {

@@ -7,8 +7,8 @@ import rerun.blueprint as rrb
 
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
-from testbench.reporting.viewer.scene import ROW, WORLD, column_width
-from testbench.reporting.viewer.signals import PARTS
+from testbench.reporting.viewer.scene import ROW, WORLD, arrangement, column_width
+from testbench.reporting.viewer.signals import PARTS, chain_joints
 from testbench.reporting.viewer.timeline import TIMELINE
 
 SIGNALS = {
@@ -31,7 +31,7 @@ def layout(
     if reach is not None:
         spaces.insert(0, _bench(reach))
     left = rrb.Vertical(*spaces, row_shares=[3, 2][: len(spaces)])
-    tabs = [*_joint_tabs(evaluation), *_orientation_tabs(evaluation)]
+    tabs = [*_joint_tabs(evaluation), *_chain_tabs(evaluation), *_orientation_tabs(evaluation)]
     tabs += [_imu_tab(name, name in magnetometers) for name in session.sensor_names]
     right: list[rrb.Container | rrb.View] = [rrb.Tabs(*tabs, active_tab=0)]
     shares = [7.0]
@@ -67,9 +67,10 @@ def _bench(reach: float) -> rrb.Spatial3DView:
 
 def _side_by_side(sensors: int, columns: int, alone: bool) -> rrb.Spatial3DView:
     """All axes in view, be it wide and low under the bench or narrow and high where there is none."""
-    width = column_width(sensors, columns)
-    middle = (0.0, width * (columns - 1) / 2, -ROW * (sensors - 1) / 2 - 0.05)
-    distance = max((1.6 if alone else 0.62) * width * columns, 1.25 * ROW * sensors, 1.0)
+    rows, columns = arrangement(sensors, columns)
+    width = column_width(rows, columns)
+    middle = (0.0, width * (columns - 1) / 2, -ROW * (rows - 1) / 2 - 0.05)
+    distance = max((1.6 if alone else 0.62) * width * columns, 1.25 * ROW * rows, 1.0)
     return rrb.Spatial3DView(
         origin="/",
         contents=["+ /orientations/**"],
@@ -92,6 +93,17 @@ def _joint_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
             error = _plot("flexion error [deg]", [f"+ {path}/error"])
             tabs.append(rrb.Vertical(flexion, error, name=f"{joint} {sequence}"))
     return tabs
+
+
+def _chain_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
+    """Errors of the joints of the chain, then their angles."""
+    sections = chain_joints(evaluation) if evaluation else {}
+    return [
+        rrb.Vertical(*(_plot(f"{joint}, {title} [deg]", [f"+ /chain/{section}/{joint}/{kind}"]) for joint in joints),
+                     name=f"{section} {kind}s")
+        for section, joints in sections.items()
+        for kind, title in (("error", "error"), ("angle", "true and estimated"))
+    ]  # fmt: skip
 
 
 def _orientation_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:

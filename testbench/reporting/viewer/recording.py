@@ -15,7 +15,7 @@ from testbench.reporting.palette import filter_colours
 from testbench.reporting.report import load_estimate, load_evaluation
 from testbench.reporting.viewer.layout import layout, reach_of
 from testbench.reporting.viewer.scene import WORLD, log_arm, log_estimated_sensor, log_mounted_sensor, log_side_by_side
-from testbench.reporting.viewer.signals import log_errors, log_imu, log_steps
+from testbench.reporting.viewer.signals import log_chain, log_errors, log_imu, log_steps
 
 FILE = "session.rrd"
 
@@ -77,6 +77,7 @@ def _log(
         log_imu(recording, name, own, estimate)
     if evaluation is not None:
         log_errors(recording, evaluation, colours)
+        log_chain(recording, evaluation)
     log_steps(recording, session)
 
 

@@ -30,8 +30,10 @@ TRUE_AXES = ((230, 60, 60), (60, 170, 60), (70, 110, 240))
 TRUE_LENGTH, ESTIMATED_LENGTH = 0.12, 0.085
 ROW, COLUMN = 0.4, 0.4
 """Distances between the axes that stand side by side, the least between columns [m]."""
-WIDE = 1.2
+WIDE = 1.8
 """Part of the height of all rows that the columns may take, up to three times the least distance apart."""
+PER_ROW = 6
+"""Axes of one sensor in a row; of more, those that are left go on in the next."""
 
 
 def log_arm(recording: rr.RecordingStream, robot: Robot, samples: ArmSamples) -> None:
@@ -117,6 +119,11 @@ def log_estimated_sensor(
         _log_moving_axes(recording, path, time, shown, position, ESTIMATED_LENGTH, [rgb(colours[key])] * 3)
 
 
+def arrangement(sensors: int, axes: int) -> tuple[int, int]:
+    """Rows and columns of so many sensors, each with so many axes."""
+    return max(sensors, 1) * -(-axes // PER_ROW), min(axes, PER_ROW)
+
+
 def column_width(rows: int, columns: int) -> float:
     """Distance between columns [m]: of many rows, seen from afar, the names beneath the axes would overlap."""
     return float(np.clip(WIDE * ROW * rows / max(columns, 1), COLUMN, 3 * COLUMN))
@@ -129,16 +136,20 @@ def log_side_by_side(
     colours: dict[str, str],
     columns: int,
 ) -> None:
-    """True and estimated axes of every sensor in a row of at most so many columns, each with its name beneath, or before it."""
+    """True and estimated axes of every sensor, `columns` of them at most, each with its name beneath, or before it."""
     labels: list[tuple[str, tuple[float, float, float]]] = []
-    width = column_width(len(truths), columns)
-    for row, (name, truth) in enumerate(truths.items()):
+    rows, across = arrangement(len(truths), columns)
+    width, rows_each = column_width(rows, across), rows // max(len(truths), 1)
+    for sensor, (name, truth) in enumerate(truths.items()):
         cells = [] if truth is None else [("true", truth.host_time_ns, truth.q_world_from_sensor)]
         own = None if estimate is None else estimate.sensors.get(name)
         cells += [] if own is None else [(key, own.host_time_ns, q) for key, q in own.orientation.items()]
-        for column, (key, time, q) in enumerate(cells):
+        for i, (key, time, q) in enumerate(cells):
+            row, column = sensor * rows_each + i // PER_ROW, i % PER_ROW
             place = np.array([0.0, width * column, -ROW * row])
             aside, below = (0.5 * (width - COLUMN), 0.0) if width > 2 * COLUMN else (0.0, 0.45 * ROW)
+            if rows_each > 1 and column % 2:  # long names side by side would cover each other
+                below += 0.16 * ROW
             labels.append((f"{name}, true" if key == "true" else key, (0.0, place[1] - aside, place[2] - below)))
             shades = list(TRUE_AXES) if key == "true" else [_tinted(axis, rgb(colours[key])) for axis in TRUE_AXES]
             chosen = every(time, AXES_RATE)

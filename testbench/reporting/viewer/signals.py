@@ -11,13 +11,15 @@ from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Session
-from testbench.reporting.palette import COLOURS, REFERENCE, rgb
+from testbench.reporting.palette import COLOURS, REFERENCE, filter_colours, rgb
 from testbench.reporting.viewer.timeline import every, send
 
 ERROR_RATE = 20.0
 """Rate of the error signals [Hz]."""
 AXIS_COLOURS = ((230, 70, 70), (60, 160, 60), (70, 110, 240))
 PHASES = {"move": "#5b6f8a", "dwell": "#2b333d", "sweep": "#a8641c"}
+MOST_JOINTS = 4
+"""Joints of a chain that one tab has room for."""
 PARTS = ("total", "inclination", "heading")
 
 
@@ -50,6 +52,38 @@ def log_errors(recording: rr.RecordingStream, evaluation: Evaluation, colours: d
                 path = f"joints/{joint}/{sequence}/{kind}"
                 begin = _first(series) if kind == "error" else 0
                 _log_lines(recording, path, series.get("host_time_ns"), lines, {"true": REFERENCE, **colours}, begin)
+
+
+def chain_joints(evaluation: Evaluation) -> dict[str, list[str]]:
+    """The joints of each section's chain that are shown: those with the largest errors."""
+    found: dict[str, list[str]] = {}
+    for row in sorted(evaluation.chain, key=lambda row: -row.rmse_deg):
+        joints = found.setdefault(row.section, [])
+        if row.joint not in joints and len(joints) < MOST_JOINTS:
+            joints.append(row.joint)
+    return found
+
+
+def log_chain(recording: rr.RecordingStream, evaluation: Evaluation) -> None:
+    """True and estimated angles of the joints of a chain, and their errors from the first to the last that is judged [deg]."""
+    states = list(dict.fromkeys(row.state for row in evaluation.chain))
+    colours = filter_colours(states)
+    for section, joints in chain_joints(evaluation).items():
+        series = {state: evaluation.series.get(f"chain_{section}_{state}") for state in states}
+        known = {state: own for state, own in series.items() if own is not None and len(own["host_time_ns"])}
+        if not known:
+            continue
+        first = next(iter(known.values()))
+        alike = {state: own for state, own in known.items() if np.array_equal(own["host_time_ns"], first["host_time_ns"])}
+        time, judged = first["host_time_ns"], np.flatnonzero(first["judged"])
+        shown = slice(judged[0], judged[-1] + 1) if len(judged) else slice(None)
+        for joint in joints:
+            angles = {"true": first[f"{joint}_rad"] - first[f"{joint}_error_rad"]}
+            angles |= {state: own[f"{joint}_rad"] for state, own in alike.items()}
+            errors = {state: own[f"{joint}_error_rad"][shown] for state, own in alike.items()}
+            path = f"chain/{section}/{joint}"
+            _log_lines(recording, f"{path}/angle", time, angles, {"true": REFERENCE, **colours}, 0)
+            _log_lines(recording, f"{path}/error", time[shown], errors, colours, 0)
 
 
 def _first(series: Mapping[str, np.ndarray]) -> int:
