@@ -31,7 +31,7 @@ from testbench.formats.truth.attach import TruthOptions
 from testbench.pipeline import Result
 from testbench.records.session import Session
 from tests.conftest import FakeClock
-from tests.drivers.test_xsens_dot import Bench, FakeDot
+from tests.drivers.fake_dots import Bench, FakeDot
 from tests.emulated_arms import emulated_ur, emulated_xarm
 from tests.execution.test_record import Feeder
 from tests.system.test_xarm_arm import MOVES, drive, plan_of
