@@ -20,18 +20,12 @@ from testbench.drivers.imus.streamed import SessionTime
 from testbench.exceptions import DriverError
 from testbench.records.samples import ImuSamples
 from tests.drivers.board_lines import line, make_format
+from tests.drivers.waiting import wait_for
 
 pytest.importorskip("serial")
 S = 1_000_000_000
 NEVER = 10**18
 DEG = np.pi / 180
-
-
-def wait_for(done: Callable[[], bool], seconds: float = 5.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not done():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.003)
 
 
 class Board:

@@ -21,15 +21,9 @@ from testbench.exceptions import DriverError, InputError, NotFoundError
 from testbench.execution.device_recorder import open_devices, record_devices
 from testbench.pipeline import analyse
 from tests.drivers.fake_dots import TICK_US, Bench, FakeClient, FakeDot, FakeScanner, G, events_of
+from tests.drivers.waiting import wait_for
 
 NEVER = 10**18
-
-
-def wait_for(done: Callable[[], bool], seconds: float = 5.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not done():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.002)
 
 
 Benches = Callable[..., Bench]
