@@ -10,13 +10,43 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+from testbench.clock import SystemClock
+from testbench.drivers.arms.ur import UrArm, ur_settings
+from testbench.drivers.imus.streamed import SessionTime
+from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND_PORT = 1502
 _numbers = itertools.count(2)
+
+SHORT = """\
+name: short
+purpose: A reference, a pose and a sweep, for tests on an arm in real time
+robot: ur3e
+sensors:
+  hand:
+    preset: xsens_dot
+    link: wrist_3_link
+    mounting: {rotation_deg: {XYZ: [90, 90, 0]}, position_mm: [0, 0, 10]}
+motion: {speed: 0.8, acceleration: 0.8, jerk: 0.8}
+arm: {tool: {mass_kg: 0.2, centre_mm: [0, 0, 30]}}
+sections:
+  - name: rest
+    role: reference
+    steps: [{name: start, dwell_s: 0.4}]
+  - name: moves
+    steps:
+      - {name: out, move_to_deg: {wrist_3_joint: 40, wrist_1_joint: -70}, dwell_s: 0.5}
+      - {name: wave, sweep: {wrist_3_joint: {sine: {amplitude_deg: 6, frequency_hz: 1.5, cycles: 1}}}, dwell_s: 0.3}
+      - {name: back, move_to: home, dwell_s: 0.5}
+estimate: {filters: [device, vqf_6d], align: heading, calibrate: none}
+"""
 
 
 class Emulated:
@@ -87,6 +117,20 @@ def emulated_xarm(*options: str) -> Iterator[Emulated]:
     """An xArm controller; commands go to port `COMMAND_PORT`, for 502 needs privileges."""
     with _emulated("xarm", "--command-port", str(COMMAND_PORT), *options) as (address, process):
         yield Emulated(address, process)
+
+
+def drive_ur(plan: Plan, robot: EmulatedUr, logs: Path, **options: Any) -> Session:
+    """Run a plan on an emulated controller, with simulated sensors."""
+    time_ = SessionTime(SystemClock())
+    settings = replace(ur_settings(plan, robot.address), watchdog=1.5, arm_silence=1.5, host_silence=8)  # it may be busy
+    arm = UrArm(plan.robot, settings, time_)
+    return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), time_, ArmRunOptions(logs, 1, **options))
+
+
+def ur_command(robot: EmulatedUr, protocol: Path, logs: Path, *options: str) -> list[str]:
+    """What a person would type for it."""
+    start = [sys.executable, "-m", "testbench", "run", str(protocol), "--arm", "ur", "--host", robot.address]
+    return [*start, "--logs", str(logs), "--simulate-imus", "--no-report", "--filters", "device", *options]
 
 
 def faulted_session(logs: Path, kinds: set[str]) -> Session:

@@ -15,7 +15,7 @@ from testbench.cli.filtering import FiltersOption, JsonOption, filters, parse_fi
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
 from testbench.cli.options import ProtocolArgument, RobotOption, exit_code
-from testbench.cli.output import say, say_check, say_evaluation, say_json, say_table
+from testbench.cli.output import in_ranges, say, say_check, say_evaluation, say_json, say_table
 from testbench.cli.recording import record
 from testbench.cli.running import run
 from testbench.cli.studying import study
@@ -295,7 +295,7 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
         return
     say(f"{recovered.path}: {message}")
     if missing:
-        say(f"missing: {len(missing)} of {recovered.manifest['plan']['check']['steps']} steps, from step {missing[0]} on")
+        say(f"missing: {len(missing)} of {recovered.manifest['plan']['check']['steps']} steps: {in_ranges(missing)}")
         say(f"go on: testbench run --resume {recovered.path}, on a real arm with --arm and its options")
 
 

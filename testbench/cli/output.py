@@ -57,6 +57,23 @@ def say_json(data: Any) -> None:
     print(json.dumps(plain_values(data), allow_nan=False))
 
 
+def in_ranges(numbers: Sequence[int], longest: int = 100) -> str:
+    """Rising whole numbers in few words, such as "3, 12-40, 45"; of what makes more than so many characters, how many more."""
+    spans: list[list[int]] = []
+    for number in numbers:
+        if spans and number == spans[-1][1] + 1:
+            spans[-1][1] = number
+        else:
+            spans.append([number, number])
+    said, left = "", len(numbers)
+    for first, last in spans:
+        words = (", " if said else "") + (f"{first}" if first == last else f"{first}-{last}")
+        if said and len(said + words) > longest:
+            return f"{said} and {left} more"
+        said, left = said + words, left - (last - first + 1)
+    return said
+
+
 def say_table(title: str, columns: list[str], rows: list[list[Any]]) -> None:
     """A table on stdout."""
     from rich import box

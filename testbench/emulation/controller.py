@@ -10,6 +10,9 @@ from testbench.emulation.faults import Faults, Scenario, ScheduledFault
 from testbench.emulation.joints import Joints
 from testbench.records.robot import Robot
 
+AMPERE_PER_RAD_S2, AMPERE_PER_RAD_S = 0.2, 0.3
+"""Currents grow with acceleration and speed by these factors: a stand-in, not a motor model."""
+
 
 class EmulatedController(ABC):
     """State of an emulated controller; `tick` advances it by a control period.
@@ -48,6 +51,11 @@ class EmulatedController(ABC):
     def cut_off(self) -> bool:
         """Whether its connections are cut."""
         return self.time < self.faults.disconnected_until
+
+    @property
+    def currents(self) -> np.ndarray:
+        """Of the joints' motors, shape (n,) [A]."""
+        return AMPERE_PER_RAD_S2 * self.joints.a_reference + AMPERE_PER_RAD_S * self.joints.v_measured
 
     def tick(self) -> None:
         """Advance by one control period."""

@@ -6,13 +6,40 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, TypeVar
+from typing import Annotated, ClassVar, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
 from testbench.exceptions import InputError
 from testbench.records.strict import StrictModel
 from testbench.records.yaml_file import load_yaml
+
+
+@dataclass(frozen=True)
+class FaultKind:
+    """A fault that can be asked for.
+
+    Attributes:
+        meaning: What happens. value: What its value is; None if it takes none.
+    """
+
+    meaning: str
+    value: Literal["seconds", "share"] | None = None
+
+    def check(self, name: str, value: float | None) -> None:
+        """Refuse a value that this fault cannot have; without one it has its usual size.
+
+        Raises:
+            InputError: It takes none, or another.
+        """
+        if value is None:
+            return
+        if self.value is None:
+            raise InputError(f"the fault {name} takes no value")
+        if self.value == "share" and not 0 <= value <= 1:
+            raise InputError(f"the value of {name} must be a share from 0 to 1, not {value:g}")
+        if self.value == "seconds" and not 0 <= value < math.inf:
+            raise InputError(f"the value of {name} must be a number of seconds, 0 or more, not {value:g}")
 
 
 @dataclass
@@ -53,7 +80,7 @@ class Faults:
 class ScheduledFault(StrictModel):
     """A fault of a scenario."""
 
-    known: ClassVar[Mapping[str, str]] = {}
+    known: ClassVar[Mapping[str, FaultKind]] = {}
 
     fault: str = Field(description="Its name.")
     value: float | None = Field(default=None, description="Its size, where it has one.")
@@ -69,6 +96,10 @@ class ScheduledFault(StrictModel):
             raise ValueError(f"unknown fault '{self.fault}'; known: {', '.join(self.known)}")
         if (self.at_s is None) == (self.moving_s is None):
             raise ValueError("a fault needs either at_s or moving_s")
+        try:
+            self.known[self.fault].check(self.fault, self.value)
+        except InputError as error:
+            raise ValueError(str(error)) from None
         return self
 
 
@@ -92,14 +123,14 @@ def load_scenario(path: Path, kind: type[AnyScenario]) -> AnyScenario:
     return load_yaml(path, kind).value
 
 
-def parse_command(text: str, known: Mapping[str, str]) -> tuple[str, str, float | None]:
+def parse_command(text: str, known: Mapping[str, FaultKind]) -> tuple[str, str, float | None]:
     """A line of the control port in parts: verb ("fault", "clear", "status", "quit"), name and value.
 
     Args:
-        text: The line. known: Faults and what they mean.
+        text: The line. known: Faults that there are.
 
     Raises:
-        InputError: It is none of these.
+        InputError: It is none of these, or the fault cannot have the value.
     """
     words = text.split()
     usage = "say: fault NAME [VALUE], clear, status or quit"
@@ -113,4 +144,5 @@ def parse_command(text: str, known: Mapping[str, str]) -> tuple[str, str, float 
         value = float(words[2]) if len(words) == 3 else None
     except ValueError:
         raise InputError(f"the value '{words[2]}' is no number") from None
+    known[words[1]].check(words[1], value)
     return "fault", words[1], value

@@ -15,7 +15,7 @@ from itertools import count
 from typing import ClassVar
 
 from testbench.emulation.controller import EmulatedController
-from testbench.emulation.faults import parse_command
+from testbench.emulation.faults import FaultKind, parse_command
 from testbench.exceptions import InputError
 
 CONTROL, CONTROL_PORT = "control", 29998
@@ -99,10 +99,10 @@ class Server(ABC):
         InputError: The address is none, is not loopback and has no token, or a port is taken.
 
     Attributes:
-        faults: Those that the controller knows, with their meaning.
+        faults: Those that the controller knows.
     """
 
-    faults: ClassVar[Mapping[str, str]]
+    faults: ClassVar[Mapping[str, FaultKind]]
 
     def __init__(
         self, controller: EmulatedController, ports: Mapping[int, str], address: str = "127.0.0.1", token: str | None = None

@@ -19,14 +19,14 @@ def protocol_text(
     sensor_name: str,
     sensor: Sensor,
     design: Design,
-    via_home: Collection[int],
     notes: list[str],
+    via_home: Collection[int],
 ) -> str:
     """The YAML of a protocol that makes the poses and turns of a design.
 
     Args:
         name, purpose: Of the protocol. robot: Its arm. sensor_name, sensor: What is calibrated. design: Poses and turns.
-        via_home: Poses that are reached by way of home. notes: Lines of comment for the head of the file.
+        notes: Lines of comment for the head of the file. via_home: Poses that are reached by way of home.
     """
     lines = ["# yaml-language-server: $schema=schema.json", *(f"# {note}" for note in notes)]
     head = {

@@ -100,7 +100,7 @@ def design_protocol(
         notes = [f"Designed for {robot.name}: {sentence}", LEFT_OUT]
         if link is not None:
             notes.append(f"The mounting is that of {like}, in the link {link}: correct it to where the sensor sits.")
-        text = partial(_text, out.stem, purpose, robot, name, sensor, design, notes)
+        text = partial(protocol_text, out.stem, purpose, robot, name, sensor, design, notes)
         try:
             via_home, checked = _checked(text, len(design.q))
             break
@@ -124,19 +124,6 @@ def _compared(protocol: Protocol, robot: Robot, sensor: Sensor) -> tuple[Designe
         planned = plan(protocol, own)
     designer = Designer(planned.robot, sensor)
     return designer, *designer.poses_of(planned)
-
-
-def _text(
-    name: str,
-    purpose: str,
-    robot: Robot,
-    sensor_name: str,
-    sensor: Sensor,
-    design: Design,
-    notes: list[str],
-    via_home: set[int],
-) -> str:
-    return protocol_text(name, purpose, robot, sensor_name, sensor, design, via_home, notes)
 
 
 def _checked(text: Callable[[set[int]], str], poses: int) -> tuple[set[int], Plan]:

@@ -15,6 +15,22 @@ from testbench.records.yaml_file import load_yaml
 PUBLISHED = Path(__file__).resolve().parent.parent / "studies" / "published"
 
 
+class Publication(StrictModel):
+    """What was published where, and how it was measured."""
+
+    id: str
+    description: str
+    authors: str
+    institution: str
+    year: int
+    setup: str
+
+    @property
+    def source(self) -> str:
+        """How to cite it."""
+        return f"{self.authors}, {self.institution}, {self.year}"
+
+
 class FlexionErrors(StrictModel):
     """One published table of mean absolute flexion errors.
 
@@ -41,15 +57,9 @@ class CalibrationBias(StrictModel):
     sd_mg: list[float] = Field(min_length=3, max_length=3)
 
 
-class PublishedResults(StrictModel):
-    """The numbers of one publication."""
+class PublishedResults(Publication):
+    """Flexion errors and biases of one publication."""
 
-    id: str
-    description: str
-    authors: str
-    institution: str
-    year: int
-    setup: str
     reference_angle: str
     flexion_deg: list[float] = Field(min_length=1)
     flexion_mean_abs_error: list[FlexionErrors]
@@ -63,11 +73,6 @@ class PublishedResults(StrictModel):
                     f"table {row.table} has {len(row.mean_abs_error_deg)} values for {len(self.flexion_deg)} flexions"
                 )
         return self
-
-    @property
-    def source(self) -> str:
-        """How to cite it."""
-        return f"{self.authors}, {self.institution}, {self.year}"
 
 
 class PublishedRow(StrictModel):
@@ -106,21 +111,10 @@ class PublishedTable(StrictModel):
         return found[label]
 
 
-class PublishedTables(StrictModel):
+class PublishedTables(Publication):
     """The tables of one publication, as printed."""
 
-    id: str
-    description: str
-    authors: str
-    institution: str
-    year: int
-    setup: str
     tables: dict[str, PublishedTable]
-
-    @property
-    def source(self) -> str:
-        """How to cite it."""
-        return f"{self.authors}, {self.institution}, {self.year}"
 
 
 def load_published(name: str = "reference_1") -> PublishedResults:

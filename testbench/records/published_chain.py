@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from testbench.records.protocol_chain import ChainState
-from testbench.records.published import PUBLISHED
+from testbench.records.published import PUBLISHED, Publication
 from testbench.records.strict import StrictModel
 from testbench.records.yaml_file import load_yaml
 
@@ -60,22 +60,11 @@ class GaitTables(StrictModel):
         return sum(abs(row.mean_error_deg) for row in self.rows) / len(self.rows)
 
 
-class PublishedChain(StrictModel):
+class PublishedChain(Publication):
     """The numbers of one publication."""
 
-    id: str
-    description: str
-    authors: str
-    institution: str
-    year: int
-    setup: str
     servo_rms: list[ServoErrors]
     gait: GaitTables
-
-    @property
-    def source(self) -> str:
-        """How to cite it."""
-        return f"{self.authors}, {self.institution}, {self.year}"
 
 
 @cache

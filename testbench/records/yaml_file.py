@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args
 
@@ -23,6 +24,8 @@ LARGEST_FILE = 250_000
 DEEPEST_NESTING = 40
 MOST_PROBLEMS = 30
 LONGEST_QUOTE = 60
+LONGEST_REMEMBERED = 20_000
+"""Characters of a file whose nodes are kept: robots and presets are read again for every session, and parsing takes longest."""
 
 Record = TypeVar("Record", bound=BaseModel)
 Location = tuple[Any, ...]
@@ -130,18 +133,25 @@ def parse_yaml(text: str, file: Path) -> tuple[Any, dict[Location, tuple[int, in
         FileProblems: The text is not YAML, repeats a key, uses an alias or a tag, or nests too deeply.
     """
     try:
-        loader = _Loader(text)
-        node = loader.get_single_node()
+        node = _remembered(text) if len(text) <= LONGEST_REMEMBERED else _composed(text)
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise FileProblems(file, [_syntax_problem(error, text)]) from None
     if node is None:
         return None, {}
     places: dict[Location, tuple[int, int]] = {}
     problems: list[Problem] = []
-    value = _construct(loader, node, (), places, problems, set())
+    value = _construct(_Loader(""), node, (), places, problems, set())
     if problems:
         raise FileProblems(file, few(problems))
     return value, places
+
+
+def _composed(text: str) -> yaml.Node | None:
+    """The nodes of a text; nobody changes them."""
+    return _Loader(text).get_single_node()
+
+
+_remembered = lru_cache(maxsize=32)(_composed)
 
 
 def _syntax_problem(error: Exception, text: str) -> Problem:

@@ -72,8 +72,8 @@ def in_percent(value: float) -> str:
         return f"{ratio:.1f} times as much" if ratio < 10 else f"{ratio:.0f} times as much"
     if value <= -99:
         return f"1/{1 / ratio:.0f} as much" if ratio > 0 else "next to nothing"
-    shown = f"{abs(value):.0f}"
-    return "as much" if shown == "0" else f"{shown} % {'more' if value > 0 else 'less'}"
+    shown = f"{abs(value):.0f}" if abs(value) >= 0.95 else f"{abs(value):.1f}"
+    return "as much" if shown == "0.0" else f"{shown} % {'more' if value > 0 else 'less'}"
 
 
 def told(change: Change) -> str:

@@ -24,7 +24,7 @@ from testbench.drivers.imus.xsens_dot_sync import (
 )
 from testbench.exceptions import DriverError, InputError
 from testbench.execution.device_recorder import open_devices
-from tests.drivers.test_xsens_dot import Bench, FakeClient, FakeDot, FakeScanner, events_of
+from tests.drivers.fake_dots import Bench, FakeClient, FakeDot, FakeScanner, events_of
 
 ROOT, OTHER, THIRD = "D4:22:CD:AA:BB:CC", "D4:22:CD:00:00:02", "D4:22:CD:00:00:03"
 

@@ -253,3 +253,19 @@ def test_any_text_is_read_or_refused(text):
         parse_yaml(text, "file.yaml")
     except FileProblems as error:
         assert str(error)  # noqa: PT017 - whether it is refused depends on the text
+
+
+def test_a_text_that_is_read_again_says_what_it_says_whatever_was_done_with_it_before(tmp_path):
+    text = "words: [a, b]\ninner: {size: 1.5, flag: true}\n"
+    first, places = parse_yaml(text, "first.yaml")
+    first["words"].append("c")
+    first["inner"]["size"] = 2
+    places.clear()
+    again, places = parse_yaml(text, "second.yaml")
+    assert again == {"words": ["a", "b"], "inner": {"size": 1.5, "flag": True}}
+    assert places["inner", "size"] == (2, 9)
+    for name in ("first.yaml", "second.yaml"):  # nor is a fault forgotten, or told of another file
+        with pytest.raises(FileProblems, match=f"{name}:2:.*stands twice"):
+            parse_yaml("a: 1\na: 2\n", name)
+        with pytest.raises(FileProblems, match=f"{name}:1:"):
+            parse_yaml("a: [", name)

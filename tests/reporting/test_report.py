@@ -21,14 +21,12 @@ from testbench.records.evaluation import Metric, Outcome
 from testbench.records.evaluation_rows import FieldFollowingRow, OutlierRow
 from testbench.records.published import load_published
 from testbench.records.session import Session
-from testbench.reporting.figures import Curve, error_curves, heat_map
 from testbench.reporting.fit_section import fit_section
 from testbench.reporting.joint_section import joint_section
 from testbench.reporting.magnetic_section import magnetic_blocks
 from testbench.reporting.orientation_section import orientation_section
-from testbench.reporting.outliers import common_top
 from testbench.reporting.page import Figures, Sentence
-from testbench.reporting.palette import COLOURS, ORDERED, REFERENCE, filter_colours, rgb
+from testbench.reporting.palette import COLOURS, filter_colours, rgb
 from testbench.reporting.report import render, report
 from testbench.reporting.tables import Table
 from tests.reporting.conftest import Judged, copy_of
@@ -142,20 +140,6 @@ def test_a_recording_of_devices_is_dated_as_one_and_says_what_it_cannot_repeat(i
     for said in ("Recorded2026-01-02", "none: devices recorded alone", "cannot be measured again", "98.0 samples in a second"):
         assert said in words, said
     assert "same plan" not in words and "Started" not in words
-
-
-def test_curves_far_below_others_are_not_left_flat() -> None:
-    x = [0.0, 10.0, 20.0]
-    own = [Curve("a", x, [0.02, 0.0, 0.05], "#123456", [0.01] * 3), Curve("b", x, [0.01, 0.03, None], "#654321", [0.01] * 3)]
-    far = Curve("published", x, [2.0, 5.0, 1.0], REFERENCE, dashed=True)
-    flat = error_curves([*own, far], "x", "y")
-    assert flat["layout"]["yaxis"]["type"] == "log"
-    assert [trace["y"] for trace in flat["data"]] == [[0.02, None, 0.05], [0.01, 0.03, None], [2, 5, 1]]  # no bands, no zero
-    for beside in ([], [replace(far, hidden=True)], [replace(far, y=[0.1, 0.1, 0.2])]):
-        shown = error_curves([*own, *beside], "x", "y")
-        assert shown["layout"]["yaxis"]["rangemode"] == "tozero"
-        assert "type" not in shown["layout"]["yaxis"]
-        assert sum(trace.get("fill") == "toself" for trace in shown["data"]) == 2
 
 
 def test_every_table_and_figure_says_how_to_read_it(quick_page: Page) -> None:
@@ -295,22 +279,6 @@ def test_sweeps_without_a_flexion_get_a_table_of_their_own(quick: Judged) -> Non
     assert re.search(r"5\s*0\.50\s*2\.50\s*10\s*1\.00\s*5\.00", page.words)
 
 
-def contrast(first: str, second: str) -> float:
-    def luminance(colour: str) -> float:
-        parts = [part / 255 for part in rgb(colour)]
-        linear = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
-        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-    light, dark = sorted((luminance(first), luminance(second)), reverse=True)
-    return (light + 0.05) / (dark + 0.05)
-
-
-@pytest.mark.parametrize("colour", [*COLOURS, *ORDERED, REFERENCE])
-def test_every_colour_is_legible_on_light_and_on_dark(colour: str) -> None:
-    assert contrast(colour, "#ffffff") >= 3
-    assert contrast(colour, "#14171c") >= 3
-
-
 @pytest.mark.browser
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -384,20 +352,6 @@ def test_an_outlier_is_remarked_beside_its_row_and_begins_hidden(quick: Judged) 
         for figure in block.figures.values() for curve in figure["data"] if "visible" in curve
     ]  # fmt: skip
     assert curves and {curve["name"] for curve in curves if curve["visible"] == "legendonly" and "name" in curve} == {"fusion"}
-
-
-def test_maps_share_a_scale_that_an_outlier_does_not_set_and_cross_what_lies_beyond() -> None:
-    rng = np.random.default_rng(0)
-    grids = {name: rng.uniform(0, 1, (5, 8)) for name in ("a", "b", "c", "d", "e")}
-    everyone = np.concatenate([grid.ravel() for grid in grids.values()])
-    assert common_top(grids) == pytest.approx(everyone.max())
-    assert common_top(grids | {"runs": np.full((5, 8), 60.0)}) == pytest.approx(everyone.max())
-    grids["a"][0, 0] = everyone[0] = 5.0
-    assert common_top(grids) == pytest.approx(np.quantile(everyone, 0.98))
-    z = np.array([[0.1, 3.0], [np.nan, 0.9]])
-    _, crosses = heat_map("t", [1.0, 2.0], [10.0, 20.0], z, "x", "y", "z", 1.0)["data"]
-    assert (crosses["x"], crosses["y"]) == ([2.0], [10.0])
-    assert len(heat_map("t", [1.0, 2.0], [10.0, 20.0], z, "x", "y", "z", 5.0)["data"]) == 1
 
 
 def test_the_report_shows_the_magnetic_field_and_what_disturbed_it(quick_page: Page, quick: Judged) -> None:

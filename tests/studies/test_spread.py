@@ -41,8 +41,8 @@ def test_a_single_part_shows_nothing():
 
 
 def test_a_change_is_told_in_words():
-    assert [in_percent(value) for value in (-9.4, 31, 0.2, -0.4, 150, 68900, -99.5, -100)] == [
-        "9 % less", "31 % more", "as much", "as much", "2.5 times as much", "690 times as much", "1/200 as much",
+    assert [in_percent(value) for value in (-9.4, 31, 0.2, -0.04, 150, 68900, -99.5, -100)] == [
+        "9 % less", "31 % more", "0.2 % more", "as much", "2.5 times as much", "690 times as much", "1/200 as much",
         "next to nothing",
     ]  # fmt: skip
 

@@ -97,7 +97,8 @@ def cases(seeds: Iterable[int], joint_errors: bool = True) -> list[Case]:
 def judged_cases(the_plan: Plan, session: Session, evaluation: Evaluation, seed: int) -> list[Case]:
     """What was reported of each joint and section beside what is true."""
     result = []
-    actual = {joint: actual_flexion(the_plan, session, joint, seed) for joint in session.analysis.joints}
+    arm = as_it_moved(the_plan, seed)
+    actual = {joint: actual_flexion(the_plan, session, joint, arm, seed) for joint in session.analysis.joints}
     for joint, section in PLACES:
         summary = next(s for s in evaluation.joint_summary if (s.joint, s.section) == (joint, section))
         definition = session.analysis.joints[joint]
@@ -119,18 +120,27 @@ def judged_cases(the_plan: Plan, session: Session, evaluation: Evaluation, seed:
     return result
 
 
-def actual_flexion(the_plan: Plan, session: Session, joint: str, seed: int) -> np.ndarray:
-    """What the links really did at the samples of the proximal sensor [rad], shape (n,)."""
-    spec, definition = the_plan.protocol.spec, session.analysis.joints[joint]
-    arm, kinematics = SimulatedArm(the_plan.robot, seed, spec.environment.joint_errors), Kinematics(the_plan.robot)
+def as_it_moved(the_plan: Plan, seed: int) -> SimulatedArm:
+    """The arm of a session after its whole motion, made again from the seed."""
+    arm = SimulatedArm(the_plan.robot, seed, the_plan.protocol.spec.environment.joint_errors)
     arm.prepare(the_plan)
     arm.kickoff()
-    end = int(the_plan.trajectory.time_ns[-1]) + TAIL_NS
-    arm.read(end)
+    arm.read(end_ns(the_plan))
+    return arm
+
+
+def end_ns(the_plan: Plan) -> int:
+    return int(the_plan.trajectory.time_ns[-1]) + TAIL_NS
+
+
+def actual_flexion(the_plan: Plan, session: Session, joint: str, arm: SimulatedArm, seed: int) -> np.ndarray:
+    """What the links really did at the samples of the proximal sensor [rad], shape (n,)."""
+    spec, definition = the_plan.protocol.spec, session.analysis.joints[joint]
+    kinematics = Kinematics(the_plan.robot)
     imu = SimulatedImu(
         definition.proximal, spec.sensors[definition.proximal], kinematics, spec.environment, arm.true_state, seed
     )  # fmt: skip
-    taken, _, counter = imu._sampling(end)
+    taken, _, counter = imu._sampling(end_ns(the_plan))
     q, _, _ = arm.true_state(taken[np.searchsorted(counter, session.imu(definition.proximal).counter)])
     if definition.reference_joint is not None:
         return q[:, the_plan.robot.joint_names.index(definition.reference_joint)]

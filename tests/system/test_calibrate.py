@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.cli import main
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.estimation.calibration.gyroscope import IN_RUN, attitude
 from testbench.estimation.calibration.least_squares import PoorExcitation
@@ -22,18 +21,9 @@ from testbench.model.kinematics import Kinematics
 from testbench.pipeline import analyse, calibrate, run
 from testbench.records.calibration_file import find_calibration, load_calibration, load_calibrations, save_calibration
 from testbench.records.protocol import Environment
+from tests.command_line import command
 
 SEEDS = (3, 4)
-
-
-def command(*arguments):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sys.argv", ["testbench", *map(str, arguments)])
-        try:
-            main()
-        except SystemExit as stopped:
-            return stopped.code or 0
-    return 0
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ from testbench.pipeline import analyse, make_plan
 from testbench.records.samples import ImuSamples
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.conftest import TINY, FakeClock
-from tests.emulated_arms import EmulatedUr, emulated_ur
+from tests.emulated_arms import EmulatedUr
 from tests.system.crashes import comparable
 
 SILENT_NS = (round(2.5 * NANOSECONDS), round(3.6 * NANOSECONDS))
@@ -181,13 +181,6 @@ estimate: {filters: [vqf_6d], align: heading, calibrate: none}
 """
 
 
-@pytest.fixture(scope="module")
-def robot() -> Iterator[EmulatedUr]:
-    pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
-    with emulated_ur() as emulator:
-        yield emulator
-
-
 @contextmanager
 def board_at(folder: Path) -> Iterator[Board]:
     pytest.importorskip("serial")
@@ -212,7 +205,7 @@ def named(session: Session, *names: str) -> list[str]:
     return [event.event for event in session.events if event.event in names]
 
 
-def test_an_unplugged_sensor_that_comes_back_is_a_gap_in_a_run_on_an_arm(robot, tmp_path):
+def test_an_unplugged_sensor_that_comes_back_is_a_gap_in_a_run_on_an_arm(ur3e, tmp_path):
     with board_at(tmp_path) as board:
         pulled: list[float] = []
 
@@ -224,7 +217,7 @@ def test_an_unplugged_sensor_that_comes_back_is_a_gap_in_a_run_on_an_arm(robot, 
                 pulled.append(time.monotonic())
                 board.plug_in()
 
-        session = drive(robot, board, "warn", tmp_path, progress=pull)
+        session = drive(ur3e, board, "warn", tmp_path, progress=pull)
     assert session.status is RunStatus.COMPLETED
     assert [step.index for step in session.steps] == [0, 1, 2]
     assert named(session, "disconnected", "reconnected") == ["disconnected", "reconnected"]
@@ -238,16 +231,16 @@ def test_an_unplugged_sensor_that_comes_back_is_a_gap_in_a_run_on_an_arm(robot, 
     assert "after a gap" in " ".join(analyse(session, with_report=False).evaluation.notes)
 
 
-def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_known(robot, tmp_path):
+def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_known(ur3e, tmp_path):
     with board_at(tmp_path) as board:
 
         def mute(progress) -> None:
             board.muted |= progress.index == 1
 
         with pytest.raises(GuardTripped, match="imu silence of hand") as caught:
-            drive(robot, board, "stop", tmp_path, progress=mute)
+            drive(ur3e, board, "stop", tmp_path, progress=mute)
         assert caught.value.exit_code == 3
-        robot.wait_until("at rest", 5)
+        ur3e.wait_until("at rest", 5)
     (session,) = list_sessions(tmp_path)
     assert session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest["message"]
     assert not list(session.path.glob("*.arrows"))
@@ -256,7 +249,7 @@ def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_know
     assert analyse(session, with_report=False).evaluation.outcome == "not_measured"
 
 
-def test_a_sensor_that_falls_silent_pauses_the_arm_until_it_is_heard(robot, tmp_path):
+def test_a_sensor_that_falls_silent_pauses_the_arm_until_it_is_heard(ur3e, tmp_path):
     with board_at(tmp_path) as board:
         seen: list[float] = []
 
@@ -268,7 +261,7 @@ def test_a_sensor_that_falls_silent_pauses_the_arm_until_it_is_heard(robot, tmp_
                 board.muted = False
                 os.kill(os.getpid(), signal.SIGUSR2)
 
-        session = drive(robot, board, "pause", tmp_path, progress=look)
+        session = drive(ur3e, board, "pause", tmp_path, progress=look)
     assert session.status is RunStatus.COMPLETED
     assert [step.index for step in session.steps] == [0, 1, 2]
     states = [event.details["state"] for event in session.events if event.event == "state"]

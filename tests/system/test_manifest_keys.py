@@ -6,7 +6,6 @@ import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ from testbench import execute, plan
 from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
 from testbench.drivers.arms.replay import ReplayArm
-from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.exceptions import DriverError
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
@@ -29,10 +27,11 @@ from testbench.formats.imu_tk import COUNTS_PER_M_S2
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
 from testbench.pipeline import Result
+from testbench.records.plan import Plan
 from testbench.records.session import Session
 from tests.conftest import FakeClock
-from tests.drivers.test_xsens_dot import Bench, FakeDot
-from tests.emulated_arms import emulated_ur, emulated_xarm
+from tests.drivers.fake_dots import Bench, FakeDot
+from tests.emulated_arms import EmulatedUr, drive_ur, emulated_xarm
 from tests.execution.test_record import Feeder
 from tests.system.test_xarm_arm import MOVES, drive, plan_of
 
@@ -134,7 +133,7 @@ def recordings(folder: Path) -> Iterator[Session]:
         yield record_devices(devices, folder, duration_s=0.6)
 
 
-def runs(folder: Path, tiny: Path) -> Iterator[Session]:
+def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator[Session]:
     """A run that broke off and was resumed, a replay with live sensors, and a run on an emulated arm."""
     the_plan = plan(tiny)
 
@@ -156,29 +155,27 @@ def runs(folder: Path, tiny: Path) -> Iterator[Session]:
         moved = plan(folder / "two.yaml")
         arm = ReplayArm(moved.robot, broken.path, time)
         yield execute_on_arm(moved, arm, Sensors.live(moved, devices), time, ArmRunOptions(folder))
-    slow = text.replace("speed: 0.8", "speed: 0.2") + "arm: {tracking_error_deg: 20}\n"  # this machine may be busy
-    (folder / "slow.yaml").write_text(slow, encoding="utf-8")
-    the_plan = plan(folder / "slow.yaml")
-    with emulated_ur() as robot:
-        time = SessionTime(SystemClock())
-        settings = replace(ur_settings(the_plan, robot.address), watchdog=1.5, arm_silence=1.5)
-        on_arm = UrArm(the_plan.robot, settings, time)
-        options = ArmRunOptions(folder, checklist={"by": "a test"}, resumes={"session": "none", "steps": []})
-        yield execute_on_arm(the_plan, on_arm, Sensors.simulated(the_plan, 1), time, options)
+    yield drive_ur(short_plan, ur, folder, checklist={"by": "a test"}, resumes={"session": "none", "steps": []})
     with emulated_xarm() as emulator:
         yield drive(plan_of(folder, "moves", MOVES)[1], emulator.address, folder)
 
 
 @pytest.fixture(scope="module")
-def written(quick: Result, tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
+def written(
+    quick: Result, tiny: Path, ur_emulator: EmulatedUr, short_plan: Plan, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, set[str]]:
     """Kinds of session by the keys that were written into their manifests."""
     pytest.importorskip("serial")
-    pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
     if find_spec("xarm") is None:
         pytest.skip("xarm-python-sdk is not installed")
     folder = tmp_path_factory.mktemp("kinds")
     found: dict[str, set[str]] = {}
-    for session in [quick.session, *imports(folder), *recordings(folder), *runs(folder / "runs", tiny)]:
+    for session in [
+        quick.session,
+        *imports(folder),
+        *recordings(folder),
+        *runs(folder / "runs", tiny, ur_emulator, short_plan),
+    ]:
         for key in keys(session.manifest):
             found.setdefault(key, set()).add(session.manifest["kind"])
     return found

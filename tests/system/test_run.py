@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from testbench import execute, plan
+from testbench.cli.output import in_ranges
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
 from testbench.records.session import RunStatus, Session
@@ -135,5 +136,6 @@ def test_a_session_killed_in_the_middle_is_recovered_from_the_command_line(tiny,
     done = {step.index for step in Session(folder).steps}
     assert again["missing_steps"] == [index for index in range(max(again["missing_steps"]) + 1) if index not in done]
     assert 0 not in again["missing_steps"]
+    assert f"missing: {len(again['missing_steps'])} of 3 steps: {in_ranges(again['missing_steps'])}\n" in recovered.stdout
     assert bench("evaluate", folder, "--json").returncode == 0
     assert Session(folder).status is RunStatus.ABORTED

@@ -10,7 +10,6 @@ import pytest
 from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
-from testbench.cli import main
 from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.formats import import_recording
 from testbench.records.estimate import Estimate
@@ -19,6 +18,7 @@ from testbench.records.session import Session
 from testbench.records.tuning import load_tunings
 from testbench.studies.parameter_space import Effort
 from testbench.studies.tuning import Sessions, tune
+from tests.command_line import command
 from tests.studies.known_recordings import FixedClock, write_known
 
 NOW = "2026-01-02T03:04:05+00:00"
@@ -31,16 +31,6 @@ class Own(MadgwickMarg):
     name, source = "own", "made up"
     PARAMETERS = (Parameter("gain", 0.35, "rad/s", "beta by another name", "made up", 0.01, 1.0), *MadgwickMarg.PARAMETERS[1:])
 """
-
-
-def command(*arguments) -> int:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sys.argv", ["testbench", *map(str, arguments)])
-        try:
-            main()
-        except SystemExit as stopped:
-            return stopped.code or 0
-    return 0
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from threading import Thread
 from typing import Any, ClassVar
 
 import numpy as np
@@ -353,9 +354,16 @@ class UrClient(ArmClient):
             with suppress(Exception):
                 if self._control.isConnected() and self._control.isProgramRunning():
                     self._control.stopScript()
-        for interface in (self._control, self._receive):
-            if interface is not None:
-                with suppress(Exception):
-                    interface.disconnect()
+        endings = [Thread(target=_disconnect, args=(own,)) for own in (self._control, self._receive) if own is not None]
+        for ending in endings:
+            ending.start()
+        for ending in endings:
+            ending.join()
         self.listening = False
         self._lock.release()
+
+
+def _disconnect(interface: Any) -> None:
+    """Close a connection of the client library, which waits half a second in it."""
+    with suppress(Exception):
+        interface.disconnect()

@@ -319,12 +319,20 @@ class Worker:
 
 
 def main(descriptor: int) -> None:
-    """Serve the bench at the other end of a socket."""
+    """Serve the bench at the other end of a socket, then end this process."""
     with suppress(OSError):  # where the system lets it; the loop sleeps nearly all of its time
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
     connection = Connection(descriptor)
     _, settings = connection.recv()
     client: ArmClient = settings.client()
+    try:
+        _serve(connection, client, settings)
+    finally:
+        client.close()
+    os._exit(0)  # the destructors of UR's client library would wait half a second each for connections that are closed by now
+
+
+def _serve(connection: Connection, client: ArmClient, settings: LinkSettings) -> None:
     try:
         try:
             connection.send(("info", client.connect()))
@@ -334,8 +342,6 @@ def main(descriptor: int) -> None:
         Worker(connection, client, settings).serve()
     except (EOFError, ConnectionError):
         client.stop(STOP_RAD_S2)
-    finally:
-        client.close()
 
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ from testbench.emulation.ur.script import ControlScript, is_control_script
 from testbench.emulation.ur.state import SAFETY_BITS, Registers, RobotMode, RuntimeState, SafetyMode
 from testbench.records.robot import Robot
 
-AMPERE_PER_RAD_S2, AMPERE_PER_RAD_S, AMPERE_NOISE = 0.2, 0.3, 0.02
-"""Currents grow with acceleration and speed by these factors and hiss by this much: a stand-in, not a motor model."""
+AMPERE_NOISE = 0.02
+"""Measured currents hiss by this much: a stand-in."""
 ZERO3, ZERO6 = [0.0] * 3, [0.0] * 6
 
 
@@ -139,7 +139,7 @@ class Controller(EmulatedController):
             self.stop_program("power off")
             self.mode = RobotMode.POWER_OFF
         elif name == "slider":
-            self.slider = min(max(0.5 if value is None else value, 0.0), 1.0)
+            self.slider = 0.5 if value is None else value
         elif name == "local_control":
             self.remote_control = False
         elif name == "program_stop":
@@ -159,8 +159,7 @@ class Controller(EmulatedController):
 
     def outputs(self) -> dict[str, Any]:
         """Every RTDE output variable but the registers."""
-        joints = self.joints
-        current = AMPERE_PER_RAD_S2 * joints.a_reference + AMPERE_PER_RAD_S * joints.v_measured
+        joints, current = self.joints, self.currents
         powered = self.mode >= RobotMode.POWER_ON
         noise = AMPERE_NOISE * self._rng.standard_normal(len(current))
         return {

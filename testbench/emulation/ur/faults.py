@@ -7,28 +7,30 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from testbench.emulation.faults import Scenario, ScheduledFault
+from testbench.emulation.faults import FaultKind, Scenario, ScheduledFault
 
 FAULTS = {
-    "protective_stop": "the arm stops hard and the program pauses",
-    "emergency_stop": "the arm stops hard and the program ends",
-    "power_off": "the arm stops and its power is cut",
-    "disconnect": "all connections are cut and none is accepted for value seconds (default: until cleared)",
-    "rtde_delay": "RTDE packages arrive value seconds late",
-    "rtde_loss": "this share of the RTDE packages is not sent (value 0 to 1)",
-    "rtde_silence": "no RTDE package is sent any more, the connection stays open",
-    "slow_response": "dashboard and script answer value seconds late",
-    "slider": "the speed slider stands at value (0 to 1)",
-    "local_control": "the robot is taken out of remote control",
-    "program_stop": "the running program ends, as if somebody had pressed stop",
+    "protective_stop": FaultKind("the arm stops hard and the program pauses"),
+    "emergency_stop": FaultKind("the arm stops hard and the program ends"),
+    "power_off": FaultKind("the arm stops and its power is cut"),
+    "disconnect": FaultKind(
+        "all connections are cut and none is accepted for value seconds (default: until cleared)", "seconds"
+    ),
+    "rtde_delay": FaultKind("RTDE packages arrive value seconds late", "seconds"),
+    "rtde_loss": FaultKind("this share of the RTDE packages is not sent (value 0 to 1)", "share"),
+    "rtde_silence": FaultKind("no RTDE package is sent any more, the connection stays open"),
+    "slow_response": FaultKind("dashboard and script answer value seconds late", "seconds"),
+    "slider": FaultKind("the speed slider stands at value (0 to 1)", "share"),
+    "local_control": FaultKind("the robot is taken out of remote control"),
+    "program_stop": FaultKind("the running program ends, as if somebody had pressed stop"),
 }
-"""What can be asked for, with its meaning."""
+"""What can be asked for, with its meaning and its value."""
 
 
 class UrFault(ScheduledFault):
     """A fault of a scenario."""
 
-    known: ClassVar[Mapping[str, str]] = FAULTS
+    known: ClassVar[Mapping[str, FaultKind]] = FAULTS
 
 
 class UrScenario(Scenario):

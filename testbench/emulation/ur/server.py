@@ -6,6 +6,7 @@ import socket
 from collections.abc import Iterable, Iterator, Mapping
 from typing import ClassVar
 
+from testbench.emulation.faults import FaultKind
 from testbench.emulation.server import CONTROL, Connection, Server
 from testbench.emulation.ur.controller import Controller
 from testbench.emulation.ur.dashboard import GREETING, answer
@@ -71,7 +72,7 @@ class UrServer(Server):
         controller, address, token: As for `Server`.
     """
 
-    faults: ClassVar[Mapping[str, str]] = FAULTS
+    faults: ClassVar[Mapping[str, FaultKind]] = FAULTS
 
     def __init__(self, controller: Controller, address: str = "127.0.0.1", token: str | None = None):
         self._ur = controller

@@ -24,8 +24,6 @@ SERVO_LAG_S, SERVO_GAIN = 0.03, 300.0
 """Lag of servo targets; the maker publishes none, this is UR's shortest."""
 JOINT_RANGE, JOINT_SPEED = 23, 24
 """Error codes (client library, x_code.py): a joint beyond its range, or too fast."""
-AMPERE_PER_RAD_S2, AMPERE_PER_RAD_S = 0.2, 0.3
-"""Currents grow with acceleration and speed by these factors: a stand-in, not a motor model."""
 TEMPERATURE_DEGC = 30
 KINDS = {"xarm5": (5, 5), "xarm6": (6, 6), "xarm7": (7, 7), "lite6": (6, 9), "850": (6, 12)}
 """Axes and device type that arms report (client library, x_config.py)."""
@@ -226,10 +224,6 @@ class Controller(EmulatedController):
             self.joints.servo(values[: len(self.robot.joint_names)], SERVO_LAG_S, SERVO_GAIN)
         return b""
 
-    def _current(self) -> np.ndarray:
-        joints = self.joints
-        return padded(AMPERE_PER_RAD_S2 * joints.a_reference + AMPERE_PER_RAD_S * joints.v_measured)
-
     def timely_report(self) -> bytes:
         """A report of port 30000."""
         report, joints = np.zeros(1, protocol.TIMELY), self.joints
@@ -237,7 +231,11 @@ class Controller(EmulatedController):
         report["state_mode"], report["commands"] = self.state_now | self.mode << 4, len(self._queue)
         report["q_target"], report["v_target"] = padded(joints.q_reference), padded(joints.v_reference)
         report["a_target"] = padded(joints.a_reference)
-        report["q"], report["v"], report["current"] = padded(joints.q_measured), padded(joints.v_measured), self._current()
+        report["q"], report["v"], report["current"] = (
+            padded(joints.q_measured),
+            padded(joints.v_measured),
+            padded(self.currents),
+        )
         return report.tobytes()
 
     def rich_report(self) -> bytes:
@@ -250,5 +248,5 @@ class Controller(EmulatedController):
         report["error"], report["load"] = self.error, self.load
         report["gravity"] = [0.0, 0.0, -1.0]
         report["axes"], report["device_type"] = axes, device_type
-        report["temperatures"], report["currents"] = TEMPERATURE_DEGC, self._current()
+        report["temperatures"], report["currents"] = TEMPERATURE_DEGC, padded(self.currents)
         return report.tobytes()

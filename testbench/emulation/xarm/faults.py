@@ -7,27 +7,29 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from testbench.emulation.faults import Scenario, ScheduledFault
+from testbench.emulation.faults import FaultKind, Scenario, ScheduledFault
 
 FAULTS = {
-    "protective_stop": "the controller finds a collision (error 31) and stops the arm",
-    "emergency_stop": "the stop button is pressed (error 1): the arm stops and its motors are switched off",
-    "power_off": "the motors are switched off",
-    "servo_error": "the motor of joint 1 fails (error 11)",
-    "program_stop": "the arm is stopped, as if somebody had pressed stop in the maker's program",
-    "disconnect": "all connections are cut and none is accepted for value seconds (default: until cleared)",
-    "report_delay": "reports arrive value seconds late",
-    "report_loss": "this share of the reports is not sent (value 0 to 1)",
-    "report_silence": "no report is sent any more, the connections stay open",
-    "slow_response": "commands are answered value seconds late",
+    "protective_stop": FaultKind("the controller finds a collision (error 31) and stops the arm"),
+    "emergency_stop": FaultKind("the stop button is pressed (error 1): the arm stops and its motors are switched off"),
+    "power_off": FaultKind("the motors are switched off"),
+    "servo_error": FaultKind("the motor of joint 1 fails (error 11)"),
+    "program_stop": FaultKind("the arm is stopped, as if somebody had pressed stop in the maker's program"),
+    "disconnect": FaultKind(
+        "all connections are cut and none is accepted for value seconds (default: until cleared)", "seconds"
+    ),
+    "report_delay": FaultKind("reports arrive value seconds late", "seconds"),
+    "report_loss": FaultKind("this share of the reports is not sent (value 0 to 1)", "share"),
+    "report_silence": FaultKind("no report is sent any more, the connections stay open"),
+    "slow_response": FaultKind("commands are answered value seconds late", "seconds"),
 }
-"""What can be asked for, with its meaning."""
+"""What can be asked for, with its meaning and its value."""
 
 
 class XArmFault(ScheduledFault):
     """A fault of a scenario."""
 
-    known: ClassVar[Mapping[str, str]] = FAULTS
+    known: ClassVar[Mapping[str, FaultKind]] = FAULTS
 
 
 class XArmScenario(Scenario):

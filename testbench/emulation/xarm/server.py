@@ -6,6 +6,7 @@ import socket
 from collections.abc import Iterable, Iterator, Mapping
 from typing import ClassVar
 
+from testbench.emulation.faults import FaultKind
 from testbench.emulation.server import CONTROL, CONTROL_PORT, Connection, Server
 from testbench.emulation.xarm.controller import REPORT_HZ, Controller
 from testbench.emulation.xarm.faults import FAULTS
@@ -54,7 +55,7 @@ class XArmServer(Server):
         controller, address, token: As for `Server`. command_port: The controller's is 502, which needs privileges.
     """
 
-    faults: ClassVar[Mapping[str, str]] = FAULTS
+    faults: ClassVar[Mapping[str, FaultKind]] = FAULTS
 
     def __init__(
         self, controller: Controller, address: str = "127.0.0.1", token: str | None = None, command_port: int = COMMAND_PORT

@@ -1,0 +1,136 @@
+"""What the operator of an arm is shown, asked and told, before it moves and while it does."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+
+from testbench.cli.running import ArmChoice, approve
+from testbench.exceptions import BenchError
+from testbench.execution.checklist import HAZARDS
+from testbench.execution.guards import GuardTripped
+from testbench.pipeline import make_plan
+from testbench.records.session import RunStatus, list_sessions
+from tests.emulated_arms import ROOT, SHORT, drive_ur, ur_command
+
+pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
+
+
+def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(ur3e, short_plan, tmp_path):
+    paused: list[float] = []
+    said: list[str] = []
+
+    def pause(progress) -> None:
+        if progress.index == 1 and not paused:
+            paused.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGUSR1)
+        elif paused and time.monotonic() - paused[0] > 2.5:
+            os.kill(os.getpid(), signal.SIGUSR2)
+
+    session = drive_ur(short_plan, ur3e, tmp_path, progress=pause, say=said.append)
+    assert session.status is RunStatus.COMPLETED
+    assert [line for line in said if "controller's samples" not in line] == [
+        "pause requested (asked for): the arm rests after this step",
+        "PAUSED (asked for): SIGUSR2 goes on, SIGINT stops",
+        "going on",
+    ]
+    events = {event.event: event.host_time_ns for event in session.events}
+    assert events["resumed"] - events["paused"] > 0.5e9
+    arm = session.arm()
+    waiting = (arm.host_time_ns > events["paused"] + 0.2e9) & (arm.host_time_ns < events["resumed"])
+    assert np.abs(arm.v_measured[waiting]).max() < np.radians(0.3)
+    states = [event.details["state"] for event in session.events if event.event == "state"]
+    assert states == ["approaching", "running", "paused", "running", "stopping", "done"]
+
+
+def test_a_guard_stops_the_arm(ur3e, short, tmp_path):
+    guarded = tmp_path / "guarded.yaml"
+    rule = "guards: {temperature_degC: {limit: 25, action: stop}}\n"  # the emulated joints have 30 degC
+    guarded.write_text(SHORT + rule, encoding="utf-8")
+    with pytest.raises(GuardTripped, match=r"temperature of .*: 30 degC, the limit is 25 degC"):
+        drive_ur(make_plan(guarded), ur3e, tmp_path / "logs")
+    (session,) = list_sessions(tmp_path / "logs")
+    assert session.status is RunStatus.ERROR
+    assert any(event.event == "guard" for event in session.events)
+    ur3e.wait_until("at rest", 5)
+
+
+def test_a_guard_that_pauses_says_why_and_how_to_go_on(ur3e, tmp_path):
+    guarded = tmp_path / "guarded.yaml"
+    rule = "guards: {temperature_degC: {limit: 25, action: pause}}\n"
+    guarded.write_text(SHORT + rule, encoding="utf-8")
+    said: list[str] = []
+
+    def hear(line: str) -> None:
+        said.append(line)
+        if line.startswith("PAUSED"):
+            os.kill(os.getpid(), signal.SIGUSR2)
+
+    session = drive_ur(make_plan(guarded), ur3e, tmp_path / "logs", say=hear)
+    why = "guard: temperature of wrist_3_joint: 30 degC, the limit is 25 degC"  # the last of six that trip at once
+    assert said[:6] == [
+        f"warning: temperature of {joint}: 30 degC, the limit is 25 degC" for joint in session.robot.joint_names
+    ]
+    assert said[6:9] == [
+        f"pause requested ({why}): the arm rests after this step",
+        f"PAUSED ({why}): SIGUSR2 goes on, SIGINT stops",
+        "going on",
+    ]
+    assert said[9].startswith("guards: temperature_degC of elbow_joint 1, ")
+    (state,) = [event for event in session.events if event.details.get("state") == "paused"]
+    assert state.details["why"] == why
+    assert session.status is RunStatus.COMPLETED
+
+
+def test_without_confirmation_the_whole_motion_is_shown_and_nothing_moves(ur3e, short, tmp_path):
+    before = ur3e.control("status")
+    done = subprocess.run(ur_command(ur3e, short, tmp_path / "logs"), cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "--confirm-motion" in done.stderr
+    for name in ("start", "out", "wave", "back"):
+        assert name in done.stdout
+    assert not (tmp_path / "logs").exists()
+    assert ur3e.control("status") == before
+
+
+def test_without_a_look_at_the_hazards_nothing_moves(ur3e, short, tmp_path):
+    asked = ur_command(ur3e, short, tmp_path / "logs", "--confirm-motion")
+    done = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL)
+    assert done.returncode == 2
+    assert "--hazards-checked" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("choice", "sentence"),
+    [
+        (ArmChoice("ur", "127.0.0.1", confirmed=True), "name the sensors on the arm with --serial or --dot"),
+        (ArmChoice("ur", "127.99.99.99", simulate_imus=True, confirmed=True), r"127\.99\.99\.99"),
+    ],
+    ids=["no sensors", "no controller"],
+)
+def test_a_person_is_asked_only_when_nothing_else_would_refuse_the_run(short_plan, choice, sentence, monkeypatch):
+    asked: list[str] = []
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("testbench.cli.running._ask", lambda question: bool(asked.append(question)))
+    with pytest.raises(BenchError, match=sentence):
+        approve(short_plan, choice, choice.setup())
+    assert not asked
+
+
+def test_a_person_is_asked_of_an_arm_that_can_be_driven_and_that_was_let_go(ur3e, short_plan, monkeypatch):
+    asked: list[str] = []
+
+    def ask(question: str) -> bool:
+        asked.append(ur3e.dashboard("programState"))
+        return True
+
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("testbench.cli.running._ask", ask)
+    choice = ArmChoice("ur", ur3e.address, simulate_imus=True, confirmed=True)
+    assert approve(short_plan, choice, choice.setup())["by"] == "asked on the terminal"
+    assert asked == ["STOPPED null"] * len(HAZARDS)
