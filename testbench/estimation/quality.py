@@ -81,7 +81,8 @@ class Traits:
         """Samples of which every quantity that is present at all is finite, shape (n,), bool."""
         finite = np.ones(len(samples), dtype=bool)
         for key in self.present:
-            finite &= np.isfinite(getattr(samples, key)).all(axis=1)
+            for column in getattr(samples, key).T:  # twice as fast as all(axis=1) of three
+                finite &= np.isfinite(column)
         return finite
 
     @property

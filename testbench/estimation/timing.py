@@ -137,7 +137,7 @@ def asynchrony(samples: ImuSamples, interval: float) -> float:
     a, b = seen - seen.mean(), expected - expected.mean()
     lags = np.arange(-MOST_LAG, MOST_LAG + 1)
     begin, end = MOST_LAG, len(a) - MOST_LAG
-    correlation = np.array([np.dot(a[begin + lag : end + lag], b[begin:end]) for lag in lags])
+    correlation = np.array([np.einsum("i,i->", a[begin + lag : end + lag], b[begin:end]) for lag in lags])
     k = int(np.argmax(correlation))
     begin_k, end_k = begin + lags[k], end + lags[k]
     likeness = correlation[k] / np.sqrt(np.sum(a[begin_k:end_k] ** 2) * np.sum(b[begin:end] ** 2))

@@ -23,7 +23,8 @@ CHUNK = 250_000
 STAGES = ("import", "estimate", "evaluate", "report")
 
 PROGRAM = """
-import json, resource, sys, time
+import json, os, resource, sys, time
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does
 from pathlib import Path
 stage, folder, kept = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
 path = folder / "session"
