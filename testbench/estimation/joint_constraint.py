@@ -33,8 +33,8 @@ SLOW_S, FAST_SD = 5.0, np.radians(0.5)
 WINDOW_S = 60.0
 """About so long a stretch decides on the heading in its middle [s]."""
 START_SD, LARGEST_SD = np.radians(0.5), np.radians(30.0)
-"""Of the heading in the reference pose, which the alignment has brought to zero as well as a sensor is mounted (`uncertainty` in
-robots/ur3e), and the most that it is begun with [rad]."""
+"""Of the heading in the reference pose, which the alignment has brought to zero as well as a sensor is mounted (`uncertainty`
+in robots/ur3e), and the most that it is begun with [rad]."""
 
 
 @dataclass(frozen=True)
