@@ -157,7 +157,7 @@ def evaluate(
     if json:
         say_json(result.to_dict())
     else:
-        say_evaluation(result, str(opened.path), None)
+        say_evaluation(result, str(opened.path), None, opened.simulated)
     raise typer.Exit(exit_code(result))
 
 
