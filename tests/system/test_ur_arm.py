@@ -119,6 +119,7 @@ def test_the_session_says_what_arm_it_was_and_that_the_sensors_were_simulated(do
     assert done.status is RunStatus.COMPLETED
     assert manifest["arm"]["driver"] == "ur" and manifest["arm"]["model"] == "UR3"
     assert manifest["simulated_sensors"] is True
+    assert manifest["arm"]["tool"] == {"mass_kg": 0.2, "centre_mm": [0, 0, 30]}
     assert manifest["arm"]["timing"]["cycles"] > 1000
     states = [event.details["state"] for event in done.events if event.event == "state"]
     assert states == ["approaching", "running", "stopping", "done"]

@@ -279,11 +279,17 @@ class RemoteArm(SteppingArm):
             "driver": self.driver,
             "host": self.settings.host,
             **{key: self.info[key] for key in self.told if key in self.info},
+            "tool": self._tool(),
             "control_hz": self.settings.control_hz,
             "record_hz": self.settings.record_hz,
             "streamed_moves": self.streamed_moves,
             "timing": self.timing,
         }
+
+    def _tool(self) -> dict[str, Any] | None:
+        """The weight that the controller was told of, or None where it was left as it was."""
+        mass, centre = self.settings.mass, self.settings.centre
+        return None if mass is None else {"mass_kg": mass, "centre_mm": [round(1000 * x, 6) for x in centre]}
 
     def _motions(self, plan: Plan, steps: list[PlannedStep], paths: StraightPaths) -> list[Motion]:
         """Steps of a plan as the process is told of them; where one was left out, a move to the next one's beginning."""
