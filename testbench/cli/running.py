@@ -254,6 +254,11 @@ def _hazards(choice: ArmChoice) -> dict[str, Any]:
 
 
 def _ask(sentence: str) -> bool:
+    """Ask on the terminal; what was typed before the question stands there is no answer to it."""
+    import termios
+
+    if sys.stdin.isatty():
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
     print(f"  {sentence} [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
