@@ -9,6 +9,7 @@ from tempfile import mkdtemp
 
 from testbench.clock import Clock, SystemClock
 from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.remote import RemoteArm
 from testbench.drivers.arms.replay import ReplayArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
@@ -81,6 +82,25 @@ def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics:
         return own
     spec = own.spec.model_copy(update={"assumptions": [*own.spec.assumptions, f"{kinematics}: {doubt}"]})
     return Robot(spec, own.urdf, own.text, own.file)
+
+
+def refuse_other_maker(robot: Robot, driver: str) -> None:
+    """Refuse an arm that a driver is not for, by its name; nothing is connected.
+
+    Args:
+        robot: What the plan is for. driver: ur, xarm, or anything else, which drives every arm.
+
+    Raises:
+        InputError: It is another maker's; says which driver it needs.
+    """
+    kinds: dict[str, type[RemoteArm]] = {kind.driver: kind for kind in (UrArm, XArm)}
+    if driver not in kinds:
+        return
+    try:
+        kinds[driver].refuse_other(robot)
+    except InputError as error:
+        right = next((name for name, kind in kinds.items() if kind.drives(robot)), None)
+        raise InputError(f"{error}: say --arm {right}" if right else f"{error}, which no driver is for") from None
 
 
 def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Sensors, SessionTime]:

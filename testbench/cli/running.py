@@ -128,12 +128,13 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
     Raises:
         InputError: The motion was not confirmed; nothing moved, nothing was connected.
     """
-    from testbench.arm_pipeline import calibrated_robot, run_on_arm
+    from testbench.arm_pipeline import calibrated_robot, refuse_other_maker, run_on_arm
     from testbench.pipeline import make_plan
 
     setup = choice.setup()
     own = calibrated_robot(protocol, robot, choice.kinematics) if choice.kinematics is not None else robot
     plan = make_plan(protocol, own, choice.filters, choice.tuned)
+    refuse_other_maker(plan.robot, choice.arm)
     if not choice.json:
         say_warnings(plan)
     options = _options(choice)
