@@ -20,7 +20,7 @@ import pytest
 from testbench.arm_pipeline import ArmSetup, prepare_resume, resume
 from testbench.cli.running import ArmChoice, approve
 from testbench.clock import SystemClock
-from testbench.drivers.arms.remedies import REMEDIES
+from testbench.drivers.arms.remedies import UR_REMEDIES
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.exceptions import ArmRefused, BenchError, DriverError, InputError, RunInterrupted
@@ -249,7 +249,7 @@ def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names
     seen = told.details["fault"]
     notes = [note for note in caught.value.__notes__ if "what to do" not in note]
     assert notes == [f"what was recorded is kept in {session.path}: {len(session.steps)} of 4 steps are whole"]
-    assert (f"what to do: {REMEDIES.get(seen)}" in caught.value.__notes__) == (seen in REMEDIES)
+    assert (f"what to do: {UR_REMEDIES.get(seen)}" in caught.value.__notes__) == (seen in UR_REMEDIES)
 
 
 def test_late_and_lost_packages_do_not_stop_a_run_that_can_bear_them(robot, short_plan, tmp_path):

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from testbench.drivers.arms.remedies import UR_REMEDIES
 from testbench.drivers.arms.remote import RemoteArm, common_settings
 from testbench.drivers.arms.ur_client import UrSettings
 from testbench.records.plan import Plan
@@ -21,6 +22,7 @@ class UrArm(RemoteArm):
     driver: ClassVar[str] = "ur"
     models: ClassVar[str] = r"ur\d+e"
     family: ClassVar[str] = "e-series arms such as ur3e"
+    remedies = UR_REMEDIES
     joint_columns: ClassVar[tuple[str, ...]] = ("current_{}_A", "temperature_{}_degC")
     columns: ClassVar[dict[str, Any]] = {"robot_mode": np.int64, "safety_mode": np.int64, "speed_scaling": np.float64}
     told: ClassVar[tuple[str, ...]] = ("model", "serial", "polyscope", "speed_slider")

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from testbench.drivers.arms.remedies import XARM_REMEDIES
 from testbench.drivers.arms.remote import RemoteArm, common_settings
 from testbench.drivers.arms.xarm_client import CONTROL_PORT, XArmSettings, stop_at_once
 from testbench.exceptions import InputError
@@ -32,6 +33,7 @@ class XArm(RemoteArm):
         "the xArm driver is UNVERIFIED ON HARDWARE: it was tested against an emulated controller only, and this controller has "
         "no watchdog that stops the arm when the bench is cut off; keep a hand on the emergency stop"
     )
+    remedies = XARM_REMEDIES
     joint_columns: ClassVar[tuple[str, ...]] = ("current_{}_A", "temperature_{}_degC")
     columns: ClassVar[dict[str, Any]] = {"state": np.int64, "mode": np.int64, "error_code": np.int64}
     told: ClassVar[tuple[str, ...]] = ("model", "serial", "firmware", "axes", "device_type")
