@@ -9,6 +9,7 @@ from tempfile import mkdtemp
 
 from testbench.clock import Clock, SystemClock
 from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.remote import RemoteArm
 from testbench.drivers.arms.replay import ReplayArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
@@ -30,6 +31,7 @@ from testbench.execution.resume import (
     stored_robot,
 )
 from testbench.model.dh_calibration import calibrated
+from testbench.model.dh_plausibility import judge_corrections
 from testbench.pipeline import Result, analyse, make_plan
 from testbench.planning.planner import find_robot
 from testbench.records.arm_calibration import load_arm_calibration
@@ -63,11 +65,42 @@ class ArmSetup:
 def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
     """The arm of a protocol with its own kinematics, from a calibration.yaml.
 
-    Its corrected URDF lies beside the calibration's folder of the system's temporary files; the session keeps a copy.
+    Its corrected URDF lies beside the calibration's folder of the system's temporary files; the session keeps a copy. What is
+    doubtful about the corrections is among the warnings of every plan for it.
+
+    Raises:
+        InputError: The calibration is another arm's, or can be no factory calibration.
     """
     calibration = load_arm_calibration(kinematics)
-    folder = Path(mkdtemp(prefix="testbench-"))
-    return calibrated(find_robot(load_protocol(protocol), robot), calibration, folder)
+    nominal = find_robot(load_protocol(protocol), robot)
+    own = calibrated(nominal, calibration, Path(mkdtemp(prefix="testbench-")))
+    try:
+        doubt = judge_corrections(nominal, own)
+    except InputError as error:
+        raise InputError(f"{kinematics}: {error}") from None
+    if doubt is None:
+        return own
+    spec = own.spec.model_copy(update={"assumptions": [*own.spec.assumptions, f"{kinematics}: {doubt}"]})
+    return Robot(spec, own.urdf, own.text, own.file)
+
+
+def refuse_other_maker(robot: Robot, driver: str) -> None:
+    """Refuse an arm that a driver is not for, by its name; nothing is connected.
+
+    Args:
+        robot: What the plan is for. driver: ur, xarm, or anything else, which drives every arm.
+
+    Raises:
+        InputError: It is another maker's; says which driver it needs.
+    """
+    kinds: dict[str, type[RemoteArm]] = {kind.driver: kind for kind in (UrArm, XArm)}
+    if driver not in kinds:
+        return
+    try:
+        kinds[driver].refuse_other(robot)
+    except InputError as error:
+        right = next((name for name, kind in kinds.items() if kind.drives(robot)), None)
+        raise InputError(f"{error}: say --arm {right}" if right else f"{error}, which no driver is for") from None
 
 
 def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Sensors, SessionTime]:

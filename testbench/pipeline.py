@@ -51,6 +51,7 @@ class Result:
         return {
             "session": str(self.session.path),
             "outcome": self.evaluation.outcome,
+            "simulated": self.session.simulated,
             "report": str(self.report) if self.report else None,
         }
 

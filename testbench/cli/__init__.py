@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from errno import ENOSPC
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -32,7 +33,8 @@ def main() -> None:
     except BrokenPipeError:
         sys.exit(1)
     except OSError as error:  # a full disk, a folder without permission
-        say_error(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error))
+        reason = "there is no room left on the disk" if error.errno == ENOSPC else str(error)
+        say_error(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else reason)
         sys.exit(3)
 
 

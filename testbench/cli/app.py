@@ -15,7 +15,7 @@ from testbench.cli.filtering import FiltersOption, JsonOption, filters, parse_fi
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
 from testbench.cli.options import ProtocolArgument, RobotOption, exit_code
-from testbench.cli.output import in_ranges, say, say_check, say_evaluation, say_json, say_table
+from testbench.cli.output import in_ranges, say, say_check, say_evaluation, say_json, say_table, say_warnings
 from testbench.cli.recording import record
 from testbench.cli.running import run
 from testbench.cli.studying import study
@@ -77,6 +77,8 @@ def plan(
     if out is not None and not out.parent.is_dir():
         raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
     the_plan = make_plan(protocol, robot)
+    if not json:
+        say_warnings(the_plan)
     if out is not None:
         try:
             the_plan.save(out)
@@ -90,7 +92,8 @@ def plan(
     if json:
         keys = ["index", "section", "name", "kind", "start_s", "settled_s", "end_s"]
         steps = [dict(zip(keys, row, strict=True)) for row in rows]
-        say_json({"hash": the_plan.hash, "duration_s": the_plan.duration, "steps": steps, "file": str(out) if out else None})
+        told = {"hash": the_plan.hash, "duration_s": the_plan.duration, "warnings": the_plan.check.warnings}
+        say_json(told | {"steps": steps, "file": str(out) if out else None})
     else:
         say_table(f"{the_plan.protocol.spec.name} on {the_plan.robot.name}", columns, rows)
         say(f"duration: {the_plan.duration:.1f} s")
@@ -157,7 +160,7 @@ def evaluate(
     if json:
         say_json(result.to_dict())
     else:
-        say_evaluation(result, str(opened.path), None)
+        say_evaluation(result, str(opened.path), None, opened.simulated)
     raise typer.Exit(exit_code(result))
 
 

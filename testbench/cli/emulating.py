@@ -27,7 +27,7 @@ TokenOption = Annotated[
     typer.Option("--token", envvar="TESTBENCH_EMULATOR_TOKEN", help="Needed for an address that is not loopback."),
 ]
 ScenarioOption = Annotated[Path | None, typer.Option("--scenario", help="YAML file of faults to come.")]
-AtOption = Annotated[str | None, typer.Option("--at", metavar="DEG,DEG,...", help="Joint angles at the start [deg].")]
+AtOption = Annotated[str | None, typer.Option("--at", metavar="DEG,DEG,...", help="Joint angles at the start, in degrees.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the encoders' noise.")]
 
 

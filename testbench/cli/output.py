@@ -171,8 +171,8 @@ def say_warnings(plan: Plan) -> None:
         say_warning(warning)
 
 
-def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> None:
-    """The summary of a session."""
+def say_evaluation(evaluation: Evaluation, session: str, report: str | None, simulated: Sequence[str] = ()) -> None:
+    """The summary of a session; `simulated`: what of it was not real."""
     if evaluation.limited:
         say_table(
             "Verdict",
@@ -221,6 +221,8 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None) -> 
     for note in evaluation.notes:
         say(f"note: {note}")
     say(f"outcome: {evaluation.verdict}")
+    if simulated:
+        say(f"simulated: {' and '.join(simulated)}")
     say(f"session: {session}")
     if report:
         say(f"report:  {report}")

@@ -6,13 +6,13 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from testbench.cli.arm_choice import ArmChoice
 from testbench.cli.calibrating import CalibrationOption
 from testbench.cli.filtering import FiltersOption, JsonOption, parse_filters
 from testbench.cli.options import RobotOption, complete_protocol, exit_code
@@ -31,7 +31,6 @@ from testbench.cli.tuning import TunedOption
 
 if TYPE_CHECKING:
     from testbench.arm_pipeline import ArmSetup
-    from testbench.estimation.filters import OrientationFilter
     from testbench.execution.arm_run import ArmRunOptions
     from testbench.pipeline import Result
     from testbench.records.plan import Plan, PlannedStep
@@ -95,10 +94,11 @@ def run(
     names = parse_filters(filters)
     choice = ArmChoice(
         arm.value, host, log, simulate_imus, serial or [], dot or [], kinematics, confirm_motion, hazards_checked,
-        seed, logs, names, calibration, tuned or [], not no_report, json,
+        seed, speed.value, logs, names, calibration, tuned or [], not no_report, json,
     )  # fmt: skip
     if resume is not None:
         return _finish(resume_run(resume, protocol, robot, choice), json)
+    choice.refuse_ignored()
     if protocol is None:
         raise InputError("name a protocol, or a session with --resume")
     if arm is not ArmDriver.sim:
@@ -118,69 +118,8 @@ def _finish(result: Result, json: bool) -> None:
         say_json(result.to_dict())
     else:
         report = str(result.report) if result.report else None
-        say_evaluation(result.evaluation, str(result.session.path), report)
+        say_evaluation(result.evaluation, str(result.session.path), report, result.session.simulated)
     raise typer.Exit(exit_code(result.evaluation))
-
-
-@dataclass
-class ArmChoice:
-    """What was asked for on the command line.
-
-    Attributes:
-        arm: ur, xarm or replay. host, log, simulate_imus, serial, dots: As the options. confirmed: --confirm-motion.
-        hazards_checked: --hazards-checked. seed, logs, filters, calibration, tuned, with_report, json: As for every
-        run.
-    """
-
-    arm: str
-    host: str | None = None
-    log: Path | None = None
-    simulate_imus: bool = False
-    serial: list[str] = field(default_factory=list)
-    dots: list[str] = field(default_factory=list)
-    kinematics: Path | None = None
-    confirmed: bool = False
-    hazards_checked: bool = False
-    seed: int = 0
-    logs: Path = Path("logs")
-    filters: list[str | OrientationFilter] | None = None
-    calibration: Path | None = None
-    tuned: list[Path] = field(default_factory=list)
-    with_report: bool = True
-    json: bool = False
-
-    def setup(self) -> ArmSetup:
-        """Arm and sensors."""
-        from testbench.arm_pipeline import ArmSetup
-        from testbench.exceptions import InputError
-        from testbench.records.arm_calibration import load_arm_calibration
-
-        if self.moves and not self.host:
-            raise InputError(f"--arm {self.arm} needs --host, the address of the controller")
-        if self.arm == "replay" and self.log is None:
-            raise InputError("--arm replay needs --log, a session, a Parquet or a CSV file")
-        log = self.log if self.arm == "replay" else None
-        number = load_arm_calibration(self.kinematics).serial if self.kinematics is not None else None
-        return ArmSetup(self.host or "", log, self.simulate_imus, self.serial, self.dots, self.seed, number, self.arm)
-
-    @property
-    def moves(self) -> bool:
-        """Whether anything real moves."""
-        return self.arm != "replay"
-
-    def resume_line(self, session: Path) -> str:
-        """The command that goes on with a session, with the same arm and sensors; the hazards will be asked for."""
-        words = ["testbench", "run", "--resume", str(session), "--arm", self.arm]
-        words += ["--host", self.host] if self.host else []
-        words += ["--log", str(self.log)] if self.log is not None else []
-        words += ["--confirm-motion"] if self.moves else []
-        words += ["--simulate-imus"] if self.simulate_imus else []
-        words += [word for text in self.serial for word in ("--serial", text)]
-        words += [word for text in self.dots for word in ("--dot", text)]
-        words += ["--kinematics", str(self.kinematics)] if self.kinematics is not None else []
-        words += ["--logs", str(self.logs)] if self.logs != Path("logs") else []
-        words += ["--seed", str(self.seed)] if self.seed else []
-        return shlex.join(words)
 
 
 def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
@@ -189,12 +128,13 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
     Raises:
         InputError: The motion was not confirmed; nothing moved, nothing was connected.
     """
-    from testbench.arm_pipeline import calibrated_robot, run_on_arm
+    from testbench.arm_pipeline import calibrated_robot, refuse_other_maker, run_on_arm
     from testbench.pipeline import make_plan
 
     setup = choice.setup()
     own = calibrated_robot(protocol, robot, choice.kinematics) if choice.kinematics is not None else robot
     plan = make_plan(protocol, own, choice.filters, choice.tuned)
+    refuse_other_maker(plan.robot, choice.arm)
     if not choice.json:
         say_warnings(plan)
     options = _options(choice)
@@ -239,6 +179,10 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
     simulated = driver == "simulated"
     if choice.arm == "sim" and not simulated:
         raise InputError(f"{session} was run on a real arm; say --arm {driver} and its options again")
+    if choice.arm != ("sim" if simulated else driver):
+        own = "on a simulated arm; leave --arm away" if simulated else f"with --arm {driver}; say that"
+        raise InputError(f"{session} was run {own} to go on")
+    choice.refuse_ignored(resumed=True)
     setup = None if simulated else choice.setup()
     prepared = prepare_resume(session, protocol, robot, choice.filters, choice.tuned)
     if not choice.json:
@@ -311,6 +255,11 @@ def _hazards(choice: ArmChoice) -> dict[str, Any]:
 
 
 def _ask(sentence: str) -> bool:
+    """Ask on the terminal; what was typed before the question stands there is no answer to it."""
+    import termios
+
+    if sys.stdin.isatty():
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
     print(f"  {sentence} [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().lower() in {"y", "yes"}
 

@@ -11,7 +11,6 @@ from typing import Any
 
 from testbench.clock import Clock
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.arms.remedies import REMEDIES
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.following import ReportedMotion
 from testbench.drivers.imus.simulated import SimulatedImu
@@ -235,8 +234,8 @@ class _ArmRun:
         """Say with an error what to do, and where the data are."""
         if isinstance(error, BenchError):
             error.session = session
-        if self.fault in REMEDIES:
-            error.add_note(f"what to do: {REMEDIES[self.fault]}")
+        if self.fault in self.arm.remedies:
+            error.add_note(f"what to do: {self.arm.remedies[self.fault]}")
         error.add_note(f"what was recorded is kept in {session.path}: {self.done} of {len(self.steps)} steps are whole")
 
     def _say_counts(self) -> None:

@@ -14,6 +14,7 @@ from testbench.execution.guards import Trip
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import Plan, PlannedStep
+from testbench.records.replacing import disk_reason, stored
 from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import ARM, PLAN, Event, RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
@@ -24,6 +25,7 @@ IMU_NOTES = {
     "device_q": "q_earth_from_sensor of the vendor's filter, w x y z, Hamilton",
     "units": "the suffix of each column; times in nanoseconds",
 }
+KEPT = "nothing of the recording is lost; make room, then `testbench run --resume {}`"
 ARM_NOTES = {"content": "joint angles sent and measured", "units": "the suffix of each column; times in nanoseconds"}
 
 
@@ -35,6 +37,9 @@ class Recorder:
         and the rhythm of syncing. seed: Of the run; None where nothing is drawn. details: Further entries of the manifest.
         arm_columns: What the arm's samples hold beyond angles and rates, name to type. resumed: Go on with this session; what
         it holds already is not written again.
+
+    Raises:
+        StorageError: The disk does not take it; a session that was to be gone on with keeps everything.
     """
 
     def __init__(
@@ -43,15 +48,26 @@ class Recorder:
     ):  # fmt: skip
         self.plan, self.imus, self.clock = plan, imus, clock
         self._noted: set[tuple[int, str, Any]] = set()
-        self._writer = self._new(folder, clock, seed, details) if resumed is None else self._again(resumed)
-        self._writer.open_journal(ARM, ArmSamples.columns(plan.robot.joint_names) | (arm_columns or {}), ARM_NOTES)
-        for name, imu in imus.items():
-            self._writer.open_journal(f"imu_{name}", imu.columns(), IMU_NOTES)
-        streams = [ARM, *(f"imu_{name}" for name in imus)]
-        self._present = {name: self._writer.rows(name) for name in streams}
-        if resumed is None:
-            self._writer.announce()
+        path = folder if resumed is None else resumed.path
+        comfort = "nothing was recorded; make room, then run it again" if resumed is None else KEPT.format(path)
+        with stored(path, comfort):
+            self._writer = self._new(folder, clock, seed, details) if resumed is None else self._again(resumed)
+            try:
+                self._open(arm_columns or {})
+            except BaseException:
+                self._writer.abandon()
+                raise
+            if resumed is None:
+                self._writer.announce()
         self._synced_ns = clock.monotonic_ns()
+
+    def _open(self, arm_columns: dict[str, Any]) -> None:
+        """Begin the streams, or go on with those that there are."""
+        self._writer.open_journal(ARM, ArmSamples.columns(self.plan.robot.joint_names) | arm_columns, ARM_NOTES)
+        for name, imu in self.imus.items():
+            self._writer.open_journal(f"imu_{name}", imu.columns(), IMU_NOTES)
+        streams = [ARM, *(f"imu_{name}" for name in self.imus)]
+        self._present = {name: self._writer.rows(name) for name in streams}
 
     def _new(self, folder: Path, clock: Clock, seed: int | None, details: dict[str, Any]) -> SessionWriter:
         """A new session with everything that is known before anything moves."""
@@ -158,7 +174,7 @@ class Recorder:
             return self._close(status, message, details or {})
         except (StorageError, OSError) as error:
             self._writer.abandon()
-            reason = str(error) if isinstance(error, StorageError) else f"{self.path} cannot be written: {error}"
+            reason = str(error) if isinstance(error, StorageError) else f"{self.path} cannot be written: {disk_reason(error)}"
             raise StorageError(f"{reason}; make room, then `testbench recover {self.path}`") from None
 
     def _close(self, status: RunStatus, message: str, details: dict[str, Any]) -> Session:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
+from testbench.records.replacing import stored
 from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import ARM, MANIFEST, Event, RunStatus, Session
 from testbench.records.session_writer import file_hashes, note_end
@@ -21,11 +23,25 @@ def recover(session: Session) -> Session:
 
     Raises:
         SessionError: It is still being recorded, or the arm's journal is lost, so that there is no truth.
+        StorageError: The disk does not take it; nothing of the recording is lost.
     """
     if session.status is not RunStatus.RUNNING:
         return session
     if session.is_being_recorded:
         raise SessionError(f"{session.path} is still being recorded; stop that run first")
+    comfort = f"nothing of the recording is lost; make room, then `testbench recover {session.path}`"
+    with stored(session.path, comfort):
+        try:
+            return _recovered(session)
+        except OSError:
+            for partial in session.path.glob("*.partial"):
+                with suppress(OSError):
+                    partial.unlink()
+            raise
+
+
+def _recovered(session: Session) -> Session:
+    """Turn what was recorded into tables, and close the session."""
     if session.manifest.get("kind") == "recording":
         from testbench.execution.device_recorder import recover_recording
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,9 @@ from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
 from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import Robot, load_robot
 
+FARTHEST_CENTRE_MM = 500.0
+"""Of a tool that carries sensors: the reach of the smallest arm (UR3e, user manual). Farther is a slip of the unit."""
+
 
 def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = None) -> Plan:
     """Turn a protocol into a checked, timed motion.
@@ -35,6 +39,7 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
 
     Raises:
         FileProblems: The protocol or robot file is malformed.
+        InputError: The tool is too heavy for the arm, or its centre of mass cannot be meant.
         PlanError: The motion breaks a limit, collides, or would saturate a sensor.
     """
     if not isinstance(protocol, Protocol):
@@ -43,6 +48,7 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
         robot = find_robot(protocol, robot)
     commands = expand(protocol, robot)
     _check_names(protocol, robot)
+    _check_tool(protocol, robot)
     builder = MotionBuilder(robot)
     steps: list[PlannedStep] = []
     for index, command in enumerate(commands):
@@ -121,6 +127,22 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
         if kind in CHAIN_METRICS and owner not in (WHOLE_CHAIN, *robot.joint_names):
             unknown = NotFoundError(f"joint of {robot.name}", owner, robot.joint_names)
             raise protocol.document.problem(str(unknown), "accept", i, "metric")
+
+
+def _check_tool(protocol: Protocol, robot: Robot) -> None:
+    """The weight on the flange must be one that the arm may carry, with its centre where a tool can have it."""
+    tool, payload = protocol.spec.arm.tool, robot.spec.payload_kg
+    if tool is None:
+        return
+    if payload is not None and tool.mass_kg > payload:
+        message = (
+            f"the tool of {tool.mass_kg:g} kg is heavier than the {payload:g} kg that the maker of the {robot.name} allows"
+        )
+        raise protocol.document.problem(message, "arm", "tool", "mass_kg")
+    distance = math.hypot(*tool.centre_mm)
+    if distance > FARTHEST_CENTRE_MM:
+        message = f"the tool's centre of mass is {distance:g} mm from the flange; at most {FARTHEST_CENTRE_MM:g} mm are allowed"
+        raise protocol.document.problem(message, "arm", "tool", "centre_mm")
 
 
 def _check_settling(protocol: Protocol, steps: list[PlannedStep]) -> None:

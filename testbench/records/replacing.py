@@ -65,8 +65,8 @@ def write_page(path: Path, text: str) -> None:
 
 
 @contextmanager
-def stored(path: Path) -> Iterator[None]:
-    """Say in one sentence what could not be written, and that nothing else was touched.
+def stored(path: Path, comfort: str = "the recording is as it was") -> Iterator[None]:
+    """Say in one sentence what could not be written, and what has become of the rest or is to be done.
 
     Raises:
         StorageError: The disk does not take it.
@@ -74,5 +74,9 @@ def stored(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = "there is no room left on the disk" if error.errno == ENOSPC else error.strerror or str(error)
-        raise StorageError(f"{path} cannot be written: {reason}; the recording is as it was") from None
+        raise StorageError(f"{path} cannot be written: {disk_reason(error)}; {comfort}") from None
+
+
+def disk_reason(error: OSError) -> str:
+    """Why something cannot be written, in words."""
+    return "there is no room left on the disk" if error.errno == ENOSPC else error.strerror or str(error)

@@ -123,6 +123,11 @@ class RobotSpec(StrictModel):
     gravity_m_s2: Vector3 = Field(default=[0.0, 0.0, -9.80665], description="Gravity in the world frame.")
     joints: list[Joint] = Field(min_length=1)
     home_deg: list[float]
+    payload_kg: float | None = Field(
+        default=None,
+        gt=0,
+        description="The heaviest tool that the maker allows on the flange [kg]; null: not known, not checked.",
+    )
     floor: Floor | None = None
     collision: Collision = Field(default_factory=Collision)
     servo: Servo = Field(default_factory=Servo)

@@ -175,6 +175,13 @@ class Session:
         return bool(self.manifest.get("kind") == "run")
 
     @property
+    def simulated(self) -> list[str]:
+        """What of a run was simulated: arm and sensors, the sensors alone, or nothing."""
+        if self.manifest.get("arm", {}).get("driver") == "simulated":
+            return ["arm", "sensors"]
+        return ["sensors"] if self.manifest.get("simulated_sensors") else []
+
+    @property
     def sensor_names(self) -> list[str]:
         return list(self.manifest["sensors"])
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from testbench.exceptions import SessionError, StorageError
 from testbench.records.protocol import Analysis
+from testbench.records.replacing import disk_reason
 from testbench.records.session import EVENTS, MANIFEST, SCHEMA_VERSION, Event, RunStatus, Session
 from testbench.records.storage import Columns, Journal, compact, read_json, write_json, write_parquet
 
@@ -47,7 +48,7 @@ class SessionWriter:
         try:
             path.mkdir(parents=True)
         except OSError as error:
-            raise SessionError(f"the session folder {path} cannot be made: {error.strerror}") from None
+            raise SessionError(f"the session folder {path} cannot be made: {disk_reason(error)}") from None
         self.manifest: dict[str, Any] = {
             "schema_version": SCHEMA_VERSION,
             "session": path.name,
@@ -173,7 +174,7 @@ class SessionWriter:
         try:
             yield
         except OSError as error:
-            raise StorageError(f"{self.path} cannot be written: {error.strerror or error}") from None
+            raise StorageError(f"{self.path} cannot be written: {disk_reason(error)}") from None
 
     def discard(self) -> None:
         """Undo: remove the folder with all that was written; for imports, whose source still exists."""

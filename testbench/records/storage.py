@@ -270,21 +270,21 @@ class Journal:
 
         Raises:
             SessionError: It has others, or cannot be read.
+            OSError: The journal cannot be written; the table is as it was.
         """
         partial = path.with_suffix(".partial")
         partial.unlink(missing_ok=True)
         journal = cls(partial, columns, notes)
         try:
-            with pq.ParquetFile(table) as file:
-                if file.schema_arrow.names != journal._schema.names:
-                    raise SessionError(f"{table} has other columns than the stream it is to be continued with")
-                for group in range(file.num_row_groups):  # one by one: the memory does not grow with the recording
-                    for batch in file.read_row_group(group).to_batches():
-                        journal._writer.write_batch(pa.record_batch(batch.columns, schema=journal._schema))
-                        journal.rows += batch.num_rows
-        except (OSError, pa.ArrowException) as error:
-            raise SessionError(f"{table} cannot be read: {error}") from None
-        journal.sync()
+            if parquet_shape(table)[1] != journal._schema.names:
+                raise SessionError(f"{table} has other columns than the stream it is to be continued with")
+            for batch in read_parquet_batches(table):  # in pieces: the memory does not grow with the recording
+                journal.append(batch)
+            journal.sync()
+        except BaseException:
+            journal.abandon()
+            partial.unlink(missing_ok=True)
+            raise
         journal.path = partial.rename(path)
         table.unlink()
         return journal

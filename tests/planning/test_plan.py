@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from testbench import plan
-from testbench.exceptions import CollisionError, LimitError, NotFoundError, PlanError, SensorRangeError
+from testbench.exceptions import CollisionError, FileProblems, LimitError, NotFoundError, PlanError, SensorRangeError
 from testbench.model.collision import CollisionModel, NearestPair
 from testbench.model.kinematics import Kinematics
 from testbench.records.robot import load_robot
@@ -22,6 +22,24 @@ POSES_ELBOW = [(180 + d, -90, -90, 0, 90 - d, f) for d in range(-20, 21, 2) for 
 
 
 # Refusals
+
+
+def arm_with(tool: str, robot: str = "ur3e") -> str:
+    link = "link6" if robot == "xarm6" else "wrist_3_link"
+    return TOP.replace("robot: ur3e", f"robot: {robot}\narm: {{tool: {tool}}}").replace("wrist_3_link", link)
+
+
+@pytest.mark.parametrize(("robot", "payload"), [("ur3e", 3), ("ur5e", 5), ("ur10e", 12.5), ("xarm6", 5)])
+def test_a_tool_heavier_than_the_arm_may_carry_is_refused_at_its_line(planned, robot, payload):
+    planned("dwell_s: 1", top=arm_with(f"{{mass_kg: {payload}}}", robot))
+    with pytest.raises(FileProblems, match=rf"trial\.yaml:4:.*arm\.tool\.mass_kg: .*heavier than the {payload} kg.*{robot}"):
+        planned("dwell_s: 1", top=arm_with(f"{{mass_kg: {payload + 0.1}}}", robot))
+
+
+def test_a_centre_of_mass_that_is_no_tools_is_refused(planned):
+    planned("dwell_s: 1", top=arm_with("{mass_kg: 1, centre_mm: [300, 0, 400]}"))
+    with pytest.raises(FileProblems, match=r"arm\.tool\.centre_mm: .* 3500 mm from the flange; at most 500 mm"):
+        planned("dwell_s: 1", top=arm_with("{mass_kg: 1, centre_mm: [0, 0, 3500]}"))
 
 
 def test_a_position_beyond_its_limit_is_refused(planned, tmp_path):

@@ -208,7 +208,7 @@ def test_a_full_disk_stops_the_run_and_what_was_recorded_is_readable(tiny, tmp_p
     if "unshare" in done.stderr or "mount:" in done.stderr:
         pytest.skip("this machine does not let tests mount a file system")
     assert done.returncode == 3, done.stderr
-    assert "No space left on device" in done.stderr
+    assert "there is no room left on the disk" in done.stderr
     assert "Traceback" not in done.stderr
     (session,) = list_sessions(tmp_path / "disk_kept")
     recovered = recover(session)

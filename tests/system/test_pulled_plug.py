@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import json
 import os
@@ -18,7 +19,7 @@ import pytest
 
 from testbench import estimate, evaluate, execute, plan
 from testbench.arm_pipeline import resume
-from testbench.exceptions import SessionError
+from testbench.exceptions import SessionError, StorageError
 from testbench.execution.recovery import recover
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
@@ -183,6 +184,54 @@ def test_a_full_disk_leaves_the_session_and_what_was_derived_before(stage, judge
     for file in (file for file in judged.rglob("*") if file.is_file()):
         assert (kept / file.relative_to(judged)).read_bytes() == file.read_bytes(), file.name
     assert {path.name for path in kept.iterdir()} == {path.name for path in judged.iterdir()}
+
+
+@pytest.mark.parametrize("command", ["recover {}", "run --no-report --resume {}"], ids=["recover", "resume"])
+def test_a_full_disk_in_recovery_or_resumption_says_which_session_and_what_to_do(command, cut_off, tmp_path):
+    session = f"{tmp_path}/disk/run"
+    copied = f"cp -r {cut_off} {session} && head -c 100M /dev/zero > {tmp_path}/disk/filler"
+    words = f"{shutil.which('env') or 'env'} PYTHONPATH={ROOT} {sys.executable} -m testbench {command.format(session)}"
+    size = sum(file.stat().st_size for file in cut_off.rglob("*") if file.is_file()) // 1024
+    done = on_a_small_disk(["sh", "-c", f"{copied}; {words}"], tmp_path / "disk", size + 100)
+    if "unshare" in done.stderr or "mount:" in done.stderr:
+        pytest.skip("this machine does not let tests mount a file system")
+    assert done.returncode == 3, done.stderr
+    assert done.stderr.splitlines()[-1] == (
+        f"error: {session} cannot be written: there is no room left on the disk; nothing of the recording is lost; make room, "
+        f"then `testbench recover {session}`"
+    )
+    kept = tmp_path / "disk_kept" / "run"
+    assert not list(kept.glob("*.partial"))
+    assert raw(recover(Session(kept))) == raw_of_recovered(cut_off, tmp_path)
+
+
+def raw_of_recovered(session: Path, folder: Path) -> dict[str, bytes]:
+    """What a recovery with room enough makes of a session of the same name."""
+    shutil.copytree(session, folder / "roomy" / session.name)
+    return raw(recover(Session(folder / "roomy" / session.name)))
+
+
+@pytest.mark.parametrize("begun", ["by a resumption", "anew"])
+def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(begun, cut_off, tiny, tmp_path, monkeypatch):
+    def full(*arguments: Any, **options: Any) -> None:
+        raise OSError(errno.ENOSPC, "Error writing bytes to file. Detail: [errno 28] No space left on device")
+
+    shutil.copytree(cut_off, tmp_path / "run")
+    recovered = recover(Session(tmp_path / "run"))
+    before = raw(recovered)
+    monkeypatch.setattr("testbench.records.storage.Journal.append" if begun != "anew" else "pathlib.Path.write_text", full)
+    if begun == "anew":
+        with pytest.raises(StorageError, match=r"new cannot be written: there is no room .*; nothing was recorded; make room"):
+            execute(plan(tiny), tmp_path, clock=FakeClock(), session_name="new")
+        return
+    with pytest.raises(StorageError, match=r"make room, then `testbench run --resume .*run`"):
+        execute(plan(tiny), seed=5, speed="fast", clock=FakeClock(), resumed=recovered)
+    monkeypatch.undo()
+    after = raw(Session(tmp_path / "run"))
+    assert {name: after[name] for name in before if name != "manifest.json"} == {
+        name: content for name, content in before.items() if name != "manifest.json"
+    }
+    assert resume(tmp_path / "run", with_report=False, clock=FakeClock()).session.status is RunStatus.COMPLETED
 
 
 def test_a_kill_while_it_is_planned_leaves_nothing(tiny, tmp_path):

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.drivers.arms.remedies import REMEDIES
+from testbench.drivers.arms.remedies import UR_REMEDIES
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.exceptions import ArmRefused, DriverError
 from testbench.pipeline import analyse
@@ -52,6 +52,7 @@ def test_the_session_says_what_arm_it_was_and_that_the_sensors_were_simulated(do
     assert done.status is RunStatus.COMPLETED
     assert manifest["arm"]["driver"] == "ur" and manifest["arm"]["model"] == "UR3"
     assert manifest["simulated_sensors"] is True
+    assert manifest["arm"]["tool"] == {"mass_kg": 0.2, "centre_mm": [0, 0, 30]}
     assert manifest["arm"]["timing"]["cycles"] > 1000
     states = [event.details["state"] for event in done.events if event.event == "state"]
     assert states == ["approaching", "running", "stopping", "done"]
@@ -181,7 +182,7 @@ def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names
     seen = told.details["fault"]
     notes = [note for note in caught.value.__notes__ if "what to do" not in note]
     assert notes == [f"what was recorded is kept in {session.path}: {len(session.steps)} of 4 steps are whole"]
-    assert (f"what to do: {REMEDIES.get(seen)}" in caught.value.__notes__) == (seen in REMEDIES)
+    assert (f"what to do: {UR_REMEDIES.get(seen)}" in caught.value.__notes__) == (seen in UR_REMEDIES)
 
 
 def test_late_and_lost_packages_do_not_stop_a_run_that_can_bear_them(ur3e, short_plan, tmp_path):

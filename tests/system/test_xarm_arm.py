@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 
 from testbench.cli.app import app
 from testbench.clock import SystemClock
+from testbench.drivers.arms.remedies import XARM_REMEDIES
 from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.emulation.xarm.server import XArmServer
@@ -238,7 +239,10 @@ def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names
     assert struck == ["ok"]
     assert caught.value.exit_code == 3
     robot.wait_until("at rest", 5)
-    faulted_session(tmp_path, kinds)
+    session = faulted_session(tmp_path, kinds)
+    (stopped,) = [event for event in session.events if event.event == "arm_fault"]
+    (advice,) = [note for note in caught.value.__notes__ if note.startswith("what to do: ")]
+    assert advice == f"what to do: {XARM_REMEDIES[stopped.details['fault']]}"
 
 
 def test_without_confirmation_nothing_moves(robot, moves, tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Any
 
 from testbench.records.plan import Plan, PlannedStep
@@ -44,10 +45,12 @@ class SteppingArm(Arm):
     """An arm that goes through the steps of a plan in its own time, and says when each of them happened.
 
     Attributes:
-        notice: What a person must know before it moves; nothing if empty.
+        notice: What a person must know before it moves; nothing if empty. remedies: What a person does after it has stopped, by
+        the word for the cause.
     """
 
     notice: str = ""
+    remedies: Mapping[str, str] = {}
 
     @abstractmethod
     def connect(self) -> None:

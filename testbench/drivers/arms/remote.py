@@ -6,6 +6,7 @@ step ends when the joints rest in its pose, and what was recorded, not what was 
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from typing import Any, ClassVar
 
@@ -16,7 +17,7 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.link import Link, LinkSettings, Message, Motion
 from testbench.drivers.arms.straight_path import StraightPaths
 from testbench.drivers.imus.streamed import SessionTime
-from testbench.exceptions import ArmRefused, DriverError
+from testbench.exceptions import ArmRefused, DriverError, InputError
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.robot import Robot
@@ -39,18 +40,25 @@ class RemoteArm(SteppingArm):
         robot: What the plan is for. settings: Address, rates, limits. time: Of the session; a new one if None. serial: Number
         that the arm must have; any if None.
 
+    Raises:
+        InputError: The plan is for an arm that the driver is not for.
+
     Attributes:
-        driver: Its name on the command line. joint_columns: Columns that samples have for every joint, with {} for its name.
+        driver: Its name on the command line. models: A regular expression of the robots that it drives. family: What
+        people call them. joint_columns: Columns that samples have for every joint, with {} for its name.
         columns: Their other columns, and the type of each. told: Keys of what the controller says of itself that the manifest
         keeps.
     """
 
     driver: ClassVar[str]
+    models: ClassVar[str]
+    family: ClassVar[str]
     joint_columns: ClassVar[tuple[str, ...]]
     columns: ClassVar[dict[str, Any]]
     told: ClassVar[tuple[str, ...]]
 
     def __init__(self, robot: Robot, settings: LinkSettings, time: SessionTime | None = None, serial: str | None = None):
+        self.refuse_other(robot)
         self.robot, self.settings, self.time = robot, settings, time or SessionTime(SystemClock())
         self.clock, self.serial = self.time.clock, serial
         each = {column.format(joint): np.float64 for column in self.joint_columns for joint in robot.joint_names}
@@ -66,6 +74,21 @@ class RemoteArm(SteppingArm):
         self._fault: str | None = None
         self._finished = self._stopped = False
         self.streamed_moves = 0
+
+    @classmethod
+    def drives(cls, robot: Robot) -> bool:
+        """Whether this driver is for arms of that name."""
+        return re.fullmatch(cls.models, robot.name) is not None
+
+    @classmethod
+    def refuse_other(cls, robot: Robot) -> None:
+        """Refuse an arm of another maker, by its name.
+
+        Raises:
+            InputError: The driver is for others.
+        """
+        if not cls.drives(robot):
+            raise InputError(f"--arm {cls.driver} drives {cls.family}; the plan is for {robot.name}")
 
     @property
     def finished(self) -> bool:
@@ -279,11 +302,17 @@ class RemoteArm(SteppingArm):
             "driver": self.driver,
             "host": self.settings.host,
             **{key: self.info[key] for key in self.told if key in self.info},
+            "tool": self._tool(),
             "control_hz": self.settings.control_hz,
             "record_hz": self.settings.record_hz,
             "streamed_moves": self.streamed_moves,
             "timing": self.timing,
         }
+
+    def _tool(self) -> dict[str, Any] | None:
+        """The weight that the controller was told of, or None where it was left as it was."""
+        mass, centre = self.settings.mass, self.settings.centre
+        return None if mass is None else {"mass_kg": mass, "centre_mm": [round(1000 * x, 6) for x in centre]}
 
     def _motions(self, plan: Plan, steps: list[PlannedStep], paths: StraightPaths) -> list[Motion]:
         """Steps of a plan as the process is told of them; where one was left out, a move to the next one's beginning."""

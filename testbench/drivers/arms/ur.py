@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any, ClassVar
 
 import numpy as np
 
+from testbench.drivers.arms.remedies import UR_REMEDIES
 from testbench.drivers.arms.remote import RemoteArm, common_settings
 from testbench.drivers.arms.ur_client import UrSettings
-from testbench.drivers.imus.streamed import SessionTime
-from testbench.exceptions import InputError
 from testbench.records.plan import Plan
-from testbench.records.robot import Robot
 
 
 class UrArm(RemoteArm):
@@ -20,20 +17,15 @@ class UrArm(RemoteArm):
 
     Args:
         robot, settings, time, serial: As for `RemoteArm`.
-
-    Raises:
-        InputError: The plan is for no such arm.
     """
 
     driver: ClassVar[str] = "ur"
+    models: ClassVar[str] = r"ur\d+e"
+    family: ClassVar[str] = "e-series arms such as ur3e"
+    remedies = UR_REMEDIES
     joint_columns: ClassVar[tuple[str, ...]] = ("current_{}_A", "temperature_{}_degC")
     columns: ClassVar[dict[str, Any]] = {"robot_mode": np.int64, "safety_mode": np.int64, "speed_scaling": np.float64}
     told: ClassVar[tuple[str, ...]] = ("model", "serial", "polyscope", "speed_slider")
-
-    def __init__(self, robot: Robot, settings: UrSettings, time: SessionTime | None = None, serial: str | None = None):
-        if not re.fullmatch(r"ur\d+e", robot.name):
-            raise InputError(f"--arm ur drives e-series arms such as ur3e; the plan is for {robot.name}")
-        super().__init__(robot, settings, time, serial)
 
     def _wrong_model(self, info: dict[str, Any]) -> str | None:
         model, expected = str(info.get("model", "")), self.robot.name.removesuffix("e").upper()

@@ -9,12 +9,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from testbench.drivers.arms.remedies import XARM_REMEDIES
 from testbench.drivers.arms.remote import RemoteArm, common_settings
 from testbench.drivers.arms.xarm_client import CONTROL_PORT, XArmSettings, stop_at_once
-from testbench.drivers.imus.streamed import SessionTime
 from testbench.exceptions import InputError
 from testbench.records.plan import Plan
-from testbench.records.robot import Robot
 
 KINDS = {"xarm6": (6, 6)}
 """Axes and device type of the robots that can be driven (client library, x_config.py)."""
@@ -25,26 +24,21 @@ class XArm(RemoteArm):
 
     Args:
         robot, settings, time, serial: As for `RemoteArm`.
-
-    Raises:
-        InputError: The plan is for no such arm.
     """
 
     driver: ClassVar[str] = "xarm"
+    models: ClassVar[str] = "|".join(KINDS)
+    family: ClassVar[str] = ", ".join(KINDS)
     notice = (
         "the xArm driver is UNVERIFIED ON HARDWARE: it was tested against an emulated controller only, and this controller has "
         "no watchdog that stops the arm when the bench is cut off; keep a hand on the emergency stop"
     )
+    remedies = XARM_REMEDIES
     joint_columns: ClassVar[tuple[str, ...]] = ("current_{}_A", "temperature_{}_degC")
     columns: ClassVar[dict[str, Any]] = {"state": np.int64, "mode": np.int64, "error_code": np.int64}
     told: ClassVar[tuple[str, ...]] = ("model", "serial", "firmware", "axes", "device_type")
 
     settings: XArmSettings
-
-    def __init__(self, robot: Robot, settings: XArmSettings, time: SessionTime | None = None, serial: str | None = None):
-        if robot.name not in KINDS:
-            raise InputError(f"--arm xarm drives {', '.join(KINDS)}; the plan is for {robot.name}")
-        super().__init__(robot, settings, time, serial)
 
     def _wrong_model(self, info: dict[str, Any]) -> str | None:
         if (info.get("axes"), info.get("device_type")) == KINDS[self.robot.name]:
