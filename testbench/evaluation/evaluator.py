@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
-from testbench.evaluation.budgets import Arm, joint_budgets, sensor_budgets
+from testbench.evaluation.budgets import Arm, flexion_clock_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
 from testbench.evaluation.cycles import add_cycles, cycle_notes, joint_cycles
 from testbench.evaluation.dynamics import TrueTurning
@@ -65,6 +63,12 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     metrics, outcome = judge(session.analysis, summarise_metrics(result) + norms)
     result.notes.extend(
         f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED
+    )
+    result.notes.extend(
+        f"{m.name} by {m.filter}{f', section {m.section},' if m.section else ''} is marginal and cannot pass, for the "
+        f"uncertainty of the truth is not known: {m.no_uncertainty}"
+        for m in metrics
+        if m.outcome is Outcome.MARGINAL and m.no_uncertainty
     )
     if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
@@ -160,8 +164,7 @@ def _judge_joint(
         return
     result.notes.extend(f"joint '{name}': {remark}" for remark in estimate.joints[name].remarks)
     result.series[f"joint_{name}"] = errors.series() | estimate.joints[name].heading_series()
-    stated = estimate.sensors[errors.joint.proximal].clock.offset_sd_s
-    clock_sd = stated if np.isfinite(stated) else 0.0
+    clock_sd = flexion_clock_sd(estimate, errors) if errors.steps else 0.0
     cycles = joint_cycles(errors)
     add_cycles(result, cycles)
     result.notes.extend(cycle_notes(f"joint '{name}'", [step for step, _ in errors.steps], cycles))
