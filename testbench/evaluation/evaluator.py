@@ -20,6 +20,7 @@ from testbench.evaluation.orientation import rank_sensor, sensor_errors, sensor_
 from testbench.evaluation.outliers import outlier_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.reference_step import reference_warning
+from testbench.records.earlier_steps import earlier_steps
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
 from testbench.records.evaluation_rows import Comparison, RankRow, TunedRow
@@ -29,6 +30,13 @@ from testbench.records.session import RunStatus, Session
 
 MOST_OF_THE_ARM = 200_000
 """Instants of a long campaign at which its budgets look at the arm."""
+ENDED = {
+    RunStatus.RUNNING: "the recording was not closed",
+    RunStatus.ERROR: "the run ended in an error",
+    RunStatus.INTERRUPTED: "the run was interrupted",
+    RunStatus.ABORTED: "the run was aborted",
+}
+"""How a run ended that is not complete."""
 NORM_MEANING = "error of the mean specific force at rest against standard gravity"
 
 
@@ -47,7 +55,10 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     if doubt is not None and doubt not in result.notes:  # else the plan has said so
         result.notes.append(doubt)
     if session.status is not RunStatus.COMPLETED:
-        result.notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
+        result.notes.append(f"{ENDED[session.status]}: {session.manifest.get('message') or 'it did not finish'}")
+    earlier = earlier_steps(session)
+    if earlier is not None:
+        result.notes.append(f"this session {earlier.sentence}")
     result.tuned.extend(_tuned_rows(estimate))
     result.notes.extend(tuning_notes(result.tuned))
     sparse = max(-(-len(instants.arm) // MOST_OF_THE_ARM), 1)

@@ -31,6 +31,7 @@ def render_page(
     outcome: str | None = None,
     verdict: str = "",
     simulated: str = "",
+    partial: str = "",
     kind: str = "report",
     footer: str = ERRORS,
 ) -> str:
@@ -39,7 +40,8 @@ def render_page(
     Args:
         title, purpose: Its head. facts: Names and values below it. tiles: Numbers worth seeing first. sections: The body.
         outcome: Colour of the badge beside the title, None for no badge. verdict: Its words.
-        simulated: From what the samples come, where that is not real.
+        simulated: From what the samples come, where that is not real. partial: What lies in another session, where a run was
+        gone on with.
         kind: What the page is, for the window's title. footer: Its last line.
     """
     return _template().render(
@@ -48,6 +50,7 @@ def render_page(
         outcome=outcome,
         verdict=verdict,
         simulated=simulated,
+        partial=partial,
         kind=kind,
         footer=footer,
         facts=facts,

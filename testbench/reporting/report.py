@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from testbench.frames import NANOSECONDS
+from testbench.records.earlier_steps import earlier_steps
 from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import FILE as EVALUATION_FILE
@@ -62,7 +63,7 @@ def load_evaluation(session: Session) -> Evaluation | None:
 def render(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> str:
     """The report as HTML."""
     sections = _sections(session, estimate, evaluation)
-    protocol = session.manifest.get("protocol")
+    protocol, earlier = session.manifest.get("protocol"), earlier_steps(session)
     described = protocol if isinstance(protocol, dict) else {}
     return render_page(
         title=described.get("name") or session.name,
@@ -70,6 +71,7 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
         verdict=evaluation.verdict if evaluation else "not evaluated",
         simulated=simulated_parts(session),
+        partial="" if earlier is None else f"This session {earlier.sentence}.",
         facts=facts(session),
         tiles=result_tiles(evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}),
         sections=sections,

@@ -324,7 +324,7 @@ def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_ar
 
 def broken_off(robot: EmulatedUr, plan: Plan, logs: Path) -> Session:
     """A session that the operator stopped at once."""
-    with pytest.raises(RunInterrupted):
+    with pytest.raises(RunInterrupted, match=r"what was recorded is kept in .*: \d of \d steps are whole$"):
         drive(plan, robot, logs, progress=lambda progress: os.kill(os.getpid(), signal.SIGINT))
     (session,) = list_sessions(logs)
     return session
