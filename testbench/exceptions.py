@@ -60,6 +60,16 @@ class FileProblems(InputError):
         return ": ".join(part for part in (place, problem.path, problem.message) if part)
 
 
+MOST_DIGITS = 9
+
+
+def _apart(value: float, limit: float, digits: int) -> tuple[str, str]:
+    """Two numbers with as many digits after the point, at least `digits`, as show which is larger."""
+    while digits < MOST_DIGITS and value != limit and f"{value:.{digits}f}" == f"{limit:.{digits}f}":
+        digits += 1
+    return f"{value:.{digits}f}", f"{limit:.{digits}f}"
+
+
 class ExpressionError(InputError):
     """An arithmetic expression of a protocol cannot be read or evaluated."""
 
@@ -68,13 +78,15 @@ class PlanError(InputError):
     """A plan breaks a rule and is refused before anything moves.
 
     Attributes:
-        place: `file:line` of the protocol step at fault, put in front of the sentence once it is known.
+        place: `file:line` of the protocol step at fault, put in front of the sentence once it is known. doubts: What the
+        protocol may have meant instead, put behind it.
     """
 
     place: str = ""
+    doubts: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        sentence = super().__str__()
+        sentence = "; ".join([super().__str__(), *self.doubts])
         return f"{self.place}: {sentence}" if self.place else sentence
 
 
@@ -92,9 +104,10 @@ class LimitError(PlanError):
     ):
         self.joint, self.quantity, self.value, self.limit = joint, quantity, value, limit
         self.unit, self.time, self.step, self.onwards = unit, time, step, onwards
+        shown, bound = _apart(value, limit, 2)
         super().__init__(
-            f"joint {joint}: {quantity} {value:.2f} {unit} exceeds {limit:.2f} {unit} at t = {time:.3f} s (step '{step}'), "
-            f"and goes on to {onwards:.2f} {unit}"
+            f"joint {joint}: {quantity} {shown} {unit} exceeds {bound} {unit} at t = {time:.3f} s (step '{step}'), "
+            f"and goes on to {_apart(onwards, limit, 2)[0]} {unit}"
         )
 
 
@@ -120,11 +133,11 @@ class CollisionError(PlanError):
     def __init__(self, contact: Contact, margin: float, worst: Contact):
         self.first, self.second, self.clearance, self.margin = contact.first, contact.second, contact.clearance, margin
         self.time, self.step, self.worst = contact.time, contact.step, worst
-        near = f"come within {1e3 * contact.clearance:.1f} mm (margin {1e3 * margin:.1f} mm)"
-        what = "collide" if contact.clearance <= 0 else near
+        clearance, least = _apart(1e3 * contact.clearance, 1e3 * margin, 1)
+        what = "collide" if contact.clearance <= 0 else f"come within {clearance} mm (margin {least} mm)"
         sentence = f"{contact.first} and {contact.second} {what} at t = {contact.time:.3f} s (step '{contact.step}')"
         if worst.clearance < contact.clearance:
-            depth = f"{1e3 * abs(worst.clearance):.1f} mm"
+            depth = f"{_apart(1e3 * abs(worst.clearance), 1e3 * abs(contact.clearance), 1)[0]} mm"
             how = f"overlap by {depth}" if worst.clearance < 0 else f"come within {depth}"
             same = {worst.first, worst.second} == {contact.first, contact.second}
             who = "they" if same else f"{worst.first} and {worst.second}"
@@ -138,8 +151,9 @@ class SensorRangeError(PlanError):
     def __init__(self, sensor: str, quantity: str, value: float, limit: float, unit: str, time: float, step: str):
         self.sensor, self.quantity, self.value, self.limit = sensor, quantity, value, limit
         self.unit, self.time, self.step = unit, time, step
+        shown, bound = _apart(value, limit, 2)
         super().__init__(
-            f"sensor {sensor}: {quantity} {value:.2f} {unit} exceeds its range of {limit:.2f} {unit} "
+            f"sensor {sensor}: {quantity} {shown} {unit} exceeds its range of {bound} {unit} "
             f"at t = {time:.3f} s (step '{step}')"
         )
 

@@ -156,6 +156,8 @@ def say_check(plan: Plan) -> None:
         say(f"smallest clearance: {c.distance_mm:.1f} mm between {where}")
     else:
         say("clearance: this arm has no collision bodies")
+    for flexion in check.flexions:
+        say(flexion.sentence)
     for warning in check.warnings:
         say(f"warning: {warning}")
 

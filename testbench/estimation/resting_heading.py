@@ -11,6 +11,8 @@ from testbench.model import rotation
 
 LEAST_REST_S, LONGEST_PIECE_S = 1.0, 5.0
 """Rests are looked at in pieces of up to this long: a heading that turns once round in a piece is not seen to move [s]."""
+ENOUGH_REST_S = 10.0
+"""Of a shorter rest, all rests together, nothing is said: a filter still settles in its first seconds [s]."""
 LEAST_DRIFT = np.radians(0.1)
 """A slower drift is not remarked on; an Xsens DOT's gyroscope is specified to 10 deg/h, 0.003 deg/s [rad/s]."""
 
@@ -39,10 +41,17 @@ def drift_remark(kind: OrientationFilter, q: np.ndarray, time_ns: np.ndarray, re
     """A sentence on a filter without magnetometer whose heading turns while the sensor rests; None where it stays."""
     if "mag" in kind.needs:
         return None
-    drift = resting_drift(q, time_ns, resting)
+    rest = rest_seconds(time_ns, resting)
+    drift = resting_drift(q, time_ns, resting) if rest >= ENOUGH_REST_S else None
     if drift is None or not drift > LEAST_DRIFT:
         return None
     return (
-        f"{kind.name}: its heading turns by {np.degrees(drift):.2g} deg/s while the sensor rests, "
-        f"{np.degrees(60 * drift):.0f} deg in a minute; angles that see a heading carry that"
+        f"{kind.name}: its heading turns by {np.degrees(drift):.2g} deg/s while the sensor rests (median over {rest:.0f} s of "
+        "rest); angles that see a heading carry that"
     )
+
+
+def rest_seconds(time_ns: np.ndarray, resting: np.ndarray) -> float:
+    """How long a sensor rests, rests below a second left out [s]."""
+    lengths = [(time_ns[end - 1] - time_ns[first]) / NANOSECONDS for first, end in intervals_of(resting, 2)]
+    return float(sum(length for length in lengths if length >= LEAST_REST_S))

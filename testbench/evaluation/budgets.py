@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.flexion import JointErrors
 from testbench.evaluation.sensitivity import flexion_by_joints, judged_configurations, turning_by_joints
+from testbench.evaluation.turning import judged_motion, judged_swing, length_of
 from testbench.evaluation.uncertainty import (
+    STILL_DEG,
     ArmSensitivity,
+    JudgedMotion,
     alignment_source,
     arm_sources,
     clock_source,
@@ -21,16 +24,16 @@ from testbench.evaluation.uncertainty import (
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
+from testbench.model.truth import truth_at
 from testbench.records.chain import ChainEstimate
 from testbench.records.estimate import Estimate, SensorEstimate
 from testbench.records.plan import PlannedStep
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples
 from testbench.records.session import Session
-from testbench.records.uncertainty import UncertaintyBudget
+from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
 
 UNKNOWN_TRUTH = "the accuracy of the reference system is not known"
-UNKNOWN_TIME = "the sensor's time is not known, and the truth moves"
 PARTS = ("total", "heading", "inclination")
 
 
@@ -76,20 +79,19 @@ def _joint_budget(
     session: Session, estimate: Estimate, errors: JointErrors, section: str, judged: list[tuple[PlannedStep, np.ndarray]],
     arm: Arm | None,
 ) -> UncertaintyBudget:  # fmt: skip
-    sensor, aligned = estimate.sensors[errors.joint.proximal], session.analysis.estimate.align
-    seconds = errors.time_ns / NANOSECONDS
-    rate = np.gradient(np.degrees(_unwrapped(errors.reference)), seconds)
-    mean_rate = float(np.mean([np.nanmean(rate[rows]) for _, rows in judged]))
-    rms_rate = float(np.sqrt(np.mean([np.nanmean(rate[rows] ** 2) for _, rows in judged])))
-    clock = clock_source(sensor.clock.offset_sd_s, sensor.clock.method, mean_rate, rms_rate)
-    missing = [UNKNOWN_TIME] if clock is None else []
+    aligned = session.analysis.estimate.align
+    counted = [rows for _, rows in judged]
+    ends = (errors.joint.proximal, errors.joint.distal)
+    clocks, missing = _clocks(
+        estimate,
+        {name: judged_motion(errors.time_ns, errors.turned[:, i], counted) for i, name in enumerate(ends)},
+    )
     steps = [step for step, _ in judged]
     configurations = None if arm is None else judged_configurations(arm.samples, steps)
     if arm is None or configurations is None:
-        ends = [_fitted_sd(estimate.sensors[name]) for name in (errors.joint.proximal, errors.joint.distal)]
-        known = [sd for sd in ends if sd is not None]
+        known = [sd for name in ends if (sd := _fitted_sd(estimate.sensors[name])) is not None]
         frames = alignment_source(None, aligned, None, float(np.sqrt(np.sum(np.square(known)))) if known else None)
-        return combine(errors.name, "flexion", section, [clock, frames], [UNKNOWN_TRUTH, *missing])
+        return combine(errors.name, "flexion", section, [*clocks, frames], [UNKNOWN_TRUTH, *missing])
     placed, joint = session.analysis.sensors, errors.joint
     by_joints, by_mounting = flexion_by_joints(arm.kinematics, placed, joint, configurations.q)
     pose = arm.reference_pose(session)
@@ -100,10 +102,30 @@ def _joint_budget(
     sources = [
         *arm_sources(arm.robot, arm.samples, steps, c),
         mounting_source(arm.robot, aligned, *(float(np.sqrt(np.sum(part**2))) for part in mounting)),
-        clock,
+        *clocks,
         alignment_source(arm.robot, aligned, c, None),
     ]
     return combine(errors.name, "flexion", section, sources, missing)
+
+
+def flexion_clock_sd(estimate: Estimate, errors: JointErrors) -> float:
+    """Standard uncertainty of a flexion's time [s]: of its sensors' clocks, by how much each of them makes it turn."""
+    rates = np.gradient(errors.turned, errors.time_ns / NANOSECONDS, axis=0)
+    moved = np.nanmean(rates[np.concatenate([rows for _, rows in errors.steps])] ** 2, axis=0)
+    clocks = [estimate.sensors[name].clock.offset_sd_s for name in (errors.joint.proximal, errors.joint.distal)]
+    known = np.nan_to_num(clocks)
+    return float(np.sqrt(np.sum(moved * known**2) / max(float(moved.sum()), 1e-300)))
+
+
+def unknown_time(sensor: str) -> str:
+    """What a budget lacks where a sensor's clock could not be fitted although it moves the truth."""
+    return f"the time of sensor '{sensor}' is not known, and its motion is judged"
+
+
+def _clocks(estimate: Estimate, motions: dict[str, JudgedMotion]) -> tuple[list[UncertaintySource], list[str]]:
+    """The line of each sensor's clock, and what is missing of them, by the motion of the truth that each makes."""
+    lines = {name: clock_source(name, estimate.sensors[name].clock, motion) for name, motion in motions.items()}
+    return [line for line in lines.values() if line is not None], [unknown_time(k) for k, line in lines.items() if line is None]
 
 
 def chain_budget(
@@ -114,13 +136,10 @@ def chain_budget(
     Mounting, levelling and the alignment of frames are no part of it: the filter takes them as the protocol states them, so
     that what they are wrong by is an error of its own.
     """
-    sensor = estimate.sensors[chain.sensors[0]]
-    rate = np.gradient(np.degrees(true.angle), chain.host_time_ns / NANOSECONDS)[true.judged]
-    clock = clock_source(
-        sensor.clock.offset_sd_s, sensor.clock.method, float(rate.mean()), float(np.sqrt(np.mean(np.square(rate))))
-    )
-    missing = ([UNKNOWN_TIME] if clock is None else []) + ([UNKNOWN_TRUTH] if arm is None else [])
     time = chain.host_time_ns[true.judged]
+    motion = judged_motion(chain.host_time_ns, true.angle, [np.flatnonzero(true.judged)])
+    clocks, missing = _clocks(estimate, _chain_clocks(session, estimate, chain, time, motion))
+    missing += [UNKNOWN_TRUTH] if arm is None else []
     steps = [step for step in session.steps if step.section == chain.section]
     counts = np.array([np.diff(np.searchsorted(time, [step.start_ns, step.end_ns]))[0] for step in steps])
     steps = [step for step, count in zip(steps, counts, strict=True) if count]
@@ -130,7 +149,25 @@ def chain_budget(
         own[:, arm.robot.joint_names.index(joint)] = 1.0
         c = ArmSensitivity(own, own, np.arange(len(steps)), counts[counts > 0] / counts.sum(), None)
         sources = arm_sources(arm.robot, arm.samples, steps, c)
-    return combine(joint, "angle", chain.section, [*sources, clock], missing)
+    return combine(joint, "angle", chain.section, [*sources, *clocks], missing)
+
+
+def _chain_clocks(
+    session: Session, estimate: Estimate, chain: ChainEstimate, time: np.ndarray, motion: JudgedMotion
+) -> dict[str, JudgedMotion]:
+    """Sensors of a chain whose clocks count for one of its joints: the least sure one of those that were fitted, as if it alone
+    saw the joint move, and each that was not, unless it stands still.
+    """
+    clocks = {name: estimate.sensors[name].clock for name in chain.sensors}
+    known = {name: np.nan_to_num(clock.offset_sd_s) for name, clock in clocks.items()
+             if np.isfinite(clock.offset_sd_s) or clock.method == "none"}  # fmt: skip
+    found = {max(known, key=lambda name: known[name]): motion} if known else {}
+    for name in clocks.keys() - known.keys():
+        truth = session.truth(name)
+        swing = motion.swing if truth is None else judged_swing(truth_at(truth, time), "total")
+        if not swing <= STILL_DEG or not known:
+            found[name] = replace(motion, swing=swing)
+    return found
 
 
 def sensor_budgets(
@@ -144,6 +181,8 @@ def sensor_budgets(
     """
     sensor, aligned = estimate.sensors[name], session.analysis.estimate.align
     time = sensor.host_time_ns
+    spans = [slice(*np.searchsorted(time, [s.start_ns, s.end_ns])) for s in steps] or [slice(None)]
+    whole = [true.q[span][judged[span]] for span in spans]
     turning = np.degrees(true.rate[judged & np.isfinite(true.rate[:, 0])])
     counts = np.array([np.sum(judged[slice(*np.searchsorted(time, [s.start_ns, s.end_ns]))]) for s in steps])
     steps = [step for step, count in zip(steps, counts, strict=True) if count]
@@ -155,21 +194,21 @@ def sensor_budgets(
         reference = None if pose is None else turning_by_joints(arm.kinematics, session.analysis.sensors[name], pose)[0]
     budgets = []
     for part in PARTS:
-        speed = _length(turning, part) if len(turning) else np.zeros(1)
+        speed = length_of(turning, part) if len(turning) else np.zeros(1)
         mean_rate = float(turning[:, 2].mean()) if part == "heading" and len(turning) else float(speed.mean())
-        clock = clock_source(sensor.clock.offset_sd_s, sensor.clock.method, mean_rate, float(np.sqrt(np.mean(speed**2))))
-        missing = [UNKNOWN_TIME] if clock is None else []
+        swing = 0.0 if np.isfinite(sensor.clock.offset_sd_s) else max(judged_swing(q, part) for q in whole)
+        clocks, missing = _clocks(estimate, {name: JudgedMotion(mean_rate, float(np.sqrt(np.mean(speed**2))), swing)})
         if arm is None or axes is None or configurations is None:
             frames = alignment_source(None, aligned, None, _fitted_sd(sensor))
-            budgets.append(combine(name, part, None, [clock, frames], [UNKNOWN_TRUTH, *missing]))
+            budgets.append(combine(name, part, None, [*clocks, frames], [UNKNOWN_TRUTH, *missing]))
             continue
-        size = _length(axes, part)
+        size = length_of(axes, part)
         c = ArmSensitivity(
             axes[:, :, 2] if part == "heading" else size,
             size,
             configurations.step,
             counts[counts > 0] / counts.sum(),
-            None if reference is None else _length(reference, part),
+            None if reference is None else length_of(reference, part),
         )
         # Axes of the sensor that a mounting error turns it about: all three, the vertical ones, the level ones.
         mounted = {"total": np.sqrt(3.0), "heading": 1.0, "inclination": np.sqrt(2.0)}[part]
@@ -178,7 +217,7 @@ def sensor_budgets(
             *arm_sources(arm.robot, arm.samples, steps, c),
             None if part == "heading" else levelling_source(arm.robot, float(np.sqrt(2.0))),
             mounting_source(arm.robot, aligned, lasting, mounted),
-            clock,
+            *clocks,
             alignment_source(arm.robot, aligned, c, None),
         ]
         budgets.append(combine(name, part, None, sources, missing))
@@ -190,21 +229,6 @@ def _mean_vertical(q_world_from_sensor: np.ndarray) -> float:
     if not len(q_world_from_sensor):
         return 0.0
     return float(np.linalg.norm(rotation.to_matrix(q_world_from_sensor)[:, 2, :].mean(axis=0)))
-
-
-def _length(vectors: np.ndarray, part: str) -> np.ndarray:
-    """Length of rotations in the world, or of their part about the vertical or a level axis, shape (..., 3) to (...)."""
-    if part == "heading":
-        return np.abs(vectors[..., 2])
-    return np.asarray(np.linalg.norm(vectors if part == "total" else vectors[..., :2], axis=-1))
-
-
-def _unwrapped(angle: np.ndarray) -> np.ndarray:
-    """An angle without jumps of a whole turn; NaN stays [rad]."""
-    result = angle.copy()
-    known = np.isfinite(angle)
-    result[known] = np.unwrap(angle[known])
-    return result
 
 
 def _fitted_sd(sensor: SensorEstimate) -> float | None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
-from testbench.evaluation.budgets import Arm, joint_budgets, sensor_budgets
+from testbench.evaluation.budgets import Arm, flexion_clock_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
 from testbench.evaluation.cycles import add_cycles, cycle_notes, joint_cycles
 from testbench.evaluation.dynamics import TrueTurning
@@ -22,6 +20,7 @@ from testbench.evaluation.orientation import rank_sensor, sensor_errors, sensor_
 from testbench.evaluation.outliers import outlier_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.reference_step import reference_warning
+from testbench.records.earlier_steps import earlier_steps
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
 from testbench.records.evaluation_rows import Comparison, RankRow, TunedRow
@@ -31,6 +30,13 @@ from testbench.records.session import RunStatus, Session
 
 MOST_OF_THE_ARM = 200_000
 """Instants of a long campaign at which its budgets look at the arm."""
+ENDED = {
+    RunStatus.RUNNING: "the recording was not closed",
+    RunStatus.ERROR: "the run ended in an error",
+    RunStatus.INTERRUPTED: "the run was interrupted",
+    RunStatus.ABORTED: "the run was aborted",
+}
+"""How a run ended that is not complete."""
 NORM_MEANING = "error of the mean specific force at rest against standard gravity"
 
 
@@ -49,7 +55,10 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     if doubt is not None and doubt not in result.notes:  # else the plan has said so
         result.notes.append(doubt)
     if session.status is not RunStatus.COMPLETED:
-        result.notes.append(f"the run was {session.status}: {session.manifest.get('message') or 'it did not finish'}")
+        result.notes.append(f"{ENDED[session.status]}: {session.manifest.get('message') or 'it did not finish'}")
+    earlier = earlier_steps(session)
+    if earlier is not None:
+        result.notes.append(f"this session {earlier.sentence}")
     result.tuned.extend(_tuned_rows(estimate))
     result.notes.extend(tuning_notes(result.tuned))
     sparse = max(-(-len(instants.arm) // MOST_OF_THE_ARM), 1)
@@ -65,6 +74,12 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     metrics, outcome = judge(session.analysis, summarise_metrics(result) + norms)
     result.notes.extend(
         f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED
+    )
+    result.notes.extend(
+        f"{m.name} by {m.filter}{f', section {m.section},' if m.section else ''} is marginal and cannot pass, for the "
+        f"uncertainty of the truth is not known: {m.no_uncertainty}"
+        for m in metrics
+        if m.outcome is Outcome.MARGINAL and m.no_uncertainty
     )
     if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
@@ -160,8 +175,7 @@ def _judge_joint(
         return
     result.notes.extend(f"joint '{name}': {remark}" for remark in estimate.joints[name].remarks)
     result.series[f"joint_{name}"] = errors.series() | estimate.joints[name].heading_series()
-    stated = estimate.sensors[errors.joint.proximal].clock.offset_sd_s
-    clock_sd = stated if np.isfinite(stated) else 0.0
+    clock_sd = flexion_clock_sd(estimate, errors) if errors.steps else 0.0
     cycles = joint_cycles(errors)
     add_cycles(result, cycles)
     result.notes.extend(cycle_notes(f"joint '{name}'", [step for step, _ in errors.steps], cycles))

@@ -9,6 +9,7 @@ import numpy as np
 from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, convergence_times
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.metrics import correlation, summarise
+from testbench.evaluation.turning import turned_by_sensor
 from testbench.model import rotation
 from testbench.model.joint_angle import (
     INDEX,
@@ -44,6 +45,7 @@ class JointErrors:
         steps: Judged steps with the rows that count in each, in the order of time; those without any are left out.
         total: Angle of the rotation between estimated and true orientation of the distal segment against the proximal one, by
         filter [rad], shape (n,); NaN where nothing is judged.
+        turned: What the motion of the proximal and of the distal sensor has added to the true flexion, shape (n, 2) [rad].
     """
 
     name: str
@@ -56,6 +58,7 @@ class JointErrors:
     angles: dict[Key, np.ndarray]
     steps: list[tuple[PlannedStep, np.ndarray]]
     total: dict[str, np.ndarray]
+    turned: np.ndarray
 
     def sections(self) -> dict[str, list[tuple[PlannedStep, np.ndarray]]]:
         """Steps by section, in their order."""
@@ -86,9 +89,10 @@ def joint_errors(session: Session, name: str, estimate: Estimate, steps: list[Pl
     """Errors of one joint; None where nobody knows the true angle."""
     joint, joint_estimate = session.analysis.joints[name], estimate.joints[name]
     time = joint_estimate.host_time_ns
-    true_angles = _true_angles(session, joint, time)
-    if true_angles is None:
+    truth = _true_angles(session, joint, time)
+    if truth is None:
         return None
+    true_angles, turned = truth
     static, sound = _both_sensors(estimate, joint, time)
     reference = _reference(session, joint, true_angles, time)
     flexion, error = {}, {}
@@ -99,7 +103,7 @@ def joint_errors(session: Session, name: str, estimate: Estimate, steps: list[Pl
     counted = [(step, rows[finite[rows]]) for step, rows in rows_by_step(steps, time, static)]
     judged = [(step, rows) for step, rows in counted if len(rows)]
     total = _total_errors(joint, joint_estimate.angles, true_angles[joint.label], judged)
-    return JointErrors(name, joint, time, reference, flexion, error, true_angles, joint_estimate.angles, judged, total)
+    return JointErrors(name, joint, time, reference, flexion, error, true_angles, joint_estimate.angles, judged, total, turned)
 
 
 def _total_errors(
@@ -177,8 +181,10 @@ def _both_sensors(estimate: Estimate, joint: JointDefinition, time: np.ndarray) 
     return static, ~(proximal.flagged | distal.flagged[following] | distal.flagged[before] | bridged)
 
 
-def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> dict[str, np.ndarray] | None:
-    """Euler angles of the segments' true orientations by sequence, shape (n, 3) [rad]; NaN where the truth is unknown."""
+def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray] | None:
+    """Euler angles of the segments' true orientations by sequence, shape (n, 3), and what each sensor has turned the flexion
+    by, shape (n, 2) [rad]; NaN where the truth is unknown.
+    """
     orientations = []
     for sensor in (joint.proximal, joint.distal):  # one truth at a time: they may be long
         truth = session.truth(sensor)
@@ -195,7 +201,9 @@ def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> 
         full = np.full((len(time), 3), np.nan)
         full[known] = joint_angle_series(world_from_proximal, world_from_distal, definition)
         angles[definition.label] = full
-    return angles
+    turned = np.full((len(time), 2), np.nan)
+    turned[known] = turned_by_sensor(world_from_proximal, world_from_distal, joint)
+    return angles, turned
 
 
 def _reference(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.evaluation.judged import window
+from testbench.records.estimate import ClockFit
 from testbench.records.plan import PlannedStep
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples
@@ -16,8 +17,22 @@ from testbench.records.uncertainty import COVERAGE_FACTOR, UncertaintyBudget, Un
 LEAST_SENSITIVITY = 1e-6
 """Joints that move the truth less than this are left out of the table."""
 OF_THE_ROBOT_FILE = "robot file (uncertainty), which says why"
-SLOW_DEG_S = 0.01
-"""Where the truth turns more slowly than this, an unknown time does no harm [deg/s]."""
+STILL_DEG = 0.1
+"""Where a sensor makes the truth move by less than this while it is judged, an unknown time does no more harm [deg]; the noise
+of an arm that stands still is a tenth of it."""
+
+
+@dataclass(frozen=True)
+class JudgedMotion:
+    """How a true angle moves where it is judged.
+
+    Attributes:
+        mean_rate, rms_rate: [deg/s]. swing: Largest less smallest angle within one step, of the step where that is most [deg].
+    """
+
+    mean_rate: float
+    rms_rate: float
+    swing: float
 
 
 @dataclass(frozen=True)
@@ -108,23 +123,29 @@ def _tracking(arm: ArmSamples, steps: Sequence[PlannedStep]) -> float:
     return float(np.degrees(np.sqrt(np.mean(squares[1:] or squares))))
 
 
-def clock_source(sd_s: float, method: str, mean_rate: float, rms_rate: float) -> UncertaintySource | None:
-    """What the sensor's time contributes: its uncertainty times the true rate.
+def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> UncertaintySource | None:
+    """What a sensor's time contributes: its uncertainty times the rate at which the sensor's own motion moves the true angle.
+
+    A time that could not be fitted shifts an angle by no more than that angle changes while it is judged.
 
     Args:
-        sd_s: Standard uncertainty of the time [s]. method: Of the clock's fit. mean_rate, rms_rate: Of the true angle where it
-        is judged [deg/s].
+        sensor: Its name. clock: The fit. motion: Of that part of the true angle which the sensor makes.
 
     Returns:
-        None where the time is unknown and the truth moves.
+        None where the time is unknown and the sensor moves the truth.
     """
-    if not np.isfinite(sd_s):
-        if method != "none" and rms_rate > SLOW_DEG_S:
-            return None
-        why = "taken to be on the host's clock" if method == "none" else "not known, and of no effect at rest"
-        return _source("clock alignment", "B", 0.0, "ms", "normal", mean_rate * 1e-3, rms_rate * 1e-3, None, why)
-    return _source("clock alignment", "A", 1e3 * sd_s, "ms", "normal", abs(mean_rate) * 1e-3, rms_rate * 1e-3, None,
-                   "the clock's fit; the sensitivity is the true angular rate while it is judged")  # fmt: skip
+    name = f"clock alignment, {sensor}"
+    if np.isfinite(clock.offset_sd_s):
+        return _source(name, "A", 1e3 * clock.offset_sd_s, "ms", "normal", abs(motion.mean_rate) * 1e-3, motion.rms_rate * 1e-3,
+                       None, "the clock's fit; the sensitivity is the true angular rate that this sensor makes while it is "
+                       "judged")  # fmt: skip
+    if clock.method == "none":
+        rates = motion.mean_rate * 1e-3, motion.rms_rate * 1e-3
+        return _source(name, "B", 0.0, "ms", "normal", *rates, None, "taken to be on the host's clock")
+    if not motion.swing <= STILL_DEG:
+        return None
+    return _source(name, "A", motion.swing / 2, "deg", "rectangular", 1.0, 1.0, None,
+                   "not known, but the sensor stands still while it is judged: half of what it moves by")  # fmt: skip
 
 
 def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> UncertaintySource:

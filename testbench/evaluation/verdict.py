@@ -61,6 +61,7 @@ def summarise_metrics(evaluation: Evaluation) -> list[Metric]:
 
 def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
     metrics = []
+    lacking = _lacking(evaluation)
     summaries: dict[tuple[str, str, str, str], list[JointSummary]] = {}
     for item in evaluation.joint_summary:
         summaries.setdefault((item.joint, item.section, item.filter, item.sequence), []).append(item)
@@ -81,18 +82,19 @@ def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
             if value is None:
                 continue
             expanded = None
-            if own and unit_of(kind) == "deg" and kind != "flexion_iqr_deg":
+            if own and has_uncertainty(kind):
                 expanded = own[0].expanded_uncertainty_deg if kind in _SIGNED else own[0].expanded_uncertainty_magnitude_deg
             ci95 = getattr(whole.errors, _CONFIDENCE[kind]) if whole and kind in _CONFIDENCE else None
             metrics.append(
                 Metric(f"{joint}.{kind}", value, unit_of(kind), None, None, None, meaning, name, sequence, section, expanded,
-                       ci95)
+                       ci95, lacking.get((joint, "flexion", section)) if has_uncertainty(kind) else None)
             )  # fmt: skip
     return metrics
 
 
 def _chain_metrics(evaluation: Evaluation) -> list[Metric]:
     metrics = []
+    lacking = _lacking(evaluation)
     for place in dict.fromkeys((row.section, row.state) for row in evaluation.chain):
         own = [row for row in evaluation.chain if (row.section, row.state) == place]
         groups = {WHOLE_CHAIN: own} | {row.joint: [row] for row in own}
@@ -103,15 +105,18 @@ def _chain_metrics(evaluation: Evaluation) -> list[Metric]:
                     continue
                 known = [row.expanded_uncertainty_deg if signed else row.expanded_uncertainty_magnitude_deg for row in rows]
                 expanded = max((value for value in known if value is not None), default=None)
+                why = [lacking[key] for row in rows if (key := (row.joint, "angle", place[0])) in lacking]
                 metrics.append(
                     Metric(f"{joint}.{kind}", _OF_CHAIN[kind](rows), unit_of(kind), None, None, None, meaning, place[1], None,
-                           place[0], expanded if unit_of(kind) == "deg" and None not in known else None)
+                           place[0], expanded if has_uncertainty(kind) and None not in known else None,
+                           no_uncertainty=why[0] if why and has_uncertainty(kind) else None)
                 )  # fmt: skip
     return metrics
 
 
 def _sensor_metrics(evaluation: Evaluation) -> list[Metric]:
     metrics = []
+    lacking = _lacking(evaluation)
     found = {(item.sensor, item.filter, item.motion, item.part): item for item in evaluation.orientation_summary}
     for row in evaluation.orientation:
         for kind, meaning in SENSOR_METRICS.items():
@@ -131,9 +136,20 @@ def _sensor_metrics(evaluation: Evaluation) -> list[Metric]:
                 expanded = item.expanded_uncertainty_deg if kind in _SIGNED else item.expanded_uncertainty_magnitude_deg
                 ci95 = getattr(item.errors, confidence) if confidence else None
             metrics.append(
-                Metric(name, value, "deg", None, None, None, meaning, row.filter, expanded_uncertainty=expanded, ci95=ci95)
-            )
+                Metric(name, value, "deg", None, None, None, meaning, row.filter, expanded_uncertainty=expanded, ci95=ci95,
+                       no_uncertainty=lacking.get((row.sensor, part, None)))
+            )  # fmt: skip
     return metrics
+
+
+def _lacking(evaluation: Evaluation) -> dict[tuple[str, str, str | None], str]:
+    """What the budgets that could not be completed lack, by owner, quantity and section."""
+    return {(b.owner, b.quantity, b.section): "; ".join(b.notes) for b in evaluation.uncertainty if not b.complete}
+
+
+def has_uncertainty(kind: str) -> bool:
+    """Whether a metric answers to what the truth is off by; a spread about the median does not."""
+    return unit_of(kind) == "deg" and kind != "flexion_iqr_deg"
 
 
 def unit_of(kind: str) -> str:
@@ -170,10 +186,15 @@ def _judge_limit(analysis: Analysis, limit: AcceptanceLimit, metrics: list[Metri
         meaning = (JOINT_METRICS | SENSOR_METRICS | CHAIN_METRICS)[kind]
         absent = Metric(limit.metric, None, unit_of(kind), limit.min, limit.max, Outcome.NOT_MEASURED, meaning)
         return [replace(absent, filter=limit.filter, sequence=sequence, section=limit.section)]
-    return [
-        replace(m, lower=limit.min, upper=limit.max, outcome=outcome_of(m.value, limit, m.expanded_uncertainty))
-        for m in matching
-    ]
+    return [replace(m, lower=limit.min, upper=limit.max, outcome=_outcome(m, limit)) for m in matching]
+
+
+def _outcome(metric: Metric, limit: AcceptanceLimit) -> Outcome:
+    """The verdict on one metric. Where its uncertainty ought to be stated and could not be, a limit that is kept is kept by
+    nobody knows how much: marginal. One that is broken stays broken: that is the safe side.
+    """
+    found = outcome_of(metric.value, limit, metric.expanded_uncertainty)
+    return Outcome.MARGINAL if found is Outcome.PASS and metric.no_uncertainty is not None else found
 
 
 def outcome_of(value: float | None, limit: AcceptanceLimit, expanded: float | None = None) -> Outcome:

@@ -227,7 +227,7 @@ class _ArmRun:
             self._advise(error, session)
             raise error
         if status is RunStatus.INTERRUPTED:
-            raise RunInterrupted(f"interrupted by the operator; what was recorded is kept in {session.path}", session)
+            raise RunInterrupted(f"interrupted by the operator; {self._kept(session)}", session)
         return session
 
     def _advise(self, error: BaseException, session: Session) -> None:
@@ -236,7 +236,10 @@ class _ArmRun:
             error.session = session
         if self.fault in self.arm.remedies:
             error.add_note(f"what to do: {self.arm.remedies[self.fault]}")
-        error.add_note(f"what was recorded is kept in {session.path}: {self.done} of {len(self.steps)} steps are whole")
+        error.add_note(self._kept(session))
+
+    def _kept(self, session: Session) -> str:
+        return f"what was recorded is kept in {session.path}: {self.done} of {len(self.steps)} steps are whole"
 
     def _say_counts(self) -> None:
         """At the end: what the guards found, and what did not come from the controller."""

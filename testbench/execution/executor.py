@@ -119,12 +119,14 @@ class _Run:
             except BaseException as failure:
                 status, message, error = RunStatus.ERROR, f"{type(failure).__name__}: {failure}", failure
             session = self._close(status, message)
+        whole = f"{len(session.steps)} of {len(self.plan.steps)} steps are whole"
+        kept = f"what was recorded is kept in {session.path}: {whole}"
         if status is RunStatus.INTERRUPTED:
-            raise RunInterrupted(f"interrupted by the operator; what was recorded is kept in {session.path}", session)
+            raise RunInterrupted(f"interrupted by the operator; {kept}", session)
         if error is not None:
             if isinstance(error, BenchError):
                 error.session = session
-            error.add_note(f"what was recorded is kept in {session.path}: {len(session.steps)} of {len(self.plan.steps)} steps")
+            error.add_note(kept)
             raise error
         return session
 

@@ -14,10 +14,11 @@ from testbench.model.reference_step import reference_warning
 from testbench.planning.checks import check_plan
 from testbench.planning.cycles import planned_cycles
 from testbench.planning.expansion import LONGEST_DURATION_S, Command, expand
+from testbench.planning.flexion_ranges import flexion_ranges
 from testbench.planning.joint_constraints import constraint_warnings
 from testbench.planning.motion import MotionBuilder
-from testbench.planning.radians import radians_warning
 from testbench.planning.segment_frames import segment_frame_warnings
+from testbench.planning.unit_slips import unit_warnings
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol import Protocol
 from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
@@ -55,7 +56,7 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
         try:
             start, settled, end = builder.add(command)
         except PlanError as error:
-            error.place = command.place
+            error.place, error.doubts = command.place, tuple(unit_warnings(protocol, commands))
             raise
         if end > LONGEST_DURATION_S * 1e9:
             raise protocol.document.problem(f"the motion lasts longer than the {LONGEST_DURATION_S:g} s allowed", "sections")
@@ -64,12 +65,18 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
         raise protocol.document.problem("nothing moves and nothing dwells: the protocol lasts no time", "sections")
     _check_settling(protocol, steps)
     trajectory = builder.trajectory()
-    check = check_plan(robot, protocol, trajectory, steps)
-    doubts = [reference_warning(steps, protocol.spec.estimate.align), radians_warning(commands)]
-    warnings = [sentence for sentence in doubts if sentence is not None]
+    doubts = unit_warnings(protocol, commands)
+    try:
+        check = check_plan(robot, protocol, trajectory, steps)
+    except PlanError as error:
+        error.doubts = tuple(doubts)
+        raise
+    doubt = reference_warning(steps, protocol.spec.estimate.align)
+    warnings = ([doubt] if doubt is not None else []) + doubts
     warnings += segment_frame_warnings(robot, protocol, trajectory, steps)
     warnings += constraint_warnings(robot, protocol, trajectory, steps)
-    check = replace(check, warnings=robot.spec.assumptions + warnings)
+    ranges = flexion_ranges(robot, protocol, trajectory, steps)
+    check = replace(check, warnings=robot.spec.assumptions + warnings, flexions=ranges)
     return Plan(protocol, robot, trajectory, steps, check)
 
 

@@ -212,6 +212,8 @@ class Metric:
         lower, upper: Limits, or None. outcome: None where no limit is stated. meaning: A sentence for people.
         expanded_uncertainty: Of the truth it was judged by (k = 2), in the metric's unit; None where it is not known.
         ci95: 95 % confidence interval for another run of the same kind, or None.
+        no_uncertainty: What its budget lacks, in words, so that no uncertainty is stated and it cannot pass; None where the
+        uncertainty is stated, or a metric of this kind has none.
     """
 
     name: str
@@ -226,6 +228,7 @@ class Metric:
     section: str | None = None
     expanded_uncertainty: float | None = None
     ci95: list[float] | None = None
+    no_uncertainty: str | None = None
 
 
 @dataclass(frozen=True)

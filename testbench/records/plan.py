@@ -101,6 +101,37 @@ class SensorUse:
 
 
 @dataclass(frozen=True)
+class FlexionUse:
+    """The true angle of a joint definition where it will be judged, as planned; degrees.
+
+    Attributes:
+        joint, definition, kind: Which, in "poses" or "sweeps". lowest_deg, highest_deg: Of the segments.
+        arm, arm_deg: The arm's joint that it is judged by, with its range, or None. variable, commanded: The loop variable that
+        commands it, with its range, or None.
+    """
+
+    joint: str
+    definition: str
+    kind: Literal["poses", "sweeps"]
+    lowest_deg: float
+    highest_deg: float
+    arm: str | None = None
+    arm_deg: tuple[float, float] | None = None
+    variable: str | None = None
+    commanded: tuple[float, float] | None = None
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        said = f"{self.joint}: {self.definition} {self.lowest_deg:.1f} to {self.highest_deg:.1f} deg in the judged {self.kind}"
+        if self.arm_deg is not None:
+            said += ", {} {:.1f} to {:.1f}".format(self.arm, *self.arm_deg)
+        if self.commanded is not None:
+            said += ", commanded ({}) {:g} to {:g}".format(self.variable, *self.commanded)
+        return said
+
+
+@dataclass(frozen=True)
 class Clearance:
     """The smallest distance between two bodies over the whole motion."""
 
@@ -122,6 +153,7 @@ class PlanCheck:
     clearance: Clearance | None
     samples: int
     warnings: list[str] = field(default_factory=list)
+    flexions: list[FlexionUse] = field(default_factory=list)
 
     def to_dict(self) -> dict[str, Any]:
         """As plain values for JSON."""

@@ -65,7 +65,7 @@ def chain_section(estimate: Estimate, evaluation: Evaluation | None, spans: list
 
 
 def chain_tiles(evaluation: Evaluation) -> list[Tile]:
-    """The better state of each section, over all joints."""
+    """The state of each section with the smallest error, over all joints; states are not ranked."""
     tiles = []
     for section in dict.fromkeys(row.section for row in evaluation.chain):
         rms: dict[str, float] = {}
@@ -75,7 +75,7 @@ def chain_tiles(evaluation: Evaluation) -> list[Tile]:
         best = min(rms, key=lambda state: rms[state])
         own = [row for row in evaluation.chain if (row.section, row.state) == (section, best)]
         worst = max(own, key=lambda row: row.rmse_deg)
-        detail = f"best: {best}"
+        detail = best if len(rms) < 2 else f"{best}, the smallest of {len(rms)}, not tested against the others"
         bounds = [row.expanded_uncertainty_magnitude_deg for row in own if row.expanded_uncertainty_magnitude_deg is not None]
         if bounds:
             detail += f" (truth ± {digits(max(bounds), 2)} deg)"

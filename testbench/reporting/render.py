@@ -33,6 +33,7 @@ def render_page(
     verdict: str = "",
     simulated: str = "",
     modelled_filter: str = "",
+    partial: str = "",
     kind: str = "report",
     footer: str = ERRORS,
 ) -> str:
@@ -42,6 +43,7 @@ def render_page(
         title, purpose: Its head. facts: Names and values below it. tiles: Numbers worth seeing first. sections: The body.
         outcome: Colour of the badge beside the title, None for no badge. verdict: Its words.
         simulated: From what the samples come, where that is not real. modelled_filter: The filter that is a model as well.
+        partial: What lies in another session, where a run was gone on with.
         kind: What the page is, for the window's title. footer: Its last line.
     """
     return _template().render(
@@ -51,6 +53,7 @@ def render_page(
         verdict=verdict,
         simulated=simulated,
         modelled_filter=modelled_filter,
+        partial=partial,
         kind=kind,
         footer=footer,
         facts=facts,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from testbench.frames import NANOSECONDS
+from testbench.records.earlier_steps import earlier_steps
 from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import FILE as EVALUATION_FILE
@@ -14,17 +14,17 @@ from testbench.records.published import load_published
 from testbench.records.replacing import write_page
 from testbench.records.session import Session
 from testbench.reporting.axes_section import axes_section
-from testbench.reporting.chain_section import chain_section, chain_tiles
+from testbench.reporting.chain_section import chain_section
 from testbench.reporting.figures import Span
 from testbench.reporting.fit_section import fit_section
 from testbench.reporting.joint_section import joint_section
 from testbench.reporting.orientation_section import orientation_section
-from testbench.reporting.page import Section, Sentence, Tile
+from testbench.reporting.page import Section, Sentence
 from testbench.reporting.palette import filter_colours
 from testbench.reporting.recording_section import recording_section
 from testbench.reporting.render import render_page
 from testbench.reporting.session_section import facts, provenance_section, run_section, simulated_parts, verdict_section
-from testbench.reporting.tables import digits
+from testbench.reporting.tiles import result_tiles
 from testbench.reporting.uncertainty_section import uncertainty_section
 
 FILE = "report.html"
@@ -65,7 +65,7 @@ def load_evaluation(session: Session) -> Evaluation | None:
 def render(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> str:
     """The report as HTML."""
     sections = _sections(session, estimate, evaluation)
-    protocol = session.manifest.get("protocol")
+    protocol, earlier = session.manifest.get("protocol"), earlier_steps(session)
     described = protocol if isinstance(protocol, dict) else {}
     return render_page(
         title=described.get("name") or session.name,
@@ -74,8 +74,9 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
         verdict=evaluation.verdict if evaluation else "not evaluated",
         simulated=simulated_parts(session),
         modelled_filter=VENDORS_FILTER if VENDORS_FILTER in _filters_of(estimate, evaluation) else "",
+        partial="" if earlier is None else f"This session {earlier.sentence}.",
         facts=facts(session),
-        tiles=_tiles(evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}),
+        tiles=result_tiles(evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}),
         sections=sections,
     )
 
@@ -122,32 +123,3 @@ def section_spans(session: Session) -> list[Span]:
         steps = [step for step in session.steps if step.section == name]
         spans.append(Span(name, steps[0].start_ns / NANOSECONDS, steps[-1].end_ns / NANOSECONDS))
     return spans
-
-
-def _tiles(evaluation: Evaluation | None, sequences: Mapping[str, str]) -> list[Tile]:
-    """The best result of each joint, in its own Euler sequence, and of each sensor."""
-    tiles: list[Tile] = []
-    if evaluation is None:
-        return tiles
-    for joint in dict.fromkeys(row.joint for row in evaluation.joint_angle):
-        found = [
-            m for m in evaluation.metrics
-            if m.name == f"{joint}.flexion_mean_abs_error_deg" and m.value is not None and m.sequence == sequences.get(joint)
-        ]  # fmt: skip
-        for section in dict.fromkeys(metric.section for metric in found):
-            own = [metric for metric in found if metric.section == section]
-            best, worst = (pick(own, key=lambda metric: metric.value or 0.0) for pick in (min, max))
-            detail = f"best: {best.filter}, {best.sequence}"
-            if best.expanded_uncertainty is not None:
-                detail += f" (truth ± {digits(best.expanded_uncertainty, 2)} deg)"
-            if worst is not best:
-                detail += f"; worst: {worst.filter}, {worst.sequence}, {digits(worst.value, 2)} deg"
-            tiles.append(Tile(digits(best.value, 2), "deg", f"mean |flexion error|, {joint}, {section}", detail))
-    tiles += chain_tiles(evaluation)
-    for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
-        rows = [row for row in evaluation.orientation if row.sensor == sensor]
-        nearest = min(rows, key=lambda row: row.total_rmse_deg)
-        upright = min(rows, key=lambda row: row.inclination_rmse_deg)
-        detail = f"best: {nearest.filter}; inclination alone {digits(upright.inclination_rmse_deg, 2)} deg by {upright.filter}"
-        tiles.append(Tile(digits(nearest.total_rmse_deg, 2), "deg", f"RMS orientation error, {sensor}", detail))
-    return tiles

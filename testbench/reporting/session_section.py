@@ -228,9 +228,10 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
                 "Metrics with limits",
                 judged,
                 "How to read: pass keeps the limit even if the truth is off by U (its expanded uncertainty, k = 2); fail "
-                "breaks it even then; marginal lies between, or keeps it with less to spare than the protocol wants; not "
-                "measured could not be taken. The worst of them is the verdict on the sensors. It says nothing about the "
-                "bench. The 95 % confidence interval comes from this session's own scatter.",
+                "breaks it even then; marginal lies between, or keeps it with less to spare than the protocol wants, or keeps "
+                "it while U cannot be stated, and then its meaning says why; not measured could not be taken. The worst of "
+                "them is the verdict on the sensors. It says nothing about the bench. The 95 % confidence interval comes from "
+                "this session's own scatter.",
             )
         )
     else:
@@ -252,7 +253,8 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
         cells += [plus_minus(metric.value, metric.expanded_uncertainty), _interval(metric), text(metric.unit)]
         if limits and metric.outcome is not None:
             cells += [text(_limits(metric), kind="limit"), Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}")]
-        rows.append(Row([*cells, text(metric.meaning, kind="wide")]))
+        lacking = f" (no U: {metric.no_uncertainty})" if metric.no_uncertainty else ""
+        rows.append(Row([*cells, text(metric.meaning + lacking, kind="wide")]))
     titles = ["metric", "filter", "sequence", "section"]
     columns = [
         *(Cell(title) for title in titles),

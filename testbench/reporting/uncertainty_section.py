@@ -45,8 +45,9 @@ def _overview(budgets: list[UncertaintyBudget]) -> Table:
         rows,
         "How to read: the true mean error lies within the reported one ± U (k = 2, about 95 %). U of magnitudes, an upper "
         "bound, goes with mean magnitudes, RMS and percentiles, in which errors of the truth do not cancel over poses. A dash: "
-        "nobody stated how good the reference is, so no U can be given. U does not hold the scatter of this session: the "
-        "confidence intervals in square brackets do. With few degrees of freedom k = 2 covers less: 92 % with 8.",
+        "something of the truth is not known, so no U can be given; the last column says what. U does not hold the scatter of "
+        "this session: the confidence intervals in square brackets do. With few degrees of freedom k = 2 covers less: 92 % "
+        "with 8.",
     )  # fmt: skip
 
 

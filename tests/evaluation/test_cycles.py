@@ -50,7 +50,9 @@ def joint(error, true=None, step=STEP, rows=None):
     true = wave() if true is None else true
     rows = np.flatnonzero(IN_STEP) if rows is None else rows
     key = ("vqf_6d", "ZXZ")
-    errors = JointErrors("knee", None, instants, true, {key: true + error}, {key: error}, {}, {}, [(step, rows)], {})
+    errors = JointErrors(
+        "knee", None, instants, true, {key: true + error}, {key: error}, {}, {}, [(step, rows)], {}, np.zeros((len(true), 2))
+    )
     return joint_cycles(errors)
 
 

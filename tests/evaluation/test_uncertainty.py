@@ -6,14 +6,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbench.evaluation import evaluate
-from testbench.evaluation.budgets import UNKNOWN_TIME, UNKNOWN_TRUTH
+from testbench.evaluation.budgets import UNKNOWN_TRUTH, unknown_time
 from testbench.evaluation.sensitivity import flexion_by_joints, turning_by_joints
-from testbench.evaluation.uncertainty import ArmSensitivity, clock_source, combine
+from testbench.evaluation.turning import judged_motion, turned_by_sensor
+from testbench.evaluation.uncertainty import ArmSensitivity, JudgedMotion, clock_source, combine
 from testbench.model.kinematics import Kinematics
 from testbench.planning import plan
-from testbench.records.protocol import JointDefinition
+from testbench.records.estimate import ClockFit, Estimate
+from testbench.records.evaluation import Outcome
+from testbench.records.protocol import AcceptanceLimit, JointDefinition
 from testbench.records.robot import Robot
 from testbench.records.session import Session
 
@@ -85,7 +89,8 @@ def test_what_lasts_does_not_average_out_and_what_is_redrawn_does():
 
 
 def test_sources_add_as_squares_and_their_freedom_by_welch_and_satterthwaite():
-    lines = [clock_source(1e-3, "angular_rate", 30.0, 40.0), clock_source(1e-3, "angular_rate", -40.0, 50.0)]
+    fitted = ClockFit(offset_sd_s=1e-3, method="angular_rate")
+    lines = [clock_source("a", fitted, JudgedMotion(*rates, 9.0)) for rates in ((30.0, 40.0), (-40.0, 50.0))]
     lines = [dataclasses.replace(line, degrees_of_freedom=8.0) for line in lines]
     budget = combine("elbow", "flexion", "s", lines, [])
     assert budget.combined_deg == pytest.approx(0.05)
@@ -95,11 +100,63 @@ def test_sources_add_as_squares_and_their_freedom_by_welch_and_satterthwaite():
 
 
 def test_a_time_that_nobody_knows_forbids_a_statement_only_where_the_truth_moves():
-    assert clock_source(float("nan"), "arrival", 0.0, 20.0) is None
-    assert clock_source(float("nan"), "arrival", 0.0, 0.001).contribution_deg == 0
-    assert clock_source(float("nan"), "none", 0.0, 20.0).standard_uncertainty == 0
-    budget = combine("elbow", "flexion", "s", [], [UNKNOWN_TIME])
-    assert not budget.complete and budget.expanded_deg is None and budget.notes == [UNKNOWN_TIME]
+    arrival = ClockFit(method="arrival")
+    assert clock_source("a", arrival, JudgedMotion(0.0, 20.0, 30.0)) is None
+    assert clock_source("a", arrival, JudgedMotion(0.0, 20.0, float("nan"))) is None
+    # a standing arm whose encoders hiss by 0.04 deg: no time does more than that, whatever its rate by differences
+    still = clock_source("a", arrival, JudgedMotion(0.0, 3.0, 0.04))
+    assert still.contribution_deg == still.magnitude_deg == pytest.approx(0.02 / np.sqrt(3))
+    assert clock_source("a", ClockFit(), JudgedMotion(0.0, 20.0, 30.0)).standard_uncertainty == 0
+    budget = combine("elbow", "flexion", "s", [], [unknown_time("a")])
+    assert not budget.complete and budget.expanded_deg is None and budget.notes == [unknown_time("a")]
+
+
+def test_a_flexion_is_divided_between_the_segments_that_make_it():
+    time = np.arange(0, 4, 0.01)
+    thigh, shank = np.radians(10 * np.sin(time)), np.radians(200 * time)  # beyond a whole turn
+    joint = JointDefinition(sequence="ZXY", flexion="first", proximal="a", distal="b")
+    q_thigh, q_shank = (Rotation.from_euler("z", a[:, None]).as_quat(scalar_first=True) for a in (thigh, shank))
+    turned = turned_by_sensor(q_thigh, q_shank, joint)
+    np.testing.assert_allclose(np.abs(turned), np.abs(np.column_stack([thigh, shank])), atol=1e-9)
+    np.testing.assert_allclose(np.abs(turned.sum(axis=1)), np.abs(shank - thigh), atol=1e-9)
+    still = turned_by_sensor(np.tile(q_thigh[:1], (len(time), 1)), q_shank, joint)
+    assert np.abs(still[:, 0]).max() < 1e-12
+    found = judged_motion((time * 1e9).astype(np.int64), turned[:, 1], [np.arange(10, 50), np.arange(100, 140)])
+    assert abs(found.mean_rate) == pytest.approx(200) == found.rms_rate
+    assert found.swing == pytest.approx(200 * 0.39)
+
+
+def with_clocks(estimate: Estimate, **clocks: ClockFit) -> Estimate:
+    sensors = {name: dataclasses.replace(own, clock=clocks.get(name, own.clock)) for name, own in estimate.sensors.items()}
+    return dataclasses.replace(estimate, sensors=sensors)
+
+
+def test_the_time_of_a_sensor_that_stands_still_does_not_matter(quick):
+    """The arm's sensor stays where it is while wrist 3 turns the forearm's."""
+    whole = of(quick.evaluation, "elbow", "flexion", "sweep")
+    lost = evaluate(quick.session, with_clocks(quick.estimate, arm=ClockFit(method="arrival")))
+    for section in ("static", "sweep"):
+        assert of(lost, "elbow", "flexion", section).expanded_deg == pytest.approx(whole.expanded_deg, rel=0.05)
+    assert all(m.no_uncertainty is None for m in lost.metrics if m.name.startswith("elbow"))
+    assert lost.outcome is quick.evaluation.outcome
+    assert line(of(lost, "elbow", "flexion", "sweep"), "clock alignment, forearm").magnitude_deg > 0
+
+
+def test_nothing_passes_where_a_moving_sensors_time_is_not_known(quick):
+    assert quick.evaluation.outcome is Outcome.PASS
+    lost = evaluate(quick.session, with_clocks(quick.estimate, forearm=ClockFit(method="arrival")))
+    assert of(lost, "elbow", "flexion", "static").complete
+    budget = of(lost, "elbow", "flexion", "sweep")
+    assert not budget.complete and budget.notes == [unknown_time("forearm")]
+    moving = [m for m in lost.metrics if m.section == "sweep" and m.name == "elbow.flexion_rmse_deg"]
+    assert moving and all(m.no_uncertainty == unknown_time("forearm") for m in moving)
+    limit = AcceptanceLimit(metric="elbow.flexion_rmse_deg", section="sweep", max=90.0)
+    session = Session(quick.session.path)
+    session.__dict__["analysis"] = session.analysis.model_copy(update={"accept": [limit]})
+    judged = evaluate(session, with_clocks(quick.estimate, forearm=ClockFit(method="arrival")))
+    assert judged.outcome is Outcome.MARGINAL
+    assert any("cannot pass" in note and unknown_time("forearm") in note for note in judged.notes)
+    assert evaluate(session, quick.estimate).outcome is Outcome.PASS
 
 
 def of(evaluation, owner, quantity, section=None):
@@ -185,7 +242,7 @@ def test_a_clock_that_is_less_sure_makes_sweeps_less_sure_and_leaves_poses_alone
     sensors = {name: slower(sensor) for name, sensor in quick.estimate.sensors.items()}
     evaluation = evaluate(quick.session, dataclasses.replace(quick.estimate, sensors=sensors))
     for section, moves in (("static", False), ("sweep", True)):
-        clock = line(of(evaluation, "elbow", "flexion", section), "clock")
+        clock = line(of(evaluation, "elbow", "flexion", section), "clock alignment, forearm")
         # a sine of 20 deg at 0.5 Hz turns at 44 deg/s RMS where it has its full size; the ramps take some of it
         assert (clock.magnitude_deg > 0.5) == moves
         assert clock.contribution_deg < 0.05  # there and back: the mean hardly notices

@@ -185,6 +185,8 @@ def test_the_operators_stop_keeps_the_recording_up_to_rest(tiny_plan, tmp_path, 
         execute(tiny_plan, tmp_path, speed="realtime", clock=clock, progress=stop_at_half)
     session = caught.value.session
     assert caught.value.exit_code == 130
+    whole = f"{len(session.steps)} of {len(tiny_plan.steps)} steps are whole"
+    assert str(caught.value).endswith(f"what was recorded is kept in {session.path}: {whole}")
     assert session.status is RunStatus.INTERRUPTED
     assert session.events[-1].event == "run_interrupted"
     arm = session.arm()

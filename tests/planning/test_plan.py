@@ -53,8 +53,8 @@ def test_a_position_beyond_its_limit_is_refused(planned, tmp_path):
     assert -361 <= error.value < -360
     assert error.onwards == pytest.approx(-361)
     assert error.time > 0
-    assert str(error) == (
-        f"{tmp_path / 'trial.yaml'}:10: joint shoulder_pan_joint: position {error.value:.2f} deg exceeds -360.00 deg "
+    assert str(error) == (  # with the digits that show the excess
+        f"{tmp_path / 'trial.yaml'}:10: joint shoulder_pan_joint: position {error.value:.3f} deg exceeds -360.000 deg "
         f"at t = {error.time:.3f} s (step 'too far'), and goes on to -361.00 deg"
     )
 

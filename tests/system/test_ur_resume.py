@@ -26,7 +26,7 @@ pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
 
 def broken_off(ur3e: EmulatedUr, plan: Plan, logs: Path) -> Session:
     """A session that the operator stopped at once."""
-    with pytest.raises(RunInterrupted):
+    with pytest.raises(RunInterrupted, match=r"what was recorded is kept in .*: \d of \d steps are whole$"):
         drive_ur(plan, ur3e, logs, progress=lambda progress: os.kill(os.getpid(), signal.SIGINT))
     (session,) = list_sessions(logs)
     return session

@@ -1,0 +1,67 @@
+"""How much of a true angle each of the sensors behind it makes by its own motion, and how it moves where it is judged."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.evaluation.uncertainty import JudgedMotion
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.model.joint_angle import flexion_of, joint_angle_series
+from testbench.records.joint_definition import FlexionAngle
+
+
+def turned_by_sensor(
+    q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, definition: FlexionAngle
+) -> np.ndarray:
+    """What the motion of the proximal and of the distal segment has each added to the flexion since the beginning.
+
+    The flexion is followed along orientations in which the segments move in turn, so that both parts together are its change.
+
+    Args:
+        q_world_from_proximal, q_world_from_distal: True orientations of the segments, in the order of time, shape (n, 4).
+        definition: How they give the flexion.
+
+    Returns:
+        Shape (n, 2) [rad].
+    """
+    if not len(q_world_from_distal):
+        return np.zeros((0, 2))
+    proximal = np.repeat(q_world_from_proximal, 2, axis=0)[:-1]  # 0 0 1 1 2
+    distal = np.repeat(q_world_from_distal, 2, axis=0)[1:]  # 0 1 1 2 2
+    angle = flexion_of(definition, joint_angle_series(proximal, distal, definition))
+    change = rotation.wrap(np.diff(angle))
+    parts = np.column_stack([change[1::2], change[0::2]])
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(parts, axis=0)])
+
+
+def judged_motion(time_ns: np.ndarray, angle: np.ndarray, judged: list[np.ndarray]) -> JudgedMotion:
+    """How an angle moves in the steps that are judged, each step with the same weight.
+
+    Args:
+        time_ns: Shape (n,). angle: Without jumps, NaN where not known, shape (n,) [rad]. judged: Rows of each step, none empty.
+    """
+    degrees = np.degrees(angle)
+    rate = np.gradient(degrees, time_ns / NANOSECONDS)
+    mean = float(np.mean([np.nanmean(rate[rows]) for rows in judged]))
+    rms = float(np.sqrt(np.mean([np.nanmean(rate[rows] ** 2) for rows in judged])))
+    return JudgedMotion(mean, rms, max(float(np.ptp(degrees[rows])) for rows in judged))
+
+
+def judged_swing(q_world_from_sensor: np.ndarray, part: str) -> float:
+    """Largest less smallest rotation of a sensor that hardly moves, in the world [deg].
+
+    Args:
+        q_world_from_sensor: Where it is judged in one step, shape (n, 4). part: As for `length_of`.
+    """
+    if not len(q_world_from_sensor):
+        return 0.0
+    turns = rotation.turn_between(np.broadcast_to(q_world_from_sensor[:1], q_world_from_sensor.shape), q_world_from_sensor)
+    return float(length_of(np.degrees(np.ptp(turns, axis=0)), part))
+
+
+def length_of(vectors: np.ndarray, part: str) -> np.ndarray:
+    """Length of rotations in the world, or of their part about the vertical or a level axis, shape (..., 3) to (...)."""
+    if part == "heading":
+        return np.abs(vectors[..., 2])
+    return np.asarray(np.linalg.norm(vectors if part == "total" else vectors[..., :2], axis=-1))
