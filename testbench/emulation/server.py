@@ -22,8 +22,10 @@ CONTROL, CONTROL_PORT = "control", 29998
 """The emulators' own port, for faults."""
 LARGEST_TEXT = 1_000_000
 MOST_CONNECTIONS = 64
-LATEST_TICKS = 250
-"""After a stall the clock makes up at most this many periods; older ones are skipped, as a busy controller skips packages."""
+REPORTED_TICKS = 250
+"""Of the periods that are made up after a stall, the newest so many are reported; packages of older ones are lost."""
+MOVED_TICKS = 5000
+"""In a longer stall the joints stand still at first: nobody watches a rehearsal that was held up for so many periods."""
 
 
 class Connection:
@@ -175,19 +177,32 @@ class Server(ABC):
             if now < due:
                 self._serve(due - now)
                 continue
-            if now - due > LATEST_TICKS * period:
-                due = now
-            if now - due > period:
-                self._serve(0.0)  # behind: do not make the clients wait as well
-            self.controller.tick()
-            self._broadcast()
-            due += period
+            passed = int((now - due) / period) + 1
+            self._advance(passed)
+            due += passed * period
             while self._later and self._later[0][0] <= now:
                 heapq.heappop(self._later)[2]()
+            if passed > 1:
+                self._serve(0.0)
             for message in self.controller.messages[self._said :]:
                 say(f"{self.controller.time:9.3f} s: {message}")
             self._said = len(self.controller.messages)
         self.close()
+
+    def _advance(self, passed: int) -> None:
+        """Let the control periods pass that are due.
+
+        After a stall they are made up before any client is heard: a controller's clock does not stop, and what a client asks
+        for now must not happen in a period that is over.
+        """
+        controller = self.controller
+        controller.ticks += max(passed - MOVED_TICKS, 0)
+        left = min(passed, MOVED_TICKS)
+        while left:
+            controller.tick()
+            if left <= REPORTED_TICKS:
+                self._broadcast()
+            left -= 1
 
     @abstractmethod
     def connection(self, sock: socket.socket, kind: str) -> Connection:
@@ -210,6 +225,7 @@ class Server(ABC):
             self.later(faults.report_delay_s, lambda connection=connection, data=data: connection.send(data))  # type: ignore[misc]
 
     def _serve(self, timeout: float) -> None:
+        self.controller.heard_until = self.controller.time
         sockets = [*self._listeners, *self._connections]
         readable, _, _ = select.select(sockets, [], [], timeout)
         for sock in readable:

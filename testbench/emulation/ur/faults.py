@@ -16,6 +16,7 @@ FAULTS = {
     "disconnect": "all connections are cut and none is accepted for value seconds (default: until cleared)",
     "rtde_delay": "RTDE packages arrive value seconds late",
     "rtde_loss": "this share of the RTDE packages is not sent (value 0 to 1)",
+    "clock_step": "the time stamps jump by value seconds; they fall behind where it is negative",
     "rtde_silence": "no RTDE package is sent any more, the connection stays open",
     "slow_response": "dashboard and script answer value seconds late",
     "slider": "the speed slider stands at value (0 to 1)",

@@ -18,6 +18,7 @@ FAULTS = {
     "disconnect": "all connections are cut and none is accepted for value seconds (default: until cleared)",
     "report_delay": "reports arrive value seconds late",
     "report_loss": "this share of the reports is not sent (value 0 to 1)",
+    "clock_step": "the time stamps jump by value seconds; they fall behind where it is negative",
     "report_silence": "no report is sent any more, the connections stay open",
     "slow_response": "commands are answered value seconds late",
 }
