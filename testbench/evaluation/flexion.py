@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, convergence_times
 from testbench.evaluation.judged import rows_by_step
+from testbench.evaluation.left_out import left_out_notes
 from testbench.evaluation.metrics import correlation, summarise
 from testbench.model import rotation
 from testbench.model.joint_angle import (
@@ -44,6 +45,7 @@ class JointErrors:
         steps: Judged steps with the rows that count in each, in the order of time; those without any are left out.
         total: Angle of the rotation between estimated and true orientation of the distal segment against the proximal one, by
         filter [rad], shape (n,); NaN where nothing is judged.
+        notes: What was to be judged and was not.
     """
 
     name: str
@@ -56,6 +58,7 @@ class JointErrors:
     angles: dict[Key, np.ndarray]
     steps: list[tuple[PlannedStep, np.ndarray]]
     total: dict[str, np.ndarray]
+    notes: list[str] = field(default_factory=list)
 
     def sections(self) -> dict[str, list[tuple[PlannedStep, np.ndarray]]]:
         """Steps by section, in their order."""
@@ -99,7 +102,8 @@ def joint_errors(session: Session, name: str, estimate: Estimate, steps: list[Pl
     counted = [(step, rows[finite[rows]]) for step, rows in rows_by_step(steps, time, static)]
     judged = [(step, rows) for step, rows in counted if len(rows)]
     total = _total_errors(joint, joint_estimate.angles, true_angles[joint.label], judged)
-    return JointErrors(name, joint, time, reference, flexion, error, true_angles, joint_estimate.angles, judged, total)
+    notes = left_out_notes(f"joint '{name}'", steps, time, static, np.isfinite(reference), sound)
+    return JointErrors(name, joint, time, reference, flexion, error, true_angles, joint_estimate.angles, judged, total, notes)
 
 
 def _total_errors(

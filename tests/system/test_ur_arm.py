@@ -261,6 +261,41 @@ def test_late_and_lost_packages_do_not_stop_a_run_that_can_bear_them(robot, shor
     assert 0.1 < lost / expected < 0.8
 
 
+def test_stamps_that_fall_behind_in_motion_are_followed_before_the_next_one(robot, short_plan, tmp_path):
+    struck: list[str] = []
+
+    def strike(progress) -> None:
+        if progress.index == 1 and not struck and "moving" in robot.control("status"):
+            struck.append(robot.control("fault clock_step -0.4"))
+
+    session = drive(short_plan, robot, tmp_path, progress=strike)
+    (step, *more) = [event for event in session.events if event.event == "arm_time_step"]
+    assert 0.3 < step.details["by_s"] < 0.5
+    assert sum(abs(event.details["by_s"]) for event in more) < 0.1
+    arm, begun = session.arm(), {step.index: step.start_ns for step in session.steps}
+    for index in (2, 3):
+        before = (arm.host_time_ns > begun[index] - 0.3e9) & (arm.host_time_ns < begun[index])
+        assert np.abs(np.ptp(arm.q_measured[before], axis=0)).max() < np.radians(0.05), "nothing moves before it is commanded"
+
+
+def test_a_controller_that_sends_nothing_is_told_with_what_to_do(robot, short_plan, tmp_path):
+    robot.control("fault rtde_silence")
+    with pytest.raises(DriverError, match=r"sends no data: none came in 3 s") as caught:
+        drive(short_plan, robot, tmp_path)
+    assert caught.value.exit_code == 3
+    assert f"what to do: {REMEDIES['silence']}" in caught.value.__notes__
+    assert not list_sessions(tmp_path)
+
+
+def test_a_run_that_begins_with_packages_far_too_late_ends_with_a_named_fault(robot, short_plan, tmp_path):
+    robot.control("fault rtde_delay 1")
+    with pytest.raises(DriverError) as caught:
+        drive(short_plan, robot, tmp_path)
+    assert any(note.startswith("what to do") for note in caught.value.__notes__)
+    for session in list_sessions(tmp_path):
+        assert [event.event for event in session.events].count("arm_fault") == 1
+
+
 def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_references(robot, short_plan, short, tmp_path):
     def strike(progress) -> None:
         if progress.index == 2:  # the sweep

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from testbench.drivers.arms.remedies import REMEDIES
 from testbench.exceptions import DriverError
 
 if TYPE_CHECKING:
@@ -144,7 +145,8 @@ class Link:
                 raise DriverError(f"the process that drives the arm has ended; {self.settings.orphaned}") from None
         if not messages and time.monotonic() - self._heard > SILENCE_S:
             self.kill()
-            raise DriverError(f"the process that drives the arm is silent for {SILENCE_S:g} s; {self.settings.orphaned}")
+            silent = f"the process that drives the arm is silent for {SILENCE_S:g} s: it waits for the controller"
+            raise DriverError(f"{silent}; {self.settings.orphaned}")
         return messages
 
     def wait_for(self, kind: str, timeout: float = ANSWER_S) -> tuple[Message, list[Message]]:
@@ -160,12 +162,15 @@ class Link:
                     continue
                 message = self._connection.recv()
             except (EOFError, OSError):
-                raise DriverError("the process that drives the arm has ended") from None
+                raise DriverError(f"the process that drives the arm has ended; {self.settings.orphaned}") from None
             self._heard = time.monotonic()
             if message[0] == kind:
                 return message, before
             if message[0] == "fault":
-                raise DriverError(str(message[2]))
+                error = DriverError(str(message[2]))
+                if message[1] in REMEDIES:
+                    error.add_note(f"what to do: {REMEDIES[message[1]]}")
+                raise error
             before.append(message)
         self.kill()
         raise DriverError(f"the controller at {self.settings.host} does not answer within {timeout:g} s")

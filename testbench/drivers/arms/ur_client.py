@@ -26,6 +26,8 @@ KEEP_ALIVE_S = 0.02
 IN_TOUCH_S = 0.25
 REASON_S = 0.1
 """Samples come slower than the client learns that a program ended; they say why within this time [s]."""
+ANSWERED_NS = 50_000_000
+"""Samples come over another connection than answers, and may be older than these by so much [ns]."""
 MOST_UNFED = 3
 """Feeds of the watchdog that may fail one after the other."""
 LATELY_S = 2.0
@@ -211,6 +213,8 @@ class UrClient(ArmClient):
             current, heat = receive.getActualCurrent(), receive.getJointTemperatures()
             modes, bits = (receive.getRobotMode(), receive.getSafetyMode()), receive.getSafetyStatusBits()
             slider, scaling = receive.getTargetSpeedFraction(), receive.getSpeedScaling()
+            if not q:  # nothing has come yet
+                return None
             if receive.getTimestamp() == stamp:
                 break
         else:
@@ -277,7 +281,10 @@ class UrClient(ArmClient):
 
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
         """Begin a moveJ."""
+        asked_ns = self.now_ns()
         self._command("moveJ was refused", self._control.moveJ, target.tolist(), speed, acceleration, True)
+        # The controller answers after it was asked: where the newest stamp says otherwise the clocks have parted.
+        self.clock.not_before(round(1e9 * self._receive.getTimestamp()), asked_ns, ANSWERED_NS)
 
     def stream(self, target: np.ndarray) -> None:
         """Send a target of servoJ; the controller's watchdog is fed by it."""
