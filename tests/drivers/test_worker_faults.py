@@ -6,9 +6,13 @@ from types import SimpleNamespace
 
 import pytest
 
+from testbench import plan
 from testbench.drivers.arms.client import ArmFault
+from testbench.drivers.arms.remedies import REMEDIES
+from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.ur_client import UrClient, UrSettings
 from testbench.drivers.arms.worker import Worker
+from testbench.exceptions import DriverError
 
 
 class Bench:
@@ -49,6 +53,31 @@ def test_a_fault_between_motions_is_told_and_what_was_asked_meanwhile_is_not_don
     assert bench.told[-1] == ("fault", "refused", "the watchdog could not be fed", 7_000_000_000), "when it was found"
     assert client.stopped == 1
     assert bench.asked == []
+
+
+@pytest.mark.parametrize("stuck", ["begin", "tell", "take"])
+def test_a_driving_process_that_is_gone_before_the_start_is_a_fault_with_its_cause(stuck):
+    def gone(*message) -> list:
+        raise DriverError("the process is silent")
+
+    the_plan = plan("quick")
+    arm = UrArm(the_plan.robot, ur_settings(the_plan, "nowhere"))
+    arm.info = {"q_rad": [0.0] * 6}
+    arm._link = SimpleNamespace(**({name: lambda *message: [] for name in ("begin", "tell", "take")} | {stuck: gone}))
+    with pytest.raises(DriverError, match="is silent"):
+        arm.prepare(the_plan)
+    (event,) = arm.events()
+    assert (event.event, event.details["fault"]) == ("arm_fault", "driver")
+    assert event.details["fault"] in REMEDIES
+
+
+def test_a_fault_has_the_time_at_which_it_was_found():
+    the_plan = plan("quick")
+    arm = UrArm(the_plan.robot, ur_settings(the_plan, "nowhere"))
+    arm._origin_ns = 1_000_000_000
+    arm._fail(("fault", "rtde_silence", "no data", 6_500_000_000))
+    (event,) = arm.events()
+    assert (event.host_time_ns, event.details) == (5_500_000_000, {"fault": "rtde_silence", "message": "no data"})
 
 
 def test_a_controller_that_sent_nothing_yet_has_no_sample_and_is_called_silent(monkeypatch):
