@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import hmac
 import ipaddress
+import math
 import select
 import socket
 import time
@@ -123,7 +124,7 @@ class Server(ABC):
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._number = count()
         self.stop_asked = False
-        self._said = 0
+        self._said, self._due = 0, math.inf
         family = socket.AF_INET6 if parsed.version == 6 else socket.AF_INET
         try:
             for port, kind in {CONTROL_PORT: CONTROL, **ports}.items():
@@ -170,27 +171,32 @@ class Server(ABC):
         Args:
             say: Told of what happens.
         """
-        period = self.controller.joints.period
-        due = time.monotonic() + period
+        self._due = time.monotonic() + self.controller.joints.period
         while not self.stop_asked:
             now = time.monotonic()
-            if now < due:
-                self._serve(due - now)
+            if now < self._due:
+                self._serve(self._due - now)
                 continue
-            passed = int((now - due) / period) + 1
-            self._advance(passed)
-            due += passed * period
+            late = self._catch_up() > 1
             while self._later and self._later[0][0] <= now:
                 heapq.heappop(self._later)[2]()
-            if passed > 1:
+            if late:
                 self._serve(0.0)
             for message in self.controller.messages[self._said :]:
                 say(f"{self.controller.time:9.3f} s: {message}")
             self._said = len(self.controller.messages)
         self.close()
 
+    def _catch_up(self) -> int:
+        """Let the control periods pass that are due by now, and say how many."""
+        late, period = time.monotonic() - self._due, self.controller.joints.period
+        passed = int(late / period) + 1 if late >= 0 else 0
+        self._advance(passed)
+        self._due += passed * period
+        return passed
+
     def _advance(self, passed: int) -> None:
-        """Let the control periods pass that are due.
+        """Let control periods pass.
 
         After a stall they are made up before any client is heard: a controller's clock does not stop, and what a client asks
         for now must not happen in a period that is over.
@@ -229,6 +235,7 @@ class Server(ABC):
         sockets = [*self._listeners, *self._connections]
         readable, _, _ = select.select(sockets, [], [], timeout)
         for sock in readable:
+            self._catch_up()
             if sock in self._listeners:
                 self._accept(sock)
             elif sock in self._connections:

@@ -250,3 +250,20 @@ def test_stamps_can_be_made_to_fall_behind():
     assert robot.outputs()["timestamp"] == pytest.approx(0.75)
     robot.clear()
     assert robot.outputs()["timestamp"] == pytest.approx(0.75)
+
+
+def test_what_a_client_asks_for_is_heard_at_the_present_time(monkeypatch):
+    robot, address = make_controller("ur3e"), free_address()
+    server = UrServer(robot, address)
+    try:
+        with socket.create_connection((address, 29998), 5) as client:
+            server._serve(1.0)
+            client.sendall(b"status\n")
+            heard: list[float] = []
+            monkeypatch.setattr(robot, "status", lambda: str(heard.append(robot.time)))
+            server._due = time.monotonic() - 0.1
+            server._serve(1.0)
+            assert heard[0] == pytest.approx(0.1, abs=0.03)
+            assert server._due > time.monotonic() - 0.05
+    finally:
+        server.close()
