@@ -285,6 +285,8 @@ class _ArmRun:
         elif not operator.pause_asked and self.pausing:
             self.arm.resume()
             self.pausing, operator.pause_reason = False, ""
+            if not self.resting:  # the step under way had not ended
+                self.recorder.event(self.time.now_ns(), "pause_withdrawn")
             self.options.say("going on")
 
     def _paused_or_resumed(self, event: Event) -> None:
