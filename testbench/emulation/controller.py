@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 
 import numpy as np
@@ -12,6 +13,8 @@ from testbench.records.robot import Robot
 
 AMPERE_PER_RAD_S2, AMPERE_PER_RAD_S = 0.2, 0.3
 """Currents grow with acceleration and speed by these factors: a stand-in, not a motor model."""
+CLOCK_STEP_S = -0.4
+"""How far the time stamps jump where nobody says [s]."""
 
 
 class EmulatedController(ABC):
@@ -22,7 +25,8 @@ class EmulatedController(ABC):
         Faults to come. period: Of the controller [s]; that of the robot file if None.
 
     Attributes:
-        messages: What happened, for whoever watches.
+        messages: What happened, for whoever watches. heard_until: What clients sent later was not yet looked at [s]; a program
+        must not take that for their silence.
     """
 
     def __init__(
@@ -39,6 +43,8 @@ class EmulatedController(ABC):
         self.scheduled: list[ScheduledFault] = list(scenario.faults) if scenario else []
         self.messages: list[str] = []
         self.ticks, self.moving_ticks = 0, 0
+        self.heard_until = math.inf
+        self._stamp_shift = 0.0
         self._to_clear: list[tuple[float, str]] = []
         self._rng = np.random.default_rng(seed + 1)
 
@@ -46,6 +52,15 @@ class EmulatedController(ABC):
     def time(self) -> float:
         """Time since the controller was started [s], exact multiples of the control period."""
         return self.ticks * self.joints.period
+
+    @property
+    def stamp(self) -> float:
+        """What its reports say of the time [s]."""
+        return self.time + self._stamp_shift
+
+    def step_clock(self, value: float | None) -> None:
+        """Let the time stamps jump [s]; by default they fall behind."""
+        self._stamp_shift += CLOCK_STEP_S if value is None else value
 
     @property
     def cut_off(self) -> bool:

@@ -14,6 +14,9 @@ from testbench.exceptions import InputError
 from testbench.records.strict import StrictModel
 from testbench.records.yaml_file import load_yaml
 
+MOST_STEP_S = 60.0
+"""Of the controller's clock."""
+
 
 @dataclass(frozen=True)
 class FaultKind:
@@ -24,7 +27,7 @@ class FaultKind:
     """
 
     meaning: str
-    value: Literal["seconds", "share"] | None = None
+    value: Literal["seconds", "share", "step"] | None = None
 
     def check(self, name: str, value: float | None) -> None:
         """Refuse a value that this fault cannot have; without one it has its usual size.
@@ -40,6 +43,10 @@ class FaultKind:
             raise InputError(f"the value of {name} must be a share from 0 to 1, not {value:g}")
         if self.value == "seconds" and not 0 <= value < math.inf:
             raise InputError(f"the value of {name} must be a number of seconds, 0 or more, not {value:g}")
+        if self.value == "step" and not abs(value) <= MOST_STEP_S:
+            raise InputError(
+                f"the value of {name} must be a number of seconds from -{MOST_STEP_S:g} to {MOST_STEP_S:g}, not {value:g}"
+            )
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import hmac
 import ipaddress
+import math
 import select
 import socket
 import time
@@ -22,8 +23,10 @@ CONTROL, CONTROL_PORT = "control", 29998
 """The emulators' own port, for faults."""
 LARGEST_TEXT = 1_000_000
 MOST_CONNECTIONS = 64
-LATEST_TICKS = 250
-"""After a stall the clock makes up at most this many periods; older ones are skipped, as a busy controller skips packages."""
+REPORTED_TICKS = 250
+"""Of the periods that are made up after a stall, the newest so many are reported; packages of older ones are lost."""
+MOVED_TICKS = 5000
+"""In a longer stall the joints stand still at first: nobody watches a rehearsal that was held up for so many periods."""
 
 
 class Connection:
@@ -121,7 +124,7 @@ class Server(ABC):
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._number = count()
         self.stop_asked = False
-        self._said = 0
+        self._said, self._due = 0, math.inf
         family = socket.AF_INET6 if parsed.version == 6 else socket.AF_INET
         try:
             for port, kind in {CONTROL_PORT: CONTROL, **ports}.items():
@@ -168,26 +171,44 @@ class Server(ABC):
         Args:
             say: Told of what happens.
         """
-        period = self.controller.joints.period
-        due = time.monotonic() + period
+        self._due = time.monotonic() + self.controller.joints.period
         while not self.stop_asked:
             now = time.monotonic()
-            if now < due:
-                self._serve(due - now)
+            if now < self._due:
+                self._serve(self._due - now)
                 continue
-            if now - due > LATEST_TICKS * period:
-                due = now
-            if now - due > period:
-                self._serve(0.0)  # behind: do not make the clients wait as well
-            self.controller.tick()
-            self._broadcast()
-            due += period
+            late = self._catch_up() > 1
             while self._later and self._later[0][0] <= now:
                 heapq.heappop(self._later)[2]()
+            if late:
+                self._serve(0.0)
             for message in self.controller.messages[self._said :]:
                 say(f"{self.controller.time:9.3f} s: {message}")
             self._said = len(self.controller.messages)
         self.close()
+
+    def _catch_up(self) -> int:
+        """Let the control periods pass that are due by now, and say how many."""
+        late, period = time.monotonic() - self._due, self.controller.joints.period
+        passed = int(late / period) + 1 if late >= 0 else 0
+        self._advance(passed)
+        self._due += passed * period
+        return passed
+
+    def _advance(self, passed: int) -> None:
+        """Let control periods pass.
+
+        After a stall they are made up before any client is heard: a controller's clock does not stop, and what a client asks
+        for now must not happen in a period that is over.
+        """
+        controller = self.controller
+        controller.ticks += max(passed - MOVED_TICKS, 0)
+        left = min(passed, MOVED_TICKS)
+        while left:
+            controller.tick()
+            if left <= REPORTED_TICKS:
+                self._broadcast()
+            left -= 1
 
     @abstractmethod
     def connection(self, sock: socket.socket, kind: str) -> Connection:
@@ -210,9 +231,11 @@ class Server(ABC):
             self.later(faults.report_delay_s, lambda connection=connection, data=data: connection.send(data))  # type: ignore[misc]
 
     def _serve(self, timeout: float) -> None:
+        self.controller.heard_until = self.controller.time
         sockets = [*self._listeners, *self._connections]
         readable, _, _ = select.select(sockets, [], [], timeout)
         for sock in readable:
+            self._catch_up()
             if sock in self._listeners:
                 self._accept(sock)
             elif sock in self._connections:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from testbench.evaluation.arm_time import arm_notes
 from testbench.evaluation.budgets import Arm, flexion_clock_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
 from testbench.evaluation.cycles import add_cycles, cycle_notes, joint_cycles
@@ -14,6 +17,7 @@ from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
 from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.left_out import left_out_notes
 from testbench.evaluation.magnetic import field_deviation, field_error_rows, field_rows
 from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
 from testbench.evaluation.orientation import rank_sensor, sensor_errors, sensor_rows, summarise_sensor, sweep_rows
@@ -59,6 +63,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     earlier = earlier_steps(session)
     if earlier is not None:
         result.notes.append(f"this session {earlier.sentence}")
+    result.notes.extend(arm_notes(session))
     result.tuned.extend(_tuned_rows(estimate))
     result.notes.extend(tuning_notes(result.tuned))
     sparse = max(-(-len(instants.arm) // MOST_OF_THE_ARM), 1)
@@ -127,6 +132,10 @@ def _judge_sensor(
     errors = sensor_errors(name, sensor, truth, steps)
     result.series[f"orientation_{name}"] = errors.series()
     result.orientation.extend(sensor_rows(errors))
+    defined = session.analysis.joints.values()
+    if steps is not None and not any(name in {joint.proximal, joint.distal} for joint in defined):  # else its joint tells
+        known = np.isfinite(errors.q_true[:, 0])
+        result.notes.extend(left_out_notes(name, steps, sensor.host_time_ns, sensor.static, known, ~sensor.flagged))
     if errors.judged.any():
         true = TrueTurning.of(sensor.host_time_ns, errors.q_true)
         own = sensor_budgets(session, estimate, name, true, errors.judged, steps or [], arm)
@@ -173,6 +182,7 @@ def _judge_joint(
     if errors is None:
         result.notes.append(f"{name}: no truth, so its angle is not judged")
         return
+    result.notes.extend(errors.notes)
     result.notes.extend(f"joint '{name}': {remark}" for remark in estimate.joints[name].remarks)
     result.series[f"joint_{name}"] = errors.series() | estimate.joints[name].heading_series()
     clock_sd = flexion_clock_sd(estimate, errors) if errors.steps else 0.0

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, convergence_times
 from testbench.evaluation.judged import rows_by_step
+from testbench.evaluation.left_out import left_out_notes
 from testbench.evaluation.metrics import correlation, summarise
 from testbench.evaluation.turning import turned_by_sensor
 from testbench.model import rotation
@@ -46,6 +47,7 @@ class JointErrors:
         total: Angle of the rotation between estimated and true orientation of the distal segment against the proximal one, by
         filter [rad], shape (n,); NaN where nothing is judged.
         turned: What the motion of the proximal and of the distal sensor has added to the true flexion, shape (n, 2) [rad].
+        notes: What was to be judged and was not.
     """
 
     name: str
@@ -59,6 +61,7 @@ class JointErrors:
     steps: list[tuple[PlannedStep, np.ndarray]]
     total: dict[str, np.ndarray]
     turned: np.ndarray
+    notes: list[str] = field(default_factory=list)
 
     def sections(self) -> dict[str, list[tuple[PlannedStep, np.ndarray]]]:
         """Steps by section, in their order."""
@@ -103,7 +106,9 @@ def joint_errors(session: Session, name: str, estimate: Estimate, steps: list[Pl
     counted = [(step, rows[finite[rows]]) for step, rows in rows_by_step(steps, time, static)]
     judged = [(step, rows) for step, rows in counted if len(rows)]
     total = _total_errors(joint, joint_estimate.angles, true_angles[joint.label], judged)
-    return JointErrors(name, joint, time, reference, flexion, error, true_angles, joint_estimate.angles, judged, total, turned)
+    notes = left_out_notes(f"joint '{name}'", steps, time, static, np.isfinite(reference), sound)
+    own = joint_estimate.angles
+    return JointErrors(name, joint, time, reference, flexion, error, true_angles, own, judged, total, turned, notes)
 
 
 def _total_errors(

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from testbench.clock import Clock
 from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.imus.base import Imu
@@ -26,14 +28,15 @@ from testbench.execution.state_machine import RunState, StateMachine
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
 from testbench.model.magnetic_field import describe_environment
+from testbench.model.truth import WIDEST_GAP_NS
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol_arm import Guards
 from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import Event, RunStatus, Session
 
 CHUNK_NS = NANOSECONDS // 10
-MISSED_SHARE = 0.01
-"""A larger share of the controller's samples that did not come is said at the end."""
+MISSED_SHARE = 0.05
+"""A larger share of the controller's samples that did not come is said at the end; a smaller one is in the evaluation."""
 TAIL_NS = NANOSECONDS
 """Recording goes on this long after the last step, so that the last dwell is whole on every clock."""
 
@@ -176,11 +179,12 @@ class _ArmRun:
         self.now_ns = 0
         self.done = 0
         self.steps = plan.steps if options.steps is None else options.steps
-        self.fault = self.paused = ""
-        self.resting = False
+        self.fault = self.paused = self.why_paused = ""
+        self.resting = self.pausing = False
+        self.changed_ns: int | None = None
         self.meter = ProgressMeter(plan, self.steps, options.progress)
         self.trips: Counter[str] = Counter()
-        self.received = 0
+        self.received, self.gap_ns, self.newest_ns = 0, 0, np.zeros(0, dtype=np.int64)
         spec = plan.protocol.spec
         self.guards = GuardWatch(spec.guards or Guards(), list(sensors.imus))
         folder = free_folder(options.logs, options.name or f"{self.clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
@@ -200,7 +204,8 @@ class _ArmRun:
 
     def _state_changed(self, old: RunState, new: RunState, why: str) -> None:
         with suppress(StorageError):
-            self.recorder.event(self.now_ns, "state", state=str(new), before=str(old), **({"why": why} if why else {}))
+            at_ns = self.now_ns if self.changed_ns is None else self.changed_ns
+            self.recorder.event(at_ns, "state", state=str(new), before=str(old), **({"why": why} if why else {}))
 
     def run(self) -> Session:
         status, message, error = RunStatus.COMPLETED, "", None
@@ -244,10 +249,19 @@ class _ArmRun:
     def _say_counts(self) -> None:
         """At the end: what the guards found, and what did not come from the controller."""
         if self.trips:
-            self.options.say("guards: " + ", ".join(f"{name} {count}" for name, count in sorted(self.trips.items())))
+            self.options.say("guards: " + ", ".join(self._count(*item) for item in sorted(self.guards.counts.items())))
         missed = self.arm.describe().get("timing", {}).get("samples_missed", 0)
-        if missed > MISSED_SHARE * (missed + self.received):
-            self.options.say(f"warning: {missed} of {missed + self.received} of the controller's samples did not come")
+        due = missed + self.received
+        if missed and (missed > MISSED_SHARE * due or self.gap_ns > WIDEST_GAP_NS):
+            self.options.say(
+                f"warning: {missed} of {due} ({100 * missed / due:.2g} %) of the controller's samples did not come, the "
+                f"longest gap is {self.gap_ns / NANOSECONDS:.2g} s"
+            )
+
+    def _count(self, name: str, count: int) -> str:
+        """How often a limit was broken, and how often that was told."""
+        told = self.trips[name]
+        return f"{name} {count}" + (f" (told {told})" if told < count else "")
 
     def _follow(self, operator: Operator) -> None:
         end_ns: int | None = None
@@ -263,21 +277,36 @@ class _ArmRun:
             self.meter.say(self.now_ns, "recording goes on for a second" if self.arm.finished else rests)
 
     def _pause_or_resume(self, operator: Operator) -> None:
-        if operator.pause_asked and self.machine.state is RunState.RUNNING:
+        if operator.pause_asked and not self.pausing and self.machine.state is RunState.RUNNING:
             self.arm.pause()
-            why = operator.pause_reason or "asked for"
-            self.machine.to(RunState.PAUSED, why)
+            self.pausing, self.why_paused = True, operator.pause_reason or "asked for"
+            why = self.why_paused
+            self.recorder.event(self.time.now_ns(), "pause_requested", why=why)
             self.options.say(f"pause requested ({why}): the arm rests after this step")
             self.paused = f"PAUSED ({why}): {operator.how_to_go_on}"
-        elif not operator.pause_asked and self.machine.state is RunState.PAUSED:
+        elif not operator.pause_asked and self.pausing:
             self.arm.resume()
-            operator.pause_reason = ""
-            self.machine.to(RunState.RUNNING, "asked for")
+            self.pausing, operator.pause_reason = False, ""
+            if not self.resting:  # the step under way had not ended
+                self.recorder.event(self.time.now_ns(), "pause_withdrawn")
             self.options.say("going on")
+
+    def _paused_or_resumed(self, event: Event) -> None:
+        """The arm rests, or goes on: that, and not the wish, changes the state."""
+        self.resting = event.event == "paused"
+        state, before = (RunState.PAUSED, RunState.RUNNING) if self.resting else (RunState.RUNNING, RunState.PAUSED)
+        if self.machine.state is before:
+            self.changed_ns = event.host_time_ns
+            self.machine.to(state, self.why_paused if self.resting else "asked for")
+            self.changed_ns = None
+        if self.resting:
+            self.options.say(self.paused)
 
     def _advance(self, until_ns: int, operator: Operator | None = None) -> None:
         arm = self.arm.read(until_ns)
         self.now_ns, self.received = until_ns, self.received + len(arm.host_time_ns)
+        times = np.concatenate([self.newest_ns, arm.host_time_ns])
+        self.gap_ns, self.newest_ns = max(self.gap_ns, int(np.diff(times).max(initial=0))), times[-1:]
         self._note(self.arm.events())
         imus = self.sensors.read(until_ns, arm)
         happened = self._note_devices()
@@ -310,9 +339,7 @@ class _ArmRun:
         for event in events:
             self.meter.note(event)
             if event.event in {"paused", "resumed"}:
-                self.resting = event.event == "paused"
-            if event.event == "paused":
-                self.options.say(self.paused)
+                self._paused_or_resumed(event)
             if event.event == "arm_fault":
                 self.fault = str(event.details.get("fault"))
             if event.event.startswith("step_"):

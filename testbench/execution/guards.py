@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +16,11 @@ from testbench.records.session import Event
 
 REFERENCE_SAMPLES = 60
 """The magnetic norm is compared with the median of a sensor's first samples, so many."""
+CLEAR, CLEAR_OF_HEAT = 0.8, 0.95
+"""A limit holds again once the value is below this share of it (above its inverse, for a lower limit)..."""
+CALM_NS = 3 * NANOSECONDS
+"""... for so long [ns]. A silence or a gap is over at once: the next one is another."""
+MOST_DIGITS = 8
 
 
 class GuardTripped(DriverError):
@@ -41,7 +47,21 @@ class Trip:
         quantity, _, unit = self.guard.rpartition("_")
         unit = {"percent": "%", "s": "s", "degC": "degC"}[unit]
         name = quantity.replace("_", " ")
-        return f"{name} of {self.subject}: {self.value:.3g} {unit}, the limit is {self.limit:.3g} {unit}"
+        value = next((text for text in self._texts() if float(text) != self.limit), f"{self.value:g}")
+        return f"{name} of {self.subject}: {value} {unit}, the limit is {self.limit:.3g} {unit}"
+
+    def _texts(self) -> Iterator[str]:
+        """The value, with ever more digits."""
+        return (f"{self.value:.{digits}g}" for digits in range(3, MOST_DIGITS))
+
+
+@dataclass
+class _Limit:
+    """What must be remembered of a limit: whether it was told to be broken, is broken, and since when it clearly holds."""
+
+    told: bool = False
+    broken: bool = False
+    calm_since_ns: int | None = None
 
 
 @dataclass
@@ -54,16 +74,21 @@ class _Sensor:
 
 
 class GuardWatch:
-    """Looks at everything that is recorded, piece by piece; says once that a limit is broken, until it holds again.
+    """Looks at everything that is recorded, piece by piece; says once that a limit is broken, until it clearly holds again.
 
     Args:
         guards: Limits and actions. sensors: Names.
+
+    Attributes:
+        counts: How often each limit was broken, told or not, by "guard of subject".
     """
 
     def __init__(self, guards: Guards, sensors: list[str]):
         self.guards = guards
         self._sensors = {name: _Sensor() for name in sensors}
-        self._broken: set[tuple[str, str]] = set()
+        self._limits: dict[tuple[str, str], _Limit] = {}
+        self._now_ns = 0
+        self.counts: Counter[str] = Counter()
 
     def look(
         self,
@@ -77,6 +102,7 @@ class GuardWatch:
         Args:
             now_ns: Host time. arm, imus: What was recorded since the last look. events: Of the sensors.
         """
+        self._now_ns = now_ns
         trips: list[Trip] = []
         for name, samples in imus.items():
             known = self._sensors[name]
@@ -102,10 +128,21 @@ class GuardWatch:
         if setting.action == "off" or value is None:
             return
         broken = value < setting.limit if low else value > setting.limit
-        key = (guard, subject)
-        if broken and key not in self._broken:
-            trips.append(Trip(guard, subject, value, setting.limit, setting.action))
-        (self._broken.add if broken else self._broken.discard)(key)
+        known = self._limits.setdefault((guard, subject), _Limit())
+        if broken:
+            self.counts[f"{guard} of {subject}"] += not known.broken
+            if not known.told:
+                trips.append(Trip(guard, subject, value, setting.limit, setting.action))
+            known.told, known.calm_since_ns = True, None
+        elif guard.endswith("_s"):
+            known.told = False
+        elif known.told:
+            share = CLEAR_OF_HEAT if guard == "temperature_degC" else CLEAR
+            calm = value > setting.limit / share if low else value < setting.limit * share
+            known.calm_since_ns = (known.calm_since_ns if known.calm_since_ns is not None else self._now_ns) if calm else None
+            if known.calm_since_ns is not None and self._now_ns - known.calm_since_ns >= CALM_NS:
+                known.told = False
+        known.broken = broken
 
     @staticmethod
     def _largest_gap(known: _Sensor, samples: ImuSamples) -> float | None:

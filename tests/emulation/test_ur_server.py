@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import socket
 import struct
 import threading
@@ -11,8 +12,10 @@ import time
 import numpy as np
 import pytest
 
+from testbench.emulation.ur.script import SET_WATCHDOG, ControlScript
 from testbench.emulation.ur.server import UrServer
 from testbench.emulation.ur.setup import make_controller
+from testbench.emulation.ur.state import RuntimeState
 from testbench.exceptions import InputError
 from tests.emulated_arms import EmulatedUr, emulated_ur, free_address
 
@@ -193,3 +196,74 @@ def test_an_unknown_model_version_or_pose_is_refused():
         make_controller("ur3e", polyscope="latest")
     with pytest.raises(InputError, match="5 joint angles"):
         make_controller("ur3e", q_deg=[0.0] * 5)
+
+
+def test_a_held_up_emulator_makes_up_the_time_before_it_hears_its_clients():
+    with emulated_ur() as robot, rtde(robot.address) as connection:
+        ask(connection, "V", struct.pack(">H", 2))
+        ask(connection, "O", struct.pack(">d", 125) + b"timestamp")
+        ask(connection, "S")
+
+        def newest(until_s: float) -> tuple[float, float]:
+            end = time.monotonic() + until_s
+            while time.monotonic() < end:
+                stamp = struct.unpack(">Bd", take(connection)[1])[1]
+            return stamp, time.monotonic()
+
+        before, at = newest(0.3)
+        robot.process.send_signal(signal.SIGSTOP)
+        time.sleep(1.0)
+        robot.process.send_signal(signal.SIGCONT)
+        after, later = newest(0.5)
+        assert after - before == pytest.approx(later - at, abs=0.1)
+
+
+def test_time_that_is_made_up_moves_the_joints_and_is_no_silence_of_the_client():
+    robot = make_controller("ur3e")
+    robot.script = script = ControlScript("")
+    robot.runtime = RuntimeState.PLAYING
+    script.begin(robot)
+    robot.registers.input_double[0] = 2.0
+    script._process(robot, SET_WATCHDOG)
+    server = UrServer(robot, free_address())
+    try:
+        server._serve(0.0)
+        robot.joints.move(robot.joints.q_reference + 0.5, 1.0, 5.0)
+        server._advance(700)
+        assert robot.time == pytest.approx(1.4)
+        assert robot.joints.at_rest
+        assert robot.script is script
+        server._serve(0.0)
+        server._advance(1)
+        assert robot.script is None, "now it was heard that nothing came"
+        server._advance(1_000_000)
+        assert robot.time == pytest.approx(2001.402)
+    finally:
+        server.close()
+
+
+def test_stamps_can_be_made_to_fall_behind():
+    robot = make_controller("ur3e")
+    for _ in range(500):
+        robot.tick()
+    robot.fault("clock_step", -0.25)
+    assert robot.outputs()["timestamp"] == pytest.approx(0.75)
+    robot.clear()
+    assert robot.outputs()["timestamp"] == pytest.approx(0.75)
+
+
+def test_what_a_client_asks_for_is_heard_at_the_present_time(monkeypatch):
+    robot, address = make_controller("ur3e"), free_address()
+    server = UrServer(robot, address)
+    try:
+        with socket.create_connection((address, 29998), 5) as client:
+            server._serve(1.0)
+            client.sendall(b"status\n")
+            heard: list[float] = []
+            monkeypatch.setattr(robot, "status", lambda: str(heard.append(robot.time)))
+            server._due = time.monotonic() - 0.1
+            server._serve(1.0)
+            assert heard[0] == pytest.approx(0.1, abs=0.03)
+            assert server._due > time.monotonic() - 0.05
+    finally:
+        server.close()

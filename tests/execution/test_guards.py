@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from testbench import execute, plan
 from testbench.exceptions import ArmRefused, BenchError
 from testbench.execution.checklist import HAZARDS, confirm_hazards
-from testbench.execution.guards import GuardWatch
+from testbench.execution.guards import GuardWatch, Trip
 from testbench.execution.operator import Operator
 from testbench.execution.state_machine import FOLLOWING, RunState, StateMachine
 from testbench.records.protocol_arm import Guard, Guards
@@ -141,3 +142,45 @@ def test_a_simulated_run_says_what_a_guard_found_and_that_it_waits(tiny, tmp_pat
     assert session.status is RunStatus.COMPLETED
     assert said[0].startswith("warning: sample gap of hand: ") and said[0].endswith("the limit is 0.001 s")
     assert said[1:] == [f"PAUSED (guard: {said[0].removeprefix('warning: ')}): SIGUSR2 goes on, SIGINT stops", "going on"]
+
+
+FIELD = Guards(magnetic_disturbance_percent=Guard(limit=20, action="warn"), sample_gap_s=Guard(limit=9, action="off"))
+
+
+def disturbances(percents, seconds: float = 0.1) -> tuple[GuardWatch, list]:
+    """What is told of a field that differs by so much from one look to the next."""
+    watch, told, begin = GuardWatch(FIELD, ["hand"]), [], 1.0
+    watch.look(SECOND, arm(), {"hand": imu(np.linspace(0, 1, 60), (0, 0, 50))})
+    for percent in percents:
+        begin += seconds
+        trips = watch.look(round(begin * SECOND), arm(), {"hand": imu([begin], (0, 0, 50 * (1 + percent / 100)))})
+        told += [(round(begin, 3), trip) for trip in trips]
+    return watch, told
+
+
+def test_a_field_about_its_limit_is_told_once_and_counted():
+    watch, told = disturbances([19.9, 20.1] * 50)
+    assert [time for time, _ in told] == [1.2]
+    assert watch.counts == {"magnetic_disturbance_percent of hand": 50}
+
+
+def test_it_is_told_again_once_it_was_clearly_below_for_some_seconds():
+    clearly, barely = [10.0] * 32, [17.0] * 100
+    assert len(disturbances([21, *barely, 21])[1]) == 1
+    assert len(disturbances([21, *clearly, 21])[1]) == 2
+    assert len(disturbances([21, *clearly[:20], 18, *clearly[:20], 21])[1]) == 1, "not for long enough at a time"
+
+
+@given(st.lists(st.floats(0, 40), min_size=1, max_size=60))
+def test_between_two_warnings_the_field_was_clearly_below_for_three_seconds(percents):
+    _, told = disturbances(percents, 0.5)
+    for (before, _), (after, _) in itertools.pairwise(told):
+        times = 1 + 0.5 * np.arange(1, len(percents) + 1)
+        between = (times > before) & (times < after)
+        assert (np.array(percents)[between] < 16.0001).sum() >= 7
+
+
+@pytest.mark.parametrize(("value", "shown"), [(20.0253, "20.03"), (20.1, "20.1"), (20.0004, "20.0004"), (35.27, "35.3")])
+def test_the_value_is_visibly_beyond_its_limit(value, shown):
+    trip = Trip("magnetic_disturbance_percent", "hand", value, 20.0, "warn")
+    assert trip.sentence == f"magnetic disturbance of hand: {shown} %, the limit is 20 %"

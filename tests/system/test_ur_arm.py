@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from testbench.drivers.arms.controller_lock import ControllerLock
 from testbench.drivers.arms.remedies import UR_REMEDIES
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.exceptions import ArmRefused, DriverError
@@ -195,6 +196,32 @@ def test_late_and_lost_packages_do_not_stop_a_run_that_can_bear_them(ur3e, short
     assert 0.1 < lost / expected < 0.8
 
 
+def test_stamps_that_fall_behind_in_motion_are_followed_before_the_next_one(ur3e, short_plan, tmp_path):
+    struck: list[str] = []
+
+    def strike(progress) -> None:
+        if progress.index == 1 and not struck and "moving" in ur3e.control("status"):
+            struck.append(ur3e.control("fault clock_step -0.4"))
+
+    session = drive_ur(short_plan, ur3e, tmp_path, progress=strike)
+    (step, *more) = [event for event in session.events if event.event == "arm_time_step"]
+    assert 0.3 < step.details["by_s"] < 0.5
+    assert sum(abs(event.details["by_s"]) for event in more) < 0.1
+    arm, begun = session.arm(), {step.index: step.start_ns for step in session.steps}
+    for index in (2, 3):
+        before = (arm.host_time_ns > begun[index] - 0.3e9) & (arm.host_time_ns < begun[index])
+        assert np.abs(np.ptp(arm.q_measured[before], axis=0)).max() < np.radians(0.05), "nothing moves before it is commanded"
+
+
+def test_a_controller_that_sends_nothing_is_told_with_what_to_do(ur3e, short_plan, tmp_path):
+    ur3e.control("fault rtde_silence")
+    with pytest.raises(DriverError, match=r"sends no data: none came in 3 s") as caught:
+        drive_ur(short_plan, ur3e, tmp_path)
+    assert caught.value.exit_code == 3
+    assert f"what to do: {UR_REMEDIES['silence']}" in caught.value.__notes__
+    assert not list_sessions(tmp_path)
+
+
 @pytest.mark.parametrize("whom", ["the bench", "the process that drives the arm"])
 def test_a_kill_in_motion_stops_the_arm(ur3e, short, tmp_path, whom):
     before = int(ur3e.control("status").split()[-2])
@@ -215,6 +242,11 @@ def test_a_kill_in_motion_stops_the_arm(ur3e, short, tmp_path, whom):
     finally:
         bench.kill()
         _, said = bench.communicate()
+    lock, end = ControllerLock(ur3e.address), time.monotonic() + 10
+    while not (free := lock.take()) and time.monotonic() < end:
+        time.sleep(0.05)
+    lock.release()
+    assert free, "a process still drives the arm"
     (session,) = list_sessions(tmp_path / "logs")
     if whom == "the bench":
         assert session.status is RunStatus.RUNNING and not session.is_being_recorded

@@ -46,6 +46,9 @@ def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(ur3e, short_plan, 
     assert np.abs(arm.v_measured[waiting]).max() < np.radians(0.3)
     states = [event.details["state"] for event in session.events if event.event == "state"]
     assert states == ["approaching", "running", "paused", "running", "stopping", "done"]
+    (state,) = [event for event in session.events if event.details.get("state") == "paused"]
+    assert state.host_time_ns == events["paused"]
+    assert events["pause_requested"] < events["paused"] - 0.1e9
 
 
 def test_a_guard_stops_the_arm(ur3e, short, tmp_path):

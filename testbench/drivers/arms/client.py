@@ -15,6 +15,8 @@ SMOOTHING = 0.1
 """Weight of the newest sample in the smoothed angles that decide whether a pose is reached: encoders hiss."""
 MOVES_RAD = 0.001
 """An angle so far from its smoothed value moves; the smoothed value follows at once [rad]."""
+SILENT_S = 3.0
+"""A controller that sent nothing for so long after it was connected is silent [s]."""
 Row = tuple[Any, ...]
 
 
@@ -79,10 +81,13 @@ class ArmClient(ABC):
         return time.monotonic() - self._arrival
 
     def _wait_for_sample(self) -> None:
-        end = time.monotonic() + 3.0
+        end = time.monotonic() + SILENT_S
         while not self.samples():
             if time.monotonic() > end:
-                raise ArmFault("silence", "the controller sends no data")
+                raise ArmFault(
+                    "silence",
+                    f"the controller at {self.settings.host} takes connections and sends no data: none came in {SILENT_S:g} s",
+                )
             time.sleep(0.001)
 
     @abstractmethod

@@ -2,25 +2,67 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 BLOCK_NS = 5_000_000_000
 """The least delayed package is sought in blocks of this length [ns]; that of the last two blocks counts."""
+LATELY_NS = 200_000_000
+"""The same for what the packages of right now say; at 125 Hz a block holds 25 of them."""
 SLEW = 200e-6
 """The estimate follows the clocks' drift by at most this much (relative); quartz clocks differ by less."""
+STEP_NS = 10_000_000
+"""A difference beyond this is no drift: one of the clocks has made a step, or the packages are delayed."""
+ANSWER_NS = 30_000_000
+"""Where answers come faster than this the packages themselves are not delayed by more."""
+
+
+@dataclass(frozen=True)
+class ClockStep:
+    """One of the clocks went on by more, or by less, than the other.
+
+    Attributes:
+        host_ns: When it was found. by_ns: Change of host time less controller time; times before it may be wrong by this.
+    """
+
+    host_ns: int
+    by_ns: int
+
+
+class _Least:
+    """The smallest difference of the present block and of the one before."""
+
+    def __init__(self, length_ns: int):
+        self._length, self._start = length_ns, 0
+        self._now = self._before = float("inf")
+
+    def add(self, difference: float, arrival_ns: int) -> None:
+        passed = arrival_ns - self._start
+        if passed > self._length:
+            self._before = self._now if passed < 2 * self._length else float("inf")
+            self._now, self._start = difference, arrival_ns
+        self._now = min(self._now, difference)
+
+    @property
+    def value(self) -> float:
+        return min(self._now, self._before)
 
 
 class ControllerClock:
     """Maps the controller's time stamps to host time.
 
     A package arrives late by a delay that is never negative, so the smallest difference between arrival and stamp is nearest to
-    the offset between the clocks. The mapping is monotonic: it is slewed, never set, once it is in use.
+    the offset between the clocks. Once it is in use the mapping follows drift slowly, and steps only where there is proof:
+
+    - a package that arrives before the time of its stamp proves that the offset is too large;
+    - an effect whose stamp lies before its cause proves that it is too small. Packages that merely come late prove nothing.
     """
 
     def __init__(self) -> None:
         self._offset: float | None = None
-        self._block_start = 0
-        self._least = self._least_before = float("inf")
+        self._least, self._lately = _Least(BLOCK_NS), _Least(LATELY_NS)
         self._last_ns = 0
         self._slewing = False
+        self._steps: list[ClockStep] = []
 
     @property
     def offset_ns(self) -> float:
@@ -28,20 +70,58 @@ class ControllerClock:
         return 0.0 if self._offset is None else self._offset
 
     def begin(self) -> None:
-        """From now on the mapping is slewed only: samples are being recorded."""
+        """From now on the mapping goes on smoothly, for samples are being recorded, unless it is proved wrong."""
         self._slewing = True
+
+    def steps(self) -> list[ClockStep]:
+        """The steps since the last call."""
+        steps, self._steps = self._steps, []
+        return steps
+
+    def at(self, controller_ns: int) -> int:
+        """Host time of a stamp by what is known now [ns]."""
+        return round(controller_ns + self.offset_ns)
 
     def host_ns(self, controller_ns: int, arrival_ns: int) -> int:
         """Host time of a stamp, from a package that arrived just now [ns]."""
         difference = float(arrival_ns - controller_ns)
-        if arrival_ns - self._block_start > BLOCK_NS:
-            self._least_before, self._least, self._block_start = self._least, difference, arrival_ns
-        self._least = min(self._least, difference)
-        target = min(self._least, self._least_before)
+        self._least.add(difference, arrival_ns)
+        self._lately.add(difference, arrival_ns)
+        target = self._least.value
         if self._offset is None or not self._slewing:
             self._offset = target
-        else:
+        elif difference < self._offset - STEP_NS:
+            self._step(difference, arrival_ns)
+        elif target < self._offset + STEP_NS:  # further off it is no drift
             most = SLEW * max(arrival_ns - self._last_ns, 0)
             self._offset += min(max(target - self._offset, -most), most)
         self._last_ns = arrival_ns
-        return round(controller_ns + self._offset)
+        return self.at(controller_ns)
+
+    def not_before(self, controller_ns: int, cause_ns: int, margin_ns: int = STEP_NS) -> float:
+        """Take note of something that the controller stamped, and that cannot have happened before its cause.
+
+        Where it seems to, and the packages of right now all say that the clocks' difference has grown, the mapping follows at
+        once: to their least difference, or as far as the cause demands where that is much less, for then they are delayed too.
+
+        Args:
+            controller_ns: A stamp not older than that of the effect. cause_ns: Host time of the cause [ns]. margin_ns: The
+            mapping steps where the effect seems to precede it by more [ns].
+
+        Returns:
+            By how much the effect still seems to precede its cause [s]; zero where it does not.
+        """
+        if self._offset is None:
+            return 0.0
+        needed = float(cause_ns - controller_ns)
+        lately = self._lately.value
+        if self._slewing and needed > self._offset + margin_ns and lately > self._offset + STEP_NS:
+            self._step(lately if lately - needed < ANSWER_NS else needed, cause_ns)
+        return max(needed - self._offset, 0.0) * 1e-9
+
+    def _step(self, offset: float, now_ns: int) -> None:
+        self._steps.append(ClockStep(now_ns, round(offset - self.offset_ns)))
+        self._offset = offset
+        self._least, self._lately = _Least(BLOCK_NS), _Least(LATELY_NS)
+        self._least.add(offset, now_ns)
+        self._lately.add(offset, now_ns)

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -61,7 +62,7 @@ class LinkSettings(ABC):
         tracking: Largest error of following [rad]. settled: Largest error of a pose that counts as reached [rad]. host_silence,
         arm_silence: The arm stops when the bench, or the controller's data, are silent for so long [s]. mass, centre: Tool
         [kg], [m]. orphaned: What becomes of an arm whose driving process is gone, for a person to read.
-        joint_names: For messages.
+        remedies: What a person does then, by the word for the cause. joint_names: For messages.
     """
 
     host: str
@@ -76,6 +77,7 @@ class LinkSettings(ABC):
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     joint_names: tuple[str, ...] = ()
     orphaned: ClassVar[str]
+    remedies: ClassVar[Mapping[str, str]]
 
     @abstractmethod
     def client(self) -> ArmClient:
@@ -144,7 +146,8 @@ class Link:
                 raise DriverError(f"the process that drives the arm has ended; {self.settings.orphaned}") from None
         if not messages and time.monotonic() - self._heard > SILENCE_S:
             self.kill()
-            raise DriverError(f"the process that drives the arm is silent for {SILENCE_S:g} s; {self.settings.orphaned}")
+            silent = f"the process that drives the arm is silent for {SILENCE_S:g} s: it waits for the controller"
+            raise DriverError(f"{silent}; {self.settings.orphaned}")
         return messages
 
     def wait_for(self, kind: str, timeout: float = ANSWER_S) -> tuple[Message, list[Message]]:
@@ -160,12 +163,15 @@ class Link:
                     continue
                 message = self._connection.recv()
             except (EOFError, OSError):
-                raise DriverError("the process that drives the arm has ended") from None
+                raise DriverError(f"the process that drives the arm has ended; {self.settings.orphaned}") from None
             self._heard = time.monotonic()
             if message[0] == kind:
                 return message, before
             if message[0] == "fault":
-                raise DriverError(str(message[2]))
+                error = DriverError(str(message[2]))
+                if message[1] in self.settings.remedies:
+                    error.add_note(f"what to do: {self.settings.remedies[message[1]]}")
+                raise error
             before.append(message)
         self.kill()
         raise DriverError(f"the controller at {self.settings.host} does not answer within {timeout:g} s")

@@ -155,8 +155,12 @@ class RemoteArm(SteppingArm):
         start, now = plan.trajectory.q[0], np.array(self.info["q_rad"])
         duration = float(np.abs(start - now).max()) / APPROACH_RAD_S
         approach = Motion(-1, "move", start, APPROACH_RAD_S, APPROACH_RAD_S2, duration=duration)
-        self._link.begin("approach", approach)
-        self._wait_for_start()
+        try:
+            self._link.begin("approach", approach)
+            self._wait_for_start()
+        except DriverError as error:  # where the process itself is gone or silent, nobody has told of a fault yet
+            self._fail(("fault", "driver", str(error)))
+            raise
 
     def _wait_for_start(self) -> None:
         assert self._link is not None
@@ -168,7 +172,8 @@ class RemoteArm(SteppingArm):
                     return
                 if message[0] in {"fault", "stopped"}:
                     self._fail(message)
-                    raise DriverError(f"the start of the plan was not reached: {message[-1]}")
+                    said = message[2] if message[0] == "fault" else message[1]
+                    raise DriverError(f"the start of the plan was not reached: {said}")
             self.clock.sleep(0.02)
         raise DriverError(f"the start of the plan was not reached within {APPROACH_S:g} s")
 
@@ -208,8 +213,8 @@ class RemoteArm(SteppingArm):
             if message[0] == "samples":
                 self._batches.append(message[1])
             elif message[0] == "event":
-                _, time, name, index = message
-                self._events.append(Event(max(time, 0), name, {"index": index} if index >= 0 else {}))
+                _, time, name, details = message
+                self._events.append(Event(max(time, 0), name, details))
                 if name in {"step_ended", "connecting_ended"}:
                     self._feed(1)
             elif message[0] == "timing":
@@ -222,10 +227,12 @@ class RemoteArm(SteppingArm):
     def _fail(self, message: Message) -> None:
         if self._fault is not None or (message[0] == "stopped" and self._stopped):
             return
-        kind = message[1] if message[0] == "fault" else "stopped"
-        self._fault = f"the arm was stopped: {message[-1]}"
-        now = max(self.clock.monotonic_ns() - self._origin_ns, 0) if self._origin_ns else 0
-        self._events.append(Event(now, "arm_fault", {"fault": kind, "message": str(message[-1])}))
+        kind, said, *found = message[1:] if message[0] == "fault" else ("stopped", message[1])
+        self._fault = f"the arm was stopped: {said}"
+        now = found[0] if found else self.clock.monotonic_ns()
+        self._events.append(
+            Event(max(now - self._origin_ns, 0) if self._origin_ns else 0, "arm_fault", {"fault": kind, "message": str(said)})
+        )
 
     def _feed(self, count: int) -> None:
         assert self._link is not None

@@ -41,6 +41,7 @@ class ReplayArm(SteppingArm):
         self.robot, self.log, self.time = robot, log, time
         self._next = 0
         self._events: list[Event] = []
+        self._told: list[Event] = []
         self._kicked = self._stopped = False
         self._held_ns: int | None = None
         self._shift_ns = 0
@@ -116,14 +117,17 @@ class ReplayArm(SteppingArm):
         reached = int(self._time[min(self._next, len(self._time)) - 1]) if self._next else -1
         due = [event for event in self._events if event.host_time_ns <= reached]
         self._events = self._events[len(due) :]
-        return [Event(event.host_time_ns + self._shift_ns, event.event, event.details) for event in due]
+        told, self._told = self._told, []
+        return [Event(event.host_time_ns + self._shift_ns, event.event, event.details) for event in due] + told
 
     def pause(self) -> None:
         self._held_ns = self.time.now_ns() - self._shift_ns
+        self._told.append(Event(self.time.now_ns(), "paused", {}))
 
     def resume(self) -> None:
         if self._held_ns is not None:
             self._shift_ns, self._held_ns = self.time.now_ns() - self._held_ns, None
+            self._told.append(Event(self.time.now_ns(), "resumed", {}))
 
     def stop(self) -> None:
         self._stopped = True

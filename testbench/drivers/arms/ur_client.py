@@ -9,7 +9,7 @@ import math
 import re
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from threading import Thread
@@ -20,6 +20,7 @@ import numpy as np
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, ControllerLock
 from testbench.drivers.arms.link import LinkSettings
+from testbench.drivers.arms.remedies import UR_REMEDIES
 from testbench.drivers.arms.ur_greeting import DASHBOARD_PORT, greet_dashboard
 
 SECONDARY_PORT = 30002
@@ -27,6 +28,8 @@ KEEP_ALIVE_S = 0.02
 IN_TOUCH_S = 0.25
 REASON_S = 0.1
 """Samples come slower than the client learns that a program ended; they say why within this time [s]."""
+ANSWERED_NS = 50_000_000
+"""Samples come over another connection than answers, and may be older than these by so much [ns]."""
 MOST_UNFED = 3
 """Feeds of the watchdog that may fail one after the other."""
 LATELY_S = 2.0
@@ -60,6 +63,7 @@ class UrSettings(LinkSettings):
     watchdog: float = 0.5
     least_slider: float = 0.99
     orphaned: ClassVar[str] = "the controller's watchdog stops the arm"
+    remedies: ClassVar[Mapping[str, str]] = UR_REMEDIES
 
     def client(self) -> UrClient:
         return UrClient(self)
@@ -212,6 +216,8 @@ class UrClient(ArmClient):
             current, heat = receive.getActualCurrent(), receive.getJointTemperatures()
             modes, bits = (receive.getRobotMode(), receive.getSafetyMode()), receive.getSafetyStatusBits()
             slider, scaling = receive.getTargetSpeedFraction(), receive.getSpeedScaling()
+            if not q:  # nothing has come yet
+                return None
             if receive.getTimestamp() == stamp:
                 break
         else:
@@ -278,7 +284,10 @@ class UrClient(ArmClient):
 
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
         """Begin a moveJ."""
+        asked_ns = self.now_ns()
         self._command("moveJ was refused", self._control.moveJ, target.tolist(), speed, acceleration, True)
+        # The controller answers after it was asked: where the newest stamp says otherwise the clocks have parted.
+        self.clock.not_before(round(1e9 * self._receive.getTimestamp()), asked_ns, ANSWERED_NS)
 
     def stream(self, target: np.ndarray) -> None:
         """Send a target of servoJ; the controller's watchdog is fed by it."""

@@ -19,6 +19,7 @@ import numpy as np
 
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.link import LinkSettings, Motion
+from testbench.drivers.arms.onset import LEAD_S, Onset
 
 SENT_KEPT_S = 0.4
 """Targets sent within this time are compared with what is reached: longer than lookahead and servo lag together [s]."""
@@ -69,12 +70,21 @@ class Worker:
         self.lateness = np.zeros(2001, dtype=np.int64)  # histogram, 10 us a bin
         self.sent: list[np.ndarray] = []
         self.streamed: np.ndarray | None = None
+        self.onset = Onset()
         self.realtime = os.sched_getscheduler(0) == os.SCHED_FIFO
 
     def serve(self) -> None:
         """Do what the bench asks until it lets go."""
         while True:
-            message = self._next_request()
+            try:
+                message = self._next_request()
+            except ArmFault as fault:
+                self._fault(fault.kind, str(fault))
+                while (
+                    self.connection.recv()[0] != "close"
+                ):  # whatever else is asked for was asked before the fault was heard of
+                    pass
+                return
             if message[0] == "close":
                 return
             if message[0] == "approach":
@@ -109,16 +119,20 @@ class Worker:
             self._stop_arm()
             self._say("stopped", str(stop))
         except ArmFault as fault:
-            self._stop_arm()
-            self._say("fault", fault.kind, str(fault))
+            self._fault(fault.kind, str(fault))
         except (EOFError, BrokenPipeError, ConnectionError):
             self._stop_arm()
             raise
         except Exception as error:  # a bug must not leave the arm moving
-            self._stop_arm()
-            self._say("fault", "driver", f"the driver of the arm failed: {type(error).__name__}: {error}")
+            self._fault("driver", f"the driver of the arm failed: {type(error).__name__}: {error}")
         finally:
             gc.enable()
+
+    def _fault(self, kind: str, message: str) -> None:
+        """Stop the arm, then tell of a fault and when it was found."""
+        found_ns = self.client.now_ns()
+        self._stop_arm()
+        self._say("fault", kind, message, found_ns)
 
     def _say(self, *message: Any) -> None:
         self._hand_over(force=True)
@@ -180,11 +194,20 @@ class Worker:
     def _keep(self, rows: list[Row]) -> None:
         if self.origin_ns is None:
             return
+        clock = self.client.clock
         for row in rows:
-            *told, target, missed = row
+            host, stamp, *told, target, missed = row
             self.missed += missed
+            cause = self.onset.cause(target)
+            if cause is not None:
+                lead = clock.not_before(stamp, cause)
+                host = max(host, clock.at(stamp))
+                if lead > LEAD_S:
+                    self._tell("arm_time_doubtful", cause, {"lead_s": round(lead, 4)})
             sent = target if self.streamed is None else self.streamed
-            self.rows.append((told[0] - self.origin_ns, *told[1:], sent.copy()))
+            self.rows.append((host - self.origin_ns, stamp, *told, sent.copy()))
+        for step in clock.steps():
+            self._tell("arm_time_step", step.host_ns, {"by_s": round(1e-9 * step.by_ns, 4)})
 
     def _hand_over(self, force: bool = False) -> None:
         now = time.monotonic()
@@ -217,6 +240,7 @@ class Worker:
             motion = self.queue.pop(0)
             if motion.kind == "stream":
                 self.client.begin_stream()
+            self.onset.expect(self.client.now_ns())
             self._event("step_started", motion.index)
             yield from {"move": self._move, "stream": self._stream, "hold": self._hold}[motion.kind](motion)
             self._event("step_settled", motion.index)
@@ -302,7 +326,11 @@ class Worker:
     def _event(self, name: str, index: int) -> None:
         name = CONNECTING.get(name, name) if index < 0 else name
         if self.origin_ns is not None and name:
-            self.connection.send(("event", self.client.now_ns() - self.origin_ns, name, index))
+            self._tell(name, self.client.now_ns(), {"index": index} if index >= 0 else {})
+
+    def _tell(self, name: str, host_ns: int, details: dict[str, Any]) -> None:
+        assert self.origin_ns is not None
+        self.connection.send(("event", host_ns - self.origin_ns, name, details))
 
     def _stop_arm(self) -> None:
         """Bring the arm to rest by every way there is, and record until it rests."""
@@ -337,7 +365,7 @@ def _serve(connection: Connection, client: ArmClient, settings: LinkSettings) ->
         try:
             connection.send(("info", client.connect()))
         except ArmFault as fault:
-            connection.send(("fault", fault.kind, str(fault)))
+            connection.send(("fault", fault.kind, str(fault), client.now_ns()))
             return
         Worker(connection, client, settings).serve()
     except (EOFError, ConnectionError):

@@ -142,6 +142,8 @@ class Controller(EmulatedController):
             self.slider = 0.5 if value is None else value
         elif name == "local_control":
             self.remote_control = False
+        elif name == "clock_step":
+            self.step_clock(value)
         elif name == "program_stop":
             self.stop_program("asked for")
         else:
@@ -163,7 +165,7 @@ class Controller(EmulatedController):
         powered = self.mode >= RobotMode.POWER_ON
         noise = AMPERE_NOISE * self._rng.standard_normal(len(current))
         return {
-            "timestamp": self.time,
+            "timestamp": self.stamp,
             "target_q": joints.q_reference,
             "target_qd": joints.v_reference,
             "target_qdd": joints.a_reference,

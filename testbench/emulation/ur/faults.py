@@ -18,6 +18,7 @@ FAULTS = {
     ),
     "rtde_delay": FaultKind("RTDE packages arrive value seconds late", "seconds"),
     "rtde_loss": FaultKind("this share of the RTDE packages is not sent (value 0 to 1)", "share"),
+    "clock_step": FaultKind("the time stamps jump by value seconds; they fall behind where it is negative", "step"),
     "rtde_silence": FaultKind("no RTDE package is sent any more, the connection stays open"),
     "slow_response": FaultKind("dashboard and script answer value seconds late", "seconds"),
     "slider": FaultKind("the speed slider stands at value (0 to 1)", "share"),

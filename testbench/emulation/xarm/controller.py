@@ -150,6 +150,8 @@ class Controller(EmulatedController):
             self.enabled = False
             self.error = 1 if name == "emergency_stop" else self.error
             self.halt(State.STOPPED)
+        elif name == "clock_step":
+            self.step_clock(value)
         elif name == "program_stop":
             self.halt(State.STOPPED)
         else:
@@ -227,7 +229,7 @@ class Controller(EmulatedController):
     def timely_report(self) -> bytes:
         """A report of port 30000."""
         report, joints = np.zeros(1, protocol.TIMELY), self.joints
-        report["size"], report["time_us"] = protocol.TIMELY.itemsize, round(1e6 * self.time)
+        report["size"], report["time_us"] = protocol.TIMELY.itemsize, max(round(1e6 * self.stamp), 0)
         report["state_mode"], report["commands"] = self.state_now | self.mode << 4, len(self._queue)
         report["q_target"], report["v_target"] = padded(joints.q_reference), padded(joints.v_reference)
         report["a_target"] = padded(joints.a_reference)

@@ -20,6 +20,7 @@ FAULTS = {
     ),
     "report_delay": FaultKind("reports arrive value seconds late", "seconds"),
     "report_loss": FaultKind("this share of the reports is not sent (value 0 to 1)", "share"),
+    "clock_step": FaultKind("the time stamps jump by value seconds; they fall behind where it is negative", "step"),
     "report_silence": FaultKind("no report is sent any more, the connections stay open"),
     "slow_response": FaultKind("commands are answered value seconds late", "seconds"),
 }

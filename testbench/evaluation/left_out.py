@@ -1,0 +1,70 @@
+"""What was planned to be judged and was not, in sentences with counts and reasons."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from testbench.evaluation.judged import window
+from testbench.records.plan import PlannedStep
+
+FEW = 0.5
+"""Where less than this of the samples counts of those steps that count at all, that is said."""
+NO_SAMPLES, MOVING, NO_TRUTH, FLAGGED = (
+    "there are no samples in {}",
+    "the sensors were not at rest in {}",
+    "the truth is not known in {}",
+    "the samples of {} are flagged",
+)
+
+
+def left_out_notes(
+    subject: str, steps: list[PlannedStep], time_ns: np.ndarray, static: np.ndarray, known: np.ndarray, sound: np.ndarray
+) -> list[str]:
+    """One note for each section of which steps, or most samples, do not count.
+
+    Args:
+        subject: Sensor or joint, as notes call it. steps: Those to be judged. time_ns: Of the samples, increasing, shape (n,).
+        static, known, sound: Where the sensors are at rest, the truth is known, and no sample is flagged, shape (n,), bool.
+    """
+    sections: dict[str, list[PlannedStep]] = {}
+    for step in steps:
+        sections.setdefault(step.section, []).append(step)
+    notes = []
+    for section, own in sections.items():
+        lost: list[PlannedStep] = []
+        steps_by, samples_by = Counter[str](), Counter[str]()
+        planned = counted = 0
+        for step in own:
+            begin, end = window(step)
+            rows = slice(np.searchsorted(time_ns, begin), np.searchsorted(time_ns, end, side="right"))
+            rest = static[rows] | (step.kind == "sweep")
+            judged = rest & known[rows] & sound[rows]
+            reasons = Counter({MOVING: int((~rest).sum())})
+            reasons[NO_TRUTH] = int((rest & ~known[rows]).sum())
+            reasons[FLAGGED] = int((rest & known[rows] & ~sound[rows]).sum())
+            if judged.any():
+                planned, counted = planned + len(rest), counted + int(judged.sum())
+                samples_by += reasons
+            else:
+                lost.append(step)
+                steps_by[reasons.most_common(1)[0][0] if len(rest) else NO_SAMPLES] += 1
+        if lost:
+            what = f"{len(lost)} of {len(own)} {_kind(own)}"
+            notes.append(f"{subject}, section {section}: {what} not judged: {_reasons(steps_by)}")
+        if counted < FEW * planned:
+            what = f"only {counted} of {planned} samples{' of the others' if lost else ''} judged"
+            notes.append(f"{subject}, section {section}: {what}: {_reasons(samples_by)}")
+    return notes
+
+
+def _kind(steps: list[PlannedStep]) -> str:
+    sweeps = sum(step.kind == "sweep" for step in steps)
+    return "steps" if 0 < sweeps < len(steps) else "sweeps" if sweeps else "poses"
+
+
+def _reasons(counts: Counter[str]) -> str:
+    """Reasons, the most frequent first, each with its count where there are several."""
+    found = [(reason, count) for reason, count in counts.most_common() if count]
+    return ", ".join(reason.format(count if len(found) > 1 else "them") for reason, count in found)

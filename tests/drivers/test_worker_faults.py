@@ -1,0 +1,93 @@
+"""The process that drives an arm says what ended it, also between motions, and when it found that."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from testbench import plan
+from testbench.drivers.arms.client import ArmFault
+from testbench.drivers.arms.remedies import UR_REMEDIES
+from testbench.drivers.arms.ur import UrArm, ur_settings
+from testbench.drivers.arms.ur_client import UrClient, UrSettings
+from testbench.drivers.arms.worker import Worker
+from testbench.exceptions import DriverError
+
+
+class Bench:
+    """The other end of the connection, which asks for things and hears."""
+
+    def __init__(self, asked: list[tuple]):
+        self.asked, self.told = asked, []
+
+    def poll(self, timeout: float = 0.0) -> bool:
+        return bool(self.asked)
+
+    def recv(self) -> tuple:
+        return self.asked.pop(0)
+
+    def send(self, message: tuple) -> None:
+        self.told.append(message)
+
+
+class Client(SimpleNamespace):
+    """A controller whose watchdog cannot be fed any more; stopping it takes a second and a half."""
+
+    now, stopped, listening = 7_000_000_000, 0, False
+
+    def now_ns(self) -> int:
+        return self.now
+
+    def keep_alive(self) -> None:
+        raise ArmFault("refused", "the watchdog could not be fed")
+
+    def stop(self, deceleration: float) -> None:
+        self.stopped += 1
+        self.now += 1_500_000_000
+
+
+def test_a_fault_between_motions_is_told_and_what_was_asked_meanwhile_is_not_done():
+    bench, client = Bench([("alive",), ("approach", None), ("close",)]), Client()
+    Worker(bench, client, UrSettings("nowhere")).serve()
+    assert bench.told[-1] == ("fault", "refused", "the watchdog could not be fed", 7_000_000_000), "when it was found"
+    assert client.stopped == 1
+    assert bench.asked == []
+
+
+@pytest.mark.parametrize("stuck", ["begin", "tell", "take"])
+def test_a_driving_process_that_is_gone_before_the_start_is_a_fault_with_its_cause(stuck):
+    def gone(*message) -> list:
+        raise DriverError("the process is silent")
+
+    the_plan = plan("quick")
+    arm = UrArm(the_plan.robot, ur_settings(the_plan, "nowhere"))
+    arm.info = {"q_rad": [0.0] * 6}
+    arm._link = SimpleNamespace(**({name: lambda *message: [] for name in ("begin", "tell", "take")} | {stuck: gone}))
+    with pytest.raises(DriverError, match="is silent"):
+        arm.prepare(the_plan)
+    (event,) = arm.events()
+    assert (event.event, event.details["fault"]) == ("arm_fault", "driver")
+    assert event.details["fault"] in UR_REMEDIES
+
+
+def test_a_fault_has_the_time_at_which_it_was_found():
+    the_plan = plan("quick")
+    arm = UrArm(the_plan.robot, ur_settings(the_plan, "nowhere"))
+    arm._origin_ns = 1_000_000_000
+    arm._fail(("fault", "rtde_silence", "no data", 6_500_000_000))
+    (event,) = arm.events()
+    assert (event.host_time_ns, event.details) == (5_500_000_000, {"fault": "rtde_silence", "message": "no data"})
+
+
+def test_a_controller_that_sent_nothing_yet_has_no_sample_and_is_called_silent(monkeypatch):
+    client = UrClient(UrSettings("1.2.3.4"))
+    empty = [f"get{name}" for name in ("ActualQ", "ActualQd", "TargetQ", "ActualCurrent", "JointTemperatures")]
+    zero = [f"get{name}" for name in ("RobotMode", "SafetyMode", "SafetyStatusBits", "TargetSpeedFraction", "SpeedScaling")]
+    values = {"getTimestamp": 0.0} | {name: [] for name in empty} | dict.fromkeys(zero, 0)
+    client._receive = SimpleNamespace(**{name: (lambda value=value: value) for name, value in values.items()})
+    assert client.samples() == []
+    monkeypatch.setattr("testbench.drivers.arms.client.SILENT_S", 0.02)
+    with pytest.raises(ArmFault, match=r"1\.2\.3\.4 takes connections and sends no data") as caught:
+        client._wait_for_sample()
+    assert caught.value.kind == "silence"
