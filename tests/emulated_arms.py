@@ -14,6 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from testbench.clock import SystemClock
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.streamed import SessionTime
@@ -21,6 +23,9 @@ from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 
+REAL_TIME = pytest.mark.flaky(reruns=2, reruns_delay=3)
+"""Emulated controllers and the clients' watchdogs go by the machine's time: one that stands still for seconds stops the arm, as it
+must. Such a test is tried again, twice."""
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND_PORT = 1502
 _numbers = itertools.count(2)

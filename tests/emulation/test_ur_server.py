@@ -17,11 +17,12 @@ from testbench.emulation.ur.server import UrServer
 from testbench.emulation.ur.setup import make_controller
 from testbench.emulation.ur.state import RuntimeState
 from testbench.exceptions import InputError
-from tests.emulated_arms import EmulatedUr, emulated_ur, free_address
+from tests.emulated_arms import REAL_TIME, EmulatedUr, emulated_ur, free_address
 
 rtde_control = pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
 rtde_receive = pytest.importorskip("rtde_receive")
 dashboard_client = pytest.importorskip("dashboard_client")
+pytestmark = REAL_TIME
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,9 @@ from testbench.emulation.xarm.controller import Controller
 from testbench.emulation.xarm.server import XArmServer
 from testbench.emulation.xarm.setup import make_controller
 from testbench.exceptions import InputError
-from tests.emulated_arms import COMMAND_PORT, free_address
+from tests.emulated_arms import COMMAND_PORT, REAL_TIME, free_address
+
+pytestmark = REAL_TIME
 
 
 @pytest.fixture

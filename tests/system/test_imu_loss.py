@@ -32,8 +32,10 @@ from testbench.pipeline import analyse, make_plan
 from testbench.records.samples import ImuSamples
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.conftest import TINY, FakeClock
-from tests.emulated_arms import EmulatedUr
+from tests.emulated_arms import REAL_TIME, EmulatedUr
 from tests.system.crashes import comparable
+
+pytestmark = REAL_TIME
 
 SILENT_NS = (round(2.5 * NANOSECONDS), round(3.6 * NANOSECONDS))
 

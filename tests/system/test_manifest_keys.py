@@ -31,9 +31,11 @@ from testbench.records.plan import Plan
 from testbench.records.session import Session
 from tests.conftest import FakeClock
 from tests.drivers.fake_dots import Bench, FakeDot
-from tests.emulated_arms import EmulatedUr, drive_ur, emulated_xarm
+from tests.emulated_arms import REAL_TIME, EmulatedUr, drive_ur, emulated_xarm
 from tests.execution.test_record import Feeder
 from tests.system.test_xarm_arm import MOVES, drive, plan_of
+
+pytestmark = REAL_TIME
 
 PAGE = Path(__file__).parents[2] / "docs" / "session_format.md"
 TIME = np.arange(400) / 100

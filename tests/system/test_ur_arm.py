@@ -20,9 +20,10 @@ from testbench.exceptions import ArmRefused, DriverError
 from testbench.pipeline import analyse
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.benchmarks.real_arm import following
-from tests.emulated_arms import ROOT, drive_ur, emulated_ur, faulted_session, ur_command
+from tests.emulated_arms import REAL_TIME, ROOT, drive_ur, emulated_ur, faulted_session, ur_command
 
 pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
+pytestmark = REAL_TIME
 
 
 @pytest.fixture(scope="module")

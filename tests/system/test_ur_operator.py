@@ -16,9 +16,10 @@ from testbench.execution.checklist import HAZARDS
 from testbench.execution.guards import GuardTripped
 from testbench.pipeline import make_plan
 from testbench.records.session import RunStatus, list_sessions
-from tests.emulated_arms import ROOT, SHORT, drive_ur, ur_command
+from tests.emulated_arms import REAL_TIME, ROOT, SHORT, drive_ur, ur_command
 
 pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
+pytestmark = REAL_TIME
 
 
 def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(ur3e, short_plan, tmp_path):

@@ -19,9 +19,10 @@ from testbench.execution.arm_run import ArmRunOptions
 from testbench.pipeline import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
-from tests.emulated_arms import ROOT, SHORT, EmulatedUr, drive_ur
+from tests.emulated_arms import REAL_TIME, ROOT, SHORT, EmulatedUr, drive_ur
 
 pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
+pytestmark = REAL_TIME
 
 
 def broken_off(ur3e: EmulatedUr, plan: Plan, logs: Path) -> Session:

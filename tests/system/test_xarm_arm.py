@@ -29,9 +29,9 @@ from testbench.pipeline import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.benchmarks.real_arm import following
-from tests.emulated_arms import COMMAND_PORT, Emulated, emulated_xarm, faulted_session, free_address
+from tests.emulated_arms import COMMAND_PORT, REAL_TIME, Emulated, emulated_xarm, faulted_session, free_address
 
-pytestmark = pytest.mark.skipif(find_spec("xarm") is None, reason="xarm-python-sdk is not installed")
+pytestmark = [pytest.mark.skipif(find_spec("xarm") is None, reason="xarm-python-sdk is not installed"), REAL_TIME]
 
 PROTOCOL = """\
 name: {name}
