@@ -24,8 +24,8 @@ from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 
 REAL_TIME = pytest.mark.flaky(reruns=2, reruns_delay=3)
-"""Emulated controllers and the clients' watchdogs go by the machine's time: one that stands still for seconds stops the arm, as it
-must. Such a test is tried again, twice."""
+"""Emulated controllers and the clients' watchdogs go by the machine's time: one that stands still for seconds stops the arm, as
+it must. Such a test is tried again, twice."""
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND_PORT = 1502
 _numbers = itertools.count(2)
