@@ -14,8 +14,6 @@ inclination that go with the motion then pass for errors of the axes, and the he
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 from scipy.ndimage import uniform_filter1d
@@ -23,7 +21,8 @@ from scipy.ndimage import uniform_filter1d
 from testbench.estimation.calibration.joint_heading import heading_1d, heading_2d
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
-from testbench.model.joint_axes import axes_in_world, heading_terms
+from testbench.model.joint_axes import axes_in_world, heading_slope, heading_terms
+from testbench.records.estimate import RelativeHeading
 from testbench.records.joint_definition import JointConstraint
 
 RATE_HZ = 10.0
@@ -37,25 +36,13 @@ START_SD, LARGEST_SD = np.radians(0.5), np.radians(30.0)
 in robots/ur3e), and the most that it is begun with [rad]."""
 
 
-@dataclass(frozen=True)
-class HeadingTrack:
-    """How far the world of the distal sensor must be turned to be that of the proximal one.
-
-    Attributes:
-        heading: Shape (n,) [rad], anticlockwise from above. sd: Its standard deviation, shape (n,) [rad].
-    """
-
-    heading: np.ndarray
-    sd: np.ndarray
-
-
 def track_heading(
     time_ns: np.ndarray,
     q_world_from_proximal: np.ndarray,
     q_world_from_distal: np.ndarray,
     constraint: JointConstraint,
     start_ns: int | None,
-) -> HeadingTrack:
+) -> RelativeHeading:
     """Follow the heading over the whole of a recording.
 
     Args:
@@ -72,7 +59,7 @@ def track_heading(
     rows = np.unique(np.searchsorted(seconds, np.linspace(0.0, seconds[-1], count)))
     rows = rows[sound[rows]]
     if len(rows) == 0:
-        return HeadingTrack(np.zeros(len(time_ns)), np.full(len(time_ns), START_SD))
+        return RelativeHeading(np.zeros(len(time_ns)), np.full(len(time_ns), START_SD))
     q_proximal, q_distal = q_world_from_proximal[rows], q_world_from_distal[rows]
     at, terms = seconds[rows], heading_terms(*axes_in_world(q_proximal, q_distal, constraint), constraint)
     walk = np.radians(constraint.drift_deg) / np.sqrt(60.0)  # the sd after a minute, as one of a second
@@ -86,7 +73,7 @@ def track_heading(
     lasting = axes_sd**2 / 2 * _response(heading, terms, q_proximal, q_distal, constraint)
     told = first_sd**2 if known < 0 else START_SD**2 + np.abs(at - at[known]) * walk**2  # where the axes tell nothing
     sd = np.sqrt(variance + np.minimum(lasting, told))
-    return HeadingTrack(np.interp(seconds, at, heading), np.interp(seconds, at, sd))
+    return RelativeHeading(np.interp(seconds, at, heading), np.interp(seconds, at, sd))
 
 
 def _guess(q_proximal: np.ndarray, q_distal: np.ndarray, constraint: JointConstraint) -> tuple[float, float]:
@@ -124,7 +111,7 @@ def _response(
         np.cross(np.array(constraint.proximal_axis), rotation.rotate(rotation.conjugate(q_proximal), for_proximal)),
         np.cross(np.array(constraint.distal_axis), rotation.rotate(rotation.conjugate(q_distal), for_distal)),
     ])  # fmt: skip
-    slope = terms[:, 1] * np.cos(heading) - terms[:, 0] * np.sin(heading)
+    slope = heading_slope(terms, heading)
     width = min(max(int(WINDOW_S * RATE_HZ), 1), len(slope))
     both = uniform_filter1d(slope[:, None] * levers, width, axis=0, mode="nearest")
     known = uniform_filter1d(slope**2, width, mode="nearest")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from testbench.estimation.joint_constraint import track_heading
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series, segment_orientation
 from testbench.model.reference_step import aligned_instant
-from testbench.records.estimate import JointEstimate, RelativeHeading, SensorEstimate
+from testbench.records.estimate import JointEstimate, SensorEstimate
 from testbench.records.protocol import JointDefinition
 from testbench.records.session import Session
 
@@ -43,8 +42,7 @@ def estimate_joint(
         if _is_constrained(joint, kind):
             aligned = proximal.frames[key].method != "none" and distal.frames[key].method != "none"
             start = aligned_instant(session.steps, session.analysis.estimate.align, time) if aligned else None
-            found, turned = _constrained(found, joint, key, world_from_proximal, world_from_distal, start)
-            world_from_distal = turned
+            world_from_distal = _constrained(found, joint, key, world_from_proximal, world_from_distal, start)
         for definition in joint.definitions():
             angles = joint_angle_series(world_from_proximal, world_from_distal, definition)
             found.angles[key, definition.label] = angles
@@ -62,20 +60,18 @@ def _is_constrained(joint: JointDefinition, kind: OrientationFilter) -> bool:
 
 def _constrained(
     found: JointEstimate, joint: JointDefinition, key: str, q_proximal: np.ndarray, q_distal: np.ndarray, start_ns: int | None
-) -> tuple[JointEstimate, np.ndarray]:
-    """The joint's estimate with the heading of one filter, and the distal orientation turned by it."""
+) -> np.ndarray:
+    """The distal orientation, turned by the heading that the joint's axes tell of a filter; `found` takes that in."""
     assert joint.constraint is not None
     try:
-        heading = track_heading(found.host_time_ns, q_proximal, q_distal, joint.constraint, start_ns)
+        track = track_heading(found.host_time_ns, q_proximal, q_distal, joint.constraint, start_ns)
     except PoorExcitation as error:
-        return replace(
-            found, remarks=[*found.remarks, f"{key}: its axes do not tell the heading, which stays as it is: {error}"]
-        ), q_distal
-    sd_deg = float(np.degrees(np.median(heading.sd)))
-    remarks = found.remarks
+        found.remarks.append(f"{key}: its axes do not tell the heading, which stays as it is: {error}")
+        return q_distal
+    sd_deg = float(np.degrees(np.median(track.sd)))
     if sd_deg > VAGUE_DEG:
-        told = f"{key}: its axes hardly tell the heading (standard deviation {sd_deg:.0f} deg, median): they are often vertical"
-        remarks = [*remarks, told]
-    headings = {**found.headings, key: RelativeHeading(heading.heading, heading.sd)}
-    turned = rotation.multiply(rotation.from_heading(heading.heading), q_distal)
-    return replace(found, headings=headings, remarks=remarks), turned
+        found.remarks.append(
+            f"{key}: its axes hardly tell the heading (standard deviation {sd_deg:.0f} deg, median): they are often vertical"
+        )
+    found.headings[key] = track
+    return rotation.multiply(rotation.from_heading(track.heading), q_distal)

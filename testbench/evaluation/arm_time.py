@@ -29,6 +29,8 @@ def arm_notes(session: Session) -> list[str]:
     """What must be known of the arm's recording, in sentences; none where the bench did not record an arm."""
     if session.robot is None or not session.has_protocol or not (session.path / f"{ARM}.parquet").is_file():
         return []
+    if _driver(session) == "simulated":  # its arm and its commands have one clock, and no sample is missed
+        return []
     leads, steps, count, gap_ns = _look(session)
     notes = _clock_notes(session)
     early = [lead for lead in leads if lead > LEAD_NS]
@@ -45,6 +47,11 @@ def arm_notes(session: Session) -> list[str]:
             f"{gap_ns / NANOSECONDS:.2g} s; the truth is not known in gaps beyond {WIDEST_GAP_NS / NANOSECONDS:g} s"
         )
     return notes
+
+
+def _driver(session: Session) -> str:
+    arm = session.manifest.get("arm")
+    return str(arm.get("driver")) if isinstance(arm, dict) else ""
 
 
 def _missed(manifest: dict[str, Any]) -> int:
@@ -100,8 +107,7 @@ def _look(session: Session) -> tuple[list[int], int, int, int]:
 
 def _waits(session: Session) -> list[tuple[int, int]]:
     """From when to when the arm rests before a commanded motion [ns]; not of a log, whose steps are found by its motion."""
-    arm = session.manifest.get("arm")
-    if isinstance(arm, dict) and arm.get("driver") == "replay":
+    if _driver(session) == "replay":
         return []
     steps: list[PlannedStep] = sorted(session.steps, key=lambda step: step.start_ns)
     waits = []

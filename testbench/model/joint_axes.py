@@ -40,6 +40,6 @@ def heading_terms(proximal: np.ndarray, distal: np.ndarray, constraint: JointCon
     return np.column_stack([along, across, proximal[:, 2] * distal[:, 2] - np.cos(angle)]) / np.sin(angle)
 
 
-def told_by(terms: np.ndarray, heading: float | np.ndarray = 0.0) -> np.ndarray:
-    """How strongly each instant tells the heading: |slope| of its constraint, 1 at best and 0 where not at all, shape (n,)."""
-    return np.abs(terms[:, 1] * np.cos(heading) - terms[:, 0] * np.sin(heading))
+def heading_slope(terms: np.ndarray, heading: float | np.ndarray = 0.0) -> np.ndarray:
+    """Slope of each instant's constraint in the heading, shape (n,): about 1 where it tells it best, and 0 where not at all."""
+    return np.asarray(terms[:, 1] * np.cos(heading) - terms[:, 0] * np.sin(heading))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from testbench.model.joint_angle import segment_pose
-from testbench.model.joint_axes import axes_in_world, heading_terms, told_by
+from testbench.model.joint_axes import axes_in_world, heading_slope, heading_terms
 from testbench.model.kinematics import Kinematics
 from testbench.planning.segment_frames import moments_of
 from testbench.records.plan import PlannedStep
@@ -38,7 +38,7 @@ def constraint_warnings(robot: Robot, protocol: Protocol, trajectory: Trajectory
         axes = axes_in_world(proximal, distal, joint.constraint)
         between = np.degrees(np.arctan2(np.linalg.norm(np.cross(*axes), axis=1), np.sum(axes[0] * axes[1], axis=1)))
         off = math.sqrt(float(np.mean((between - joint.constraint.angle_deg) ** 2)))
-        told = math.sqrt(float(np.mean(told_by(heading_terms(*axes, joint.constraint)) ** 2)))
+        told = math.sqrt(float(np.mean(heading_slope(heading_terms(*axes, joint.constraint)) ** 2)))
         if off > MOST_MISFIT * joint.constraint.axes_sd_deg:
             span = f"{between.min():.0f} deg" if np.ptp(between) < 1 else f"{between.min():.0f} to {between.max():.0f} deg"
             warnings.append(

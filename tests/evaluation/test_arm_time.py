@@ -24,9 +24,10 @@ def recorded(run_protocol, tiny):
 
 @pytest.fixture
 def copied(recorded, tmp_path):
-    """A copy whose arm may be changed."""
+    """A copy, as if of a real arm, that may be changed."""
     path = tmp_path / "copy"
     shutil.copytree(recorded.path, path)
+    changed_manifest(path, driver="ur")
     return path
 
 
@@ -42,8 +43,8 @@ def changed_manifest(path, **arm) -> None:
     (path / "manifest.json").write_text(json.dumps(manifest))
 
 
-def test_of_a_sound_recording_nothing_is_said(recorded):
-    assert arm_notes(recorded) == []
+def test_of_a_sound_recording_nothing_is_said(copied):
+    assert arm_notes(Session(copied)) == []
 
 
 @pytest.mark.parametrize("lead_s", [0.1, 0.25])
