@@ -17,8 +17,19 @@ class SteadyHand(OrientationFilter):
 
     name, needs, source = "steady_hand", ("gyr", "acc"), "an example"
     PARAMETERS = (
-        Parameter("still_deg_s", 3.0, "deg/s", "rate below which it levels itself", "tried out", 0.1, 20.0),
-        Parameter("share", 0.02, "1", "part of the tilt taken out in a sample at rest", "tried out", 1e-3, 0.5, most=1.0),
+        Parameter(
+            "still_deg_s", 3.0, "deg/s", "rate below which it levels itself", "tried out", 0.1, 20.0
+        ),
+        Parameter(
+            "share",
+            0.02,
+            "1",
+            "part of the tilt taken out in a sample at rest",
+            "tried out",
+            1e-3,
+            0.5,
+            most=1.0,
+        ),
     )
 
     def run(self, samples: UniformSamples) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""Where the stages meet on an arm that keeps its own time, and where a run that broke off is gone on with."""
+"""Where the stages meet on an arm that keeps its own time, and where a run that broke off is gone
+on with.
+"""
 
 from __future__ import annotations
 
@@ -47,9 +49,14 @@ class ArmSetup:
     """What moves and what is recorded in a run that is not simulated.
 
     Attributes:
-        host: Address of the controller. log: A recorded motion to replay instead of an arm. simulate_imus: Sensors follow the
-        reported motion. serial, dots: Live devices, as for `open_devices`. seed: Of simulated sensors. arm_serial: Serial
-        number that the arm must have; any if None. driver: ur or xarm.
+        host: Address of the controller.
+        log: A recorded motion to replay instead of an arm.
+        simulate_imus: Sensors follow the reported motion.
+        serial: Live devices, as for `open_devices`.
+        dots: Live devices, as for `open_devices`.
+        seed: Of simulated sensors.
+        arm_serial: Serial number that the arm must have; any if None.
+        driver: ur or xarm.
     """
 
     host: str = ""
@@ -65,8 +72,9 @@ class ArmSetup:
 def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
     """The arm of a protocol with its own kinematics, from a calibration.yaml.
 
-    Its corrected URDF lies beside the calibration's folder of the system's temporary files; the session keeps a copy. What is
-    doubtful about the corrections is among the warnings of every plan for it.
+    Its corrected URDF lies beside the calibration's folder of the system's temporary files; the
+    session keeps a copy. What is doubtful about the corrections is among the warnings of every plan
+    for it.
 
     Raises:
         InputError: The calibration is another arm's, or can be no factory calibration.
@@ -80,7 +88,9 @@ def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics:
         raise InputError(f"{kinematics}: {error}") from None
     if doubt is None:
         return own
-    spec = own.spec.model_copy(update={"assumptions": [*own.spec.assumptions, f"{kinematics}: {doubt}"]})
+    spec = own.spec.model_copy(
+        update={"assumptions": [*own.spec.assumptions, f"{kinematics}: {doubt}"]}
+    )
     return Robot(spec, own.urdf, own.text, own.file)
 
 
@@ -88,7 +98,8 @@ def refuse_other_maker(robot: Robot, driver: str) -> None:
     """Refuse an arm that a driver is not for, by its name; nothing is connected.
 
     Args:
-        robot: What the plan is for. driver: ur, xarm, or anything else, which drives every arm.
+        robot: What the plan is for.
+        driver: ur, xarm, or anything else, which drives every arm.
 
     Raises:
         InputError: It is another maker's; says which driver it needs.
@@ -100,7 +111,9 @@ def refuse_other_maker(robot: Robot, driver: str) -> None:
         kinds[driver].refuse_other(robot)
     except InputError as error:
         right = next((name for name, kind in kinds.items() if kind.drives(robot)), None)
-        raise InputError(f"{error}: say --arm {right}" if right else f"{error}, which no driver is for") from None
+        raise InputError(
+            f"{error}: say --arm {right}" if right else f"{error}, which no driver is for"
+        ) from None
 
 
 def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Sensors, SessionTime]:
@@ -122,7 +135,10 @@ def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Se
     if not setup.serial and not setup.dots:
         if setup.log is not None:
             arm.connect()  # what is wrong with the log is said first
-        raise InputError("name the sensors on the arm with --serial or --dot, or simulate them with --simulate-imus")
+        raise InputError(
+            "name the sensors on the arm with --serial or --dot, or simulate them with "
+            "--simulate-imus"
+        )
     devices = open_devices(setup.serial, setup.dots, clock, time=time)
     return arm, Sensors.live(plan, devices), time
 
@@ -140,8 +156,14 @@ def run_on_arm(
     """Run a plan on an arm that keeps its own time, and judge it.
 
     Args:
-        plan: As made by `make_plan`. setup: Arm and sensors. options: As for `execute_on_arm`. filters, with_report,
-        calibrations, tunings: As for `run`. clock: The machine's if None.
+        plan: As made by `make_plan`.
+        setup: Arm and sensors.
+        options: As for `execute_on_arm`.
+        filters: As for `run`.
+        with_report: As for `run`.
+        calibrations: As for `run`.
+        tunings: As for `run`.
+        clock: The machine's if None.
     """
     if calibrations is not None:
         load_calibrations(calibrations)  # a bad file is refused before anything moves
@@ -151,9 +173,14 @@ def run_on_arm(
 
 
 def _judge(
-    session: Session, plan: Plan, options: ArmRunOptions, filters: Sequence[str | OrientationFilter] | None,
-    with_report: bool, calibrations: Path | None, tunings: Sequence[Path],
-) -> Result:  # fmt: skip
+    session: Session,
+    plan: Plan,
+    options: ArmRunOptions,
+    filters: Sequence[str | OrientationFilter] | None,
+    with_report: bool,
+    calibrations: Path | None,
+    tunings: Sequence[Path],
+) -> Result:
     """Analyse what was recorded whole; a failure says that it was."""
     if options.progress is not None:
         options.progress(Progress("", 0, 0, 1.0, 1.0, "the arm is done: estimating, evaluating"))
@@ -164,14 +191,19 @@ def _judge(
         raise
 
 
-def look_at_arm(plan: Plan, setup: ArmSetup, steps: list[PlannedStep] | None = None, clock: Clock | None = None) -> None:
-    """Refuse what a run would refuse of its sensors and of its arm, before a person is asked anything.
+def look_at_arm(
+    plan: Plan, setup: ArmSetup, steps: list[PlannedStep] | None = None, clock: Clock | None = None
+) -> None:
+    """Refuse what a run would refuse of its sensors and of its arm, before a person is asked
+    anything.
 
     The controller is let go again: a person takes time to answer.
 
     Args:
-        plan: As made by `make_plan`. setup: Arm and sensors. steps: Those of its steps to do; all if None. clock: The machine's
-        if None.
+        plan: As made by `make_plan`.
+        setup: Arm and sensors.
+        steps: Those of its steps to do; all if None.
+        clock: The machine's if None.
 
     Raises:
         InputError: As for `make_arm`, or the arm must not be driven.
@@ -192,7 +224,10 @@ class Resumption:
     """How a session goes on.
 
     Attributes:
-        session: That broke off. plan: Of the whole run. steps: That a real arm does. note: By which protocol, for people.
+        session: That broke off.
+        plan: Of the whole run.
+        steps: That a real arm does.
+        note: By which protocol, for people.
     """
 
     session: Session
@@ -208,11 +243,15 @@ def prepare_resume(
     filters: Sequence[str | OrientationFilter] | None = None,
     tunings: Sequence[Path] = (),
 ) -> Resumption:
-    """Look at what is missing of a session, and whether its files are still what they were; nothing is connected.
+    """Look at what is missing of a session, and whether its files are still what they were; nothing
+    is connected.
 
     Args:
-        path: Of the session. protocol: As it is today; the session's own copy if None, unless its file was edited
-        since. robot: As it is today; the session's own copy if None. filters, tunings: As for `run`.
+        path: Of the session.
+        protocol: As it is today; the session's own copy if None, unless its file was edited since.
+        robot: As it is today; the session's own copy if None.
+        filters: As for `run`.
+        tunings: As for `run`.
 
     Raises:
         SessionError: It was completed, or is no run.
@@ -223,7 +262,9 @@ def prepare_resume(
     named = None if protocol is None or is_own_copy(session, protocol) else protocol
     with stored_protocol(session) as stored:
         plan = make_plan(named or stored, stored_robot(session), filters, tunings)
-    note = f"resuming by {protocol}" if protocol is not None else refuse_edited_protocol(session, plan)
+    note = (
+        f"resuming by {protocol}" if protocol is not None else refuse_edited_protocol(session, plan)
+    )
     refuse_differences(session, plan, session.manifest["sensors"])
     return Resumption(session, plan, missing_steps(session, plan), note)
 
@@ -243,13 +284,21 @@ def resume(
 ) -> Result:
     """Go on with a session whose run broke off.
 
-    A simulated run is completed in its own folder. A real arm does what is missing in a session of its own, after the steps
-    that give the sensors their references.
+    A simulated run is completed in its own folder. A real arm does what is missing in a session of
+    its own, after the steps that give the sensors their references.
 
     Args:
-        path: Of the session. setup, options: For a run that is not simulated. protocol: As for
-        `prepare_resume`. filters, with_report, clock, progress, calibrations, tunings: As for `run`. prepared: As made by
-        `prepare_resume`, where a person has seen it.
+        path: Of the session.
+        setup: For a run that is not simulated.
+        options: For a run that is not simulated.
+        protocol: As for `prepare_resume`.
+        filters: As for `run`.
+        with_report: As for `run`.
+        clock: As for `run`.
+        progress: As for `run`.
+        calibrations: As for `run`.
+        tunings: As for `run`.
+        prepared: As made by `prepare_resume`, where a person has seen it.
 
     Raises:
         SessionError: It was completed, or is no run.
@@ -262,12 +311,22 @@ def resume(
     if session.manifest["arm"]["driver"] == "simulated":
         refuse_differences(session, the_plan, simulated_sensors(the_plan))
         seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
-        resumed = execute(the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session)
+        resumed = execute(
+            the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session
+        )
         return analyse(resumed, filters, with_report, the_plan, calibrations, tunings)
     if setup is None or options is None:
-        raise InputError(f"{path} was run on a real arm; say --arm, --host and --confirm-motion to go on")
+        raise InputError(
+            f"{path} was run on a real arm; say --arm, --host and --confirm-motion to go on"
+        )
     arm, sensors, time = make_arm(the_plan, setup, clock or SystemClock())
-    refuse_differences(session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()})
-    options = replace(options, steps=steps, resumes={"session": session.name, "steps": [step.index for step in steps]})
+    refuse_differences(
+        session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()}
+    )
+    options = replace(
+        options,
+        steps=steps,
+        resumes={"session": session.name, "steps": [step.index for step in steps]},
+    )
     session = execute_on_arm(the_plan, arm, sensors, time, options)
     return _judge(session, the_plan, options, filters, with_report, calibrations, tunings)

@@ -1,4 +1,6 @@
-"""The wall clock, in one place, so that everything below the command line is given its time instead of reading it."""
+"""The wall clock, in one place, so that everything below the command line is given its time instead
+of reading it.
+"""
 
 from __future__ import annotations
 

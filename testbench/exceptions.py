@@ -1,6 +1,8 @@
-"""The one tree of errors: a bad input is refused, a bad bench is reported, a bad sensor is neither (it is a verdict).
+"""The one tree of errors: a bad input is refused, a bad bench is reported, a bad sensor is neither
+(it is a verdict).
 
-Every error is a full sentence, carries its numbers as attributes, and knows the exit code of the command line.
+Every error is a full sentence, carries its numbers as attributes, and knows the exit code of the
+command line.
 """
 
 from __future__ import annotations
@@ -13,8 +15,8 @@ class BenchError(Exception):
     """Something went wrong on the bench; the base of every error raised on purpose.
 
     Attributes:
-        session: What was recorded until then, if anything was. What helps a person to go on is in the notes of the exception
-        (`add_note`), a sentence each.
+        session: What was recorded until then, if anything was. What helps a person to go on is in
+            the notes of the exception (`add_note`), a sentence each.
     """
 
     exit_code = 3
@@ -47,7 +49,9 @@ class Problem:
 
 
 class FileProblems(InputError):
-    """An input file was refused; lists every problem found in it at once as `file:line:column: path: message`."""
+    """An input file was refused; lists every problem found in it at once as `file:line:column:
+    path: message`.
+    """
 
     def __init__(self, file: str | Path, problems: list[Problem]):
         self.file, self.problems = str(file), problems
@@ -56,7 +60,9 @@ class FileProblems(InputError):
     def _sentence(self, problem: Problem) -> str:
         place = self.file
         if problem.line is not None:
-            place += f":{problem.line}" + (f":{problem.column}" if problem.column is not None else "")
+            place += f":{problem.line}" + (
+                f":{problem.column}" if problem.column is not None else ""
+            )
         return ": ".join(part for part in (place, problem.path, problem.message) if part)
 
 
@@ -64,8 +70,12 @@ MOST_DIGITS = 9
 
 
 def _apart(value: float, limit: float, digits: int) -> tuple[str, str]:
-    """Two numbers with as many digits after the point, at least `digits`, as show which is larger."""
-    while digits < MOST_DIGITS and value != limit and f"{value:.{digits}f}" == f"{limit:.{digits}f}":
+    """Two numbers with as many digits after the point, at least `digits`, as show which is
+    larger.
+    """
+    while (
+        digits < MOST_DIGITS and value != limit and f"{value:.{digits}f}" == f"{limit:.{digits}f}"
+    ):
         digits += 1
     return f"{value:.{digits}f}", f"{limit:.{digits}f}"
 
@@ -78,8 +88,9 @@ class PlanError(InputError):
     """A plan breaks a rule and is refused before anything moves.
 
     Attributes:
-        place: `file:line` of the protocol step at fault, put in front of the sentence once it is known. doubts: What the
-        protocol may have meant instead, put behind it.
+        place: `file:line` of the protocol step at fault, put in front of the sentence once it is
+            known.
+        doubts: What the protocol may have meant instead, put behind it.
     """
 
     place: str = ""
@@ -94,26 +105,43 @@ class LimitError(PlanError):
     """A joint would exceed one of its limits.
 
     Attributes:
-        joint: Joint name. quantity: "position", "velocity" or "acceleration". value, limit: In unit.
-        unit: Unit of value and limit. time: [s] from the start of the plan, when it is first exceeded. step: Name of the step.
-        onwards: The farthest from the limit that the joint goes after that in the same step, in the same unit.
+        joint: Joint name.
+        quantity: "position", "velocity" or "acceleration".
+        value: In unit.
+        limit: In unit.
+        unit: Unit of value and limit.
+        time: [s] from the start of the plan, when it is first exceeded.
+        step: Name of the step.
+        onwards: The farthest from the limit that the joint goes after that in the same step, in the
+            same unit.
     """
 
     def __init__(
-        self, joint: str, quantity: str, value: float, limit: float, unit: str, time: float, step: str, onwards: float
+        self,
+        joint: str,
+        quantity: str,
+        value: float,
+        limit: float,
+        unit: str,
+        time: float,
+        step: str,
+        onwards: float,
     ):
         self.joint, self.quantity, self.value, self.limit = joint, quantity, value, limit
         self.unit, self.time, self.step, self.onwards = unit, time, step, onwards
         shown, bound = _apart(value, limit, 2)
         super().__init__(
-            f"joint {joint}: {quantity} {shown} {unit} exceeds {bound} {unit} at t = {time:.3f} s (step '{step}'), "
+            f"joint {joint}: {quantity} {shown} {unit} exceeds {bound} {unit} at t = {time:.3f} s "
+            f"(step '{step}'), "
             f"and goes on to {_apart(onwards, limit, 2)[0]} {unit}"
         )
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Two bodies too near to each other: their clearance [m], negative where they overlap, when [s], and in which step."""
+    """Two bodies too near to each other: their clearance [m], negative where they overlap, when
+    [s], and in which step.
+    """
 
     first: str
     second: str
@@ -126,16 +154,33 @@ class CollisionError(PlanError):
     """Two bodies would touch.
 
     Attributes:
-        first, second, clearance, time, step: The first contact, clearance in metres and time in seconds. margin: That must be
-        kept [m]. worst: The nearest that any two bodies come in the whole motion.
+        first: The first contact, clearance in metres and time in seconds.
+        second: The first contact, clearance in metres and time in seconds.
+        clearance: The first contact, clearance in metres and time in seconds.
+        time: The first contact, clearance in metres and time in seconds.
+        step: The first contact, clearance in metres and time in seconds.
+        margin: That must be kept [m].
+        worst: The nearest that any two bodies come in the whole motion.
     """
 
     def __init__(self, contact: Contact, margin: float, worst: Contact):
-        self.first, self.second, self.clearance, self.margin = contact.first, contact.second, contact.clearance, margin
+        self.first, self.second, self.clearance, self.margin = (
+            contact.first,
+            contact.second,
+            contact.clearance,
+            margin,
+        )
         self.time, self.step, self.worst = contact.time, contact.step, worst
         clearance, least = _apart(1e3 * contact.clearance, 1e3 * margin, 1)
-        what = "collide" if contact.clearance <= 0 else f"come within {clearance} mm (margin {least} mm)"
-        sentence = f"{contact.first} and {contact.second} {what} at t = {contact.time:.3f} s (step '{contact.step}')"
+        what = (
+            "collide"
+            if contact.clearance <= 0
+            else f"come within {clearance} mm (margin {least} mm)"
+        )
+        sentence = (
+            f"{contact.first} and {contact.second} {what} at t = {contact.time:.3f} s "
+            f"(step '{contact.step}')"
+        )
         if worst.clearance < contact.clearance:
             depth = f"{_apart(1e3 * abs(worst.clearance), 1e3 * abs(contact.clearance), 1)[0]} mm"
             how = f"overlap by {depth}" if worst.clearance < 0 else f"come within {depth}"
@@ -148,7 +193,16 @@ class CollisionError(PlanError):
 class SensorRangeError(PlanError):
     """The motion would saturate a sensor."""
 
-    def __init__(self, sensor: str, quantity: str, value: float, limit: float, unit: str, time: float, step: str):
+    def __init__(
+        self,
+        sensor: str,
+        quantity: str,
+        value: float,
+        limit: float,
+        unit: str,
+        time: float,
+        step: str,
+    ):
         self.sensor, self.quantity, self.value, self.limit = sensor, quantity, value, limit
         self.unit, self.time, self.step = unit, time, step
         shown, bound = _apart(value, limit, 2)

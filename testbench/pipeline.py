@@ -20,7 +20,15 @@ from testbench.evaluation import evaluate
 from testbench.exceptions import InputError, NotFoundError, SessionError
 from testbench.execution import execute
 from testbench.execution.executor import Progress
-from testbench.formats.exporters import TRUTH, Exported, ExportSource, Frame, check_options, prepare_export, write_export
+from testbench.formats.exporters import (
+    TRUTH,
+    Exported,
+    ExportSource,
+    Frame,
+    check_options,
+    prepare_export,
+    write_export,
+)
 from testbench.planning import plan
 from testbench.planning.designed import DesignedProtocol, design_protocol
 from testbench.planning.experiment_design import Wanted
@@ -75,9 +83,19 @@ def run(
     """Run a protocol from its file to its report.
 
     Args:
-        protocol, robot: As for `plan`. seed, speed, logs, progress: As for `execute`. filters: As for `estimate`.
-        with_report: Whether to write report.html. clock: The machine's if None. planned: Called with the plan before it is run.
-        calibrations, tunings: As for `analyse`. keys: Listen to the keyboard: p pauses, r resumes, q stops.
+        protocol: As for `plan`.
+        robot: As for `plan`.
+        seed: As for `execute`.
+        speed: As for `execute`.
+        logs: As for `execute`.
+        progress: As for `execute`.
+        filters: As for `estimate`.
+        with_report: Whether to write report.html.
+        clock: The machine's if None.
+        planned: Called with the plan before it is run.
+        calibrations: As for `analyse`.
+        tunings: As for `analyse`.
+        keys: Listen to the keyboard: p pauses, r resumes, q stops.
         say: As for `execute`.
     """
     clock = clock or SystemClock()
@@ -101,7 +119,10 @@ def analyse(
     """Everything that follows a recording; may be repeated at will.
 
     Args:
-        session: The recording. filters: As for `estimate`. with_report: Whether to write report.html. the_plan: For the result.
+        session: The recording.
+        filters: As for `estimate`.
+        with_report: Whether to write report.html.
+        the_plan: For the result.
         calibrations: Stored calibration, or a folder of them, that corrects the raw samples first.
         tunings: Files of tuned parameters, at most one a filter.
     """
@@ -124,10 +145,11 @@ def load_or_estimate(
     calibrations: Path | None = None,
     tunings: Sequence[Path] = (),
 ) -> Estimate:
-    """The estimate on disk if it was made from this very recording, with these filters where some are named; else a new one.
+    """The estimate on disk if it was made from this very recording, with these filters where some
+    are named; else a new one.
 
-    With calibrations or tuned parameters it is always made anew, and one with tuned parameters is not taken for one without
-    where filters are named.
+    With calibrations or tuned parameters it is always made anew, and one with tuned parameters is
+    not taken for one without where filters are named.
     """
     if calibrations is None and not tunings:
         stored = _stored_estimate(session)
@@ -153,17 +175,23 @@ def _stored_estimate(session: Session) -> Estimate | None:
 def _filters_of(estimated: Estimate | None) -> list[str]:
     """Names of the filters that ran, or were skipped, for any sensor."""
     sensors = [] if estimated is None else estimated.sensors.values()
-    return list(dict.fromkeys(key for sensor in sensors for key in (*sensor.orientation, *sensor.skipped)))
+    return list(
+        dict.fromkeys(key for sensor in sensors for key in (*sensor.orientation, *sensor.skipped))
+    )
 
 
 def _has_filters(stored: Estimate, filters: Sequence[str | OrientationFilter] | None) -> bool:
-    """Whether an estimate was made with these filters; one that is given as it is may have changed since."""
+    """Whether an estimate was made with these filters; one that is given as it is may have changed
+    since.
+    """
     if filters is None:
         return True
     names = {entry for entry in filters if isinstance(entry, str)}
     if len(names) < len(filters) or stored.tuned:
         return False
-    return all(set(sensor.orientation) | set(sensor.skipped) == names for sensor in stored.sensors.values())
+    return all(
+        set(sensor.orientation) | set(sensor.skipped) == names for sensor in stored.sensors.values()
+    )
 
 
 def judge_again(
@@ -172,7 +200,9 @@ def judge_again(
     calibrations: Path | None = None,
     tunings: Sequence[Path] = (),
 ) -> Evaluation:
-    """Evaluate what is estimated; a report that exists already is written anew, so that it never contradicts the session."""
+    """Evaluate what is estimated; a report that exists already is written anew, so that it never
+    contradicts the session.
+    """
     estimated = load_or_estimate(session, filters, calibrations, tunings)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
@@ -192,8 +222,9 @@ def make_plan(
     """Plan a protocol, and refuse filters that this version lacks.
 
     Raises:
-        NotFoundError: An unknown filter. FileProblems: The protocol gives a filter parameters that it does not take, or a
-        tuning is malformed.
+        NotFoundError: An unknown filter.
+        FileProblems: The protocol gives a filter parameters that it does not take, or a tuning is
+            malformed.
     """
     the_plan = plan(protocol, robot)
     document = the_plan.protocol.document
@@ -230,16 +261,24 @@ def calibrate(
     """Calibrate a sensor and keep the result.
 
     Args:
-        session, methods, segmentation, held_out, field, turn_angle: As for `calibrate_sensor`.
-        sensor: May be None where the session has one. out: A .yaml file, or a folder, in which
-            the file is called after the date and the sensor. with_report: Whether to write an HTML report beside it.
+        session: As for `calibrate_sensor`.
+        methods: As for `calibrate_sensor`.
+        segmentation: As for `calibrate_sensor`.
+        held_out: As for `calibrate_sensor`.
+        field: As for `calibrate_sensor`.
+        turn_angle: As for `calibrate_sensor`.
+        sensor: May be None where the session has one.
+        out: A .yaml file, or a folder, in which the file is called after the date and the sensor.
+        with_report: Whether to write an HTML report beside it.
 
     Raises:
         InputError: The file exists, or nothing can be calibrated; nothing is written then.
     """
     names = session.sensor_names
     if sensor is None and len(names) != 1:
-        raise InputError(f"the session has several sensors ({', '.join(names)}); say which with --sensor")
+        raise InputError(
+            f"the session has several sensors ({', '.join(names)}); say which with --sensor"
+        )
     name = sensor or names[0]
     file = out
     if out.suffix not in SUFFIXES:
@@ -252,7 +291,9 @@ def calibrate(
         if target.exists():
             raise InputError(f"{target} exists already; calibrations are kept, not replaced")
     software = f"testbench {version('imu-testbench')}"
-    result = calibrate_sensor(session, name, methods, segmentation, held_out, software, field, turn_angle)
+    result = calibrate_sensor(
+        session, name, methods, segmentation, held_out, software, field, turn_angle
+    )
     if out.suffix not in SUFFIXES:
         out.mkdir(parents=True, exist_ok=True)
     save_calibration(file, result.calibration)
@@ -269,9 +310,13 @@ def design_calibration(
     """Design a calibration, compare it with the static poses of a protocol, check it, and write it.
 
     Args:
-        out: Protocol file to write. robot: Name or file. like: Protocol that describes the sensor and is compared with.
-        sensor: Which of its sensors; may be None where there is one. wanted: How many poses and turns, and how.
-        link: That carries the sensor on this arm, in the mounting that `like` states; the link that `like` names if None.
+        out: Protocol file to write.
+        robot: Name or file.
+        like: Protocol that describes the sensor and is compared with.
+        sensor: Which of its sensors; may be None where there is one.
+        wanted: How many poses and turns, and how.
+        link: That carries the sensor on this arm, in the mounting that `like` states; the link that
+            `like` names if None.
 
     Raises:
         InputError: The file exists, or nothing can be designed.
@@ -279,11 +324,15 @@ def design_calibration(
     return design_protocol(out, robot, like, sensor, link, wanted)
 
 
-def show(session: Session, web: bool = False, save: Path | None = None, screenshot: Path | None = None) -> list[Path]:
+def show(
+    session: Session, web: bool = False, save: Path | None = None, screenshot: Path | None = None
+) -> list[Path]:
     """Open a session in the viewer, or write what it would show.
 
     Args:
-        session: The recording. web: Serve to a browser instead of a window. save: A .rrd file to write instead.
+        session: The recording.
+        web: Serve to a browser instead of a window.
+        save: A .rrd file to write instead.
         screenshot: A .png file to write instead.
 
     Returns:
@@ -317,23 +366,31 @@ def export(
     """Write a session in a format that other programs read.
 
     Args:
-        session: The recording. name: Of the format; `testbench.formats.exporters.EXPORTS` has them all. out: File or folder to
-            write; one in the session's folder `export` if None. filter_name: Whose orientation: "truth" for the true one, one
-            that the estimate holds, one of the bench, or a filter of your own, which is run anew.
-        frame: Of orientations for OpenSim. force: Replace an earlier export.
+        session: The recording.
+        name: Of the format; `testbench.formats.exporters.EXPORTS` has them all.
+        out: File or folder to write; one in the session's folder `export` if None.
+        filter_name: Whose orientation: "truth" for the true one, one that the estimate holds, one
+            of the bench, or a filter of your own, which is run anew.
+        frame: Of orientations for OpenSim.
+        force: Replace an earlier export.
 
     Raises:
-        NotFoundError: No such filter. InputError: The place is taken, or the session lacks what the format needs; nothing is
-        written then.
+        NotFoundError: No such filter.
+        InputError: The place is taken, or the session lacks what the format needs; nothing is
+            written then.
     """
     key = filter_name.name if isinstance(filter_name, OrientationFilter) else filter_name
     check_options(name, key, frame)
     path = prepare_export(name, session, Path(out) if out is not None else None, force)
     stored = _stored_estimate(session)
     if isinstance(filter_name, str) and filter_name not in {TRUTH, *FILTERS, *_filters_of(stored)}:
-        raise NotFoundError("filter", filter_name, list(dict.fromkeys([TRUTH, *FILTERS, *_filters_of(stored)])))
+        raise NotFoundError(
+            "filter", filter_name, list(dict.fromkeys([TRUTH, *FILTERS, *_filters_of(stored)]))
+        )
     if isinstance(filter_name, OrientationFilter):
-        estimated = estimate(session, [filter_name])  # beside what the session keeps, which stays as it is
+        estimated = estimate(
+            session, [filter_name]
+        )  # beside what the session keeps, which stays as it is
     else:
         estimated = stored or load_or_estimate(session)
         if filter_name is not None and filter_name not in {TRUTH, *_filters_of(estimated)}:
@@ -345,5 +402,7 @@ def export(
 def _write_recording(source: ExportSource, path: Path) -> list[str]:
     import testbench.reporting.viewer as viewer
 
-    viewer.save_recording(source.session, path, source.estimate, evaluate(source.session, source.estimate))
+    viewer.save_recording(
+        source.session, path, source.estimate, evaluate(source.session, source.estimate)
+    )
     return []

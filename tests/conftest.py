@@ -1,4 +1,6 @@
-"""What the tests share: a clock of their own, runs that are made once, protocols with one thing changed, public recordings."""
+"""What the tests share: a clock of their own, runs that are made once, protocols with one thing
+changed, public recordings.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-# Before NumPy is loaded: the matrices are small, and threads of two workers on two cores would wait for one another.
+# Before NumPy is loaded: the matrices are small, and threads of two workers on two cores would wait
+# for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
@@ -67,7 +70,9 @@ def data() -> Path:
     """The folder of public recordings."""
     folder = os.environ.get("TESTBENCH_DATA")
     if not folder:
-        pytest.skip("TESTBENCH_DATA is not set; it names the folder of public recordings (BROAD and others)")
+        pytest.skip(
+            "TESTBENCH_DATA is not set; it names the folder of public recordings (BROAD and others)"
+        )
     if not Path(folder).is_dir():
         pytest.skip(f"TESTBENCH_DATA names {folder}, which does not exist")
     return Path(folder)
@@ -79,7 +84,9 @@ ProtocolMaker = Callable[[str, Change], Path]
 
 @pytest.fixture(scope="session")
 def altered_protocol(tmp_path_factory: pytest.TempPathFactory) -> ProtocolMaker:
-    """Writes a copy of a shipped protocol (and those it includes) in which one thing is changed, and gives its path."""
+    """Writes a copy of a shipped protocol (and those it includes) in which one thing is changed,
+    and gives its path.
+    """
 
     def make(name: str, change: Change) -> Path:
         folder = tmp_path_factory.mktemp("protocol")

@@ -1,4 +1,6 @@
-"""Emulated controllers in processes of their own, each on a loopback address that no other test uses."""
+"""Emulated controllers in processes of their own, each on a loopback address that no other test
+uses.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,9 @@ from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 
 REAL_TIME = pytest.mark.flaky(reruns=2, reruns_delay=3)
-"""Emulated controllers and the clients' watchdogs go by the machine's time: one that stands still for seconds stops the arm, as
-it must. Such a test is tried again, twice."""
+"""Emulated controllers and the clients' watchdogs go by the machine's time: one that stands still
+for seconds stops the arm, as it must. Such a test is tried again, twice.
+"""
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND_PORT = 1502
 _numbers = itertools.count(2)
@@ -99,8 +102,11 @@ def _emulated(maker: str, *options: str) -> Iterator[tuple[str, subprocess.Popen
     address = free_address()
     process = subprocess.Popen(
         [sys.executable, "-m", "testbench", "emulate", maker, "--address", address, *options],
-        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    )  # fmt: skip
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
     try:
         assert process.stdout is not None
         said = process.stdout.readline()
@@ -127,19 +133,44 @@ def emulated_xarm(*options: str) -> Iterator[Emulated]:
 def drive_ur(plan: Plan, robot: EmulatedUr, logs: Path, **options: Any) -> Session:
     """Run a plan on an emulated controller, with simulated sensors."""
     time_ = SessionTime(SystemClock())
-    settings = replace(ur_settings(plan, robot.address), watchdog=1.5, arm_silence=1.5, host_silence=8)  # it may be busy
+    settings = replace(
+        ur_settings(plan, robot.address), watchdog=1.5, arm_silence=1.5, host_silence=8
+    )  # it may be busy
     arm = UrArm(plan.robot, settings, time_)
-    return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), time_, ArmRunOptions(logs, 1, **options))
+    return execute_on_arm(
+        plan, arm, Sensors.simulated(plan, 1), time_, ArmRunOptions(logs, 1, **options)
+    )
 
 
 def ur_command(robot: EmulatedUr, protocol: Path, logs: Path, *options: str) -> list[str]:
     """What a person would type for it."""
-    start = [sys.executable, "-m", "testbench", "run", str(protocol), "--arm", "ur", "--host", robot.address]
-    return [*start, "--logs", str(logs), "--simulate-imus", "--no-report", "--filters", "device", *options]
+    start = [
+        sys.executable,
+        "-m",
+        "testbench",
+        "run",
+        str(protocol),
+        "--arm",
+        "ur",
+        "--host",
+        robot.address,
+    ]
+    return [
+        *start,
+        "--logs",
+        str(logs),
+        "--simulate-imus",
+        "--no-report",
+        "--filters",
+        "device",
+        *options,
+    ]
 
 
 def faulted_session(logs: Path, kinds: set[str]) -> Session:
-    """The one session of a folder, which a fault of one of these kinds has ended, closed as it must be."""
+    """The one session of a folder, which a fault of one of these kinds has ended, closed as it must
+    be.
+    """
     (session,) = list_sessions(logs)
     assert session.status is RunStatus.ERROR
     assert not list(session.path.glob("*.arrows"))

@@ -1,4 +1,6 @@
-"""The examples run as they stand and say something useful; what the documents show exists and works."""
+"""The examples run as they stand and say something useful; what the documents show exists and
+works.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def first_output(folder: Path) -> str:
     return run_example("01_run_a_protocol.py", folder)
 
 
-def test_the_first_example_runs_a_protocol_and_prints_errors(folder: Path, first_output: str) -> None:
+def test_the_first_example_runs_a_protocol_and_prints_errors(
+    folder: Path, first_output: str
+) -> None:
     assert "outcome: pass" in first_output
     errors = [float(line.split()[2]) for line in first_output.splitlines() if line.endswith(" deg")]
     assert len(errors) >= 4
@@ -56,9 +60,16 @@ def test_the_third_example_is_a_filter_that_passes_the_self_test(folder: Path) -
     assert run_example("03_a_filter_of_your_own.py", folder).splitlines()[-1] == "pass"
 
 
-def test_the_second_example_compares_a_gyroscope_with_the_arm(folder: Path, first_output: str) -> None:
+def test_the_second_example_compares_a_gyroscope_with_the_arm(
+    folder: Path, first_output: str
+) -> None:
     (session,) = (folder / "logs").iterdir()
-    subprocess.run([sys.executable, "-m", "testbench", "estimate", str(session)], cwd=ROOT, check=True, capture_output=True)
+    subprocess.run(
+        [sys.executable, "-m", "testbench", "estimate", str(session)],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+    )
     by_name = run_example("02_open_a_session_in_pandas.py", folder, str(session))
     newest = run_example("02_open_a_session_in_pandas.py", folder)
     assert by_name == newest
@@ -76,7 +87,9 @@ def test_every_example_is_run_here() -> None:
 
 
 def test_the_protocol_in_the_readme_passes_every_check(tmp_path: Path) -> None:
-    (text,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+    (text,) = re.findall(
+        r"```yaml\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL
+    )
     (tmp_path / "readme.yaml").write_text(text, encoding="utf-8")
     assert plan(tmp_path / "readme.yaml").check.steps == 16
 
@@ -84,7 +97,11 @@ def test_the_protocol_in_the_readme_passes_every_check(tmp_path: Path) -> None:
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_links_between_documents_lead_somewhere(document: Path) -> None:
     targets = re.findall(r"\]\(([^)#\s]+)", document.read_text(encoding="utf-8"))
-    missing = [target for target in targets if "://" not in target and not (document.parent / target).exists()]
+    missing = [
+        target
+        for target in targets
+        if "://" not in target and not (document.parent / target).exists()
+    ]
     assert not missing
 
 

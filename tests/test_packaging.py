@@ -24,7 +24,15 @@ SLOWEST_HELP_S = 1.5
 # Nothing that takes long to import may be imported only to show the help.
 HEAVY = ["coal", "numba", "pinocchio", "plotly", "pyarrow", "rerun", "ruckig", "scipy"]
 # Package registries; in parts, so that this file does not name them either.
-HOSTS = [".".join(parts) for parts in (("pypi", "org"), ("pythonhosted", "org"), ("npmjs", "org"), ("deb", "debian", "org"))]
+HOSTS = [
+    ".".join(parts)
+    for parts in (
+        ("pypi", "org"),
+        ("pythonhosted", "org"),
+        ("npmjs", "org"),
+        ("deb", "debian", "org"),
+    )
+]
 
 needs_command_line = pytest.mark.skipif(
     importlib.util.find_spec("testbench.cli") is None, reason="there is no command line yet"
@@ -56,7 +64,15 @@ def canonical(name: str) -> str:
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     result = subprocess.run(
-        [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", "--no-index", "--no-deps"]
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "--disable-pip-version-check",
+            "wheel",
+            "--no-index",
+            "--no-deps",
+        ]
         + ["--no-build-isolation", "--wheel-dir", str(folder), str(ROOT)],
         capture_output=True,
         text=True,
@@ -72,7 +88,10 @@ def test_the_wheel_carries_the_package_its_data_and_nothing_else(wheel: Path) ->
     with zipfile.ZipFile(wheel) as archive:
         packed = {name for name in archive.namelist() if ".dist-info/" not in name}
     expected = {path.relative_to(ROOT).as_posix() for path in source_files("testbench")}
-    expected |= {f"testbench/shipped/{path.relative_to(ROOT).as_posix()}" for path in source_files("robots", "protocols")}
+    expected |= {
+        f"testbench/shipped/{path.relative_to(ROOT).as_posix()}"
+        for path in source_files("robots", "protocols")
+    }
     assert packed == expected
 
 
@@ -82,10 +101,16 @@ def test_an_installed_package_finds_its_robots_and_protocols(wheel: Path, tmp_pa
     program = (
         f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
         "from testbench.records.shipped import shipped_folder\n"
-        "sys.stdout.write('\\n'.join(str(shipped_folder(name)) for name in ('robots', 'protocols')))"
+        "sys.stdout.write('\\n'.join(str(shipped_folder(name)) for name in ('robots', "
+        "'protocols')))"
     )
     result = subprocess.run(
-        [sys.executable, "-I", "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-I", "-c", program],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
     )
     assert [Path(line) for line in result.stdout.splitlines()] == [
         tmp_path / "testbench" / "shipped" / "robots",
@@ -96,7 +121,9 @@ def test_an_installed_package_finds_its_robots_and_protocols(wheel: Path, tmp_pa
 
 def test_the_wheel_installs_the_command(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
-        (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/entry_points.txt")]
+        (name,) = [
+            name for name in archive.namelist() if name.endswith(".dist-info/entry_points.txt")
+        ]
         assert "testbench = testbench.cli:main" in archive.read(name).decode()
 
 
@@ -107,7 +134,11 @@ def test_the_version_has_one_source() -> None:
 def test_every_pin_in_the_lock_has_a_hash() -> None:
     entries = [entry for entry in re.split(r"\n(?=[A-Za-z0-9])", LOCK) if not entry.startswith("#")]
     assert len(entries) > 50
-    assert [entry.splitlines()[0] for entry in entries if not re.match(r"\S+==\S+.*\\\n    --hash=sha256:", entry)] == []
+    assert [
+        entry.splitlines()[0]
+        for entry in entries
+        if not re.match(r"\S+==\S+.*\\\n    --hash=sha256:", entry)
+    ] == []
 
 
 def test_the_lock_satisfies_every_declared_dependency() -> None:
@@ -125,7 +156,13 @@ def test_the_lock_satisfies_every_declared_dependency() -> None:
 
 
 def test_the_lock_does_not_depend_on_where_it_was_made() -> None:
-    assert re.findall(r"https?://|file:|--index-url|--extra-index-url|--find-links|--trusted-host| @ |\(/", LOCK) == []
+    assert (
+        re.findall(
+            r"https?://|file:|--index-url|--extra-index-url|--find-links|--trusted-host| @ |\(/",
+            LOCK,
+        )
+        == []
+    )
 
 
 def test_no_file_names_a_package_registry() -> None:
@@ -138,7 +175,9 @@ def test_no_file_names_a_package_registry() -> None:
 
 @needs_command_line
 def test_the_command_tells_its_version() -> None:
-    result = subprocess.run([COMMAND, "--version"], capture_output=True, text=True, check=True, timeout=60)
+    result = subprocess.run(
+        [COMMAND, "--version"], capture_output=True, text=True, check=True, timeout=60
+    )
     assert PROJECT["version"] in result.stdout
 
 
@@ -146,9 +185,12 @@ def test_the_command_tells_its_version() -> None:
 def test_help_imports_nothing_heavy() -> None:
     program = (
         "import sys\nfrom testbench.cli import main\nsys.argv = ['testbench', '--help']\n"
-        f"try:\n    main()\nfinally:\n    sys.stderr.write(' '.join(name for name in {HEAVY!r} if name in sys.modules))"
+        f"try:\n    main()\nfinally:\n    sys.stderr.write(' '.join(name for name in {HEAVY!r} if "
+        "name in sys.modules))"
     )
-    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60)
+    result = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60
+    )
     assert "Usage" in result.stdout
     assert result.stderr == ""
 

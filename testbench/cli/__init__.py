@@ -12,11 +12,14 @@ if TYPE_CHECKING:
 
 
 def main() -> None:
-    """Run the command line; every error that was foreseen is one message and an exit code, never a traceback.
+    """Run the command line; every error that was foreseen is one message and an exit code, never a
+    traceback.
 
-    With --json among the arguments the message is one JSON object on stderr, also for a command that was mistyped.
+    With --json among the arguments the message is one JSON object on stderr, also for a command
+    that was mistyped.
     """
-    # Before numpy is imported: its products here are of a few rows or columns; threads that wait cost a fifth of the time.
+    # Before numpy is imported: its products here are of a few rows or columns; threads that wait
+    # cost a fifth of the time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from testbench.cli.app import app
     from testbench.cli.output import say_error, say_json_error
@@ -28,24 +31,33 @@ def main() -> None:
             sys.exit(_run_without_own_errors(app))
         app()
     except BenchError as error:
-        say_json_error(error) if wants_json else say_error(str(error), getattr(error, "__notes__", []))
+        say_json_error(error) if wants_json else say_error(
+            str(error), getattr(error, "__notes__", [])
+        )
         sys.exit(error.exit_code)
     except BrokenPipeError:
         sys.exit(1)
     except OSError as error:  # a full disk, a folder without permission
         reason = "there is no room left on the disk" if error.errno == ENOSPC else str(error)
-        say_error(f"{error.filename}: {error.strerror}" if error.filename and error.strerror else reason)
+        say_error(
+            f"{error.filename}: {error.strerror}" if error.filename and error.strerror else reason
+        )
         sys.exit(3)
 
 
 def _run_without_own_errors(app: Typer) -> int:
-    """Run the commands; what is wrong with the arguments is raised as our own error instead of being printed in a frame."""
+    """Run the commands; what is wrong with the arguments is raised as our own error instead of
+    being printed in a frame.
+    """
     import typer
 
     from testbench.exceptions import InputError
 
-    # typer brings a click of its own or uses the installed one, by version; this is the base of its errors in either
-    wrong_arguments: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+    # typer brings a click of its own or uses the installed one, by version; this is the base of its
+    # errors in either
+    wrong_arguments: Any = next(
+        kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException"
+    )
     try:
         code = app(standalone_mode=False)
     except wrong_arguments as error:

@@ -15,7 +15,15 @@ from testbench.cli.filtering import FiltersOption, JsonOption, filters, parse_fi
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
 from testbench.cli.options import ProtocolArgument, RobotOption, exit_code
-from testbench.cli.output import in_ranges, say, say_check, say_evaluation, say_json, say_table, say_warnings
+from testbench.cli.output import (
+    in_ranges,
+    say,
+    say_check,
+    say_evaluation,
+    say_json,
+    say_table,
+    say_warnings,
+)
 from testbench.cli.recording import record
 from testbench.cli.running import run
 from testbench.cli.studying import study
@@ -45,7 +53,9 @@ def _version(shown: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
 ) -> None:
     """Options that stand before the command."""
 
@@ -57,7 +67,14 @@ def check(protocol: ProtocolArgument, robot: RobotOption = None, json: JsonOptio
 
     plan = make_plan(protocol, robot)
     if json:
-        say_json({"protocol": plan.protocol.spec.name, "robot": plan.robot.name, "hash": plan.hash, **plan.check.to_dict()})
+        say_json(
+            {
+                "protocol": plan.protocol.spec.name,
+                "robot": plan.robot.name,
+                "hash": plan.hash,
+                **plan.check.to_dict(),
+            }
+        )
     else:
         say_check(plan)
 
@@ -66,7 +83,9 @@ def check(protocol: ProtocolArgument, robot: RobotOption = None, json: JsonOptio
 def plan(
     protocol: ProtocolArgument,
     robot: RobotOption = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Parquet file to write the plan to.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Parquet file to write the plan to.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Plan a protocol: its steps with their times, and the plan's hash."""
@@ -85,14 +104,26 @@ def plan(
         except OSError as error:
             raise InputError(f"{out} cannot be written: {error.strerror}") from None
     rows = [
-        [s.index, s.section, s.name, s.kind, s.start_ns / NANOSECONDS, s.settled_ns / NANOSECONDS, s.end_ns / NANOSECONDS]
+        [
+            s.index,
+            s.section,
+            s.name,
+            s.kind,
+            s.start_ns / NANOSECONDS,
+            s.settled_ns / NANOSECONDS,
+            s.end_ns / NANOSECONDS,
+        ]
         for s in the_plan.steps
     ]
     columns = ["step", "section", "name", "kind", "start [s]", "settled [s]", "end [s]"]
     if json:
         keys = ["index", "section", "name", "kind", "start_s", "settled_s", "end_s"]
         steps = [dict(zip(keys, row, strict=True)) for row in rows]
-        told = {"hash": the_plan.hash, "duration_s": the_plan.duration, "warnings": the_plan.check.warnings}
+        told = {
+            "hash": the_plan.hash,
+            "duration_s": the_plan.duration,
+            "warnings": the_plan.check.warnings,
+        }
         say_json(told | {"steps": steps, "file": str(out) if out else None})
     else:
         say_table(f"{the_plan.protocol.spec.name} on {the_plan.robot.name}", columns, rows)
@@ -133,14 +164,31 @@ def estimate(
     result = make_estimate(opened, parse_filters(filters), stored, load_tunings(tuned))
     result.save(opened.path)
     rows = [
-        [name, s.clock.method, 1e3 * s.clock.offset_s, s.clock.drift_ppm, s.clock.residual_deg_s, s.calibration.poses]
+        [
+            name,
+            s.clock.method,
+            1e3 * s.clock.offset_s,
+            s.clock.drift_ppm,
+            s.clock.residual_deg_s,
+            s.calibration.poses,
+        ]
         for name, s in result.sensors.items()
     ]
     if json:
-        summary = {name: {"clock": vars(s.clock), "filters": list(s.orientation)} for name, s in result.sensors.items()}
+        summary = {
+            name: {"clock": vars(s.clock), "filters": list(s.orientation)}
+            for name, s in result.sensors.items()
+        }
         say_json({"session": str(opened.path), "sensors": summary})
     else:
-        columns = ["sensor", "clock by", "offset [ms]", "drift [ppm]", "residual [deg/s]", "calibration poses"]
+        columns = [
+            "sensor",
+            "clock by",
+            "offset [ms]",
+            "drift [ppm]",
+            "residual [deg/s]",
+            "calibration poses",
+        ]
         say_table("Estimate", columns, rows)
 
 
@@ -175,7 +223,9 @@ def report(
     """Estimate, evaluate and write report.html anew."""
     from testbench.pipeline import analyse
 
-    result = analyse(_open(session), parse_filters(filters), calibrations=calibration, tunings=tuned or ())
+    result = analyse(
+        _open(session), parse_filters(filters), calibrations=calibration, tunings=tuned or ()
+    )
     if json:
         say_json(result.to_dict())
     else:
@@ -187,9 +237,16 @@ def report(
 @app.command()
 def view(
     session: SessionArgument,
-    web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")] = False,
-    save: Annotated[Path | None, typer.Option("--save", help="Write a .rrd recording instead of opening the viewer.")] = None,
-    screenshot: Annotated[Path | None, typer.Option("--screenshot", help="Write a .png instead, without a screen.")] = None,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")
+    ] = False,
+    save: Annotated[
+        Path | None,
+        typer.Option("--save", help="Write a .rrd recording instead of opening the viewer."),
+    ] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option("--screenshot", help="Write a .png instead, without a screen.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Open a session in rerun: the arm, the sensors, their signals and errors."""
@@ -214,7 +271,9 @@ def robots(json: JsonOption = False) -> None:
 
 @app.command()
 def protocols(
-    schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of protocol files instead.")] = False,
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Print the JSON schema of protocol files instead.")
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """List the protocols that ship with the bench."""
@@ -235,7 +294,9 @@ app.command()(filters)
 
 @app.command()
 def sessions(
-    logs: Annotated[Path, typer.Option("--logs", help="Folder that holds the sessions.")] = Path("logs"),
+    logs: Annotated[Path, typer.Option("--logs", help="Folder that holds the sessions.")] = Path(
+        "logs"
+    ),
     json: JsonOption = False,
 ) -> None:
     """List the recorded sessions with their status."""
@@ -256,7 +317,9 @@ def sessions(
             [
                 session.name,
                 session.manifest.get("kind"),
-                "cut off" if session.status == "running" and not session.is_being_recorded else str(session.status),
+                "cut off"
+                if session.status == "running" and not session.is_being_recorded
+                else str(session.status),
                 outcome,
                 duration,
                 session.manifest.get("started_utc"),
@@ -269,9 +332,19 @@ def sessions(
     if json:
         keys = ["session", "kind", "status", "outcome", "duration_s", "started_utc", "resumes"]
         found = [dict(zip(keys, row, strict=True)) for row in rows]
-        say_json({"sessions": [entry | {"damage": causes.get(str(entry["session"]))} for entry in found]})
+        say_json(
+            {"sessions": [entry | {"damage": causes.get(str(entry["session"]))} for entry in found]}
+        )
     else:
-        columns = ["session", "kind", "status", "outcome", "duration [s]", "started (UTC)", "resumes"]
+        columns = [
+            "session",
+            "kind",
+            "status",
+            "outcome",
+            "duration [s]",
+            "started (UTC)",
+            "resumes",
+        ]
         rows = [[*row[:5], row[5] and str(row[5])[:19].replace("T", " "), row[6]] for row in rows]
         if not any(row[-1] for row in rows):
             columns, rows = columns[:-1], [row[:-1] for row in rows]
@@ -290,16 +363,29 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
     message = recovered.manifest.get("message") or "nothing to recover"
     if opened.status != "running":
         before = opened.manifest.get("message")
-        message = f"nothing to recover; it was closed as {opened.status}" + (f" before: {before}" if before else "")
+        message = f"nothing to recover; it was closed as {opened.status}" + (
+            f" before: {before}" if before else ""
+        )
     missing = _missing_steps(recovered)
     if json:
-        told = {"session": str(recovered.path), "status": recovered.status, "message": message, "missing_steps": missing}
+        told = {
+            "session": str(recovered.path),
+            "status": recovered.status,
+            "message": message,
+            "missing_steps": missing,
+        }
         say_json(told)
         return
     say(f"{recovered.path}: {message}")
     if missing:
-        say(f"missing: {len(missing)} of {recovered.manifest['plan']['check']['steps']} steps: {in_ranges(missing)}")
-        say(f"go on: testbench run --resume {recovered.path}, on a real arm with --arm and its options")
+        say(
+            f"missing: {len(missing)} of {recovered.manifest['plan']['check']['steps']} steps: "
+            f"{in_ranges(missing)}"
+        )
+        say(
+            f"go on: testbench run --resume {recovered.path}, on a real arm with --arm and its "
+            "options"
+        )
 
 
 def _missing_steps(session: Session) -> list[int]:
@@ -315,7 +401,11 @@ def _missing_steps(session: Session) -> list[int]:
 def _left_out(session: Session, planned: int) -> list[int]:
     """Steps that a resuming session was not to do."""
     wanted = _resumes(session).get("steps")
-    return [index for index in range(planned) if index not in wanted] if isinstance(wanted, list) else []
+    return (
+        [index for index in range(planned) if index not in wanted]
+        if isinstance(wanted, list)
+        else []
+    )
 
 
 def _resumes(session: Session) -> dict[str, Any]:

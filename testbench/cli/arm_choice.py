@@ -31,9 +31,22 @@ class ArmChoice:
     """What was asked for on the command line.
 
     Attributes:
-        arm: sim, ur, xarm or replay. host, log, simulate_imus, serial, dots: As the options. confirmed: --confirm-motion.
-        hazards_checked: --hazards-checked. seed, speed, logs, filters, calibration, tuned, with_report, json: As for every
-        run.
+        arm: sim, ur, xarm or replay.
+        host: As the options.
+        log: As the options.
+        simulate_imus: As the options.
+        serial: As the options.
+        dots: As the options.
+        confirmed: --confirm-motion.
+        hazards_checked: --hazards-checked.
+        seed: As for every run.
+        speed: As for every run.
+        logs: As for every run.
+        filters: As for every run.
+        calibration: As for every run.
+        tuned: As for every run.
+        with_report: As for every run.
+        json: As for every run.
     """
 
     arm: str
@@ -65,14 +78,27 @@ class ArmChoice:
         if self.arm == "replay" and self.log is None:
             raise InputError("--arm replay needs --log, a session, a Parquet or a CSV file")
         log = self.log if self.arm == "replay" else None
-        number = load_arm_calibration(self.kinematics).serial if self.kinematics is not None else None
-        return ArmSetup(self.host or "", log, self.simulate_imus, self.serial, self.dots, self.seed, number, self.arm)
+        number = (
+            load_arm_calibration(self.kinematics).serial if self.kinematics is not None else None
+        )
+        return ArmSetup(
+            self.host or "",
+            log,
+            self.simulate_imus,
+            self.serial,
+            self.dots,
+            self.seed,
+            number,
+            self.arm,
+        )
 
     def refuse_ignored(self, resumed: bool = False) -> None:
-        """Refuse options that the chosen arm would not take notice of: somebody meant another run than this one.
+        """Refuse options that the chosen arm would not take notice of: somebody meant another run
+        than this one.
 
         Args:
-            resumed: Whether a session is gone on with; a simulated one keeps its seed, its rhythm and its folder.
+            resumed: Whether a session is gone on with; a simulated one keeps its seed, its rhythm
+                and its folder.
 
         Raises:
             InputError: Names each such option, and the arms that take it.
@@ -81,9 +107,15 @@ class ArmChoice:
 
         takers = list(self._ignored())
         if resumed and self.arm == "sim":
-            kept = {"--seed": self.seed != 0, "--speed": self.speed != "fast", "--logs": self.logs != Path("logs")}
+            kept = {
+                "--seed": self.seed != 0,
+                "--speed": self.speed != "fast",
+                "--logs": self.logs != Path("logs"),
+            }
             takers += [
-                (option, "a new run: a simulated session goes on as it began") for option, given in kept.items() if given
+                (option, "a new run: a simulated session goes on as it began")
+                for option, given in kept.items()
+                if given
             ]
         if takers:
             raise InputError("; ".join(f"{option} needs {needed}" for option, needed in takers))
@@ -91,11 +123,16 @@ class ArmChoice:
     def _ignored(self) -> Iterator[tuple[str, str]]:
         """Options that were given and that the chosen arm ignores, each with what it needs."""
         given = {
-            "--serial": bool(self.serial), "--dot": bool(self.dots), "--simulate-imus": self.simulate_imus,
-            "--kinematics": self.kinematics is not None, "--host": self.host is not None,
-            "--confirm-motion": self.confirmed, "--hazards-checked": self.hazards_checked, "--log": self.log is not None,
+            "--serial": bool(self.serial),
+            "--dot": bool(self.dots),
+            "--simulate-imus": self.simulate_imus,
+            "--kinematics": self.kinematics is not None,
+            "--host": self.host is not None,
+            "--confirm-motion": self.confirmed,
+            "--hazards-checked": self.hazards_checked,
+            "--log": self.log is not None,
             "--speed": self.speed != "fast",
-        }  # fmt: skip
+        }
         for option, arms in TAKEN_BY.items():
             if given[option] and self.arm not in arms:
                 *others, last = arms
@@ -113,7 +150,9 @@ class ArmChoice:
         return self.arm != "replay"
 
     def resume_line(self, session: Path) -> str:
-        """The command that goes on with a session, with the same arm and sensors; the hazards will be asked for."""
+        """The command that goes on with a session, with the same arm and sensors; the hazards will
+        be asked for.
+        """
         words = ["testbench", "run", "--resume", str(session), "--arm", self.arm]
         words += ["--host", self.host] if self.host else []
         words += ["--log", str(self.log)] if self.log is not None else []

@@ -22,7 +22,10 @@ class Witness(StrEnum):
 
 CalibrationOption = Annotated[
     Path | None,
-    typer.Option("--calibration", help="Stored calibration, or a folder of them: each sensor takes its own nearest in time."),
+    typer.Option(
+        "--calibration",
+        help="Stored calibration, or a folder of them: each sensor takes its own nearest in time.",
+    ),
 ]
 
 
@@ -34,45 +37,80 @@ def _list(asked: bool) -> None:
     from testbench.estimation.calibration.session_mounting import MOUNTING_NEEDS
 
     rows: list[list[Any]] = []
-    for triad, methods in (("accelerometer", ACCELEROMETER_METHODS), ("magnetometer", MAGNETOMETER_METHODS)):
+    for triad, methods in (
+        ("accelerometer", ACCELEROMETER_METHODS),
+        ("magnetometer", MAGNETOMETER_METHODS),
+    ):
         rows += [[triad, method.name, method.needs, method.source] for method in methods.values()]
     rows += [["mounting", name, needs, source] for name, (needs, source) in MOUNTING_NEEDS.items()]
-    rows += [["gyroscope", m.name, ", ".join(m.needs), m.source] for m in GYROSCOPE_METHODS.values()]
+    rows += [
+        ["gyroscope", m.name, ", ".join(m.needs), m.source] for m in GYROSCOPE_METHODS.values()
+    ]
     say_table("Calibration methods", ["triad", "method", "needs", "source"], rows)
     raise typer.Exit
 
 
 def calibrate(
     session: Annotated[Path, typer.Argument(help="Folder of a session with static poses.")],
-    out: Annotated[Path, typer.Option("--out", help="Calibration file to write (.yaml), or a folder that keeps many.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", help="Calibration file to write (.yaml), or a folder that keeps many."
+        ),
+    ],
     method: Annotated[
         list[str] | None,
-        typer.Option("--method", help="Method, at most one a triad; without it the best that the recording allows."),
+        typer.Option(
+            "--method",
+            help="Method, at most one a triad; without it the best that the recording allows.",
+        ),
     ] = None,
-    sensor: Annotated[str | None, typer.Option("--sensor", help="Which sensor; needed where the session has several.")] = None,
+    sensor: Annotated[
+        str | None,
+        typer.Option("--sensor", help="Which sensor; needed where the session has several."),
+    ] = None,
     segmentation: Annotated[
-        Witness | None, typer.Option("--segmentation", help="Who says where the rests are; the arm if it was there.")
+        Witness | None,
+        typer.Option(
+            "--segmentation", help="Who says where the rests are; the arm if it was there."
+        ),
     ] = None,
     held_out: Annotated[
-        list[Path] | None, typer.Option("--held-out", help="Session whose poses validate, in place of cross-validation.")
+        list[Path] | None,
+        typer.Option(
+            "--held-out", help="Session whose poses validate, in place of cross-validation."
+        ),
     ] = None,
     field: Annotated[
         tuple[float, float, float] | None,
-        typer.Option("--field-ut", metavar="X Y Z", help="Field of the earth in the world in uT, where it is known."),
+        typer.Option(
+            "--field-ut",
+            metavar="X Y Z",
+            help="Field of the earth in the world in uT, where it is known.",
+        ),
     ] = None,
     turn: Annotated[
         float | None,
         typer.Option(
             "--turn-deg",
             metavar="DEG",
-            help="Of ferraris_gyroscope: angle of the largest turn about each axis; negative: clockwise, against the axis.",
+            help="Of ferraris_gyroscope: angle of the largest turn about each axis; negative: "
+            "clockwise, against the axis.",
         ),
     ] = None,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Do not write the report beside the file.")] = False,
-    listed: Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="List the methods.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    no_report: Annotated[
+        bool, typer.Option("--no-report", help="Do not write the report beside the file.")
+    ] = False,
+    listed: Annotated[
+        bool, typer.Option("--list", callback=_list, is_eager=True, help="List the methods.")
+    ] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+    ] = False,
 ) -> None:
-    """Calibrate a sensor from a session: corrections with their uncertainty, judged on poses held out."""
+    """Calibrate a sensor from a session: corrections with their uncertainty, judged on poses held
+    out.
+    """
     import numpy as np
 
     from testbench.pipeline import calibrate as make_calibration
@@ -93,11 +131,22 @@ def calibrate(
     result = made.result
     if json:
         triads = {
-            triad: {"method": found.method, "validation": found.validation, "remarks": list(found.remarks)}
+            triad: {
+                "method": found.method,
+                "validation": found.validation,
+                "remarks": list(found.remarks),
+            }
             for triad, found in result.calibration.triads.items()
         }
         files = {"file": str(made.file), "report": str(made.report) if made.report else None}
-        say_json({**files, "sensor": result.calibration.sensor, "triads": triads, "remarks": result.remarks})
+        say_json(
+            {
+                **files,
+                "sensor": result.calibration.sensor,
+                "triads": triads,
+                "remarks": result.remarks,
+            }
+        )
         return
     rows: list[list[Any]] = []
     for triad, found in result.calibration.triads.items():
@@ -105,7 +154,9 @@ def calibrate(
             half = fit.half_width()
             rows += [
                 [triad, name, float(value), float(sd), float(width), unit]
-                for name, value, sd, width, unit in zip(fit.names, fit.values, fit.sd, half, fit.units, strict=True)
+                for name, value, sd, width, unit in zip(
+                    fit.names, fit.values, fit.sd, half, fit.units, strict=True
+                )
             ]
     mounting = result.calibration.mounting
     if mounting is not None:
@@ -115,7 +166,10 @@ def calibrate(
             ["mounting", n, float(v), float(s), float(h), "deg"]
             for n, v, s, h in zip(mounting.fit.names, turned, sd, half_deg, strict=True)
         ]
-    shown = [[*row[:2], *(_to_its_uncertainty(number, row[3]) for number in row[2:5]), row[5]] for row in rows]
+    shown = [
+        [*row[:2], *(_to_its_uncertainty(number, row[3]) for number in row[2:5]), row[5]]
+        for row in rows
+    ]
     say_table("Parameters", ["triad", "parameter", "value", "sd", "95 % ±", "unit"], shown)
     figures = [
         [triad, name, f"{value:.4g}"]
@@ -144,7 +198,9 @@ def _to_its_uncertainty(value: float, sd: float) -> str:
 
 def calibrations(
     path: Annotated[Path, typer.Argument(help="Folder of calibrations, or one file.")],
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+    ] = False,
 ) -> None:
     """List stored calibrations by date."""
     from testbench.records.calibration_file import load_calibrations
@@ -152,12 +208,15 @@ def calibrations(
     found = sorted(load_calibrations(path), key=lambda calibration: calibration.calibrated)
     entries: list[dict[str, Any]] = [
         {
-            "file": str(c.file), "sensor": c.sensor, "device": c.device, "calibrated_utc": c.calibrated.isoformat(),
+            "file": str(c.file),
+            "sensor": c.sensor,
+            "device": c.device,
+            "calibrated_utc": c.calibrated.isoformat(),
             "methods": {triad: calibration.method for triad, calibration in c.triads.items()},
             "temperature_deg_c": c.temperature,
         }
         for c in found
-    ]  # fmt: skip
+    ]
     if json:
         say_json({"calibrations": entries})
         return
@@ -171,4 +230,6 @@ def calibrations(
         ]
         for e in entries
     ]
-    say_table(f"Calibrations in {path}", ["calibrated (UTC)", "sensor", "device", "methods", "file"], rows)
+    say_table(
+        f"Calibrations in {path}", ["calibrated (UTC)", "sensor", "device", "methods", "file"], rows
+    )

@@ -22,30 +22,60 @@ def design(
     out: Annotated[Path, typer.Option("--out", help="Protocol file to write.")],
     robot: Annotated[str, typer.Option("--robot", help="Robot name, robot.yaml or URDF.")] = "ur3e",
     like: Annotated[
-        str, typer.Option("--like", help="Protocol whose sensor is calibrated, and whose static poses are the comparison.")
+        str,
+        typer.Option(
+            "--like",
+            help="Protocol whose sensor is calibrated, and whose static poses are the comparison.",
+        ),
     ] = "calibration_3d",
-    sensor: Annotated[str | None, typer.Option("--sensor", help="Which of its sensors, where it has several.")] = None,
-    link: Annotated[
-        str | None, typer.Option("--link", help="Link that carries the sensor, where it is not the one of that protocol.")
+    sensor: Annotated[
+        str | None, typer.Option("--sensor", help="Which of its sensors, where it has several.")
     ] = None,
-    poses: Annotated[int, typer.Option("--poses", min=4, max=200, help="Number of static poses.")] = 12,
+    link: Annotated[
+        str | None,
+        typer.Option(
+            "--link", help="Link that carries the sensor, where it is not the one of that protocol."
+        ),
+    ] = None,
+    poses: Annotated[
+        int, typer.Option("--poses", min=4, max=200, help="Number of static poses.")
+    ] = 12,
     turns: Annotated[
-        int, typer.Option("--turns", min=0, max=200, help="Number of turns there and back, for the gyroscope.")
+        int,
+        typer.Option(
+            "--turns", min=0, max=200, help="Number of turns there and back, for the gyroscope."
+        ),
     ] = 9,
     joints: Annotated[
-        str | None, typer.Option("--joints", help="Joints that may move, separated by commas; else the last three.")
+        str | None,
+        typer.Option(
+            "--joints", help="Joints that may move, separated by commas; else the last three."
+        ),
     ] = None,
     criterion: Annotated[
-        CriterionName, typer.Option("--criterion", help="D: volume of the confidence ellipsoid; A: sum of variances.")
+        CriterionName,
+        typer.Option(
+            "--criterion", help="D: volume of the confidence ellipsoid; A: sum of variances."
+        ),
     ] = CriterionName.D,
-    dwell: Annotated[float, typer.Option("--dwell", metavar="S", min=1, max=600, help="Rest at each pose in seconds.")] = 5.0,
+    dwell: Annotated[
+        float,
+        typer.Option("--dwell", metavar="S", min=1, max=600, help="Rest at each pose in seconds."),
+    ] = 5.0,
     turn: Annotated[
-        float, typer.Option("--turn-deg", metavar="DEG", min=10, max=180, help="Amplitude of a turn in degrees.")
+        float,
+        typer.Option(
+            "--turn-deg", metavar="DEG", min=10, max=180, help="Amplitude of a turn in degrees."
+        ),
     ] = 90.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the candidate poses.")] = 0,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+    ] = False,
 ) -> None:
-    """Choose the poses and turns that leave a calibration least uncertain, and write them as a protocol."""
+    """Choose the poses and turns that leave a calibration least uncertain, and write them as a
+    protocol.
+    """
     import numpy as np
 
     from testbench.pipeline import design_calibration
@@ -55,7 +85,9 @@ def design(
     names = tuple(name.strip() for name in joints.split(",") if name.strip()) if joints else None
     wanted = Wanted(poses, turns, names, criterion.value, dwell, float(np.radians(turn)), seed=seed)
     found = design_calibration(out, robot, like, sensor, wanted, link)
-    rows: list[list[Any]] = [[row.parameter, row.unit, row.compared, row.designed, row.ratio] for row in found.rows]
+    rows: list[list[Any]] = [
+        [row.parameter, row.unit, row.compared, row.designed, row.ratio] for row in found.rows
+    ]
     if json:
         keys = ["parameter", "unit", f"sd_{found.compared}", "sd_designed", "ratio"]
         listed = [dict(zip(keys, row, strict=True)) for row in rows]
@@ -71,7 +103,8 @@ def design(
         )
         return
     say_table(
-        f"Predicted standard uncertainty, {poses} poses and {turns} turns against {found.compared}, each as it is",
+        f"Predicted standard uncertainty, {poses} poses and {turns} turns against "
+        f"{found.compared}, each as it is",
         ["parameter", "unit", found.compared, "designed", "ratio"],
         rows,
     )

@@ -13,7 +13,9 @@ from testbench.cli.output import say
 if TYPE_CHECKING:
     from testbench.emulation.server import Server
 
-emulate = typer.Typer(help="Emulate hardware on this machine, to rehearse without it.", no_args_is_help=True)
+emulate = typer.Typer(
+    help="Emulate hardware on this machine, to rehearse without it.", no_args_is_help=True
+)
 
 
 @emulate.callback()
@@ -21,13 +23,24 @@ def _emulate() -> None:
     """Emulate hardware on this machine, to rehearse without it."""
 
 
-AddressOption = Annotated[str, typer.Option("--address", help="Address to listen on; the ports are the controller's own.")]
+AddressOption = Annotated[
+    str, typer.Option("--address", help="Address to listen on; the ports are the controller's own.")
+]
 TokenOption = Annotated[
     str | None,
-    typer.Option("--token", envvar="TESTBENCH_EMULATOR_TOKEN", help="Needed for an address that is not loopback."),
+    typer.Option(
+        "--token",
+        envvar="TESTBENCH_EMULATOR_TOKEN",
+        help="Needed for an address that is not loopback.",
+    ),
 ]
-ScenarioOption = Annotated[Path | None, typer.Option("--scenario", help="YAML file of faults to come.")]
-AtOption = Annotated[str | None, typer.Option("--at", metavar="DEG,DEG,...", help="Joint angles at the start, in degrees.")]
+ScenarioOption = Annotated[
+    Path | None, typer.Option("--scenario", help="YAML file of faults to come.")
+]
+AtOption = Annotated[
+    str | None,
+    typer.Option("--at", metavar="DEG,DEG,...", help="Joint angles at the start, in degrees."),
+]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the encoders' noise.")]
 
 
@@ -37,9 +50,13 @@ def emulate_ur(
     address: AddressOption = "127.0.0.1",
     token: TokenOption = None,
     scenario: ScenarioOption = None,
-    polyscope: Annotated[str | None, typer.Option("--polyscope", help="Version that the controller claims.")] = None,
+    polyscope: Annotated[
+        str | None, typer.Option("--polyscope", help="Version that the controller claims.")
+    ] = None,
     at: AtOption = None,
-    local_control: Annotated[bool, typer.Option("--local-control", help="Start out of remote control.")] = False,
+    local_control: Annotated[
+        bool, typer.Option("--local-control", help="Start out of remote control.")
+    ] = False,
     seed: SeedOption = 0,
 ) -> None:
     """Emulate the controller of a Universal Robots arm until Ctrl-C; port 29998 takes faults."""
@@ -48,7 +65,10 @@ def emulate_ur(
 
     controller = make_controller(model, polyscope, _angles(at), seed, scenario, local_control)
     server = UrServer(controller, address, token)
-    say(f"{model} emulated at {address}: dashboard 29999, scripts 30001 to 30003, RTDE 30004, faults 29998; Ctrl-C ends it")
+    say(
+        f"{model} emulated at {address}: dashboard 29999, scripts 30001 to 30003, RTDE 30004, "
+        "faults 29998; Ctrl-C ends it"
+    )
     _run(server)
 
 
@@ -58,12 +78,23 @@ def emulate_xarm(
     address: AddressOption = "127.0.0.1",
     token: TokenOption = None,
     scenario: ScenarioOption = None,
-    firmware: Annotated[str | None, typer.Option("--firmware", help="Version that the controller claims.")] = None,
+    firmware: Annotated[
+        str | None, typer.Option("--firmware", help="Version that the controller claims.")
+    ] = None,
     claims: Annotated[
-        str | None, typer.Option("--claims", help="Arm that the controller says it drives: xarm5, xarm7, lite6, 850.")
+        str | None,
+        typer.Option(
+            "--claims", help="Arm that the controller says it drives: xarm5, xarm7, lite6, 850."
+        ),
     ] = None,
     command_port: Annotated[
-        int, typer.Option("--command-port", min=1, max=65535, help="Instead of 502, which needs a privileged user.")
+        int,
+        typer.Option(
+            "--command-port",
+            min=1,
+            max=65535,
+            help="Instead of 502, which needs a privileged user.",
+        ),
     ] = 502,
     at: AtOption = None,
     seed: SeedOption = 0,
@@ -74,7 +105,10 @@ def emulate_xarm(
 
     controller = make_controller(model, firmware, _angles(at), seed, scenario, claims)
     server = XArmServer(controller, address, token, command_port)
-    say(f"{model} emulated at {address}: commands {command_port}, reports 30000 and 30002, faults 29998; Ctrl-C ends it")
+    say(
+        f"{model} emulated at {address}: commands {command_port}, reports 30000 and 30002, faults "
+        "29998; Ctrl-C ends it"
+    )
     _run(server)
 
 
@@ -84,7 +118,9 @@ def _angles(at: str | None) -> list[float] | None:
     try:
         return None if at is None else [float(angle) for angle in at.split(",")]
     except ValueError:
-        raise InputError(f"--at {at}: must be joint angles in degrees, separated by commas") from None
+        raise InputError(
+            f"--at {at}: must be joint angles in degrees, separated by commas"
+        ) from None
 
 
 def _run(server: Server) -> None:

@@ -29,24 +29,36 @@ def export(
     to: Annotated[
         str,
         typer.Option(
-            "--to", metavar="FORMAT", help="csv, parquet, mcap, sto, mot, mat or rrd.", autocompletion=_complete_export
+            "--to",
+            metavar="FORMAT",
+            help="csv, parquet, mcap, sto, mot, mat or rrd.",
+            autocompletion=_complete_export,
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", help="File (csv, parquet: folder) to write, in place of SESSION/export/...")
+        Path | None,
+        typer.Option(
+            "--out", help="File (csv, parquet: folder) to write, in place of SESSION/export/..."
+        ),
     ] = None,
     filter_name: Annotated[
         str | None,
         typer.Option(
             "--filter",
-            help="Whose orientation: a filter's name, path/to/file.py:ClassName, or 'truth'. Default: the protocol's first.",
+            help="Whose orientation: a filter's name, path/to/file.py:ClassName, or 'truth'. "
+            "Default: the protocol's first.",
         ),
     ] = None,
     frame: Annotated[
-        ExportFrame, typer.Option("--frame", help="Frame of a .sto: OpenSim's ground (y up), or the world (z up).")
+        ExportFrame,
+        typer.Option(
+            "--frame", help="Frame of a .sto: OpenSim's ground (y up), or the world (z up)."
+        ),
     ] = ExportFrame.opensim,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier export.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+    ] = False,
 ) -> None:
     """Write a session in a format that other programs read."""
     from testbench.cli.filtering import parse_filter
@@ -56,7 +68,13 @@ def export(
     result = write_export(Session(session), to, out, parse_filter(filter_name), frame.value, force)
     if json:
         say_json(
-            {"session": str(session), "format": to, "file": str(result.path), "filters": result.filters, "notes": result.notes}
+            {
+                "session": str(session),
+                "format": to,
+                "file": str(result.path),
+                "filters": result.filters,
+                "notes": result.notes,
+            }
         )
     else:
         say(f"written: {result.path}")

@@ -13,13 +13,20 @@ if TYPE_CHECKING:
 
 FiltersOption = Annotated[
     str | None,
-    typer.Option("--filters", help="Orientation filters, separated by commas: names, or path/to/file.py:ClassName."),
+    typer.Option(
+        "--filters",
+        help="Orientation filters, separated by commas: names, or path/to/file.py:ClassName.",
+    ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+]
 
 
 def parse_filters(text: str | None) -> list[str | OrientationFilter] | None:
-    """Filters of a comma-separated list, checked before anything moves; those that ship with the bench stay names."""
+    """Filters of a comma-separated list, checked before anything moves; those that ship with the
+    bench stay names.
+    """
     if text is None:
         return None
     from testbench.estimation.filters import FILTERS, choose_filters
@@ -35,7 +42,8 @@ def parse_filters(text: str | None) -> list[str | OrientationFilter] | None:
 
 
 def parse_filter(text: str | None) -> str | OrientationFilter | None:
-    """A filter by name, or a user's own from a file or an installed package, once it has passed the self-test.
+    """A filter by name, or a user's own from a file or an installed package, once it has passed the
+    self-test.
 
     A name that is neither stays a name: an estimate may hold it.
     """
@@ -44,12 +52,16 @@ def parse_filter(text: str | None) -> str | OrientationFilter | None:
     from testbench.estimation.filters import FILTERS
     from testbench.estimation.filters.plugins import find_filter, installed_filters
 
-    own = text.rpartition(":")[0].endswith(".py") or (text not in FILTERS and text in installed_filters())
+    own = text.rpartition(":")[0].endswith(".py") or (
+        text not in FILTERS and text in installed_filters()
+    )
     return _sound(find_filter(text)) if own else text
 
 
 def _sound(kind: OrientationFilter) -> OrientationFilter:
-    """A user's own filter, once it has passed the self-test: one with a wrong unit or sign is not ranked beside the others."""
+    """A user's own filter, once it has passed the self-test: one with a wrong unit or sign is not
+    ranked beside the others.
+    """
     from testbench.estimation.filters.self_test import self_test
     from testbench.exceptions import InputError
 
@@ -61,9 +73,14 @@ def _sound(kind: OrientationFilter) -> OrientationFilter:
 
 def filters(
     names: Annotated[
-        list[str] | None, typer.Argument(help="Filters to test: names, or path/to/file.py:ClassName; all if none is given.")
+        list[str] | None,
+        typer.Argument(
+            help="Filters to test: names, or path/to/file.py:ClassName; all if none is given."
+        ),
     ] = None,
-    self_test: Annotated[bool, typer.Option("--self-test", help="Test the filters in motions that are known.")] = False,
+    self_test: Annotated[
+        bool, typer.Option("--self-test", help="Test the filters in motions that are known.")
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """List the orientation filters, or test that they keep the conventions."""
@@ -83,9 +100,13 @@ def _self_test(names: list[str], json: bool) -> None:
     from testbench.estimation.filters.plugins import find_filter, installed_filters
     from testbench.estimation.filters.self_test import self_test
 
-    everything = [name for name, kind in FILTERS.items() if kind.needs != ("device_q",)] + list(installed_filters())
+    everything = [name for name, kind in FILTERS.items() if kind.needs != ("device_q",)] + list(
+        installed_filters()
+    )
     results = [self_test(find_filter(name)) for name in names or everything]
-    failed = [result for result in results if not result.passed and not (result.known and not names)]
+    failed = [
+        result for result in results if not result.passed and not (result.known and not names)
+    ]
     if json:
         say_json({"passed": not failed, "filters": [result.to_dict() for result in results]})
     else:
@@ -100,8 +121,19 @@ def _self_test(names: list[str], json: bool) -> None:
                 ]
                 for check in result.checks
             ]
-            say_table(f"Self-test of {result.filter}", ["check", "worst [deg]", "limit [deg]", "outcome", "worst in"], rows)
-        rows = [[r.filter, _outcome(r.passed), ("known: " if r.known and not r.passed else "") + r.reason] for r in results]
+            say_table(
+                f"Self-test of {result.filter}",
+                ["check", "worst [deg]", "limit [deg]", "outcome", "worst in"],
+                rows,
+            )
+        rows = [
+            [
+                r.filter,
+                _outcome(r.passed),
+                ("known: " if r.known and not r.passed else "") + r.reason,
+            ]
+            for r in results
+        ]
         say_table("Self-test", ["filter", "outcome", "reason"], rows)
     if failed:
         raise typer.Exit(1)
@@ -153,4 +185,8 @@ def _list(json: bool) -> None:
     ]
     say_table("Filters", ["name", "needs", "parameters", "source"], rows)
     if installed_filters():
-        say_table("Installed", ["name", "from"], [[name, point.value] for name, point in installed_filters().items()])
+        say_table(
+            "Installed",
+            ["name", "from"],
+            [[name, point.value] for name, point in installed_filters().items()],
+        )

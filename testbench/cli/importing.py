@@ -41,7 +41,9 @@ def import_files(
     format_name: Annotated[
         str,
         typer.Argument(
-            metavar="FORMAT", help="Format of the files; `testbench formats` lists them.", autocompletion=_complete_format
+            metavar="FORMAT",
+            help="Format of the files; `testbench formats` lists them.",
+            autocompletion=_complete_format,
         ),
     ],
     files: Annotated[list[Path], typer.Argument(help="Files to read.")],
@@ -49,43 +51,71 @@ def import_files(
     mapping: Annotated[
         str | None,
         typer.Option(
-            "--mapping", help="Mapping of the generic format: a YAML file, or one that ships.", rich_help_panel=OPEN_PANEL
+            "--mapping",
+            help="Mapping of the generic format: a YAML file, or one that ships.",
+            rich_help_panel=OPEN_PANEL,
         ),
     ] = None,
     rate: Annotated[
         float | None,
-        typer.Option("--rate", metavar="HZ", help="Sampling rate, where the files do not tell.", rich_help_panel=OPEN_PANEL),
+        typer.Option(
+            "--rate",
+            metavar="HZ",
+            help="Sampling rate, where the files do not tell.",
+            rich_help_panel=OPEN_PANEL,
+        ),
     ] = None,
     unit: Annotated[
         list[str] | None,
         typer.Option(
-            "--unit", metavar="WHAT=UNIT", help="acc=g, gyr=rad/s, mag=uT: how to read it.", rich_help_panel=OPEN_PANEL
+            "--unit",
+            metavar="WHAT=UNIT",
+            help="acc=g, gyr=rad/s, mag=uT: how to read it.",
+            rich_help_panel=OPEN_PANEL,
         ),
     ] = None,
     axes: Annotated[
         str | None,
-        typer.Option("--axes", help="Sensor axes: a map that ships, or 'x: -z, y: -y, z: -x'.", rich_help_panel=OPEN_PANEL),
+        typer.Option(
+            "--axes",
+            help="Sensor axes: a map that ships, or 'x: -z, y: -y, z: -x'.",
+            rich_help_panel=OPEN_PANEL,
+        ),
     ] = None,
     recorded_at: Annotated[
         str | None,
         typer.Option(
             "--recorded-at",
             metavar="ISO-DATE",
-            help="When it was recorded, e.g. 2021-08-20T20:21:13+08:00, where the files do not say.",
+            help="When it was recorded, e.g. 2021-08-20T20:21:13+08:00, where the files do not "
+            "say.",
             rich_help_panel=OPEN_PANEL,
         ),
     ] = None,
     truth: Annotated[
-        Path | None, typer.Option("--truth", help="A robot's joint log or poses, or orientations.", rich_help_panel=TRUTH_PANEL)
+        Path | None,
+        typer.Option(
+            "--truth",
+            help="A robot's joint log or poses, or orientations.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="The arm whose log it is.", rich_help_panel=TRUTH_PANEL, autocompletion=_complete_robot),
+        typer.Option(
+            "--robot",
+            help="The arm whose log it is.",
+            rich_help_panel=TRUTH_PANEL,
+            autocompletion=_complete_robot,
+        ),
     ] = None,
     link: Annotated[
         list[str] | None,
         typer.Option(
-            "--link", metavar="[SENSOR=]LINK", help="Link of the arm that carries a sensor.", rich_help_panel=TRUTH_PANEL
+            "--link",
+            metavar="[SENSOR=]LINK",
+            help="Link of the arm that carries a sensor.",
+            rich_help_panel=TRUTH_PANEL,
         ),
     ] = None,
     mounting: Annotated[
@@ -93,13 +123,19 @@ def import_files(
         typer.Option(
             "--mounting",
             metavar="[SENSOR=]MAP",
-            help="Sensor in the link, e.g. 'rotation_deg: {ZYX: [0, 90, 0]}, position_mm: [0, 0, 25]'.",
+            help="Sensor in the link, e.g. 'rotation_deg: {ZYX: [0, 90, 0]}, position_mm: [0, 0, "
+            "25]'.",
             rich_help_panel=TRUTH_PANEL,
         ),
     ] = None,
     dwell: Annotated[
         float | None,
-        typer.Option("--dwell", metavar="S", help="How long each listed pose is held.", rich_help_panel=TRUTH_PANEL),
+        typer.Option(
+            "--dwell",
+            metavar="S",
+            help="How long each listed pose is held.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
     ] = None,
     calibration_poses: Annotated[
         int,
@@ -114,20 +150,37 @@ def import_files(
     move: Annotated[
         float | None,
         typer.Option(
-            "--move", metavar="S", help="How long each move takes; else found in the samples.", rich_help_panel=TRUTH_PANEL
+            "--move",
+            metavar="S",
+            help="How long each move takes; else found in the samples.",
+            rich_help_panel=TRUTH_PANEL,
         ),
     ] = None,
     truth_offset: Annotated[
-        float, typer.Option("--truth-offset", metavar="S", help="Added to the log's times.", rich_help_panel=TRUTH_PANEL)
+        float,
+        typer.Option(
+            "--truth-offset",
+            metavar="S",
+            help="Added to the log's times.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
     ] = 0.0,
     truth_rate: Annotated[
         float | None,
-        typer.Option("--truth-rate", metavar="HZ", help="Rate of a log without times.", rich_help_panel=TRUTH_PANEL),
+        typer.Option(
+            "--truth-rate",
+            metavar="HZ",
+            help="Rate of a log without times.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
     ] = None,
     joint_unit: Annotated[
-        JointUnit | None, typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL)
+        JointUnit | None,
+        typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+    ] = False,
 ) -> None:
     """Turn a foreign recording into a session."""
     from testbench.clock import SystemClock
@@ -138,21 +191,38 @@ def import_files(
     options = Options(mapping, rate, dict(_pair("--unit", text) for text in unit or []))
     wanted = None
     if truth is not None:
-        wanted = _truth(truth, robot, link or [], mounting or [], dwell, move, truth_offset, truth_rate, joint_unit)
+        wanted = _truth(
+            truth,
+            robot,
+            link or [],
+            mounting or [],
+            dwell,
+            move,
+            truth_offset,
+            truth_rate,
+            joint_unit,
+        )
         wanted.calibration_poses = calibration_poses
-    elif robot or link or mounting or dwell or move or truth_rate or joint_unit or calibration_poses:
+    elif (
+        robot or link or mounting or dwell or move or truth_rate or joint_unit or calibration_poses
+    ):
         raise InputError(
-            "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate and --joint-unit describe the "
+            "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate and "
+            "--joint-unit describe the "
             "file of --truth"
         )
-    session = import_recording(format_name, files, out, SystemClock(), options, wanted, axes, recorded_at)
+    session = import_recording(
+        format_name, files, out, SystemClock(), options, wanted, axes, recorded_at
+    )
     manifest = session.manifest
     if json:
         say_json(
             {
                 "session": str(session.path),
                 "samples": manifest["samples"],
-                "rate_hz": {name: sensor["rate_hz"] for name, sensor in manifest["sensors"].items()},
+                "rate_hz": {
+                    name: sensor["rate_hz"] for name, sensor in manifest["sensors"].items()
+                },
                 "duration_s": manifest["duration_s"],
                 "recorded_utc": manifest["recorded_utc"],
                 "recorded_by": manifest["recorded_by"],
@@ -165,12 +235,20 @@ def import_files(
     for note in manifest["notes"]:
         say(f"note: {note}")
     say(f"duration: {manifest['duration_s']:.1f} s")
-    dated = f"{manifest['recorded_utc']}, by {manifest['recorded_by']}" if manifest["recorded_utc"] else "date unknown"
+    dated = (
+        f"{manifest['recorded_utc']}, by {manifest['recorded_by']}"
+        if manifest["recorded_utc"]
+        else "date unknown"
+    )
     say(f"recorded: {dated}")
     say(f"session: {session.path}")
 
 
-def formats(json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False) -> None:
+def formats(
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+    ] = False,
+) -> None:
     """List the file formats that can be imported, the mappings and the axis maps that ship."""
     from testbench.formats import FORMATS
     from testbench.formats.axes import axis_presets
@@ -179,14 +257,28 @@ def formats(json: Annotated[bool, typer.Option("--json", help="Print one JSON ob
     listings = {
         "formats": {name: entry.description for name, entry in FORMATS.items()},
         "mappings": {name: find_mapping(name).value.description for name in list_mappings()},
-        "axes": {name: f"x: {a.x}, y: {a.y}, z: {a.z}. {a.description}" for name, a in axis_presets().items()},
+        "axes": {
+            name: f"x: {a.x}, y: {a.y}, z: {a.z}. {a.description}"
+            for name, a in axis_presets().items()
+        },
     }
     if json:
-        say_json({key: [{"name": name, "description": text} for name, text in rows.items()] for key, rows in listings.items()})
+        say_json(
+            {
+                key: [{"name": name, "description": text} for name, text in rows.items()]
+                for key, rows in listings.items()
+            }
+        )
         return
-    titles = {"formats": "Formats", "mappings": "Mappings of the generic format (--mapping)", "axes": "Axis maps (--axes)"}
+    titles = {
+        "formats": "Formats",
+        "mappings": "Mappings of the generic format (--mapping)",
+        "axes": "Axis maps (--axes)",
+    }
     for key, rows in listings.items():
-        say_table(titles[key], ["name", "description"], [[name, text] for name, text in rows.items()])
+        say_table(
+            titles[key], ["name", "description"], [[name, text] for name, text in rows.items()]
+        )
 
 
 def _pair(option: str, text: str) -> tuple[str, str]:
@@ -194,7 +286,10 @@ def _pair(option: str, text: str) -> tuple[str, str]:
 
     key, equals, value = text.partition("=")
     if not equals or not key.strip() or not value.strip():
-        raise InputError(f"{option} {text}: write it as {'WHAT=UNIT, e.g. acc=g' if option == '--unit' else 'SENSOR=...'}")
+        raise InputError(
+            f"{option} {text}: write it as "
+            f"{'WHAT=UNIT, e.g. acc=g' if option == '--unit' else 'SENSOR=...'}"
+        )
     return key.strip(), value.strip()
 
 
@@ -213,7 +308,17 @@ def _truth(
 
     by_sensor = dict(_pair("--link", text) if "=" in text else ("", text) for text in links)
     placements = dict(_placement(text) for text in mountings)
-    return TruthOptions(file, robot, by_sensor, placements, dwell, move, offset, rate, joint_unit.value if joint_unit else None)
+    return TruthOptions(
+        file,
+        robot,
+        by_sensor,
+        placements,
+        dwell,
+        move,
+        offset,
+        rate,
+        joint_unit.value if joint_unit else None,
+    )
 
 
 def _placement(text: str) -> tuple[str, Placement]:

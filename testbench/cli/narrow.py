@@ -1,4 +1,6 @@
-"""Tables on a terminal that is narrower than they are: numbers stay whole, words go on in the next line."""
+"""Tables on a terminal that is narrower than they are: numbers stay whole, words go on in the next
+line.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,10 @@ class Layout:
     """How a table is shown.
 
     Attributes:
-        kept: Columns, by their place. widths: Theirs; None where every column is as wide as it likes. same: Names and values of
-        the columns left out because every row has the same in them. width: Of the whole table.
+        kept: Columns, by their place.
+        widths: Theirs; None where every column is as wide as it likes.
+        same: Names and values of the columns left out because every row has the same in them.
+        width: Of the whole table.
     """
 
     kept: list[int]
@@ -29,11 +33,15 @@ class Layout:
 def fit(columns: list[str], rows: list[list[str]], numeric: list[bool], room: int) -> Layout:
     """How to show a table in so many characters.
 
-    Titles and words go over several lines, numbers never do; what every row has alike leaves the table, as far as it must,
-    and is said once. Where all that does not suffice the table stays wider than there is room.
+    Titles and words go over several lines, numbers never do; what every row has alike leaves the
+    table, as far as it must, and is said once. Where all that does not suffice the table stays
+    wider than there is room.
 
     Args:
-        columns: Titles. rows: Cells as they are shown, one for each column. numeric: Of each column. room: Characters.
+        columns: Titles.
+        rows: Cells as they are shown, one for each column.
+        numeric: Of each column.
+        room: Characters.
     """
     every = list(range(len(columns)))
     natural = [max([len(columns[i]), *(len(row[i]) for row in rows)]) for i in every]
@@ -41,12 +49,17 @@ def fit(columns: list[str], rows: list[list[str]], numeric: list[bool], room: in
     if whole <= room:
         return Layout(every, None, [], whole)
     least = [
-        max(_longest_word([columns[i]]), *map(len, (row[i] for row in rows))) if numeric[i]
+        max(_longest_word([columns[i]]), *map(len, (row[i] for row in rows)))
+        if numeric[i]
         else _longest_word([columns[i], *(row[i] for row in rows)])
         for i in every
-    ]  # fmt: skip
+    ]
     kept, same = every, []
-    alike = [i for i in every if len(rows) > 1 and len({row[i] for row in rows}) == 1 and rows[0][i] not in ("", NOTHING)]
+    alike = [
+        i
+        for i in every
+        if len(rows) > 1 and len({row[i] for row in rows}) == 1 and rows[0][i] not in ("", NOTHING)
+    ]
     for i in alike[: len(columns) - 2]:
         if _total(least, kept) <= room:
             break

@@ -1,4 +1,6 @@
-"""The command `noise`: what a sensor reads at rest, to be kept as a sensor that can be simulated."""
+"""The command `noise`: what a sensor reads at rest, to be kept as a sensor that can be
+simulated.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +17,27 @@ if TYPE_CHECKING:
 
 
 def noise(
-    session: Annotated[Path, typer.Argument(help="Folder of a session with a rest of ten seconds or more.")],
-    sensor: Annotated[str | None, typer.Option("--sensor", help="Which sensor; needed where the session has several.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Write the sensor as a preset for protocols.")] = None,
+    session: Annotated[
+        Path, typer.Argument(help="Folder of a session with a rest of ten seconds or more.")
+    ],
+    sensor: Annotated[
+        str | None,
+        typer.Option("--sensor", help="Which sensor; needed where the session has several."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Write the sensor as a preset for protocols.")
+    ] = None,
     like: Annotated[
         str | None,
-        typer.Option("--like", help="Preset (a name or a .yaml file) that gives what a rest cannot show, such as ranges."),
+        typer.Option(
+            "--like",
+            help="Preset (a name or a .yaml file) that gives what a rest cannot show, such as "
+            "ranges.",
+        ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+    ] = False,
 ) -> None:
     """Noise at rest in data-sheet units; --out keeps it as a sensor preset."""
     from testbench.evaluation import evaluate
@@ -42,7 +57,9 @@ def noise(
     if out is not None:
         name = sensor or (names[0] if len(names) == 1 else None)
         if name is None:
-            raise InputError(f"the session has several sensors ({', '.join(names)}); say which with --sensor")
+            raise InputError(
+                f"the session has several sensors ({', '.join(names)}); say which with --sensor"
+            )
         own = [row for row in rows if row.sensor == name]
         span = max((row.span_s for row in own), default=0.0)
         origin = f"sensor {name} of session {opened.name}, {span:.0f} s at rest"
@@ -50,7 +67,10 @@ def noise(
         base, base_name = _base(opened, name, like)
         parameters, notes = measured_sensor(own, base, origin, rate, base_name)
         save_sensor(out, parameters)
-        notes.append(f"all that is not noise, such as ranges, bandwidths and turn-on biases, is copied from {base_name}")
+        notes.append(
+            "all that is not noise, such as ranges, bandwidths and turn-on biases, is copied from "
+            f"{base_name}"
+        )
     if json:
         say_json(
             {
@@ -82,7 +102,10 @@ def _base(session: Session, name: str, like: str | None) -> tuple[ImuParameters,
         return load_preset(like), f"the preset {like}"
     described = session.analysis.sensors.get(name)
     if described is None:
-        raise InputError(f"nothing is known of the range of sensor '{name}'; name a preset that resembles it with --like")
+        raise InputError(
+            f"nothing is known of the range of sensor '{name}'; name a preset that resembles it "
+            "with --like"
+        )
     changed = " as changed in" if described.parameters else " named by"
     kind = f"the preset {described.preset}{changed}" if described.preset else "the parameters in"
     return described.imu(), f"{kind} the session's protocol"

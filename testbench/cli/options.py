@@ -11,7 +11,11 @@ def complete_protocol(incomplete: str) -> list[str]:
     """Names of protocols that begin so."""
     from testbench.records.shipped import shipped_folder
 
-    return [path.stem for path in shipped_folder("protocols").glob("*.yaml") if path.stem.startswith(incomplete)]
+    return [
+        path.stem
+        for path in shipped_folder("protocols").glob("*.yaml")
+        if path.stem.startswith(incomplete)
+    ]
 
 
 def complete_robot(incomplete: str) -> list[str]:
@@ -22,11 +26,19 @@ def complete_robot(incomplete: str) -> list[str]:
 
 
 ProtocolArgument = Annotated[
-    str, typer.Argument(help="Protocol file, or the name of one that ships with the bench.", autocompletion=complete_protocol)
+    str,
+    typer.Argument(
+        help="Protocol file, or the name of one that ships with the bench.",
+        autocompletion=complete_protocol,
+    ),
 ]
 RobotOption = Annotated[
     str | None,
-    typer.Option("--robot", help="Robot name, robot.yaml or URDF, in place of the protocol's.", autocompletion=complete_robot),
+    typer.Option(
+        "--robot",
+        help="Robot name, robot.yaml or URDF, in place of the protocol's.",
+        autocompletion=complete_robot,
+    ),
 ]
 
 

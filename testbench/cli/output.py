@@ -29,11 +29,17 @@ def say_error(message: str, notes: Sequence[str] = ()) -> None:
 
 
 def say_json_error(error: BenchError) -> None:
-    """One line of JSON on stderr: what kind of error, the message, the exit code, and where in a file if that is known."""
+    """One line of JSON on stderr: what kind of error, the message, the exit code, and where in a
+    file if that is known.
+    """
     from testbench.exceptions import FileProblems
     from testbench.records.storage import plain_values
 
-    told: dict[str, Any] = {"kind": type(error).__name__, "message": str(error), "exit_code": error.exit_code}
+    told: dict[str, Any] = {
+        "kind": type(error).__name__,
+        "message": str(error),
+        "exit_code": error.exit_code,
+    }
     told |= {"notes": error.__notes__} if hasattr(error, "__notes__") else {}
     if isinstance(error, FileProblems):
         told |= {"file": error.file, "problems": [vars(problem) for problem in error.problems]}
@@ -58,7 +64,9 @@ def say_json(data: Any) -> None:
 
 
 def in_ranges(numbers: Sequence[int], longest: int = 100) -> str:
-    """Rising whole numbers in few words, such as "3, 12-40, 45"; of what makes more than so many characters, how many more."""
+    """Rising whole numbers in few words, such as "3, 12-40, 45"; of what makes more than so many
+    characters, how many more.
+    """
     spans: list[list[int]] = []
     for number in numbers:
         if spans and number == spans[-1][1] + 1:
@@ -82,19 +90,37 @@ def say_table(title: str, columns: list[str], rows: list[list[Any]]) -> None:
     from rich.table import Table
 
     console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
-    numeric = [bool(rows) and all(row[i] is None or _is_number(row[i]) for row in rows) for i in range(len(columns))]
-    layout = fit(columns, [[_shown(value) for value in row] for row in rows], numeric, console.width)
+    numeric = [
+        bool(rows) and all(row[i] is None or _is_number(row[i]) for row in rows)
+        for i in range(len(columns))
+    ]
+    layout = fit(
+        columns, [[_shown(value) for value in row] for row in rows], numeric, console.width
+    )
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=layout.widths is None)
     if layout.widths is not None:
         table.padding = (0, 1, 0, 0)
     for place, i in enumerate(layout.kept):
         width = None if layout.widths is None else layout.widths[place]
-        table.add_column(escape(columns[i]), justify="right" if numeric[i] else "left", overflow="fold", width=width)
+        table.add_column(
+            escape(columns[i]),
+            justify="right" if numeric[i] else "left",
+            overflow="fold",
+            width=width,
+        )
     for row in rows:
         table.add_row(*[_cell(row[i]) for i in layout.kept])
     same = "".join(f"; {name} {value}" for name, value in layout.same)
-    console.print(f"[bold]{escape(title + same)}[/]", *([] if layout.widths is None else [""]), sep="\n")
-    console.print(table, *([] if layout.widths is None else [""]), sep="\n", width=max(console.width, layout.width), crop=False)
+    console.print(
+        f"[bold]{escape(title + same)}[/]", *([] if layout.widths is None else [""]), sep="\n"
+    )
+    console.print(
+        table,
+        *([] if layout.widths is None else [""]),
+        sep="\n",
+        width=max(console.width, layout.width),
+        crop=False,
+    )
 
 
 def _is_number(value: Any) -> bool:
@@ -102,10 +128,12 @@ def _is_number(value: Any) -> bool:
 
 
 class RunDisplay:
-    """A bar with step, part done and remaining time on stderr, and lines above it; where there is no terminal, the lines alone.
+    """A bar with step, part done and remaining time on stderr, and lines above it; where there is
+    no terminal, the lines alone.
 
     Args:
-        bar, task: Of rich.
+        bar: Of rich.
+        task: Of rich.
     """
 
     def __init__(self, bar: Any, task: Any):
@@ -114,7 +142,9 @@ class RunDisplay:
     def __call__(self, progress: RunProgress) -> None:
         """Show how far a run is."""
         text = progress.doing or f"step {progress.index + 1}/{progress.steps}: {progress.step}"
-        self._bar.update(self._task, description=text[:60], total=progress.duration, completed=progress.time)
+        self._bar.update(
+            self._task, description=text[:60], total=progress.duration, completed=progress.time
+        )
 
     def say(self, line: str) -> None:
         """Print a line that stays."""
@@ -130,9 +160,16 @@ def progress_bar(shown: bool, first: str = "starting") -> Iterator[RunDisplay | 
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeRemainingColumn(),
+    )
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
         yield RunDisplay(bar, bar.add_task(first, total=None))
 
 
@@ -142,7 +179,15 @@ def say_check(plan: Plan) -> None:
     say(f"{spec.name} on {plan.robot.name}: {check.steps} steps, {check.duration_s:.1f} s")
     say_table(
         "Joints",
-        ["joint", "from [deg]", "to [deg]", "speed [deg/s]", "limit [deg/s]", "acceleration [deg/s^2]", "limit [deg/s^2]"],
+        [
+            "joint",
+            "from [deg]",
+            "to [deg]",
+            "speed [deg/s]",
+            "limit [deg/s]",
+            "acceleration [deg/s^2]",
+            "limit [deg/s^2]",
+        ],
         [list(vars(joint).values()) for joint in check.joints],
     )
     say_table(
@@ -173,27 +218,59 @@ def say_warnings(plan: Plan) -> None:
         say_warning(warning)
 
 
-def say_evaluation(evaluation: Evaluation, session: str, report: str | None, simulated: Sequence[str] = ()) -> None:
+def say_evaluation(
+    evaluation: Evaluation, session: str, report: str | None, simulated: Sequence[str] = ()
+) -> None:
     """The summary of a session; `simulated`: what of it was not real."""
     if evaluation.limited:
         say_table(
             "Verdict",
             ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome"],
             [
-                [m.name, m.filter or "", m.section or "", m.value, m.expanded_uncertainty, m.lower, m.upper, m.outcome.words]
+                [
+                    m.name,
+                    m.filter or "",
+                    m.section or "",
+                    m.value,
+                    m.expanded_uncertainty,
+                    m.lower,
+                    m.upper,
+                    m.outcome.words,
+                ]
                 for m in evaluation.metrics
                 if m.outcome is not None
             ],
         )
     keys = sorted({(r.joint, r.section, r.filter, r.sequence) for r in evaluation.joint_angle})
     if keys:
-        wanted = ("flexion_mean_error_deg", "flexion_mean_abs_error_deg", "flexion_rmse_deg", "flexion_max_abs_error_deg")
+        wanted = (
+            "flexion_mean_error_deg",
+            "flexion_mean_abs_error_deg",
+            "flexion_rmse_deg",
+            "flexion_max_abs_error_deg",
+        )
         values = {(m.name, m.section, m.filter, m.sequence): m.value for m in evaluation.metrics}
-        expanded = {(b.owner, b.section): b.expanded_deg for b in evaluation.uncertainty if b.quantity == "flexion"}
+        expanded = {
+            (b.owner, b.section): b.expanded_deg
+            for b in evaluation.uncertainty
+            if b.quantity == "flexion"
+        }
         groups = _groups(evaluation, keys)
         say_table(
-            "Flexion error [deg]; U: of the truth (k = 2); filters that share a letter were not shown to differ",
-            ["joint", "section", "filter", "sequence", "mean", "U", "mean |e|", "RMSE", "max |e|", "group"],
+            "Flexion error [deg]; U: of the truth (k = 2); filters that share a letter were not "
+            "shown to differ",
+            [
+                "joint",
+                "section",
+                "filter",
+                "sequence",
+                "mean",
+                "U",
+                "mean |e|",
+                "RMSE",
+                "max |e|",
+                "group",
+            ],
             [
                 [j, s, f, e, mean, expanded.get((j, s)), *rest, groups.get((j, s, f, e), "")]
                 for j, s, f, e in keys
@@ -202,20 +279,49 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None, sim
         )
     if evaluation.chain:
         say_table(
-            "Joints of the chain, error [deg]; U: of the truth (k = 2); covered: errors within 1.96 of the stated uncertainty",
-            ["section", "joint", "state", "mean", "U", "mean |e|", "RMSE", "largest", "stated", "covered [%]"],
+            "Joints of the chain, error [deg]; U: of the truth (k = 2); covered: errors within "
+            "1.96 of the stated uncertainty",
             [
-                [r.section, r.joint, r.state, r.mean_error_deg, r.expanded_uncertainty_deg, r.mean_abs_error_deg, r.rmse_deg,
-                 r.largest_error_deg, r.uncertainty_deg, r.covered_percent]
+                "section",
+                "joint",
+                "state",
+                "mean",
+                "U",
+                "mean |e|",
+                "RMSE",
+                "largest",
+                "stated",
+                "covered [%]",
+            ],
+            [
+                [
+                    r.section,
+                    r.joint,
+                    r.state,
+                    r.mean_error_deg,
+                    r.expanded_uncertainty_deg,
+                    r.mean_abs_error_deg,
+                    r.rmse_deg,
+                    r.largest_error_deg,
+                    r.uncertainty_deg,
+                    r.covered_percent,
+                ]
                 for r in _joint_by_joint(evaluation.chain)
             ],
-        )  # fmt: skip
+        )
     if evaluation.orientation:
         say_table(
             "Orientation error, RMSE [deg]",
             ["sensor", "filter", "samples", "total", "heading", "inclination"],
             [
-                [r.sensor, r.filter, r.n, r.total_rmse_deg, r.heading_rmse_deg, r.inclination_rmse_deg]
+                [
+                    r.sensor,
+                    r.filter,
+                    r.n,
+                    r.total_rmse_deg,
+                    r.heading_rmse_deg,
+                    r.inclination_rmse_deg,
+                ]
                 for r in evaluation.orientation
             ],
         )
@@ -230,14 +336,28 @@ def say_evaluation(evaluation: Evaluation, session: str, report: str | None, sim
         say(f"report:  {report}")
 
 
-def _groups(evaluation: Evaluation, keys: list[tuple[str, str, str, str]]) -> dict[tuple[str, str, str, str], str]:
-    """Letters by joint, section, filter and sequence; where a joint's own sequence could not be ranked, why."""
+def _groups(
+    evaluation: Evaluation, keys: list[tuple[str, str, str, str]]
+) -> dict[tuple[str, str, str, str], str]:
+    """Letters by joint, section, filter and sequence; where a joint's own sequence could not be
+    ranked, why.
+    """
     result = {}
     for joint, section, name, sequence in keys:
-        ranked = [row for row in evaluation.ranking if (row.owner, row.section) == (joint, section) and row.sequence]
+        ranked = [
+            row
+            for row in evaluation.ranking
+            if (row.owner, row.section) == (joint, section) and row.sequence
+        ]
         alone = len({key[2] for key in keys if key[:2] == (joint, section)}) < 2
-        letter = next((row.group for row in ranked if (row.filter, row.sequence) == (name, sequence)), None)
-        if letter is None and not alone and sequence in ({row.sequence for row in ranked} or {sequence}):
+        letter = next(
+            (row.group for row in ranked if (row.filter, row.sequence) == (name, sequence)), None
+        )
+        if (
+            letter is None
+            and not alone
+            and sequence in ({row.sequence for row in ranked} or {sequence})
+        ):
             letter = "too few to rank"
         result[joint, section, name, sequence] = letter or ""
     return result
@@ -253,12 +373,33 @@ def say_noise(rows: list[NoiseRow]) -> None:
     """Noise at rest; nothing where there is none."""
     if not rows:
         return
-    columns = ["sensor", "axis", "time [s]", "mean", "sd", "unit", "noise density", "unit", "bias instability", "unit"]
+    columns = [
+        "sensor",
+        "axis",
+        "time [s]",
+        "mean",
+        "sd",
+        "unit",
+        "noise density",
+        "unit",
+        "bias instability",
+        "unit",
+    ]
     shown = [
-        [n.sensor, f"{n.quantity} {n.axis}", n.span_s, n.mean, n.sd, n.unit, n.noise_density, n.noise_density_unit,
-         n.bias_instability, n.bias_instability_unit]
+        [
+            n.sensor,
+            f"{n.quantity} {n.axis}",
+            n.span_s,
+            n.mean,
+            n.sd,
+            n.unit,
+            n.noise_density,
+            n.noise_density_unit,
+            n.bias_instability,
+            n.bias_instability_unit,
+        ]
         for n in rows
-    ]  # fmt: skip
+    ]
     if all(n.bias_instability is None for n in rows):  # the rest was too short for any
         columns, shown = columns[:-2], [row[:-2] for row in shown]
     say_table("At rest", columns, shown)

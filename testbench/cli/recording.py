@@ -18,24 +18,48 @@ def record(
     serial: Annotated[
         list[str] | None,
         typer.Option(
-            "--serial", metavar="[NAME=]PORT:FORMAT", help="Board on a serial port, and how it writes: a YAML file or a name."
+            "--serial",
+            metavar="[NAME=]PORT:FORMAT",
+            help="Board on a serial port, and how it writes: a YAML file or a name.",
         ),
     ] = None,
     dot: Annotated[
-        list[str] | None, typer.Option("--dot", metavar="[NAME=]ADDRESS", help="Xsens DOT, by address or advertised name.")
+        list[str] | None,
+        typer.Option(
+            "--dot", metavar="[NAME=]ADDRESS", help="Xsens DOT, by address or advertised name."
+        ),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option("--duration", metavar="S", help="Length in seconds; without it, Ctrl-C is the normal end.")
+        float | None,
+        typer.Option(
+            "--duration",
+            metavar="S",
+            help="Length in seconds; without it, Ctrl-C is the normal end.",
+        ),
     ] = None,
-    logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path("logs"),
+    logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path(
+        "logs"
+    ),
     name: Annotated[str, typer.Option("--name", help="Name of the recording.")] = "recording",
-    dot_payload: Annotated[str, typer.Option("--dot-payload", help="Payload mode of the DOTs.")] = "custom_mode_5",
-    dot_rate: Annotated[int, typer.Option("--dot-rate", metavar="HZ", help="Output rate of the DOTs.")] = 60,
+    dot_payload: Annotated[
+        str, typer.Option("--dot-payload", help="Payload mode of the DOTs.")
+    ] = "custom_mode_5",
+    dot_rate: Annotated[
+        int, typer.Option("--dot-rate", metavar="HZ", help="Output rate of the DOTs.")
+    ] = 60,
     dot_sync: Annotated[
-        bool, typer.Option("--dot-sync", help="Bring the clocks of the DOTs together first; takes a quarter of a minute.")
+        bool,
+        typer.Option(
+            "--dot-sync",
+            help="Bring the clocks of the DOTs together first; takes a quarter of a minute.",
+        ),
     ] = False,
-    scan: Annotated[bool, typer.Option("--scan", help="List serial ports and DOTs instead.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    scan: Annotated[
+        bool, typer.Option("--scan", help="List serial ports and DOTs instead.")
+    ] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+    ] = False,
 ) -> None:
     """Record IMUs alone, without an arm; Ctrl-C ends it."""
     from testbench.clock import SystemClock
@@ -44,7 +68,9 @@ def record(
     if scan:
         return _say_found(scan_devices(), json)
     clock = SystemClock()
-    devices = open_devices(serial or [], dot or [], clock, dot_payload, dot_rate, synchronise_dots=dot_sync)
+    devices = open_devices(
+        serial or [], dot or [], clock, dot_payload, dot_rate, synchronise_dots=dot_sync
+    )
     if not json:
         length = "until Ctrl-C" if duration is None else f"for {duration:g} s"
         say(f"connecting {', '.join(devices.imus)}, then recording {length}")
@@ -61,22 +87,57 @@ def _say_progress(time: float, counts: dict[str, int]) -> None:
 def _say_found(found: dict[str, list[Any]], json: bool) -> None:
     if json:
         return say_json(found)
-    say_table("Serial ports", ["port", "description", "hardware"], [list(port.values()) for port in found["serial"]])
-    say_table("Xsens DOTs", ["address", "name", "RSSI [dBm]"], [list(dot.values()) for dot in found["dots"]])
+    say_table(
+        "Serial ports",
+        ["port", "description", "hardware"],
+        [list(port.values()) for port in found["serial"]],
+    )
+    say_table(
+        "Xsens DOTs",
+        ["address", "name", "RSSI [dBm]"],
+        [list(dot.values()) for dot in found["dots"]],
+    )
     for note in found["notes"]:
         say(f"note: {note}")
     return None
 
 
 def _say_recorded(session: Session, json: bool) -> None:
-    statistics = {name: sensor["statistics"] for name, sensor in session.manifest["sensors"].items()}
+    statistics = {
+        name: sensor["statistics"] for name, sensor in session.manifest["sensors"].items()
+    }
     if json:
         keys = ("duration_s", "notes")
         summary = {key: session.manifest[key] for key in keys}
-        return say_json({"session": str(session.path), "status": session.status, **summary, "sensors": statistics})
-    counted = ("samples_lost", "samples_dropped", "malformed_lines", "malformed_packets", "reconnected")
-    rows = [[name, s["samples"], s["rate_hz"], *[s.get(key, 0) for key in counted]] for name, s in statistics.items()]
-    columns = ["sensor", "samples", "rate [Hz]", "lost", "dropped", "malformed lines", "malformed packets", "reconnects"]
+        return say_json(
+            {
+                "session": str(session.path),
+                "status": session.status,
+                **summary,
+                "sensors": statistics,
+            }
+        )
+    counted = (
+        "samples_lost",
+        "samples_dropped",
+        "malformed_lines",
+        "malformed_packets",
+        "reconnected",
+    )
+    rows = [
+        [name, s["samples"], s["rate_hz"], *[s.get(key, 0) for key in counted]]
+        for name, s in statistics.items()
+    ]
+    columns = [
+        "sensor",
+        "samples",
+        "rate [Hz]",
+        "lost",
+        "dropped",
+        "malformed lines",
+        "malformed packets",
+        "reconnects",
+    ]
     say_table(f"Recorded, {session.manifest['duration_s']:.1f} s", columns, rows)
     for note in session.manifest["notes"]:
         say(f"note: {note}")

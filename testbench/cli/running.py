@@ -1,4 +1,6 @@
-"""The command `run`: simulated arms, and those that are not, with the dry run, the hazards, and the motion."""
+"""The command `run`: simulated arms, and those that are not, with the dry run, the hazards, and the
+motion.
+"""
 
 from __future__ import annotations
 
@@ -55,47 +57,90 @@ class ArmDriver(StrEnum):
 def run(
     protocol: Annotated[
         str | None,
-        typer.Argument(help="Protocol file, or the name of one that ships with the bench.", autocompletion=complete_protocol),
+        typer.Argument(
+            help="Protocol file, or the name of one that ships with the bench.",
+            autocompletion=complete_protocol,
+        ),
     ] = None,
     robot: RobotOption = None,
     arm: Annotated[ArmDriver, typer.Option("--arm", help="Which arm to drive.")] = ArmDriver.sim,
-    host: Annotated[str | None, typer.Option("--host", help="Address of the arm's controller.")] = None,
-    confirm_motion: Annotated[bool, typer.Option("--confirm-motion", help="Move the real arm; without it, a dry run.")] = False,
+    host: Annotated[
+        str | None, typer.Option("--host", help="Address of the arm's controller.")
+    ] = None,
+    confirm_motion: Annotated[
+        bool, typer.Option("--confirm-motion", help="Move the real arm; without it, a dry run.")
+    ] = False,
     hazards_checked: Annotated[
-        bool, typer.Option("--hazards-checked", help="The physical hazards were looked at; they are not asked for.")
+        bool,
+        typer.Option(
+            "--hazards-checked", help="The physical hazards were looked at; they are not asked for."
+        ),
     ] = False,
     simulate_imus: Annotated[
-        bool, typer.Option("--simulate-imus", help="Simulated sensors on the real arm's reported motion.")
+        bool,
+        typer.Option(
+            "--simulate-imus", help="Simulated sensors on the real arm's reported motion."
+        ),
     ] = False,
     serial: Annotated[
-        list[str] | None, typer.Option("--serial", metavar="NAME=PORT:FORMAT", help="Live sensor, as for `record`.")
+        list[str] | None,
+        typer.Option("--serial", metavar="NAME=PORT:FORMAT", help="Live sensor, as for `record`."),
     ] = None,
-    dot: Annotated[list[str] | None, typer.Option("--dot", metavar="NAME=ADDRESS", help="Live Xsens DOT.")] = None,
+    dot: Annotated[
+        list[str] | None, typer.Option("--dot", metavar="NAME=ADDRESS", help="Live Xsens DOT.")
+    ] = None,
     kinematics: Annotated[
-        Path | None, typer.Option("--kinematics", help="The arm's own DH corrections (YAML); without it, nominal values.")
+        Path | None,
+        typer.Option(
+            "--kinematics", help="The arm's own DH corrections (YAML); without it, nominal values."
+        ),
     ] = None,
-    log: Annotated[Path | None, typer.Option("--log", help="Recorded motion for --arm replay.")] = None,
+    log: Annotated[
+        Path | None, typer.Option("--log", help="Recorded motion for --arm replay.")
+    ] = None,
     resume: Annotated[Path | None, typer.Option("--resume", help="Session to go on with.")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")] = 0,
     speed: Annotated[
-        Speed, typer.Option("--speed", help="Virtual time: as fast as possible, or a second a second.")
+        Speed,
+        typer.Option("--speed", help="Virtual time: as fast as possible, or a second a second."),
     ] = Speed.fast,
-    logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path("logs"),
+    logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path(
+        "logs"
+    ),
     filters: FiltersOption = None,
     calibration: CalibrationOption = None,
     tuned: TunedOption = None,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Do not write report.html.")] = False,
+    no_report: Annotated[
+        bool, typer.Option("--no-report", help="Do not write report.html.")
+    ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Run a protocol: plan, check, move, record, estimate, evaluate, report. Keys: p pauses, r resumes, q stops."""
+    """Run a protocol: plan, check, move, record, estimate, evaluate, report. Keys: p pauses, r
+    resumes, q stops.
+    """
     from testbench.exceptions import InputError
     from testbench.pipeline import run as run_protocol
 
     names = parse_filters(filters)
     choice = ArmChoice(
-        arm.value, host, log, simulate_imus, serial or [], dot or [], kinematics, confirm_motion, hazards_checked,
-        seed, speed.value, logs, names, calibration, tuned or [], not no_report, json,
-    )  # fmt: skip
+        arm.value,
+        host,
+        log,
+        simulate_imus,
+        serial or [],
+        dot or [],
+        kinematics,
+        confirm_motion,
+        hazards_checked,
+        seed,
+        speed.value,
+        logs,
+        names,
+        calibration,
+        tuned or [],
+        not no_report,
+        json,
+    )
     if resume is not None:
         return _finish(resume_run(resume, protocol, robot, choice), json)
     choice.refuse_ignored()
@@ -103,12 +148,25 @@ def run(
         raise InputError("name a protocol, or a session with --resume")
     if arm is not ArmDriver.sim:
         return _finish(run_real(protocol, robot, choice), json)
-    with progress_bar(not json) as progress, _resumable(lambda path: shlex.join(["testbench", "run", "--resume", str(path)])):
+    with (
+        progress_bar(not json) as progress,
+        _resumable(lambda path: shlex.join(["testbench", "run", "--resume", str(path)])),
+    ):
         result = run_protocol(
-            protocol, robot, seed, speed.value, logs, names, not no_report, progress=progress,
-            planned=None if json else say_warnings, calibrations=calibration, tunings=tuned or (), keys=not json,
+            protocol,
+            robot,
+            seed,
+            speed.value,
+            logs,
+            names,
+            not no_report,
+            progress=progress,
+            planned=None if json else say_warnings,
+            calibrations=calibration,
+            tunings=tuned or (),
+            keys=not json,
             say=(lambda line: None) if progress is None else progress.say,
-        )  # fmt: skip
+        )
     return _finish(result, json)
 
 
@@ -118,7 +176,9 @@ def _finish(result: Result, json: bool) -> None:
         say_json(result.to_dict())
     else:
         report = str(result.report) if result.report else None
-        say_evaluation(result.evaluation, str(result.session.path), report, result.session.simulated)
+        say_evaluation(
+            result.evaluation, str(result.session.path), report, result.session.simulated
+        )
     raise typer.Exit(exit_code(result.evaluation))
 
 
@@ -132,7 +192,11 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
     from testbench.pipeline import make_plan
 
     setup = choice.setup()
-    own = calibrated_robot(protocol, robot, choice.kinematics) if choice.kinematics is not None else robot
+    own = (
+        calibrated_robot(protocol, robot, choice.kinematics)
+        if choice.kinematics is not None
+        else robot
+    )
     plan = make_plan(protocol, own, choice.filters, choice.tuned)
     refuse_other_maker(plan.robot, choice.arm)
     if not choice.json:
@@ -142,7 +206,13 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
         options.checklist = approve(plan, choice, setup)
     with _shown(choice, options):
         return run_on_arm(
-            plan, setup, options, choice.filters, choice.with_report, calibrations=choice.calibration, tunings=choice.tuned
+            plan,
+            setup,
+            options,
+            choice.filters,
+            choice.with_report,
+            calibrations=choice.calibration,
+            tunings=choice.tuned,
         )
 
 
@@ -178,9 +248,15 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
     driver = Session(session).manifest.get("arm", {}).get("driver", "ur")
     simulated = driver == "simulated"
     if choice.arm == "sim" and not simulated:
-        raise InputError(f"{session} was run on a real arm; say --arm {driver} and its options again")
+        raise InputError(
+            f"{session} was run on a real arm; say --arm {driver} and its options again"
+        )
     if choice.arm != ("sim" if simulated else driver):
-        own = "on a simulated arm; leave --arm away" if simulated else f"with --arm {driver}; say that"
+        own = (
+            "on a simulated arm; leave --arm away"
+            if simulated
+            else f"with --arm {driver}; say that"
+        )
         raise InputError(f"{session} was run {own} to go on")
     choice.refuse_ignored(resumed=True)
     setup = None if simulated else choice.setup()
@@ -198,24 +274,39 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
         else:
             stack.enter_context(_shown(choice, options))
         return resume(
-            session, setup, options, filters=choice.filters, with_report=choice.with_report, progress=progress,
-            calibrations=choice.calibration, tunings=choice.tuned, prepared=prepared,
-        )  # fmt: skip
+            session,
+            setup,
+            options,
+            filters=choice.filters,
+            with_report=choice.with_report,
+            progress=progress,
+            calibrations=choice.calibration,
+            tunings=choice.tuned,
+            prepared=prepared,
+        )
 
 
 def _options(choice: ArmChoice) -> ArmRunOptions:
     from testbench.execution.arm_run import ArmRunOptions
 
-    return ArmRunOptions(choice.logs, choice.seed, keys=not choice.json, notify=None if choice.json else say_warning)
+    return ArmRunOptions(
+        choice.logs, choice.seed, keys=not choice.json, notify=None if choice.json else say_warning
+    )
 
 
-def approve(plan: Plan, choice: ArmChoice, setup: ArmSetup, steps: list[PlannedStep] | None = None) -> dict[str, Any]:
+def approve(
+    plan: Plan, choice: ArmChoice, setup: ArmSetup, steps: list[PlannedStep] | None = None
+) -> dict[str, Any]:
     """Show the whole motion, and ask; without --confirm-motion that is all.
 
-    A person is asked last, when arm and options are such that the run will not be refused afterwards.
+    A person is asked last, when arm and options are such that the run will not be refused
+    afterwards.
 
     Args:
-        plan: The motion. choice, setup: As asked for. steps: Those of its steps to do; all if None.
+        plan: The motion.
+        choice: As asked for.
+        setup: As asked for.
+        steps: Those of its steps to do; all if None.
 
     Raises:
         InputError: The arm was refused, or the motion or a hazard was not confirmed.
@@ -242,7 +333,9 @@ def _refuse_without_terminal() -> None:
     from testbench.exceptions import ArmRefused
 
     if not sys.stdin.isatty():
-        raise ArmRefused("nothing moves: the hazards must be confirmed on a terminal, or with --hazards-checked")
+        raise ArmRefused(
+            "nothing moves: the hazards must be confirmed on a terminal, or with --hazards-checked"
+        )
 
 
 def _hazards(choice: ArmChoice) -> dict[str, Any]:
@@ -265,21 +358,35 @@ def _ask(sentence: str) -> bool:
 
 
 def say_motion(plan: Plan, steps: list[PlannedStep] | None = None) -> None:
-    """Every motion with its pose, so that a person can walk through it before anything moves; `steps`: those to do."""
+    """Every motion with its pose, so that a person can walk through it before anything moves;
+    `steps`: those to do.
+    """
     import numpy as np
 
     from testbench.execution.motion_table import MotionRow, motion_rows
 
     def where(row: MotionRow) -> str:
-        swings = [f"{joint.removesuffix('_joint')} {low:.1f}..{high:.1f}" for joint, (low, high) in row.swings_deg.items()]
+        swings = [
+            f"{joint.removesuffix('_joint')} {low:.1f}..{high:.1f}"
+            for joint, (low, high) in row.swings_deg.items()
+        ]
         return ", ".join(swings) or " ".join(f"{angle:.1f}" for angle in row.pose_deg)
 
     motions = motion_rows(plan, steps)
     say_check(plan)
-    title = f"Motion, from {' '.join(f'{angle:.1f}' for angle in np.degrees(plan.trajectory.q[0]))} deg"
+    title = (
+        f"Motion, from {' '.join(f'{angle:.1f}' for angle in np.degrees(plan.trajectory.q[0]))} deg"
+    )
     say_table(
         title,
-        ["step", "name", "kind", "pose, of a sweep its turns [deg]", "fastest joint [deg/s]", "duration [s]"],
+        [
+            "step",
+            "name",
+            "kind",
+            "pose, of a sweep its turns [deg]",
+            "fastest joint [deg/s]",
+            "duration [s]",
+        ],
         [[m.index, m.name, m.kind, where(m), m.speed_deg_s, m.duration_s] for m in motions],
     )
     count = sum(row.index is not None for row in motions)

@@ -29,19 +29,38 @@ def _complete_study(incomplete: str) -> list[str]:
 
 def study(
     name: Annotated[
-        str | None, typer.Argument(help="Name of the study; --list shows them.", autocompletion=_complete_study)
+        str | None,
+        typer.Argument(
+            help="Name of the study; --list shows them.", autocompletion=_complete_study
+        ),
     ] = None,
-    logs: Annotated[Path, typer.Option("--logs", help="Folder that the sessions and the study are kept in.")] = Path("logs"),
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first simulated part.")] = 0,
-    parts: Annotated[int, typer.Option("--parts", min=1, help="How many simulated parts to run.")] = 5,
+    logs: Annotated[
+        Path, typer.Option("--logs", help="Folder that the sessions and the study are kept in.")
+    ] = Path("logs"),
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Seed of the first simulated part.")
+    ] = 0,
+    parts: Annotated[
+        int, typer.Option("--parts", min=1, help="How many simulated parts to run.")
+    ] = 5,
     protocol: Annotated[
-        str | None, typer.Option("--protocol", help="Another protocol in place of the study's own; reference-4 takes one.")
+        str | None,
+        typer.Option(
+            "--protocol",
+            help="Another protocol in place of the study's own; reference-4 takes one.",
+        ),
     ] = None,
     reproduce: Annotated[
-        bool, typer.Option("--reproduce", help="Run every study of a publication (reference-1, ...) instead, one by one.")
+        bool,
+        typer.Option(
+            "--reproduce",
+            help="Run every study of a publication (reference-1, ...) instead, one by one.",
+        ),
     ] = False,
     listed: Annotated[bool, typer.Option("--list", help="List the studies instead.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+    ] = False,
 ) -> None:
     """Run a study and write its tables and report."""
     from testbench.exceptions import InputError
@@ -51,12 +70,16 @@ def study(
         return _say_list({study.name: study.description for study in STUDIES.values()}, json)
     if (name is None) != reproduce:
         known = ", ".join(STUDIES)
-        raise InputError(f"--reproduce takes no name: {name}" if reproduce else f"which study? known: {known}")
+        raise InputError(
+            f"--reproduce takes no name: {name}" if reproduce else f"which study? known: {known}"
+        )
     from testbench.clock import SystemClock
     from testbench.studies.bench import StudyBench
 
     if reproduce and protocol is not None:
-        raise InputError("--reproduce runs the protocols of the publications and takes no --protocol")
+        raise InputError(
+            "--reproduce runs the protocols of the publications and takes no --protocol"
+        )
     tell = _tell if not json and sys.stderr.isatty() else _keep_quiet
     bench = StudyBench(logs, SystemClock(), seed, parts, tell, protocol)
     if name is None:
@@ -89,7 +112,14 @@ def _reproduce(studies: list[Study], bench: StudyBench, json: bool) -> None:
         begin = time.perf_counter()
         record, folder, report = _run(chosen, bench)
         seconds = time.perf_counter() - begin
-        done.append({"study": str(folder), "report": str(report), "seconds": seconds, "findings": list(record.findings)})
+        done.append(
+            {
+                "study": str(folder),
+                "report": str(report),
+                "seconds": seconds,
+                "findings": list(record.findings),
+            }
+        )
         if not json:
             say(f"{chosen.name}: {record.title}, beside {record.source} ({seconds:.0f} s)")
             for finding in record.findings:
@@ -109,9 +139,13 @@ def _keep_quiet(text: str) -> None:
 
 def _say_list(studies: dict[str, str], json: bool) -> None:
     if json:
-        say_json({"studies": [{"name": name, "description": text} for name, text in studies.items()]})
+        say_json(
+            {"studies": [{"name": name, "description": text} for name, text in studies.items()]}
+        )
     else:
-        say_table("Studies", ["name", "description"], [[name, text] for name, text in studies.items()])
+        say_table(
+            "Studies", ["name", "description"], [[name, text] for name, text in studies.items()]
+        )
 
 
 def _say_study(record: StudyRecord) -> None:
@@ -122,7 +156,10 @@ def _say_study(record: StudyRecord) -> None:
         say(f"- {finding}")
     sessions = record.sessions
     if len(sessions) > MOST_LISTED:
-        say(f"sessions: {len(sessions)}, from {sessions[0]} to {sessions[-1]}; study.json and the report list them")
+        say(
+            f"sessions: {len(sessions)}, from {sessions[0]} to {sessions[-1]}; study.json and the "
+            "report list them"
+        )
         return
     for session in sessions:
         say(f"session: {session}")

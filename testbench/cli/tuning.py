@@ -18,40 +18,65 @@ if TYPE_CHECKING:
 
 TunedOption = Annotated[
     list[Path] | None,
-    typer.Option("--tuned", help="Parameters that `testbench tune` found (.json); once for each filter that was tuned."),
+    typer.Option(
+        "--tuned",
+        help="Parameters that `testbench tune` found (.json); once for each filter that was tuned.",
+    ),
 ]
 
 
 def tune(
     sessions: Annotated[list[Path], typer.Argument(help="Sessions to tune on, with truth.")],
-    filter_name: Annotated[str, typer.Option("--filter", help="Filter: a name, or path/to/file.py:ClassName.")],
+    filter_name: Annotated[
+        str, typer.Option("--filter", help="Filter: a name, or path/to/file.py:ClassName.")
+    ],
     out: Annotated[Path, typer.Option("--out", help="File to write (.json).")],
     objective: Annotated[
         str,
         typer.Option(
             "--objective",
-            help="Metric to make small: total_rmse_deg, heading_rmse_deg, inclination_rmse_deg of the sensors, "
-            "flexion_rmse_deg, flexion_mean_abs_error_deg of the joints; elbow.flexion_rmse_deg is that of one of them.",
+            help="Metric to make small: total_rmse_deg, heading_rmse_deg, inclination_rmse_deg of "
+            "the sensors, "
+            "flexion_rmse_deg, flexion_mean_abs_error_deg of the joints; elbow.flexion_rmse_deg is "
+            "that of one of them.",
         ),
     ] = "total_rmse_deg",
     parameters: Annotated[
-        str | None, typer.Option("--parameters", help="Which to tune, separated by commas; all without it.")
+        str | None,
+        typer.Option("--parameters", help="Which to tune, separated by commas; all without it."),
     ] = None,
     test: Annotated[
-        list[Path] | None, typer.Option("--test", help="Session to test on, never tuned on; may be repeated.")
+        list[Path] | None,
+        typer.Option("--test", help="Session to test on, never tuned on; may be repeated."),
     ] = None,
     test_share: Annotated[
-        float | None, typer.Option("--test-share", help="Draw this part of the sessions for the test instead, 0 to 1.")
+        float | None,
+        typer.Option(
+            "--test-share", help="Draw this part of the sessions for the test instead, 0 to 1."
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the draw of --test-share.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Seed of the draw of --test-share.")
+    ] = 0,
     leave_one_out: Annotated[
-        bool, typer.Option("--leave-one-out", help="Also test each session by the set that all others choose.")
+        bool,
+        typer.Option(
+            "--leave-one-out", help="Also test each session by the set that all others choose."
+        ),
     ] = False,
-    values: Annotated[int, typer.Option("--values", min=3, help="Values of each parameter in the grid.")] = 9,
-    points: Annotated[int, typer.Option("--points", min=1, help="Most points of a grid of every combination.")] = 300,
-    no_refinement: Annotated[bool, typer.Option("--no-refinement", help="The grid alone, without Nelder-Mead.")] = False,
+    values: Annotated[
+        int, typer.Option("--values", min=3, help="Values of each parameter in the grid.")
+    ] = 9,
+    points: Annotated[
+        int, typer.Option("--points", min=1, help="Most points of a grid of every combination.")
+    ] = 300,
+    no_refinement: Annotated[
+        bool, typer.Option("--no-refinement", help="The grid alone, without Nelder-Mead.")
+    ] = False,
     calibration: CalibrationOption = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+    ] = False,
 ) -> None:
     """Find the parameters of a filter that suit sessions best, each alone and all together."""
     from testbench.clock import SystemClock
@@ -72,7 +97,9 @@ def tune(
         _divide(sessions, test or [], test_share, seed),
         objective,
         SystemClock().utc().isoformat(timespec="seconds"),
-        None if parameters is None else [name.strip() for name in parameters.split(",") if name.strip()],
+        None
+        if parameters is None
+        else [name.strip() for name in parameters.split(",") if name.strip()],
         Effort(values, points, not no_refinement),
         leave_one_out,
         None if calibration is None else load_calibrations(calibration),
@@ -93,7 +120,9 @@ def _divide(sessions: list[Path], test: list[Path], share: float | None, seed: i
     from testbench.studies.tuning import Sessions
 
     if share is None:
-        return Sessions.given([Session(path) for path in sessions], [Session(path) for path in test])
+        return Sessions.given(
+            [Session(path) for path in sessions], [Session(path) for path in test]
+        )
     if test:
         raise InputError("--test names the sessions to test on, --test-share draws them: not both")
     return Sessions.drawn([Session(path) for path in sessions], share, seed)
@@ -107,11 +136,20 @@ def _say_tuning(found: Tuning) -> None:
     say_table(
         f"{found.filter}, tuned for {found.objective}",
         ["parameter", "tuned", "at an end of its range"],
-        [[name, found.parameters[name], "yes" if name in found.at_edge else ""] for name in found.tuned],
+        [
+            [name, found.parameters[name], "yes" if name in found.at_edge else ""]
+            for name in found.tuned
+        ],
     )
     tuned_on = found.of_role("tuning")
     rows: list[list[Any]] = [
-        [entry.session, entry.default_value, entry.value, entry.own_value, _words(entry.own_parameters or {})]
+        [
+            entry.session,
+            entry.default_value,
+            entry.value,
+            entry.own_value,
+            _words(entry.own_parameters or {}),
+        ]
         for entry in tuned_on
     ]
     rows.append(["mean", found.default_value, found.value, None, ""])
@@ -120,7 +158,9 @@ def _say_tuning(found: Tuning) -> None:
         columns.append("by the set of all others")
         left_out = [entry.left_out_value for entry in tuned_on]
         known = [value for value in left_out if value is not None]
-        for row, value in zip(rows, [*left_out, sum(known) / len(known) if known else None], strict=True):
+        for row, value in zip(
+            rows, [*left_out, sum(known) / len(known) if known else None], strict=True
+        ):
             row.append(value)
     say_table(f"Tuned on: {found.objective}, not a test", columns, rows)
     tests = found.of_role("test")

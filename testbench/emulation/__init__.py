@@ -1,1 +1,3 @@
-"""Emulations of hardware that answer real client libraries over real connections, to rehearse and to test without an arm."""
+"""Emulations of hardware that answer real client libraries over real connections, to rehearse and
+to test without an arm.
+"""

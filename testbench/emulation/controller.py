@@ -1,4 +1,6 @@
-"""What emulated controllers have in common: a clock of control periods, joints, and faults that come by a scenario."""
+"""What emulated controllers have in common: a clock of control periods, joints, and faults that
+come by a scenario.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +23,16 @@ class EmulatedController(ABC):
     """State of an emulated controller; `tick` advances it by a control period.
 
     Args:
-        robot: The arm. q: Joint angles at the start [rad]; the arm's home if None. seed: Of the encoders' noise. scenario:
-        Faults to come. period: Of the controller [s]; that of the robot file if None.
+        robot: The arm.
+        q: Joint angles at the start [rad]; the arm's home if None.
+        seed: Of the encoders' noise.
+        scenario: Faults to come.
+        period: Of the controller [s]; that of the robot file if None.
 
     Attributes:
-        messages: What happened, for whoever watches. heard_until: What clients sent later was not yet looked at [s]; a program
-        must not take that for their silence.
+        messages: What happened, for whoever watches.
+        heard_until: What clients sent later was not yet looked at [s]; a program must not take that
+            for their silence.
     """
 
     def __init__(
@@ -70,7 +76,9 @@ class EmulatedController(ABC):
     @property
     def currents(self) -> np.ndarray:
         """Of the joints' motors, shape (n,) [A]."""
-        return AMPERE_PER_RAD_S2 * self.joints.a_reference + AMPERE_PER_RAD_S * self.joints.v_measured
+        return (
+            AMPERE_PER_RAD_S2 * self.joints.a_reference + AMPERE_PER_RAD_S * self.joints.v_measured
+        )
 
     def tick(self) -> None:
         """Advance by one control period."""

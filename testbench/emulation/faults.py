@@ -23,7 +23,8 @@ class FaultKind:
     """A fault that can be asked for.
 
     Attributes:
-        meaning: What happens. value: What its value is; None if it takes none.
+        meaning: What happens.
+        value: What its value is; None if it takes none.
     """
 
     meaning: str
@@ -42,10 +43,13 @@ class FaultKind:
         if self.value == "share" and not 0 <= value <= 1:
             raise InputError(f"the value of {name} must be a share from 0 to 1, not {value:g}")
         if self.value == "seconds" and not 0 <= value < math.inf:
-            raise InputError(f"the value of {name} must be a number of seconds, 0 or more, not {value:g}")
+            raise InputError(
+                f"the value of {name} must be a number of seconds, 0 or more, not {value:g}"
+            )
         if self.value == "step" and not abs(value) <= MOST_STEP_S:
             raise InputError(
-                f"the value of {name} must be a number of seconds from -{MOST_STEP_S:g} to {MOST_STEP_S:g}, not {value:g}"
+                f"the value of {name} must be a number of seconds from -{MOST_STEP_S:g} to "
+                f"{MOST_STEP_S:g}, not {value:g}"
             )
 
 
@@ -63,8 +67,9 @@ class Faults:
         """Let a disturbance begin.
 
         Args:
-            name: disconnect, delay, loss or silence (of reports), slow_response. value: Its size; a usual one if None. now: The
-            controller's time [s].
+            name: disconnect, delay, loss or silence (of reports), slow_response.
+            value: Its size; a usual one if None.
+            now: The controller's time [s].
 
         Returns:
             Whether it is one of these.
@@ -91,11 +96,15 @@ class ScheduledFault(StrictModel):
 
     fault: str = Field(description="Its name.")
     value: float | None = Field(default=None, description="Its size, where it has one.")
-    at_s: Annotated[float, Field(ge=0)] | None = Field(default=None, description="Time after the emulator's start [s].")
+    at_s: Annotated[float, Field(ge=0)] | None = Field(
+        default=None, description="Time after the emulator's start [s]."
+    )
     moving_s: Annotated[float, Field(ge=0)] | None = Field(
         default=None, description="Time during which the arm has moved since the start [s]."
     )
-    for_s: Annotated[float, Field(gt=0)] | None = Field(default=None, description="Cleared again after this long [s].")
+    for_s: Annotated[float, Field(gt=0)] | None = Field(
+        default=None, description="Cleared again after this long [s]."
+    )
 
     @model_validator(mode="after")
     def _known(self) -> ScheduledFault:
@@ -131,10 +140,12 @@ def load_scenario(path: Path, kind: type[AnyScenario]) -> AnyScenario:
 
 
 def parse_command(text: str, known: Mapping[str, FaultKind]) -> tuple[str, str, float | None]:
-    """A line of the control port in parts: verb ("fault", "clear", "status", "quit"), name and value.
+    """A line of the control port in parts: verb ("fault", "clear", "status", "quit"), name and
+    value.
 
     Args:
-        text: The line. known: Faults that there are.
+        text: The line.
+        known: Faults that there are.
 
     Raises:
         InputError: It is none of these, or the fault cannot have the value.

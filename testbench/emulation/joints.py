@@ -1,9 +1,11 @@
-"""How emulated joints move: references of a controller's commands, limits, and the servo that follows them.
+"""How emulated joints move: references of a controller's commands, limits, and the servo that
+follows them.
 
-Makers publish neither the filter of their servo commands nor the servo. Here a streamed target passes a critically damped
-filter that lags a ramp by the lookahead time (for UR's `servoj` at the default gain of 300; a higher gain shortens it by its
-square root), and the servo is that of the robot file. A move is a trapezoid of speed along the straight line between the joint
-angles, as UR's script manual describes `movej`.
+Makers publish neither the filter of their servo commands nor the servo. Here a streamed target
+passes a critically damped filter that lags a ramp by the lookahead time (for UR's `servoj` at the
+default gain of 300; a higher gain shortens it by its square root), and the servo is that of the
+robot file. A move is a trapezoid of speed along the straight line between the joint angles, as UR's
+script manual describes `movej`.
 """
 
 from __future__ import annotations
@@ -38,8 +40,10 @@ class Joints:
     """References and servos of the joints, one control period at a time.
 
     Args:
-        robot: Limits, servo and encoders. q: Joint angles at the start, shape (n,) [rad]. seed: Of the encoders' noise. period:
-        Of the controller [s]; that of the robot file if None.
+        robot: Limits, servo and encoders.
+        q: Joint angles at the start, shape (n,) [rad].
+        seed: Of the encoders' noise.
+        period: Of the controller [s]; that of the robot file if None.
     """
 
     def __init__(self, robot: Robot, q: np.ndarray, seed: int = 0, period: float | None = None):
@@ -68,7 +72,9 @@ class Joints:
         return self.at_rest and float(np.abs(self._state[1]).max()) < 1e-3
 
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
-        """Go to joint angles [rad] in a straight line; speed [rad/s] and acceleration [rad/s^2] of the leading joint."""
+        """Go to joint angles [rad] in a straight line; speed [rad/s] and acceleration [rad/s^2] of
+        the leading joint.
+        """
         if np.abs(self.v_reference).max() > 1e-9:
             self.stop(acceleration)
             self._pending = (target.copy(), speed, acceleration)
@@ -81,19 +87,25 @@ class Joints:
         share = np.abs(self._way) / self._length  # of the leading joint's speed
         moving = share > 1e-12
         self._speed = min(speed, float((self._limits[moving] / share[moving]).min()))
-        self._acceleration = min(acceleration, float((self._accelerations[moving] / share[moving]).min()))
+        self._acceleration = min(
+            acceleration, float((self._accelerations[moving] / share[moving]).min())
+        )
         self._speed = min(self._speed, math.sqrt(self._length * self._acceleration))
         self._elapsed, self.mode = 0.0, Mode.MOVE
 
     def servo(self, target: np.ndarray, lookahead: float, gain: float) -> None:
-        """Follow a target [rad]; lookahead [s] from 0.03 to 0.2, gain from 100 to 2000 (script manual)."""
+        """Follow a target [rad]; lookahead [s] from 0.03 to 0.2, gain from 100 to 2000 (script
+        manual).
+        """
         self._target = target.copy()
         lookahead, gain = min(max(lookahead, 0.03), 0.2), min(max(gain, 100.0), 2000.0)
         self._omega = 2 / lookahead * math.sqrt(gain / NOMINAL_GAIN)
         self.mode, self._pending = Mode.SERVO, None
 
     def speed(self, rates: np.ndarray, acceleration: float) -> None:
-        """Approach joint rates [rad/s] with an acceleration of the leading joint [rad/s^2], and keep them."""
+        """Approach joint rates [rad/s] with an acceleration of the leading joint [rad/s^2], and
+        keep them.
+        """
         self._rates, self._acceleration = rates.copy(), acceleration
         self.mode, self._pending = Mode.SPEED, None
 
@@ -122,12 +134,17 @@ class Joints:
         self.a_reference = (self.v_reference - rates) / self.period
         x = self._state
         self._state = (
-            self._phi @ x + np.outer(self._now, before) + np.outer(self._following, self.q_reference)
+            self._phi @ x
+            + np.outer(self._now, before)
+            + np.outer(self._following, self.q_reference)
         )  # angle and rate of every joint
         self._measure()
         if np.any(np.abs(self.v_reference) > SPEED_TRIP * self._limits):
             worst = int(np.argmax(np.abs(self.v_reference) / self._limits))
-            return f"joint {worst + 1} was asked to move at {math.degrees(abs(self.v_reference[worst])):.0f} deg/s"
+            return (
+                f"joint {worst + 1} was asked to move at "
+                f"{math.degrees(abs(self.v_reference[worst])):.0f} deg/s"
+            )
         if np.any((self.q_reference < self._low) | (self.q_reference > self._high)):
             return "a joint was asked to leave its range"
         return None

@@ -1,4 +1,6 @@
-"""Sockets and the clock of emulated controllers: one thread, one loop, a tick each control period."""
+"""Sockets and the clock of emulated controllers: one thread, one loop, a tick each control
+period.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +14,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from functools import partial
 from itertools import count
 from typing import ClassVar
 
@@ -24,9 +27,13 @@ CONTROL, CONTROL_PORT = "control", 29998
 LARGEST_TEXT = 1_000_000
 MOST_CONNECTIONS = 64
 REPORTED_TICKS = 250
-"""Of the periods that are made up after a stall, the newest so many are reported; packages of older ones are lost."""
+"""Of the periods that are made up after a stall, the newest so many are reported; packages of older
+ones are lost.
+"""
 MOVED_TICKS = 5000
-"""In a longer stall the joints stand still at first: nobody watches a rehearsal that was held up for so many periods."""
+"""In a longer stall the joints stand still at first: nobody watches a rehearsal that was held up
+for so many periods.
+"""
 
 
 class Connection:
@@ -95,8 +102,11 @@ class Server(ABC):
     """Serves one emulated controller.
 
     Args:
-        controller: What is served. ports: Number and kind of those beside that for faults. address: To listen on. token:
-        What a client must say on port 29998 before any port answers it; needed for an address that is not loopback.
+        controller: What is served.
+        ports: Number and kind of those beside that for faults.
+        address: To listen on.
+        token: What a client must say on port 29998 before any port answers it; needed for an
+            address that is not loopback.
 
     Raises:
         InputError: The address is none, is not loopback and has no token, or a port is taken.
@@ -108,7 +118,11 @@ class Server(ABC):
     faults: ClassVar[Mapping[str, FaultKind]]
 
     def __init__(
-        self, controller: EmulatedController, ports: Mapping[int, str], address: str = "127.0.0.1", token: str | None = None
+        self,
+        controller: EmulatedController,
+        ports: Mapping[int, str],
+        address: str = "127.0.0.1",
+        token: str | None = None,
     ):
         try:
             parsed = ipaddress.ip_address(address)
@@ -116,7 +130,10 @@ class Server(ABC):
             raise InputError(f"'{address}' is no IP address") from None
         self.loopback = parsed.is_loopback
         if not self.loopback and not token:
-            raise InputError(f"{address} can be reached from outside this machine: give a token, or listen on 127.0.0.1")
+            raise InputError(
+                f"{address} can be reached from outside this machine: give a token, or listen on "
+                "127.0.0.1"
+            )
         self.controller, self.address, self._token = controller, address, token
         self._admitted: set[str] = set()
         self._listeners: dict[socket.socket, str] = {}
@@ -136,11 +153,15 @@ class Server(ABC):
                 listener.setblocking(False)
         except OSError as error:
             self.close()
-            raise InputError(f"port {port} of {address} cannot be opened: {error.strerror}") from None
+            raise InputError(
+                f"port {port} of {address} cannot be opened: {error.strerror}"
+            ) from None
 
     def has_token(self, said: str) -> bool:
         """Whether a client said the token."""
-        return self._token is not None and hmac.compare_digest(said.strip().encode(), self._token.encode())
+        return self._token is not None and hmac.compare_digest(
+            said.strip().encode(), self._token.encode()
+        )
 
     def admit(self, connection: Connection) -> None:
         """Let the address of a client that said the token use the other ports."""
@@ -198,8 +219,8 @@ class Server(ABC):
     def _advance(self, passed: int) -> None:
         """Let control periods pass.
 
-        After a stall they are made up before any client is heard: a controller's clock does not stop, and what a client asks
-        for now must not happen in a period that is over.
+        After a stall they are made up before any client is heard: a controller's clock does not
+        stop, and what a client asks for now must not happen in a period that is over.
         """
         controller = self.controller
         controller.ticks += max(passed - MOVED_TICKS, 0)
@@ -228,7 +249,7 @@ class Server(ABC):
         for connection, data in self.reports(list(self._connections.values())):
             if faults.report_silent or (faults.report_loss and self.controller.lost_package()):
                 continue
-            self.later(faults.report_delay_s, lambda connection=connection, data=data: connection.send(data))  # type: ignore[misc]
+            self.later(faults.report_delay_s, partial(connection.send, data))
 
     def _serve(self, timeout: float) -> None:
         self.controller.heard_until = self.controller.time
@@ -248,7 +269,11 @@ class Server(ABC):
         except OSError:
             return
         allowed = self.loopback or kind == CONTROL or peer[0] in self._admitted
-        if not allowed or (self.controller.cut_off and kind != CONTROL) or len(self._connections) >= MOST_CONNECTIONS:
+        if (
+            not allowed
+            or (self.controller.cut_off and kind != CONTROL)
+            or len(self._connections) >= MOST_CONNECTIONS
+        ):
             sock.close()
             return
         self._connections[sock] = self.connection(sock, kind)

@@ -30,5 +30,7 @@ def start_angles(robot: Robot, q_deg: list[float] | None) -> np.ndarray | None:
     if q_deg is None:
         return None
     if len(q_deg) != len(robot.joint_names):
-        raise InputError(f"{len(q_deg)} joint angles were given; {robot.name} has {len(robot.joint_names)}")
+        raise InputError(
+            f"{len(q_deg)} joint angles were given; {robot.name} has {len(robot.joint_names)}"
+        )
     return np.radians(q_deg)

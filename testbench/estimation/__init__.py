@@ -1,4 +1,6 @@
-"""estimate: recordings become orientations and joint angles on one clock and in one frame; offline and pure."""
+"""estimate: recordings become orientations and joint angles on one clock and in one frame; offline
+and pure.
+"""
 
 from testbench.estimation.estimator import estimate
 

@@ -1,8 +1,9 @@
 """A sensor's samples, all at once or, where hours of them would not fit in memory, in pieces.
 
-A long recording is gone through three times in pieces: once to learn what must be known of the whole, once for the quality
-gates and the timing, once for the filters, which go on from piece to piece. What is kept of it is every so-manieth sample, the
-last of as many, so that the memory of a session is bounded whatever its length; nothing that is computed is decimated before.
+A long recording is gone through three times in pieces: once to learn what must be known of the
+whole, once for the quality gates and the timing, once for the filters, which go on from piece to
+piece. What is kept of it is every so-manieth sample, the last of as many, so that the memory of a
+session is bounded whatever its length; nothing that is computed is decimated before.
 """
 
 from __future__ import annotations
@@ -16,8 +17,23 @@ from scipy.ndimage import uniform_filter1d
 
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
-from testbench.estimation.quality import STUCK_SAMPLES, AfterGaps, Quality, Traits, assess, remarks_on, sample_flags
-from testbench.estimation.timing import STRETCH, Intervals, arrival_jitter, asynchrony, audit_timing, usual_interval
+from testbench.estimation.quality import (
+    STUCK_SAMPLES,
+    AfterGaps,
+    Quality,
+    Traits,
+    assess,
+    remarks_on,
+    sample_flags,
+)
+from testbench.estimation.timing import (
+    STRETCH,
+    Intervals,
+    arrival_jitter,
+    asynchrony,
+    audit_timing,
+    usual_interval,
+)
 from testbench.estimation.uniform import MOST_FILLING, fill_gaps, fill_rows
 from testbench.frames import NANOSECONDS
 from testbench.records.estimate import ClockFit, TimingAudit
@@ -27,11 +43,15 @@ from testbench.records.session import Session
 from testbench.records.storage import read_parquet_batches
 
 MOST_KEPT = 1_000_000
-"""Estimates kept of a sensor; a recording with more samples is estimated in pieces, and every so-manieth one is kept."""
+"""Estimates kept of a sensor; a recording with more samples is estimated in pieces, and every
+so-manieth one is kept.
+"""
 MOST_KEPT_IN_ALL = 4_000_000
 """Likewise of all sensors of a session together: about 0.5 GB with three filters."""
 MOST_AT_ONCE = 4_000_000
-"""A filter that needs the whole recording still gets so many samples of a sensor at once: about 0.5 GB."""
+"""A filter that needs the whole recording still gets so many samples of a sensor at once: about 0.5
+GB.
+"""
 PIECE = 131_072
 """Samples of a long recording that are in memory at once."""
 OF_EACH_PIECE = 4_096
@@ -49,28 +69,39 @@ def open_samples(session: Session, sensor: str, stored: Change | None = None) ->
     """Access to a sensor's samples, in the way their number asks for.
 
     Args:
-        session: The recording. sensor: Its name. stored: A stored calibration, applied to all that is read.
+        session: The recording.
+        sensor: Its name.
+        stored: A stored calibration, applied to all that is read.
     """
     change = stored or _unchanged
     own = session.sample_count(sensor)
     together = sum(session.sample_count(name) for name in session.sensor_names)
     every = max(-(-own // MOST_KEPT), -(-together // MOST_KEPT_IN_ALL), 1)
-    return WholeRecording(session, sensor, change) if every == 1 else PiecewiseRecording(session, sensor, every, change)
+    return (
+        WholeRecording(session, sensor, change)
+        if every == 1
+        else PiecewiseRecording(session, sensor, every, change)
+    )
 
 
 def hisses(session: Session, sensor: str) -> bool:
-    """Whether a sensor's readings must differ at rest: not those of a simulated one whose data sheet states no noise."""
+    """Whether a sensor's readings must differ at rest: not those of a simulated one whose data
+    sheet states no noise.
+    """
     if session.manifest["sensors"].get(sensor, {}).get("driver") != "simulated":
         return True
     sheet = session.analysis.sensors[sensor].imu()
-    return any(bool(triad.triad().noise_density.any()) for triad in (sheet.accelerometer, sheet.gyroscope))
+    return any(
+        bool(triad.triad().noise_density.any()) for triad in (sheet.accelerometer, sheet.gyroscope)
+    )
 
 
 class SampleAccess(ABC):
     """A sensor's samples.
 
     Attributes:
-        samples: Those that estimates are kept at. every: One of how many that is.
+        samples: Those that estimates are kept at.
+        every: One of how many that is.
     """
 
     samples: ImuSamples
@@ -96,10 +127,13 @@ class SampleAccess(ABC):
     def orientations(
         self, filters: Mapping[str, OrientationFilter], clock: ClockFit, correct: Correct
     ) -> Iterator[tuple[str, np.ndarray]]:
-        """q_earth_from_sensor of each filter at the kept samples, shape (n, 4), one filter after the other, in any order.
+        """q_earth_from_sensor of each filter at the kept samples, shape (n, 4), one filter after
+        the other, in any order.
 
         Args:
-            filters: By name. clock: Gives the true interval. correct: Calibration, applied to what the filters get.
+            filters: By name.
+            clock: Gives the true interval.
+            correct: Calibration, applied to what the filters get.
         """
 
 
@@ -119,7 +153,9 @@ class WholeRecording(SampleAccess):
 
     def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
         """See SampleAccess."""
-        return assess(self.samples, clock.to_host(self.samples.device_time_ns), static, self._hisses)
+        return assess(
+            self.samples, clock.to_host(self.samples.device_time_ns), static, self._hisses
+        )
 
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
         """See SampleAccess."""
@@ -152,18 +188,24 @@ class PiecewiseRecording(SampleAccess):
         for piece in session.imu_batches(sensor, PIECE):
             self._traits.add(change(piece))
             steps.append(np.diff(piece.device_time_ns[:OF_EACH_PIECE]))
-            ordered &= bool((np.diff(piece.counter) > 0).all()) and (last is None or piece.counter[0] > last.counter[-1])
+            ordered &= bool((np.diff(piece.counter) > 0).all()) and (
+                last is None or piece.counter[0] > last.counter[-1]
+            )
             first, last = first or piece, piece
         assert first is not None
         assert last is not None
         rows = int(last.counter[-1] - first.counter[0]) + 1
-        self._counted = ordered and rows <= MOST_FILLING * self._count  # else the counter is not trusted
+        self._counted = (
+            ordered and rows <= MOST_FILLING * self._count
+        )  # else the counter is not trusted
         self._grid = rows if self._counted else self._count
         self._span = float(last.device_time_ns[-1] - first.device_time_ns[0]) / NANOSECONDS
         self._usual = usual_interval(np.concatenate(steps))
 
     def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
-        """See SampleAccess; the time that lost packets leave open is spread over the rest, which only rests are told by."""
+        """See SampleAccess; the time that lost packets leave open is spread over the rest, which
+        only rests are told by.
+        """
         return fill_gaps(replace(self.samples, counter=np.arange(len(self.samples))), clock)
 
     def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
@@ -172,7 +214,9 @@ class PiecewiseRecording(SampleAccess):
         numbers: dict[str, int] = {}
         after_gaps, done = AfterGaps(), 0
         for piece, counted in self._pieces():
-            flags = {reason: flag[counted] for reason, flag in sample_flags(piece, self._traits).items()}
+            flags = {
+                reason: flag[counted] for reason, flag in sample_flags(piece, self._traits).items()
+            }
             flags["after a gap"] = after_gaps(clock.to_host(piece.device_time_ns[counted]))
             for reason, flag in flags.items():
                 numbers[reason] = numbers.get(reason, 0) + int(flag.sum())
@@ -189,22 +233,31 @@ class PiecewiseRecording(SampleAccess):
         for columns in read_parquet_batches(path, ["device_time_ns", "counter"], PIECE):
             intervals.add(columns["device_time_ns"], columns["counter"])
         turning = np.nan_to_num(np.linalg.norm(self.samples.gyr, axis=1))
-        middle = int(np.argmax(uniform_filter1d(turning, max(STRETCH // self.every, 1)))) * self.every
+        middle = (
+            int(np.argmax(uniform_filter1d(turning, max(STRETCH // self.every, 1)))) * self.every
+        )
         begin = min(max(middle - STRETCH // 2, 0), max(self._count - STRETCH, 0))
         stretch = self._change(self._session.imu(self._sensor, begin, begin + STRETCH))
-        return intervals.audit(nominal_rate, arrival_jitter(self.samples), asynchrony(stretch, self._usual) + rate_age)
+        return intervals.audit(
+            nominal_rate, arrival_jitter(self.samples), asynchrony(stretch, self._usual) + rate_age
+        )
 
     def refuses(self, kind: OrientationFilter) -> str | None:
         """See SampleAccess."""
         if not isinstance(kind, RecursiveFilter) and self._count > MOST_AT_ONCE:
-            return f"it needs all {self._count} samples at once; recordings of more than {MOST_AT_ONCE} go through in pieces"
+            return (
+                f"it needs all {self._count} samples at once; recordings of more than "
+                f"{MOST_AT_ONCE} go through in pieces"
+            )
         return None
 
     def orientations(
         self, filters: Mapping[str, OrientationFilter], clock: ClockFit, correct: Correct
     ) -> Iterator[tuple[str, np.ndarray]]:
         """See SampleAccess."""
-        at_once = {name: kind for name, kind in filters.items() if not isinstance(kind, RecursiveFilter)}
+        at_once = {
+            name: kind for name, kind in filters.items() if not isinstance(kind, RecursiveFilter)
+        }
         for name, kind in at_once.items():
             uniform, rows = fill_gaps(self._change(self._session.imu(self._sensor)), clock)
             yield name, kind.run(correct(uniform))[rows[self.every - 1 :: self.every]]
@@ -220,7 +273,11 @@ class PiecewiseRecording(SampleAccess):
             begin = int(row[counted.start - 1]) + 1 if counted.start else origin
             number = len(row[counted])
             end = int(row[counted][-1]) + 1
-            wanted = self.every * np.arange(-(-(done + 1) // self.every), (done + number) // self.every + 1) - 1
+            wanted = (
+                self.every
+                * np.arange(-(-(done + 1) // self.every), (done + number) // self.every + 1)
+                - 1
+            )
             wanted_rows = row[counted.start + wanted - done]
             whole = self._traits.finite(piece)
             if whole.any():
@@ -230,29 +287,43 @@ class PiecewiseRecording(SampleAccess):
             for start in range(begin, end, PIECE):
                 stop = min(start + PIECE, end)
                 before = int(start > origin)
-                corrected = correct(fill_rows(piece, row, np.arange(start - before, stop), interval, whole))
+                corrected = correct(
+                    fill_rows(piece, row, np.arange(start - before, stop), interval, whole)
+                )
                 given = corrected if not before else _without_first(corrected)
                 here = (wanted_rows >= start) & (wanted_rows < stop)
                 for name, kind in filters.items():
                     q, states[name] = kind.advance(given, states[name])
-                    results[name][(wanted[here] + 1) // self.every - 1] = q[wanted_rows[here] - start]
+                    results[name][(wanted[here] + 1) // self.every - 1] = q[
+                        wanted_rows[here] - start
+                    ]
             done += number
         for name in list(results):
             yield name, results.pop(name)
 
     def _pieces(self) -> Iterator[tuple[ImuSamples, slice]]:
-        """Pieces with a few neighbours at either end, and which of their samples are the piece itself."""
+        """Pieces with a few neighbours at either end, and which of their samples are the piece
+        itself.
+        """
         path = self._session.path / f"imu_{self._sensor}.parquet"
-        for columns, counted in overlapping(read_parquet_batches(path, rows=PIECE), PIECE, STUCK_SAMPLES):
+        for columns, counted in overlapping(
+            read_parquet_batches(path, rows=PIECE), PIECE, STUCK_SAMPLES
+        ):
             if len(columns["counter"][counted]):
                 yield self._change(ImuSamples.from_columns(columns)), counted
 
 
 def _repeated(piece: ImuSamples, other: ImuSamples, row: int) -> ImuSamples:
-    """The piece with all its readings replaced by one, of another piece; zero where that is not known."""
+    """The piece with all its readings replaced by one, of another piece; zero where that is not
+    known.
+    """
 
     def filled(array: np.ndarray | None) -> np.ndarray | None:
-        return None if array is None else np.nan_to_num(np.repeat(array[row : row + 1], len(piece), axis=0))
+        return (
+            None
+            if array is None
+            else np.nan_to_num(np.repeat(array[row : row + 1], len(piece), axis=0))
+        )
 
     readings = {key: filled(getattr(other, key)) for key in ("gyr", "acc", "mag", "device_q")}
     return replace(piece, **readings)  # type: ignore[arg-type]
@@ -261,5 +332,9 @@ def _repeated(piece: ImuSamples, other: ImuSamples, row: int) -> ImuSamples:
 def _without_first(samples: UniformSamples) -> UniformSamples:
     mag, q = samples.mag, samples.device_q
     return UniformSamples(
-        samples.interval, samples.gyr[1:], samples.acc[1:], None if mag is None else mag[1:], None if q is None else q[1:]
+        samples.interval,
+        samples.gyr[1:],
+        samples.acc[1:],
+        None if mag is None else mag[1:],
+        None if q is None else q[1:],
     )

@@ -16,7 +16,12 @@ from testbench.estimation.calibration.static_poses import fit_static_poses
 from testbench.estimation.chain.session import estimate_chain
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.tuned import choose_tuned
-from testbench.estimation.frame_alignment import apply_frames, fit_frames, fit_frames_by_motion, fit_frames_by_vectors
+from testbench.estimation.frame_alignment import (
+    apply_frames,
+    fit_frames,
+    fit_frames_by_motion,
+    fit_frames_by_vectors,
+)
 from testbench.estimation.joints import estimate_joint
 from testbench.estimation.resting_heading import drift_remark
 from testbench.estimation.segmentation import detect_static
@@ -48,37 +53,54 @@ def estimate(
     """Compute what the sensors, filters and joint angles say.
 
     Args:
-        session: A recording. filters: Those to run, by name (with the parameters that the protocol gives them) or as they are;
-        those of the protocol, and those that were tuned, if None.
-        calibrations: To correct the raw samples with first; each sensor takes its own that is nearest in time.
+        session: A recording.
+        filters: Those to run, by name (with the parameters that the protocol gives them) or as they
+            are; those of the protocol, and those that were tuned, if None.
+        calibrations: To correct the raw samples with first; each sensor takes its own that is
+            nearest in time.
         tunings: Whose parameters to use in place of all others, at most one a filter.
 
     Raises:
-        NotFoundError: An unknown filter or parameter. InputError: A parameter's value is not allowed, or a tuned filter is not
-        among those to run. SessionError: The session holds no samples.
+        NotFoundError: An unknown filter or parameter.
+        InputError: A parameter's value is not allowed, or a tuned filter is not among those to run.
+        SessionError: The session holds no samples.
     """
     settings = session.analysis.estimate
     chosen = choose_tuned(filters, settings.filters, settings.filter_parameters, tunings)
     _check_calibrations(session, calibrations or [])
-    sensors = {name: prepare_sensor(session, name, calibrations).run(chosen) for name in session.sensor_names}
-    joints = {name: estimate_joint(session, name, sensors, chosen) for name in session.analysis.joints}
-    chain, chain_remarks = estimate_chain(session, sensors, settings.chain) if settings.chain is not None else ([], [])
+    sensors = {
+        name: prepare_sensor(session, name, calibrations).run(chosen)
+        for name in session.sensor_names
+    }
+    joints = {
+        name: estimate_joint(session, name, sensors, chosen) for name in session.analysis.joints
+    }
+    chain, chain_remarks = (
+        estimate_chain(session, sensors, settings.chain) if settings.chain is not None else ([], [])
+    )
     used = {kind.name: kind.parameters for kind in chosen}
     tuned = {tuning.filter: tuning.used_on(session) for tuning in tunings}
     known = {kind.name: kind.behaviour for kind in chosen if kind.behaviour}
-    return Estimate(session.name, session.fingerprint, sensors, joints, used, tuned, chain, chain_remarks, known)
+    return Estimate(
+        session.name, session.fingerprint, sensors, joints, used, tuned, chain, chain_remarks, known
+    )
 
 
 class PreparedSession:
-    """A recording made ready for filters that run over it many times: only what depends on them is computed each time.
+    """A recording made ready for filters that run over it many times: only what depends on them is
+    computed each time.
 
     Args:
-        session: The recording. calibrations: As for `estimate`. joints: Those wanted, and only their sensors; all sensors and
-        no joint if None.
+        session: The recording.
+        calibrations: As for `estimate`.
+        joints: Those wanted, and only their sensors; all sensors and no joint if None.
     """
 
     def __init__(
-        self, session: Session, calibrations: list[SensorCalibration] | None = None, joints: Sequence[str] | None = None
+        self,
+        session: Session,
+        calibrations: list[SensorCalibration] | None = None,
+        joints: Sequence[str] | None = None,
     ):
         self.session, self._joints = session, list(joints or [])
         wanted = set(session.sensor_names)
@@ -86,13 +108,17 @@ class PreparedSession:
             defined = [session.analysis.joints[name] for name in joints]
             wanted = {sensor for joint in defined for sensor in (joint.proximal, joint.distal)}
         self.sensors = {
-            name: prepare_sensor(session, name, calibrations) for name in session.sensor_names if name in wanted
-        }  # fmt: skip
+            name: prepare_sensor(session, name, calibrations)
+            for name in session.sensor_names
+            if name in wanted
+        }
 
     def run(self, filters: Sequence[OrientationFilter]) -> Estimate:
         """The estimate by some filters, of the sensors and joints that were prepared."""
         sensors = {name: sensor.run(filters) for name, sensor in self.sensors.items()}
-        joints = {name: estimate_joint(self.session, name, sensors, filters) for name in self._joints}
+        joints = {
+            name: estimate_joint(self.session, name, sensors, filters) for name in self._joints
+        }
         used = {kind.name: kind.parameters for kind in filters}
         return Estimate(self.session.name, self.session.fingerprint, sensors, joints, used)
 
@@ -102,10 +128,17 @@ class PreparedSensor:
     """What of a sensor's estimate does not depend on the filters, and what is needed to run them.
 
     Attributes:
-        session: The recording. access: To its samples. truth: What it went through, or None. aligned_every, aligned_to:
-        Where motion aligns it, one of how many samples does so, and q_world_from_sensor at those, shape (m, 4). uniform: The
-        kept samples on a regular grid. correct: Calibration of what the filters get. mounting: As rates and gravity gave it, or
-        None. estimate: Without any filter.
+        session: The recording.
+        access: To its samples.
+        truth: What it went through, or None.
+        aligned_every: Where motion aligns it, one of how many samples does so, and
+            q_world_from_sensor at those, shape (m, 4).
+        aligned_to: Where motion aligns it, one of how many samples does so, and q_world_from_sensor
+            at those, shape (m, 4).
+        uniform: The kept samples on a regular grid.
+        correct: Calibration of what the filters get.
+        mounting: As rates and gravity gave it, or None.
+        estimate: Without any filter.
     """
 
     session: Session
@@ -134,13 +167,17 @@ class PreparedSensor:
                 skipped[key] = refusal
             else:
                 running[key] = kind
-        for key, q_earth_from_sensor in self.access.orientations(running, self.estimate.clock, self.correct):
+        for key, q_earth_from_sensor in self.access.orientations(
+            running, self.estimate.clock, self.correct
+        ):
             q = rotation.normalise(q_earth_from_sensor)
             frames[key], warning = _align(self, q)
             orientation[key] = apply_frames(q, frames[key])
             if warning is not None:
                 remarks.append(f"{key}: {warning}")
-            drift = drift_remark(running[key], orientation[key], self.estimate.host_time_ns, resting)
+            drift = drift_remark(
+                running[key], orientation[key], self.estimate.host_time_ns, resting
+            )
             if drift is not None:
                 remarks.append(drift)
         return replace(
@@ -152,7 +189,9 @@ class PreparedSensor:
         )
 
 
-def _stored(session: Session, name: str, calibrations: list[SensorCalibration]) -> SensorCalibration | None:
+def _stored(
+    session: Session, name: str, calibrations: list[SensorCalibration]
+) -> SensorCalibration | None:
     """The stored calibration of a sensor that is nearest in time."""
     tag = session.manifest["sensors"][name].get("device_tag")
     return find_calibration(calibrations, name, str(tag) if tag else None, session.recorded_at)
@@ -164,22 +203,52 @@ def _check_calibrations(session: Session, calibrations: list[SensorCalibration])
     Raises:
         InputError: Names whose calibrations there are, and the session's sensors.
     """
-    if calibrations and all(_stored(session, name, calibrations) is None for name in session.sensor_names):
-        whose = ", ".join(sorted({f"'{c.sensor}'" + (f" ({c.device})" if c.device else "") for c in calibrations}))
+    if calibrations and all(
+        _stored(session, name, calibrations) is None for name in session.sensor_names
+    ):
+        whose = ", ".join(
+            sorted({f"'{c.sensor}'" + (f" ({c.device})" if c.device else "") for c in calibrations})
+        )
         names = ", ".join(session.sensor_names)
-        raise InputError(f"{session.path}: none of its sensors ({names}) has a stored calibration; there are those of {whose}")
+        raise InputError(
+            f"{session.path}: none of its sensors ({names}) has a stored calibration; there are "
+            f"those of {whose}"
+        )
 
 
-def _stored_remarks(session: Session, name: str, stored: SensorCalibration | None, given: bool) -> list[str]:
+def _stored_remarks(
+    session: Session, name: str, stored: SensorCalibration | None, given: bool
+) -> list[str]:
     """What a reader must know of the correction of the raw samples."""
     if stored is None:
-        return ["no stored calibration is of this sensor; its raw samples were left as they are"] if given else []
+        return (
+            ["no stored calibration is of this sensor; its raw samples were left as they are"]
+            if given
+            else []
+        )
     tag = session.manifest["sensors"][name].get("device_tag")
-    same = f"of the same device, {tag}" if tag and stored.device == str(tag) else "matched by the sensor's name alone"
-    methods = ", ".join(f"{triad} by {method}" for triad, method in stored.summary()["methods"].items())
-    origin = (f"{stored.file}, " if stored.file else "") + f"session {stored.session} of {stored.calibrated:%Y-%m-%d}"
-    undated = "" if session.recorded_at else "; when the session was recorded, and how long from that, is unknown"
-    return [f"its raw samples were first corrected by a stored calibration ({origin}, {methods}; {same}{undated})"]
+    same = (
+        f"of the same device, {tag}"
+        if tag and stored.device == str(tag)
+        else "matched by the sensor's name alone"
+    )
+    methods = ", ".join(
+        f"{triad} by {method}" for triad, method in stored.summary()["methods"].items()
+    )
+    origin = (
+        f"{stored.file}, " if stored.file else ""
+    ) + f"session {stored.session} of {stored.calibrated:%Y-%m-%d}"
+    undated = (
+        ""
+        if session.recorded_at
+        else "; when the session was recorded, and how long from that, is unknown"
+    )
+    return [
+        (
+            f"its raw samples were first corrected by a stored calibration ({origin}, {methods}; "
+            f"{same}{undated})"
+        )
+    ]
 
 
 def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
@@ -193,18 +262,24 @@ def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
     return correct
 
 
-def prepare_sensor(session: Session, name: str, calibrations: list[SensorCalibration] | None = None) -> PreparedSensor:
+def prepare_sensor(
+    session: Session, name: str, calibrations: list[SensorCalibration] | None = None
+) -> PreparedSensor:
     """Fit a sensor's clock and calibration, and find what its alignment goes by.
 
     Args:
-        session: The recording. name: Of the sensor. calibrations: As for `estimate`.
+        session: The recording.
+        name: Of the sensor.
+        calibrations: As for `estimate`.
 
     Raises:
         SessionError: It has too few samples.
     """
     if session.sample_count(name) < 10:
         count = session.sample_count(name)
-        raise SessionError(f"{session.path}: sensor '{name}' has {count} samples; nothing can be estimated")
+        raise SessionError(
+            f"{session.path}: sensor '{name}' has {count} samples; nothing can be estimated"
+        )
     settings, stored = session.analysis.estimate, _stored(session, name, calibrations or [])
     access = open_samples(session, name, None if stored is None else _corrector(stored))
     samples, (truth, thinned) = access.samples, session.thinned_truth(name)
@@ -219,16 +294,28 @@ def prepare_sensor(session: Session, name: str, calibrations: list[SensorCalibra
     quality = access.quality(clock, static)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
-        calibration = _calibrate(session, samples.acc, samples.gyr, time, static & ~quality.flagged, truth)
+        calibration = _calibrate(
+            session, samples.acc, samples.gyr, time, static & ~quality.flagged, truth
+        )
     remarks = _stored_remarks(session, name, stored, bool(calibrations)) + list(quality.remarks)
     if settings.align_clock and truth is not None and clock.method == "arrival":
-        remarks.append("its clock could not be fitted to the motion; it is late by the unknown latency of its samples")
+        remarks.append(
+            "its clock could not be fitted to the motion; it is late by the unknown latency of its "
+            "samples"
+        )
     planned = sum(step.role == "calibration" and step.kind != "sweep" for step in session.steps)
     if calibration.method == "static_poses" and calibration.poses < planned:
-        remarks.append(f"{planned - calibration.poses} of {planned} calibration poses were not at rest and were left out")
+        remarks.append(
+            f"{planned - calibration.poses} of {planned} calibration poses were not at rest and "
+            "were left out"
+        )
     correct = partial(_corrected, calibration=calibration, sampling=description.get("sampling"))
     gravity = session.robot.gravity if session.robot else STANDARD_DOWN
-    axes = identify_axes(samples, time, static & ~quality.flagged, truth, gravity) if truth is not None else {}
+    axes = (
+        identify_axes(samples, time, static & ~quality.flagged, truth, gravity)
+        if truth is not None
+        else {}
+    )
     remarks += axes_remarks(axes)
     every = max(len(time) // MOST_COMPARED, 1) if settings.align == "motion" else 1
     mounting = aligned_to = None
@@ -236,40 +323,71 @@ def prepare_sensor(session: Session, name: str, calibrations: list[SensorCalibra
         aligned_to = truth_at(truth, time[::every])
         if settings.align == "rates":
             quiet = static & ~quality.flagged
-            mounting = _mounting(session, correct(uniform), rows, time, quiet, truth, aligned_to, gravity)
+            mounting = _mounting(
+                session, correct(uniform), rows, time, quiet, truth, aligned_to, gravity
+            )
     if access.every > 1:
-        remarks.append(f"a long recording: its estimates are kept, and judged, at one of {access.every} samples")
+        remarks.append(
+            f"a long recording: its estimates are kept, and judged, at one of {access.every} "
+            "samples"
+        )
     estimated = SensorEstimate(
-        time, static, {}, clock, calibration, {}, {}, quality.flagged, quality.counts(), remarks,
-        access.timing(description.get("rate_hz"), _rate_age(description)), access.every, axes,
+        time,
+        static,
+        {},
+        clock,
+        calibration,
+        {},
+        {},
+        quality.flagged,
+        quality.counts(),
+        remarks,
+        access.timing(description.get("rate_hz"), _rate_age(description)),
+        access.every,
+        axes,
         None if stored is None else stored.summary(),
-    )  # fmt: skip
-    return PreparedSensor(session, access, truth, every, aligned_to, uniform, correct, mounting, estimated)
+    )
+    return PreparedSensor(
+        session, access, truth, every, aligned_to, uniform, correct, mounting, estimated
+    )
 
 
 def _rate_age(description: dict[str, Any]) -> float:
-    """Half an interval where rate and force are integrated over it: the force is seen in the axes at its end [s]."""
+    """Half an interval where rate and force are integrated over it: the force is seen in the axes
+    at its end [s].
+    """
     rate = description.get("rate_hz")
     return 0.5 / float(rate) if rate and description.get("sampling") == "integrated" else 0.0
 
 
-def _corrected(uniform: UniformSamples, calibration: CalibrationFit, sampling: str | None) -> UniformSamples:
-    """What the filters get: calibrated, and with rates that are means over the interval before each sample.
+def _corrected(
+    uniform: UniformSamples, calibration: CalibrationFit, sampling: str | None
+) -> UniformSamples:
+    """What the filters get: calibrated, and with rates that are means over the interval before each
+    sample.
 
-    Filters take a rate for the whole interval before its sample. A sensor known to sample instants would lead them by half an
-    interval; the mean of both ends of the interval does not (trapezoidal rule).
+    Filters take a rate for the whole interval before its sample. A sensor known to sample instants
+    would lead them by half an interval; the mean of both ends of the interval does not (trapezoidal
+    rule).
     """
     gyr, acc, mag = calibration.apply(uniform.gyr, uniform.acc, uniform.mag)
     if sampling == "instantaneous":
         gyr = np.vstack([gyr[:1], (gyr[1:] + gyr[:-1]) / 2])
     device_q = uniform.device_q
     if device_q is not None:
-        device_q = rotation.multiply(device_q, rotation.from_matrix(calibration.R_believed_from_sensor.T))
+        device_q = rotation.multiply(
+            device_q, rotation.from_matrix(calibration.R_believed_from_sensor.T)
+        )
     return replace(uniform, gyr=gyr, acc=acc, mag=mag, device_q=device_q)
 
 
 def _calibrate(
-    session: Session, acc: np.ndarray, gyr: np.ndarray, time: np.ndarray, static: np.ndarray, truth: Truth
+    session: Session,
+    acc: np.ndarray,
+    gyr: np.ndarray,
+    time: np.ndarray,
+    static: np.ndarray,
+    truth: Truth,
 ) -> CalibrationFit:
     """Static poses of the calibration sections, as the gyroscope confirms them."""
     gravity = session.robot.gravity if session.robot else STANDARD_DOWN
@@ -282,7 +400,9 @@ def _calibrate(
             middle = np.array([time[rest].mean()])
             accs.append(acc[rest])
             gyrs.append(gyr[rest])
-            poses.append(rotation.interpolate(truth.host_time_ns, truth.q_world_from_sensor, middle)[0])
+            poses.append(
+                rotation.interpolate(truth.host_time_ns, truth.q_world_from_sensor, middle)[0]
+            )
     return fit_static_poses(accs, gyrs, poses, gravity)
 
 
@@ -296,7 +416,9 @@ def _mounting(
     q_true: np.ndarray,
     gravity: np.ndarray,
 ) -> VectorMounting | None:
-    """The mounting by rates while moving and by gravity at rest, over what comes before the first judged step."""
+    """The mounting by rates while moving and by gravity at rest, over what comes before the first
+    judged step.
+    """
     usable = before_judging(session.steps, time)
     gyr, acc = samples.gyr[rows], samples.acc[rows]
     rate, sound = true_rates(truth, time)
@@ -304,12 +426,18 @@ def _mounting(
     rest = usable & static & np.isfinite(q_true[:, 0]) & np.isfinite(acc).all(axis=1)
     if moving.sum() + rest.sum() < 10:
         return None
-    bias = gyr[rest].mean(axis=0) if rest.any() else np.zeros(3)  # what no calibration has taken away
+    bias = (
+        gyr[rest].mean(axis=0) if rest.any() else np.zeros(3)
+    )  # what no calibration has taken away
     seconds = float(np.median(np.diff(time))) / NANOSECONDS
     force = rotation.rotate(rotation.conjugate(q_true[rest]), -gravity)
     return mounting_from_vectors(
         [
-            (rate[moving], gyr[moving] - bias, max(moving.sum() * seconds, 1.0)),  # a pair a second counts as independent
+            (
+                rate[moving],
+                gyr[moving] - bias,
+                max(moving.sum() * seconds, 1.0),
+            ),  # a pair a second counts as independent
             (force, acc[rest], max(rest.sum() * seconds, 1.0)),
         ]
     )
@@ -323,10 +451,16 @@ def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]
         return FrameFit(), None
     if sensor.aligned_to is not None:
         q, time = q[:: sensor.aligned_every], time[:: sensor.aligned_every]
-        known = before_judging(session.steps, time) & np.isfinite(sensor.aligned_to[:, 0]) & np.isfinite(q[:, 0])
+        known = (
+            before_judging(session.steps, time)
+            & np.isfinite(sensor.aligned_to[:, 0])
+            & np.isfinite(q[:, 0])
+        )
         q, q_true = q[known], sensor.aligned_to[known]
         if method == "motion":
-            return _align_by_motion(q, q_true, float(len(q)) * float(np.median(np.diff(time))) / NANOSECONDS)
+            return _align_by_motion(
+                q, q_true, float(len(q)) * float(np.median(np.diff(time))) / NANOSECONDS
+            )
         if sensor.mounting is None or not len(q):
             return FrameFit(), "the truth is known too seldom to align it by rates and gravity"
         return fit_frames_by_vectors(q, q_true, sensor.mounting)
@@ -335,14 +469,22 @@ def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]
         return FrameFit(), "there is no dwell to align it in"
     begin, end = aligning_part(step)
     mine = (time >= begin) & (time <= end)
-    known = (truth.host_time_ns >= begin) & (truth.host_time_ns <= end) & np.isfinite(truth.q_world_from_sensor[:, 0])
+    known = (
+        (truth.host_time_ns >= begin)
+        & (truth.host_time_ns <= end)
+        & np.isfinite(truth.q_world_from_sensor[:, 0])
+    )
     if not mine.any() or not known.any():
         return FrameFit(), "neither it nor the truth is known in the reference pose"
     return fit_frames(q[mine], truth.q_world_from_sensor[known], method), None
 
 
-def _align_by_motion(q: np.ndarray, q_true: np.ndarray, seconds: float) -> tuple[FrameFit, str | None]:
-    """Over everything before the first judged step, or over the whole of a recording that has no such part."""
+def _align_by_motion(
+    q: np.ndarray, q_true: np.ndarray, seconds: float
+) -> tuple[FrameFit, str | None]:
+    """Over everything before the first judged step, or over the whole of a recording that has no
+    such part.
+    """
     if len(q) < 10:
         return FrameFit(), "the truth is known too seldom to align it by motion"
     return fit_frames_by_motion(q, q_true, seconds)

@@ -1,15 +1,18 @@
 """Heading between the sensors of a joint over time, from the axes that the joint turns about.
 
-Filters without a magnetometer know up but not north, and what their gyroscopes are wrong by about the vertical turns their
-headings apart. A joint with one or two axes tells by how much, wherever an axis is not vertical: seen by both sensors, a
-hinge's axis is one direction, and the axes of a joint with two keep their angle. The heading d turns the world of the distal
-sensor into that of the proximal one, so that rotation by d about the vertical corrects the distal orientation.
+Filters without a magnetometer know up but not north, and what their gyroscopes are wrong by about
+the vertical turns their headings apart. A joint with one or two axes tells by how much, wherever an
+axis is not vertical: seen by both sensors, a hinge's axis is one direction, and the axes of a joint
+with two keep their angle. The heading d turns the world of the distal sensor into that of the
+proximal one, so that rotation by d about the vertical corrects the distal orientation.
 
-The constraints are those of Laidig, Schauer & Seel (ICORR 2017, one axis) and Laidig, Lehmann, Begin & Seel (EMBC 2019, two).
-In place of their moving windows a Kalman filter and smoother follows the heading, which walks at random. What the constraint is
-off by lasts for seconds (a state of the filter), but for the part that the stated axes are off by in their segments: that one
-lasts for ever, and what it may do to the heading is added to the uncertainty. To estimate it too was tried: errors of
-inclination that go with the motion then pass for errors of the axes, and the heading becomes three times worse.
+The constraints are those of Laidig, Schauer & Seel (ICORR 2017, one axis) and Laidig, Lehmann,
+Begin & Seel (EMBC 2019, two). In place of their moving windows a Kalman filter and smoother follows
+the heading, which walks at random. What the constraint is off by lasts for seconds (a state of the
+filter), but for the part that the stated axes are off by in their segments: that one lasts for
+ever, and what it may do to the heading is added to the uncertainty. To estimate it too was tried:
+errors of inclination that go with the motion then pass for errors of the axes, and the heading
+becomes three times worse.
 """
 
 from __future__ import annotations
@@ -32,8 +35,9 @@ SLOW_S, FAST_SD = 5.0, np.radians(0.5)
 WINDOW_S = 60.0
 """About so long a stretch decides on the heading in its middle [s]."""
 START_SD, LARGEST_SD = np.radians(0.5), np.radians(30.0)
-"""Of the heading in the reference pose, which the alignment has brought to zero as well as a sensor is mounted (`uncertainty`
-in robots/ur3e), and the most that it is begun with [rad]."""
+"""Of the heading in the reference pose, which the alignment has brought to zero as well as a sensor
+is mounted (`uncertainty` in robots/ur3e), and the most that it is begun with [rad].
+"""
 
 
 def track_heading(
@@ -46,9 +50,12 @@ def track_heading(
     """Follow the heading over the whole of a recording.
 
     Args:
-        time_ns: Increasing, shape (n,). q_world_from_proximal, q_world_from_distal: Of the segments at the same instants,
-        shape (n, 4). constraint: The joint's axes in its segments. start_ns: Where the heading is zero, but for
-        `START_SD`; None where nobody knows it: then a constant heading that suits the whole is the first guess.
+        time_ns: Increasing, shape (n,).
+        q_world_from_proximal: Of the segments at the same instants, shape (n, 4).
+        q_world_from_distal: Of the segments at the same instants, shape (n, 4).
+        constraint: The joint's axes in its segments.
+        start_ns: Where the heading is zero, but for `START_SD`; None where nobody knows it: then a
+            constant heading that suits the whole is the first guess.
 
     Raises:
         PoorExcitation: The start is unknown, and the motion does not tell.
@@ -61,40 +68,62 @@ def track_heading(
     if len(rows) == 0:
         return RelativeHeading(np.zeros(len(time_ns)), np.full(len(time_ns), START_SD))
     q_proximal, q_distal = q_world_from_proximal[rows], q_world_from_distal[rows]
-    at, terms = seconds[rows], heading_terms(*axes_in_world(q_proximal, q_distal, constraint), constraint)
-    walk = np.radians(constraint.drift_deg) / np.sqrt(60.0)  # the sd after a minute, as one of a second
+    at, terms = (
+        seconds[rows],
+        heading_terms(*axes_in_world(q_proximal, q_distal, constraint), constraint),
+    )
+    walk = np.radians(constraint.drift_deg) / np.sqrt(
+        60.0
+    )  # the sd after a minute, as one of a second
     axes_sd = np.radians(constraint.axes_sd_deg)
     if start_ns is None:
         known, (first, first_sd) = -1, _guess(q_proximal, q_distal, constraint)
     else:
         known = min(int(np.searchsorted(time_ns[rows], start_ns)), len(rows) - 1)
-        first, first_sd = 0.0, min(float(np.hypot(START_SD, walk * np.sqrt(at[known] - at[0]))), LARGEST_SD)
+        first, first_sd = (
+            0.0,
+            min(float(np.hypot(START_SD, walk * np.sqrt(at[known] - at[0]))), LARGEST_SD),
+        )
     heading, variance = _smooth(at, terms, first, first_sd, known, walk, axes_sd)
     lasting = axes_sd**2 / 2 * _response(heading, terms, q_proximal, q_distal, constraint)
-    told = first_sd**2 if known < 0 else START_SD**2 + np.abs(at - at[known]) * walk**2  # where the axes tell nothing
+    told = (
+        first_sd**2 if known < 0 else START_SD**2 + np.abs(at - at[known]) * walk**2
+    )  # where the axes tell nothing
     sd = np.sqrt(variance + np.minimum(lasting, told))
     return RelativeHeading(np.interp(seconds, at, heading), np.interp(seconds, at, sd))
 
 
-def _guess(q_proximal: np.ndarray, q_distal: np.ndarray, constraint: JointConstraint) -> tuple[float, float]:
+def _guess(
+    q_proximal: np.ndarray, q_distal: np.ndarray, constraint: JointConstraint
+) -> tuple[float, float]:
     """A constant heading that suits all samples, and its standard deviation."""
     proximal, distal = np.array(constraint.proximal_axis), np.array(constraint.distal_axis)
     independent = max(len(q_proximal) / (RATE_HZ * SLOW_S), 2.0)
     if constraint.angle_deg == 0:
         fit = heading_1d(q_proximal, proximal, q_distal, distal, independent)
     else:
-        fit = heading_2d(q_proximal, proximal, q_distal, distal, np.radians(constraint.angle_deg), independent)
-    return fit["heading"], float(np.hypot(np.sqrt(fit.covariance[0, 0]), np.radians(constraint.axes_sd_deg)))
+        fit = heading_2d(
+            q_proximal, proximal, q_distal, distal, np.radians(constraint.angle_deg), independent
+        )
+    return fit["heading"], float(
+        np.hypot(np.sqrt(fit.covariance[0, 0]), np.radians(constraint.axes_sd_deg))
+    )
 
 
 def _response(
-    heading: np.ndarray, terms: np.ndarray, q_proximal: np.ndarray, q_distal: np.ndarray, constraint: JointConstraint
+    heading: np.ndarray,
+    terms: np.ndarray,
+    q_proximal: np.ndarray,
+    q_distal: np.ndarray,
+    constraint: JointConstraint,
 ) -> np.ndarray:
-    """Squared response of the heading to a lasting error of the axes [rad/rad], shape (m,): a least squares over `WINDOW_S`.
+    """Squared response of the heading to a lasting error of the axes [rad/rad], shape (m,): a least
+    squares over `WINDOW_S`.
 
-    With j2' = j2 turned by the heading, two axes are off by j1 . j2' / sin(angle), whose differential is j2' . dj1 + j1 . dj2';
-    one is off by z . (j2' x j1) / length, with (z x j2') . dj1 + (j1 x z) . dj2'. An axis that is off by the small rotation e
-    in its segment, dj = R (e x axis), adds (axis x R' w) . e, w being what stands before dj.
+    With j2' = j2 turned by the heading, two axes are off by j1 . j2' / sin(angle), whose
+    differential is j2' . dj1 + j1 . dj2'; one is off by z . (j2' x j1) / length, with (z x j2') .
+    dj1 + (j1 x z) . dj2'. An axis that is off by the small rotation e in its segment, dj = R (e x
+    axis), adds (axis x R' w) . e, w being what stands before dj.
     """
     proximal, distal = axes_in_world(q_proximal, q_distal, constraint)
     turned = rotation.rotate(rotation.from_heading(heading), distal)
@@ -107,10 +136,18 @@ def _response(
         scale = 1 / np.sin(np.radians(constraint.angle_deg))
         for_proximal, for_distal = scale * turned, scale * proximal
     for_distal = rotation.rotate(rotation.from_heading(-heading), for_distal)
-    levers = np.hstack([
-        np.cross(np.array(constraint.proximal_axis), rotation.rotate(rotation.conjugate(q_proximal), for_proximal)),
-        np.cross(np.array(constraint.distal_axis), rotation.rotate(rotation.conjugate(q_distal), for_distal)),
-    ])  # fmt: skip
+    levers = np.hstack(
+        [
+            np.cross(
+                np.array(constraint.proximal_axis),
+                rotation.rotate(rotation.conjugate(q_proximal), for_proximal),
+            ),
+            np.cross(
+                np.array(constraint.distal_axis),
+                rotation.rotate(rotation.conjugate(q_distal), for_distal),
+            ),
+        ]
+    )
     slope = heading_slope(terms, heading)
     width = min(max(int(WINDOW_S * RATE_HZ), 1), len(slope))
     both = uniform_filter1d(slope[:, None] * levers, width, axis=0, mode="nearest")
@@ -120,12 +157,19 @@ def _response(
 
 @njit(cache=True)
 def _smooth(
-    seconds: np.ndarray, terms: np.ndarray, first: float, first_sd: float, known: int, walk: float, axes_sd: float
+    seconds: np.ndarray,
+    terms: np.ndarray,
+    first: float,
+    first_sd: float,
+    known: int,
+    walk: float,
+    axes_sd: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Extended Kalman filter and Rauch-Tung-Striebel smoother (Särkkä 2013, algorithms 5.4 and 9.1).
+    """Extended Kalman filter and Rauch-Tung-Striebel smoother (Särkkä 2013, algorithms 5.4 and
+    9.1).
 
-    The state is the heading and the slow part of what the constraint is off by. At the look `known` the heading is zero, but
-    for `START_SD`; -1: at none.
+    The state is the heading and the slow part of what the constraint is off by. At the look `known`
+    the heading is zero, but for `START_SD`; -1: at none.
 
     Returns:
         Heading and its variance, shapes (m,).

@@ -17,16 +17,25 @@ from testbench.records.protocol import JointDefinition
 from testbench.records.session import Session
 
 VAGUE_DEG = 10.0
-"""A heading that is known no better for half of the time is remarked on: it is hardly the constraint that gives it."""
+"""A heading that is known no better for half of the time is remarked on: it is hardly the
+constraint that gives it.
+"""
 
 
 def estimate_joint(
-    session: Session, name: str, sensors: Mapping[str, SensorEstimate], filters: Sequence[OrientationFilter]
+    session: Session,
+    name: str,
+    sensors: Mapping[str, SensorEstimate],
+    filters: Sequence[OrientationFilter],
 ) -> JointEstimate:
-    """Joint angles at the proximal sensor's instants; the distal orientation is interpolated to them.
+    """Joint angles at the proximal sensor's instants; the distal orientation is interpolated to
+    them.
 
     Args:
-        session: The recording. name: Of the joint. sensors: Their estimates, by name. filters: Those that ran.
+        session: The recording.
+        name: Of the joint.
+        sensors: Their estimates, by name.
+        filters: Those that ran.
     """
     joint = session.analysis.joints[name]
     proximal, distal = sensors[joint.proximal], sensors[joint.distal]
@@ -41,8 +50,14 @@ def estimate_joint(
         world_from_distal = segment_orientation(q_distal, placed[joint.distal])
         if _is_constrained(joint, kind):
             aligned = proximal.frames[key].method != "none" and distal.frames[key].method != "none"
-            start = aligned_instant(session.steps, session.analysis.estimate.align, time) if aligned else None
-            world_from_distal = _constrained(found, joint, key, world_from_proximal, world_from_distal, start)
+            start = (
+                aligned_instant(session.steps, session.analysis.estimate.align, time)
+                if aligned
+                else None
+            )
+            world_from_distal = _constrained(
+                found, joint, key, world_from_proximal, world_from_distal, start
+            )
         for definition in joint.definitions():
             angles = joint_angle_series(world_from_proximal, world_from_distal, definition)
             found.angles[key, definition.label] = angles
@@ -50,7 +65,9 @@ def estimate_joint(
 
 
 def _is_constrained(joint: JointDefinition, kind: OrientationFilter) -> bool:
-    """Whether the joint's axes correct a filter's heading; one that does not know up cannot be corrected about it."""
+    """Whether the joint's axes correct a filter's heading; one that does not know up cannot be
+    corrected about it.
+    """
     if joint.constraint is None:
         return False
     if joint.constraint.filters is not None:
@@ -59,19 +76,29 @@ def _is_constrained(joint: JointDefinition, kind: OrientationFilter) -> bool:
 
 
 def _constrained(
-    found: JointEstimate, joint: JointDefinition, key: str, q_proximal: np.ndarray, q_distal: np.ndarray, start_ns: int | None
+    found: JointEstimate,
+    joint: JointDefinition,
+    key: str,
+    q_proximal: np.ndarray,
+    q_distal: np.ndarray,
+    start_ns: int | None,
 ) -> np.ndarray:
-    """The distal orientation, turned by the heading that the joint's axes tell of a filter; `found` takes that in."""
+    """The distal orientation, turned by the heading that the joint's axes tell of a filter; `found`
+    takes that in.
+    """
     assert joint.constraint is not None
     try:
         track = track_heading(found.host_time_ns, q_proximal, q_distal, joint.constraint, start_ns)
     except PoorExcitation as error:
-        found.remarks.append(f"{key}: its axes do not tell the heading, which stays as it is: {error}")
+        found.remarks.append(
+            f"{key}: its axes do not tell the heading, which stays as it is: {error}"
+        )
         return q_distal
     sd_deg = float(np.degrees(np.median(track.sd)))
     if sd_deg > VAGUE_DEG:
         found.remarks.append(
-            f"{key}: its axes hardly tell the heading (standard deviation {sd_deg:.0f} deg, median): they are often vertical"
+            f"{key}: its axes hardly tell the heading (standard deviation {sd_deg:.0f} deg, "
+            "median): they are often vertical"
         )
     found.headings[key] = track
     return rotation.multiply(rotation.from_heading(track.heading), q_distal)

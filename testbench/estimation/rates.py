@@ -1,4 +1,6 @@
-"""Angular rates by whatever a recording has: a gyroscope, a vendor's orientation, or a truth of orientations only."""
+"""Angular rates by whatever a recording has: a gyroscope, a vendor's orientation, or a truth of
+orientations only.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ class RateMagnitude:
     """Magnitude of the angular rate over time.
 
     Attributes:
-        time: Increasing, shape (n,) [s]. rate: Shape (n,) [rad/s]. width: The rate is a mean over this long [s].
+        time: Increasing, shape (n,) [s].
+        rate: Shape (n,) [rad/s].
+        width: The rate is a mean over this long [s].
         gap: Longest distance between neighbours that may be interpolated over [s].
     """
 
@@ -41,17 +45,23 @@ class RateMagnitude:
 
 
 def truth_rate(truth: Truth) -> RateMagnitude:
-    """Angular-rate magnitude of the truth; without rates, from the angles between its orientations, whatever their signs."""
+    """Angular-rate magnitude of the truth; without rates, from the angles between its orientations,
+    whatever their signs.
+    """
     time = truth.host_time_ns / NANOSECONDS
     if truth.rate is not None:
         known = np.isfinite(truth.rate).all(axis=1)
         interval = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-        return RateMagnitude(time[known], rotation.lengths(truth.rate[known]), 0.0, WIDEST * interval)
+        return RateMagnitude(
+            time[known], rotation.lengths(truth.rate[known]), 0.0, WIDEST * interval
+        )
     return _from_orientations(time, truth.q_world_from_sensor)
 
 
 def sensor_rate(samples: ImuSamples) -> RateMagnitude:
-    """Angular-rate magnitude by the sensor's own clock: from the gyroscope, else from the device's orientation."""
+    """Angular-rate magnitude by the sensor's own clock: from the gyroscope, else from the device's
+    orientation.
+    """
     time = samples.device_time_ns / NANOSECONDS
     known = np.isfinite(samples.gyr).all(axis=1)
     if known.any():
@@ -63,7 +73,9 @@ def sensor_rate(samples: ImuSamples) -> RateMagnitude:
 
 
 def rest_reading(gyr: np.ndarray) -> np.ndarray:
-    """What a gyroscope reads at rest, shape (3,) [rad/s]: the median over the tenth of the record that varies least."""
+    """What a gyroscope reads at rest, shape (3,) [rad/s]: the median over the tenth of the record
+    that varies least.
+    """
     size = 25
     if len(gyr) < 4 * size:
         return np.zeros(3)
@@ -71,7 +83,9 @@ def rest_reading(gyr: np.ndarray) -> np.ndarray:
     spread = blocks.var(axis=1).sum(axis=1)
     quiet = blocks[spread <= np.quantile(spread, 0.1)].reshape(-1, 3)
     reading = np.median(quiet, axis=0)
-    return reading if np.linalg.norm(reading) < np.radians(10) else np.zeros(3)  # more than that is motion
+    return (
+        reading if np.linalg.norm(reading) < np.radians(10) else np.zeros(3)
+    )  # more than that is motion
 
 
 def _from_orientations(time: np.ndarray, q: np.ndarray) -> RateMagnitude:
@@ -85,4 +99,6 @@ def _from_orientations(time: np.ndarray, q: np.ndarray) -> RateMagnitude:
     usual = float(np.median(interval))
     angle = rotation.angle(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
     near = interval <= WIDEST * usual
-    return RateMagnitude((time[:-1] + interval / 2)[near], (angle / interval)[near], usual, WIDEST * usual)
+    return RateMagnitude(
+        (time[:-1] + interval / 2)[near], (angle / interval)[near], usual, WIDEST * usual
+    )

@@ -1,4 +1,6 @@
-"""What a recording shows of a mounting, and whether that is enough to believe it: one verdict for every way of solving it."""
+"""What a recording shows of a mounting, and whether that is enough to believe it: one verdict for
+every way of solving it.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,9 @@ from typing import ClassVar
 import numpy as np
 
 REFUSED, DOUBTFUL = 0.05, 0.17
-"""Observability below which a solution is refused, or warned of: 3 and 10 deg of motion about the least moved axis."""
+"""Observability below which a solution is refused, or warned of: 3 and 10 deg of motion about the
+least moved axis.
+"""
 
 
 @dataclass(frozen=True)
@@ -16,8 +20,10 @@ class ShownMounting:
     """A mounting with what showed it; the solutions of `hand_eye` and `vector_mounting` are such.
 
     Attributes:
-        q_body_from_sensor: Shape (4,). observability: RMS sine of what was seen beside the axis that is seen least [1].
-        blind_axis: That axis, in the sensor, shape (3,). MISSING: What the recording lacks where it shows too little.
+        q_body_from_sensor: Shape (4,).
+        observability: RMS sine of what was seen beside the axis that is seen least [1].
+        blind_axis: That axis, in the sensor, shape (3,).
+        MISSING: What the recording lacks where it shows too little.
         ADVICE: What would help.
     """
 
@@ -39,6 +45,7 @@ class ShownMounting:
         x, y, z = self.blind_axis
         verdict = "is doubtful" if self.trusted else "cannot be solved"
         return (
-            f"the mounting {verdict}: {self.MISSING}, ({x:.2f}, {y:.2f}, {z:.2f}) in the sensor (it reaches "
+            f"the mounting {verdict}: {self.MISSING}, ({x:.2f}, {y:.2f}, {z:.2f}) in the sensor "
+            "(it reaches "
             f"{self.observability:.3f} beside it, {DOUBTFUL} is wanted); {self.ADVICE}"
         )

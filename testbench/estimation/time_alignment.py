@@ -1,8 +1,9 @@
 """Time alignment: a sensor's clock against the host's, from the magnitude of the angular rate.
 
-The magnitude does not depend on any frame, so it needs neither heading nor mounting, and orientations give it whatever their
-signs. A coarse offset comes from cross-correlation, then offset and drift (with the gyroscope's gain) from least squares by
-Gauss-Newton, to a fraction of a sample; a truth of low rate is met by averaging the sensor over the same interval.
+The magnitude does not depend on any frame, so it needs neither heading nor mounting, and
+orientations give it whatever their signs. A coarse offset comes from cross-correlation, then offset
+and drift (with the gyroscope's gain) from least squares by Gauss-Newton, to a fraction of a sample;
+a truth of low rate is met by averaging the sensor over the same interval.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ MOST_POINTS = 400_000
 CLUSTER_S = 2.0
 """Residuals nearer than this count as one when the uncertainty is stated [s]."""
 PART_ERROR_S = 50e-6
-"""What the part's own cross-axis and g-sensitivity errors may do to the offset in every move alike [s]; from simulation."""
+"""What the part's own cross-axis and g-sensitivity errors may do to the offset in every move alike
+[s]; from simulation.
+"""
 MOST_DRIFT = 0.01
 """No clock drifts by more: the fit has lost its way [1]."""
 
@@ -38,12 +41,14 @@ def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0)
     """Fit the sensor's clock to the host's.
 
     Args:
-        samples: Of the sensor. truth: Its rates or orientations; None or motionless leaves only the arrival times.
-        rate_delay: How much older than its time stamp an angular rate is [s]: half an interval for a sensor that integrates on
-        board.
+        samples: Of the sensor.
+        truth: Its rates or orientations; None or motionless leaves only the arrival times.
+        rate_delay: How much older than its time stamp an angular rate is [s]: half an interval for
+            a sensor that integrates on board.
 
     Returns:
-        The fit; its method is "angular_rate", or "arrival" where nothing moves: then it is late by the unknown latency.
+        The fit; its method is "angular_rate", or "arrival" where nothing moves: then it is late by
+        the unknown latency.
     """
     arrival = _fit_arrival(samples)
     if truth is None or len(samples) < 10:
@@ -51,10 +56,16 @@ def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0)
     true, measured = truth_rate(truth), sensor_rate(samples)
     if len(true.time) < 10 or len(measured.time) < 10 or true.rate.max() < LEAST_RATE:
         return arrival
-    delay = rate_delay if measured.width == 0 else 0.0  # the rate between two orientations is not late
-    # A device's clock may count from anywhere; about its own beginning offset and drift are far from singular.
+    delay = (
+        rate_delay if measured.width == 0 else 0.0
+    )  # the rate between two orientations is not late
+    # A device's clock may count from anywhere; about its own beginning offset and drift are far
+    # from singular.
     zero = float(measured.time[0]) - float(true.time[0])
-    measured = _averaged(RateMagnitude(measured.time - zero - delay, measured.rate, measured.width, measured.gap), true.width)
+    measured = _averaged(
+        RateMagnitude(measured.time - zero - delay, measured.rate, measured.width, measured.gap),
+        true.width,
+    )
     measured = measured.thinned(MOST_POINTS)
     drift = 1e-6 * arrival.drift_ppm
     offset = arrival.offset_s - zero
@@ -64,14 +75,21 @@ def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0)
 
 
 def _fit_arrival(samples: ImuSamples) -> ClockFit:
-    """From the least delayed arrivals: in each of up to 50 windows, the sample whose delay was shortest."""
+    """From the least delayed arrivals: in each of up to 50 windows, the sample whose delay was
+    shortest.
+    """
     host, device = samples.host_time_ns / NANOSECONDS, samples.device_time_ns / NANOSECONDS
     if len(host) < 2:
         return ClockFit(offset_s=float(device[0] - host[0]) if len(host) else 0.0, method="arrival")
     ahead = device - host
-    picks = [window[np.argmax(ahead[window])] for window in np.array_split(np.arange(len(host)), min(50, len(host) // 2 + 1))]
+    picks = [
+        window[np.argmax(ahead[window])]
+        for window in np.array_split(np.arange(len(host)), min(50, len(host) // 2 + 1))
+    ]
     enough = len(picks) > 5 and host[-1] - host[0] > 10
-    drift, offset = np.polyfit(host[picks], ahead[picks], 1) if enough else (0.0, float(ahead[picks].max()))
+    drift, offset = (
+        np.polyfit(host[picks], ahead[picks], 1) if enough else (0.0, float(ahead[picks].max()))
+    )
     return ClockFit(offset_s=float(offset), drift_ppm=float(drift * 1e6), method="arrival")
 
 
@@ -97,8 +115,11 @@ def _coarse_lag(time: np.ndarray, rate: np.ndarray, true: RateMagnitude) -> floa
     return float(lags[near][np.argmax(correlation[near])])
 
 
-def _refine(measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float) -> ClockFit | None:
-    """Gauss-Newton on offset, drift and gain: minimise sum (rate(t) - gain * truth((t - offset) / (1 + drift)))^2.
+def _refine(
+    measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float
+) -> ClockFit | None:
+    """Gauss-Newton on offset, drift and gain: minimise sum (rate(t) - gain * truth((t - offset) /
+    (1 + drift)))^2.
 
     None where the two records drift apart, so that nothing can be compared.
     """
@@ -127,12 +148,17 @@ def _refine(measured: RateMagnitude, true: RateMagnitude, offset: float, drift: 
         return None
     variance = float(residual @ residual) / max(len(residual) - 3, 1)
     cluster = np.floor(measured.time[inside] / CLUSTER_S).astype(np.int64)
-    candidates = (variance * np.linalg.pinv(jacobian.T @ jacobian), _jackknife_covariance(jacobian, residual, cluster))
+    candidates = (
+        variance * np.linalg.pinv(jacobian.T @ jacobian),
+        _jackknife_covariance(jacobian, residual, cluster),
+    )
 
     def sd(direction: list[float], floor: float = 0.0) -> float:
         """The larger of the two, and never less than the floor."""
         weights = np.array(direction)
-        return float(np.sqrt(max(weights @ covariance @ weights for covariance in candidates) + floor**2))
+        return float(
+            np.sqrt(max(weights @ covariance @ weights for covariance in candidates) + floor**2)
+        )
 
     return ClockFit(
         offset_s=float(offset),
@@ -145,13 +171,19 @@ def _refine(measured: RateMagnitude, true: RateMagnitude, offset: float, drift: 
     )
 
 
-def _jackknife_covariance(jacobian: np.ndarray, residual: np.ndarray, cluster: np.ndarray) -> np.ndarray:
-    """Covariance of a least-squares fit by leaving out one cluster at a time (Efron & Tibshirani 1993, chapter 11).
+def _jackknife_covariance(
+    jacobian: np.ndarray, residual: np.ndarray, cluster: np.ndarray
+) -> np.ndarray:
+    """Covariance of a least-squares fit by leaving out one cluster at a time (Efron & Tibshirani
+    1993, chapter 11).
 
-    What remains after the fit is mostly the gyroscope's own errors, which last as long as a move does; and moves may be few.
+    What remains after the fit is mostly the gyroscope's own errors, which last as long as a move
+    does; and moves may be few.
 
     Args:
-        jacobian: Shape (n, k). residual: Shape (n,). cluster: Which cluster each row belongs to, shape (n,), increasing.
+        jacobian: Shape (n, k).
+        residual: Shape (n,).
+        cluster: Which cluster each row belongs to, shape (n,), increasing.
     """
     starts = np.flatnonzero(np.diff(cluster, prepend=cluster[0] - 1))
     scores = np.add.reduceat(jacobian * residual[:, None], starts, axis=0)

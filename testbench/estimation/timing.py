@@ -14,25 +14,35 @@ GAP_FACTOR = 1.5
 SMOOTH = 5
 MOST_LAG = 30
 LEAST_LIKENESS = 0.9
-"""Correlation of the two signals below which their lag says nothing: noise or linear acceleration is most of one of them."""
+"""Correlation of the two signals below which their lag says nothing: noise or linear acceleration
+is most of one of them.
+"""
 STRETCH = 300_000
-"""Samples that tell whether the accelerometer lags, of a longer recording: those with most motion."""
+"""Samples that tell whether the accelerometer lags, of a longer recording: those with most
+motion.
+"""
 
 
-def audit_timing(samples: ImuSamples, nominal_rate: float | None, rate_age: float = 0.0) -> TimingAudit:
+def audit_timing(
+    samples: ImuSamples, nominal_rate: float | None, rate_age: float = 0.0
+) -> TimingAudit:
     """Audit a sensor's sampling, by its own clock.
 
     Args:
-        samples: As recorded. nominal_rate: As the data sheet or file says [Hz], or None.
-        rate_age: How much older than its stamp a rate is by the data sheet, against the force [s]: half an interval where both
-        are integrated over it and the force is seen in the axes at its end.
+        samples: As recorded.
+        nominal_rate: As the data sheet or file says [Hz], or None.
+        rate_age: How much older than its stamp a rate is by the data sheet, against the force [s]:
+            half an interval where both are integrated over it and the force is seen in the axes at
+            its end.
     """
     if len(samples) < 2:
         return TimingAudit(samples=len(samples), nominal_rate_hz=nominal_rate)
     median = usual_interval(np.diff(samples.device_time_ns))
     intervals = Intervals(median)
     intervals.add(samples.device_time_ns, samples.counter)
-    return intervals.audit(nominal_rate, arrival_jitter(samples), asynchrony(samples, median) + rate_age)
+    return intervals.audit(
+        nominal_rate, arrival_jitter(samples), asynchrony(samples, median) + rate_age
+    )
 
 
 def usual_interval(steps_ns: np.ndarray) -> float:
@@ -50,7 +60,9 @@ class Intervals:
 
     def __init__(self, median: float):
         self.median = median
-        self._samples = self._repeated = self._backward = self._gaps = self._lost = self._regular = 0
+        self._samples = self._repeated = self._backward = self._gaps = self._lost = (
+            self._regular
+        ) = 0
         self._sum = self._squares = self._longest = 0.0
         self._first = self._last = self._counter = 0
 
@@ -59,7 +71,11 @@ class Intervals:
         if not len(counter):
             return
         if not self._samples:
-            self._first, self._last, self._counter = int(device_time_ns[0]), int(device_time_ns[0]), int(counter[0])
+            self._first, self._last, self._counter = (
+                int(device_time_ns[0]),
+                int(device_time_ns[0]),
+                int(counter[0]),
+            )
             self._samples, device_time_ns, counter = 1, device_time_ns[1:], counter[1:]
             if not len(counter):
                 return
@@ -82,11 +98,15 @@ class Intervals:
         """The audit.
 
         Args:
-            nominal_rate: [Hz]. jitter: Of the arrival [s]. lag: How much later than the gyroscope the accelerometer is [s].
+            nominal_rate: [Hz].
+            jitter: Of the arrival [s].
+            lag: How much later than the gyroscope the accelerometer is [s].
         """
         n, span = self._samples, (self._last - self._first) / NANOSECONDS
         mean = self._sum / self._regular if self._regular else float("nan")
-        variance = max(self._squares / self._regular - mean**2, 0.0) if self._regular else float("nan")
+        variance = (
+            max(self._squares / self._regular - mean**2, 0.0) if self._regular else float("nan")
+        )
         return TimingAudit(
             samples=n,
             nominal_rate_hz=nominal_rate,
@@ -106,7 +126,9 @@ class Intervals:
 
 
 def arrival_jitter(samples: ImuSamples) -> float:
-    """Standard deviation of the arrivals at the host about a straight line over the device's time [s]."""
+    """Standard deviation of the arrivals at the host about a straight line over the device's time
+    [s].
+    """
     time = (samples.device_time_ns - samples.device_time_ns.mean()) / NANOSECONDS
     delay = (samples.host_time_ns - samples.device_time_ns) / NANOSECONDS
     delay -= delay.mean()
@@ -115,11 +137,17 @@ def arrival_jitter(samples: ImuSamples) -> float:
 
 
 def asynchrony(samples: ImuSamples, interval: float) -> float:
-    """How much later than the gyroscope the accelerometer sees a turn [s]; NaN where the motion does not tell.
+    """How much later than the gyroscope the accelerometer sees a turn [s]; NaN where the motion
+    does not tell.
 
-    While turning, gravity's direction u in the sensor moves as du/dt = -omega x u: the magnitudes of both sides are correlated.
+    While turning, gravity's direction u in the sensor moves as du/dt = -omega x u: the magnitudes
+    of both sides are correlated.
     """
-    if not np.isfinite(samples.acc).all() or not np.isfinite(samples.gyr).all() or len(samples) < 20 * MOST_LAG:
+    if (
+        not np.isfinite(samples.acc).all()
+        or not np.isfinite(samples.gyr).all()
+        or len(samples) < 20 * MOST_LAG
+    ):
         return float("nan")
     if len(samples) > STRETCH:
         samples = _liveliest(samples)
@@ -137,7 +165,9 @@ def asynchrony(samples: ImuSamples, interval: float) -> float:
     a, b = seen - seen.mean(), expected - expected.mean()
     lags = np.arange(-MOST_LAG, MOST_LAG + 1)
     begin, end = MOST_LAG, len(a) - MOST_LAG
-    correlation = np.array([np.einsum("i,i->", a[begin + lag : end + lag], b[begin:end]) for lag in lags])
+    correlation = np.array(
+        [np.einsum("i,i->", a[begin + lag : end + lag], b[begin:end]) for lag in lags]
+    )
     k = int(np.argmax(correlation))
     begin_k, end_k = begin + lags[k], end + lags[k]
     likeness = correlation[k] / np.sqrt(np.sum(a[begin_k:end_k] ** 2) * np.sum(b[begin:end] ** 2))
@@ -149,9 +179,13 @@ def asynchrony(samples: ImuSamples, interval: float) -> float:
 
 def _liveliest(samples: ImuSamples) -> ImuSamples:
     """The stretch of a recording in which it turns most."""
-    turned = np.abs(samples.gyr[: len(samples) // 1000 * 1000]).sum(axis=1).reshape(-1, 1000).sum(axis=1)
+    turned = (
+        np.abs(samples.gyr[: len(samples) // 1000 * 1000]).sum(axis=1).reshape(-1, 1000).sum(axis=1)
+    )
     total = np.concatenate([[0.0], np.cumsum(turned)])
     size = STRETCH // 1000
     begin = 1000 * int(np.argmax(total[size:] - total[:-size]))
     stretch = slice(begin, begin + STRETCH)
-    return ImuSamples.from_groups({key: column[stretch] for key, column in vars(samples).items() if column is not None})
+    return ImuSamples.from_groups(
+        {key: column[stretch] for key, column in vars(samples).items() if column is not None}
+    )

@@ -1,7 +1,8 @@
-"""Mounting from vectors that arm and sensor both know, angular rates and gravity, without any filter.
+"""Mounting from vectors that arm and sensor both know, angular rates and gravity, without any
+filter.
 
-Wahba's problem by SVD (Markley, Attitude determination using vector observations and the singular value decomposition, 1988);
-the two kinds of vectors weigh in by what each leaves unexplained.
+Wahba's problem by SVD (Markley, Attitude determination using vector observations and the singular
+value decomposition, 1988); the two kinds of vectors weigh in by what each leaves unexplained.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ ROUNDS = 4
 
 @dataclass(frozen=True)
 class VectorMounting(ShownMounting):
-    """How a sensor sits in the body; observability is that of the vectors beside the axis they show least.
+    """How a sensor sits in the body; observability is that of the vectors beside the axis they show
+    least.
 
     Attributes:
         sd: Standard uncertainty about each axis of the sensor, shape (3,) [rad].
@@ -34,8 +36,8 @@ def mounting_from_vectors(groups: list[tuple[np.ndarray, np.ndarray, float]]) ->
     """Solve v_body = R v_sensor for all pairs at once.
 
     Args:
-        groups: Of each kind of vector the pairs in the body and in the sensor, shape (n, 3) each, in a unit of its own, and how
-        many of them count as independent.
+        groups: Of each kind of vector the pairs in the body and in the sensor, shape (n, 3) each,
+            in a unit of its own, and how many of them count as independent.
 
     Raises:
         ValueError: No pair at all.
@@ -47,7 +49,10 @@ def mounting_from_vectors(groups: list[tuple[np.ndarray, np.ndarray, float]]) ->
     R = np.eye(3)
     for _ in range(ROUNDS):
         profile = sum(
-            (body.T @ sensor * (count / len(body) / sd**2) for (body, sensor, count), sd in zip(groups, scatter, strict=True)),
+            (
+                body.T @ sensor * (count / len(body) / sd**2)
+                for (body, sensor, count), sd in zip(groups, scatter, strict=True)
+            ),
             np.zeros((3, 3)),
         )
         R = rotation.nearest_rotation(profile)

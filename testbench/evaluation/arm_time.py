@@ -1,4 +1,6 @@
-"""Whether the arm's recording can be believed in time: no motion before its command, and few samples that did not come."""
+"""Whether the arm's recording can be believed in time: no motion before its command, and few
+samples that did not come.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,10 @@ from testbench.records.session import ARM, Session
 from testbench.records.storage import read_parquet_batches
 
 DEPARTED_RAD = float(np.radians(0.05))
-"""The arm has left a pose when a joint is so far away [rad]: beyond what encoders hiss and a settled pose may be off. A motion
-that begins gently gets there 60 ms late; that much of a lead is not seen here, but by the driver, from the references."""
+"""The arm has left a pose when a joint is so far away [rad]: beyond what encoders hiss and a
+settled pose may be off. A motion that begins gently gets there 60 ms late; that much of a lead is
+not seen here, but by the driver, from the references.
+"""
 LEAD_NS = 5_000_000
 """A motion that precedes its command by more is told [ns]; the clocks are matched to less."""
 FOLLOWING_NS = 20_000_000
@@ -26,25 +30,36 @@ MISSED_SHARE = 0.01
 
 
 def arm_notes(session: Session) -> list[str]:
-    """What must be known of the arm's recording, in sentences; none where the bench did not record an arm."""
-    if session.robot is None or not session.has_protocol or not (session.path / f"{ARM}.parquet").is_file():
+    """What must be known of the arm's recording, in sentences; none where the bench did not record
+    an arm.
+    """
+    if (
+        session.robot is None
+        or not session.has_protocol
+        or not (session.path / f"{ARM}.parquet").is_file()
+    ):
         return []
-    if _driver(session) == "simulated":  # its arm and its commands have one clock, and no sample is missed
+    if (
+        _driver(session) == "simulated"
+    ):  # its arm and its commands have one clock, and no sample is missed
         return []
     leads, steps, count, gap_ns = _look(session)
     notes = _clock_notes(session)
     early = [lead for lead in leads if lead > LEAD_NS]
     if early:
         notes.append(
-            f"arm time is doubtful by {max(early) / NANOSECONDS:.2g} s: in {len(early)} of {steps} steps the arm moves before "
+            f"arm time is doubtful by {max(early) / NANOSECONDS:.2g} s: in {len(early)} of {steps} "
+            "steps the arm moves before "
             "it was commanded, so the truth does not belong to the sensors' samples"
         )
     missed = _missed(session.manifest)
     if missed > MISSED_SHARE * (missed + count) or (missed and gap_ns > WIDEST_GAP_NS):
         share = 100 * missed / (missed + count)
         notes.append(
-            f"of the controller's samples {missed} ({share:.2g} %) did not come, the longest gap is "
-            f"{gap_ns / NANOSECONDS:.2g} s; the truth is not known in gaps beyond {WIDEST_GAP_NS / NANOSECONDS:g} s"
+            f"of the controller's samples {missed} ({share:.2g} %) did not come, the longest gap "
+            "is "
+            f"{gap_ns / NANOSECONDS:.2g} s; the truth is not known in gaps beyond "
+            f"{WIDEST_GAP_NS / NANOSECONDS:g} s"
         )
     return notes
 
@@ -69,11 +84,15 @@ def _clock_notes(session: Session) -> list[str]:
         by, lead = event.details.get("by_s"), event.details.get("lead_s")
         if event.event == "arm_time_step" and isinstance(by, int | float):
             notes.append(
-                f"the clocks of controller and bench parted by {abs(by):.2g} s before {at[3:]}: the arm's times are right from "
+                f"the clocks of controller and bench parted by {abs(by):.2g} s before {at[3:]}: "
+                "the arm's times are right from "
                 "there on, and wrong by as much before, at most since the last motion began"
             )
         elif event.event == "arm_time_doubtful" and isinstance(lead, int | float):
-            notes.append(f"arm time is doubtful by {lead:.2g} s {at}: a motion seemed to begin before it was commanded")
+            notes.append(
+                f"arm time is doubtful by {lead:.2g} s {at}: a motion seemed to begin before it "
+                "was commanded"
+            )
     return notes
 
 
@@ -81,8 +100,8 @@ def _look(session: Session) -> tuple[list[int], int, int, int]:
     """Go through the arm's recording once, in pieces.
 
     Returns:
-        By how much motions precede their commands [ns]; how many steps that could be seen of; number of samples; longest gap
-        between them [ns].
+        By how much motions precede their commands [ns]; how many steps that could be seen of;
+        number of samples; longest gap between them [ns].
     """
     waits = _waits(session)
     assert session.robot is not None
@@ -106,13 +125,18 @@ def _look(session: Session) -> tuple[list[int], int, int, int]:
 
 
 def _waits(session: Session) -> list[tuple[int, int]]:
-    """From when to when the arm rests before a commanded motion [ns]; not of a log, whose steps are found by its motion."""
+    """From when to when the arm rests before a commanded motion [ns]; not of a log, whose steps are
+    found by its motion.
+    """
     if _driver(session) == "replay":
         return []
     steps: list[PlannedStep] = sorted(session.steps, key=lambda step: step.start_ns)
     waits = []
     for before, step in pairwise(steps):
         begin = before.settled_ns + SETTLING_NS
-        if step.settled_ns > step.start_ns >= begin and step.start_ns - before.end_ns < FOLLOWING_NS:
+        if (
+            step.settled_ns > step.start_ns >= begin
+            and step.start_ns - before.end_ns < FOLLOWING_NS
+        ):
             waits.append((begin, step.start_ns))
     return waits

@@ -1,8 +1,10 @@
-"""Errors as a series of blocks, and what may be inferred from them although neighbours resemble each other.
+"""Errors as a series of blocks, and what may be inferred from them although neighbours resemble
+each other.
 
-Sensor errors last: samples a hundredth of a second apart say nearly the same, and so may neighbouring poses. The series is
-resampled in blocks long enough to hold that memory (Politis & Romano 1992, circular block bootstrap), whose length follows from
-the series' own autocorrelation (Politis & White 2004, as corrected by Patton, Politis & White 2009).
+Sensor errors last: samples a hundredth of a second apart say nearly the same, and so may
+neighbouring poses. The series is resampled in blocks long enough to hold that memory (Politis &
+Romano 1992, circular block bootstrap), whose length follows from the series' own autocorrelation
+(Politis & White 2004, as corrected by Patton, Politis & White 2009).
 """
 
 from __future__ import annotations
@@ -15,11 +17,15 @@ from numba import njit
 from scipy.stats import norm, t
 
 LONGEST_SERIES = 1024
-"""A longer series is first summed over equal runs: errors are far smoother than their sampling [1]."""
+"""A longer series is first summed over equal runs: errors are far smoother than their sampling
+[1].
+"""
 FEWEST_STEPS = 4
 """Fewer poses than this say too little of other poses."""
 FEWEST_SWEEPS = 5
-"""Fewer sweeps are cut into runs of time, which are many: as blocks they would be too few to rank filters by."""
+"""Fewer sweeps are cut into runs of time, which are many: as blocks they would be too few to rank
+filters by.
+"""
 FEWEST_BLOCKS = 3
 """Fewer independent blocks give no interval and no comparison."""
 DRAWS = 1000
@@ -31,8 +37,10 @@ class ErrorSeries:
     """Sums of errors over blocks in the order of time.
 
     Attributes:
-        weight: How much each block counts, shape (m,). mean, absolute, square: Weight times the block's mean of e, |e| and e²,
-        shape (m,) each.
+        weight: How much each block counts, shape (m,).
+        mean: Weight times the block's mean of e, |e| and e², shape (m,) each.
+        absolute: Weight times the block's mean of e, |e| and e², shape (m,) each.
+        square: Weight times the block's mean of e, |e| and e², shape (m,) each.
     """
 
     weight: np.ndarray
@@ -44,15 +52,20 @@ class ErrorSeries:
         return len(self.weight)
 
 
-def step_series(errors: np.ndarray, steps: Sequence[np.ndarray], moving: bool, equally: bool) -> ErrorSeries | None:
+def step_series(
+    errors: np.ndarray, steps: Sequence[np.ndarray], moving: bool, equally: bool
+) -> ErrorSeries | None:
     """The series of a protocol's steps.
 
     Args:
-        errors: Shape (n,), in any unit. steps: Rows of each step, in the order of time. moving: Whether all steps are sweeps.
+        errors: Shape (n,), in any unit.
+        steps: Rows of each step, in the order of time.
+        moving: Whether all steps are sweeps.
         equally: Every step counts alike, else every sample.
 
     Returns:
-        One block for each step; runs of equal time within the steps where they are few sweeps; None for few poses.
+        One block for each step; runs of equal time within the steps where they are few sweeps; None
+        for few poses.
     """
     if len(steps) >= (FEWEST_SWEEPS if moving else FEWEST_STEPS):
         pieces = list(steps)
@@ -61,7 +74,9 @@ def step_series(errors: np.ndarray, steps: Sequence[np.ndarray], moving: bool, e
         pieces = [piece for rows in steps for piece in np.array_split(rows, runs)]
     else:
         return None
-    return _sums(errors[np.concatenate(pieces)], np.array([len(piece) for piece in pieces]), equally)
+    return _sums(
+        errors[np.concatenate(pieces)], np.array([len(piece) for piece in pieces]), equally
+    )
 
 
 def sample_series(errors: np.ndarray) -> ErrorSeries:
@@ -76,11 +91,18 @@ def _sums(errors: np.ndarray, sizes: np.ndarray, equally: bool) -> ErrorSeries:
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     weight = np.ones(len(sizes)) if equally else sizes.astype(float)
     scale = weight / sizes
-    return ErrorSeries(weight, *(np.add.reduceat(values, starts) * scale for values in (errors, np.abs(errors), errors**2)))
+    return ErrorSeries(
+        weight,
+        *(
+            np.add.reduceat(values, starts) * scale
+            for values in (errors, np.abs(errors), errors**2)
+        ),
+    )
 
 
 def block_length(series: np.ndarray) -> int:
-    """Length of the blocks that the circular bootstrap of a mean wants (Patton, Politis & White 2009, eqs 3 to 5).
+    """Length of the blocks that the circular bootstrap of a mean wants (Patton, Politis & White
+    2009, eqs 3 to 5).
 
     Args:
         series: Shape (n,).
@@ -96,7 +118,9 @@ def block_length(series: np.ndarray) -> int:
         return 1
     looked = max(5, int(np.sqrt(np.log10(n))))
     most = min(int(np.ceil(np.sqrt(n))) + looked, n - 1)
-    covariance = np.array([np.dot(centred[lag:], centred[: n - lag]) / n for lag in range(most + 1)])
+    covariance = np.array(
+        [np.dot(centred[lag:], centred[: n - lag]) / n for lag in range(most + 1)]
+    )
     loud = np.abs(covariance[1:] / covariance[0]) > 2 * np.sqrt(np.log10(n) / n)
     quiet = np.array([not loud[i : i + looked].any() for i in range(len(loud) - looked + 1)])
     memory = int(np.argmax(quiet)) if quiet.any() else int(np.flatnonzero(loud)[-1]) + 1
@@ -108,12 +132,16 @@ def block_length(series: np.ndarray) -> int:
     slope, level = float(np.sum(taper * np.abs(lags) * around)), float(np.sum(taper * around))
     if not level**2 > 0:
         return longest
-    return int(np.clip(round((2 * slope**2 / (4 / 3 * level**2)) ** (1 / 3) * n ** (1 / 3)), 1, longest))
+    return int(
+        np.clip(round((2 * slope**2 / (4 / 3 * level**2)) ** (1 / 3) * n ** (1 / 3)), 1, longest)
+    )
 
 
 @dataclass(frozen=True)
 class Intervals:
-    """95 % confidence intervals of the signed mean, the mean magnitude and the RMS; and the blocks they rest on."""
+    """95 % confidence intervals of the signed mean, the mean magnitude and the RMS; and the blocks
+    they rest on.
+    """
 
     mean: list[float] | None
     absolute: list[float] | None
@@ -125,8 +153,8 @@ class Intervals:
 def intervals(series: ErrorSeries, rng: np.random.Generator) -> Intervals:
     """Confidence intervals by the circular block bootstrap.
 
-    Percentile intervals, widened for the few blocks there are as Student's t widens a normal one (Hesterberg 2015, section 4.3:
-    expanded percentile intervals).
+    Percentile intervals, widened for the few blocks there are as Student's t widens a normal one
+    (Hesterberg 2015, section 4.3: expanded percentile intervals).
     """
     n = len(series)
     per_weight = [values / series.weight for values in (series.mean, series.absolute)]
@@ -144,16 +172,23 @@ def intervals(series: ErrorSeries, rng: np.random.Generator) -> Intervals:
         return [float(value) for value in np.quantile(values, ends)]
 
     return Intervals(
-        between(mean / weight), between(absolute / weight), between(np.sqrt(square / weight)), blocks, length
-    )  # fmt: skip
+        between(mean / weight),
+        between(absolute / weight),
+        between(np.sqrt(square / weight)),
+        blocks,
+        length,
+    )
 
 
 @njit(cache=True)
 def resampled_sums(columns: np.ndarray, starts: np.ndarray, length: int) -> np.ndarray:
-    """Sums over n rows that are drawn in blocks; the series is closed to a circle and the last block cut to fit.
+    """Sums over n rows that are drawn in blocks; the series is closed to a circle and the last
+    block cut to fit.
 
     Args:
-        columns: Shape (n, k). starts: First row of each block, shape (draws, blocks). length: Of a block.
+        columns: Shape (n, k).
+        starts: First row of each block, shape (draws, blocks).
+        length: Of a block.
 
     Returns:
         Shape (draws, k).
@@ -175,22 +210,30 @@ def resampled_sums(columns: np.ndarray, starts: np.ndarray, length: int) -> np.n
     return result
 
 
-def mean_and_error(values: np.ndarray, weight: np.ndarray, least: int = 1) -> tuple[float, float, int]:
-    """Weighted mean of a series, its standard error by blocks, and how many independent blocks there are.
+def mean_and_error(
+    values: np.ndarray, weight: np.ndarray, least: int = 1
+) -> tuple[float, float, int]:
+    """Weighted mean of a series, its standard error by blocks, and how many independent blocks
+    there are.
 
-    The standard error is that which the circular block bootstrap would show after infinitely many draws (Politis & Romano
-    1992), with its bias for few blocks taken out.
+    The standard error is that which the circular block bootstrap would show after infinitely many
+    draws (Politis & Romano 1992), with its bias for few blocks taken out.
 
     Args:
-        values: Sums over the blocks, shape (n,). weight: Of the blocks, shape (n,). least: Length of the independent blocks
-        where the series' own autocorrelation asks for less.
+        values: Sums over the blocks, shape (n,).
+        weight: Of the blocks, shape (n,).
+        least: Length of the independent blocks where the series' own autocorrelation asks for less.
     """
     n = len(values)
     mean = float(values.sum() / weight.sum())
     deviation = values - mean * weight
     length = min(max(block_length(values / weight), least), n)
     blocks = n // length
-    running = np.concatenate([[0.0], np.cumsum(np.concatenate([deviation, deviation[: length - 1]]))])
+    running = np.concatenate(
+        [[0.0], np.cumsum(np.concatenate([deviation, deviation[: length - 1]]))]
+    )
     sums = running[length:] - running[:-length]
-    variance = n / length * float(np.mean(sums**2)) * (blocks / (blocks - 1) if blocks > 1 else np.inf)
+    variance = (
+        n / length * float(np.mean(sums**2)) * (blocks / (blocks - 1) if blocks > 1 else np.inf)
+    )
     return mean, float(np.sqrt(variance) / weight.sum()), blocks

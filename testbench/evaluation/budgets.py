@@ -1,4 +1,6 @@
-"""The budgets of a session: for each section of a joint, and for the parts of each sensor's orientation."""
+"""The budgets of a session: for each section of a joint, and for the parts of each sensor's
+orientation.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,11 @@ import numpy as np
 
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.flexion import JointErrors
-from testbench.evaluation.sensitivity import flexion_by_joints, judged_configurations, turning_by_joints
+from testbench.evaluation.sensitivity import (
+    flexion_by_joints,
+    judged_configurations,
+    turning_by_joints,
+)
 from testbench.evaluation.turning import judged_motion, judged_swing, length_of
 from testbench.evaluation.uncertainty import (
     STILL_DEG,
@@ -39,7 +45,9 @@ PARTS = ("total", "heading", "inclination")
 
 @dataclass(frozen=True)
 class ChainTruth:
-    """The true angle of a joint of the arm [rad], and which of its samples count, shape (n,) each."""
+    """The true angle of a joint of the arm [rad], and which of its samples count, shape (n,)
+    each.
+    """
 
     angle: np.ndarray
     judged: np.ndarray
@@ -57,7 +65,12 @@ class Arm:
     def of(session: Session) -> Arm | None:
         """The arm of a session that the bench ran; None where the truth came from elsewhere."""
         samples = session.arm()
-        if samples is None or session.robot is None or not session.has_protocol or not len(samples.host_time_ns):
+        if (
+            samples is None
+            or session.robot is None
+            or not session.has_protocol
+            or not len(samples.host_time_ns)
+        ):
             return None
         return Arm(session.robot, Kinematics(session.robot), samples)
 
@@ -68,40 +81,62 @@ class Arm:
         return None if found is None else found.q
 
 
-def joint_budgets(session: Session, estimate: Estimate, errors: JointErrors, arm: Arm | None) -> list[UncertaintyBudget]:
+def joint_budgets(
+    session: Session, estimate: Estimate, errors: JointErrors, arm: Arm | None
+) -> list[UncertaintyBudget]:
     """One budget for each section of a joint."""
     return [
-        _joint_budget(session, estimate, errors, section, steps, arm) for section, steps in errors.sections().items()
-    ]  # fmt: skip
+        _joint_budget(session, estimate, errors, section, steps, arm)
+        for section, steps in errors.sections().items()
+    ]
 
 
 def _joint_budget(
-    session: Session, estimate: Estimate, errors: JointErrors, section: str, judged: list[tuple[PlannedStep, np.ndarray]],
+    session: Session,
+    estimate: Estimate,
+    errors: JointErrors,
+    section: str,
+    judged: list[tuple[PlannedStep, np.ndarray]],
     arm: Arm | None,
-) -> UncertaintyBudget:  # fmt: skip
+) -> UncertaintyBudget:
     aligned = session.analysis.estimate.align
     counted = [rows for _, rows in judged]
     ends = (errors.joint.proximal, errors.joint.distal)
     clocks, missing = _clocks(
         estimate,
-        {name: judged_motion(errors.time_ns, errors.turned[:, i], counted) for i, name in enumerate(ends)},
+        {
+            name: judged_motion(errors.time_ns, errors.turned[:, i], counted)
+            for i, name in enumerate(ends)
+        },
     )
     steps = [step for step, _ in judged]
     configurations = None if arm is None else judged_configurations(arm.samples, steps)
     if arm is None or configurations is None:
         known = [sd for name in ends if (sd := _fitted_sd(estimate.sensors[name])) is not None]
-        frames = alignment_source(None, aligned, None, float(np.sqrt(np.sum(np.square(known)))) if known else None)
-        return combine(errors.name, "flexion", section, [*clocks, frames], [UNKNOWN_TRUTH, *missing])
+        frames = alignment_source(
+            None, aligned, None, float(np.sqrt(np.sum(np.square(known)))) if known else None
+        )
+        return combine(
+            errors.name, "flexion", section, [*clocks, frames], [UNKNOWN_TRUTH, *missing]
+        )
     placed, joint = session.analysis.sensors, errors.joint
     by_joints, by_mounting = flexion_by_joints(arm.kinematics, placed, joint, configurations.q)
     pose = arm.reference_pose(session)
-    at_reference = None if pose is None else np.abs(flexion_by_joints(arm.kinematics, placed, joint, pose)[0][0])
+    at_reference = (
+        None
+        if pose is None
+        else np.abs(flexion_by_joints(arm.kinematics, placed, joint, pose)[0][0])
+    )
     weight = np.full(len(steps), 1 / len(steps))
     c = ArmSensitivity(by_joints, np.abs(by_joints), configurations.step, weight, at_reference)
-    mounting = ArmSensitivity(by_mounting, np.abs(by_mounting), configurations.step, weight, None).constant()
+    mounting = ArmSensitivity(
+        by_mounting, np.abs(by_mounting), configurations.step, weight, None
+    ).constant()
     sources = [
         *arm_sources(arm.robot, arm.samples, steps, c),
-        mounting_source(arm.robot, aligned, *(float(np.sqrt(np.sum(part**2))) for part in mounting)),
+        mounting_source(
+            arm.robot, aligned, *(float(np.sqrt(np.sum(part**2))) for part in mounting)
+        ),
         *clocks,
         alignment_source(arm.robot, aligned, c, None),
     ]
@@ -109,39 +144,62 @@ def _joint_budget(
 
 
 def flexion_clock_sd(estimate: Estimate, errors: JointErrors) -> float:
-    """Standard uncertainty of a flexion's time [s]: of its sensors' clocks, by how much each of them makes it turn."""
+    """Standard uncertainty of a flexion's time [s]: of its sensors' clocks, by how much each of
+    them makes it turn.
+    """
     rates = np.gradient(errors.turned, errors.time_ns / NANOSECONDS, axis=0)
     moved = np.nanmean(rates[np.concatenate([rows for _, rows in errors.steps])] ** 2, axis=0)
-    clocks = [estimate.sensors[name].clock.offset_sd_s for name in (errors.joint.proximal, errors.joint.distal)]
+    clocks = [
+        estimate.sensors[name].clock.offset_sd_s
+        for name in (errors.joint.proximal, errors.joint.distal)
+    ]
     known = np.nan_to_num(clocks)
     return float(np.sqrt(np.sum(moved * known**2) / max(float(moved.sum()), 1e-300)))
 
 
 def unknown_time(sensor: str) -> str:
-    """What a budget lacks where a sensor's clock could not be fitted although it moves the truth."""
+    """What a budget lacks where a sensor's clock could not be fitted although it moves the
+    truth.
+    """
     return f"the time of sensor '{sensor}' is not known, and its motion is judged"
 
 
-def _clocks(estimate: Estimate, motions: dict[str, JudgedMotion]) -> tuple[list[UncertaintySource], list[str]]:
-    """The line of each sensor's clock, and what is missing of them, by the motion of the truth that each makes."""
-    lines = {name: clock_source(name, estimate.sensors[name].clock, motion) for name, motion in motions.items()}
-    return [line for line in lines.values() if line is not None], [unknown_time(k) for k, line in lines.items() if line is None]
+def _clocks(
+    estimate: Estimate, motions: dict[str, JudgedMotion]
+) -> tuple[list[UncertaintySource], list[str]]:
+    """The line of each sensor's clock, and what is missing of them, by the motion of the truth that
+    each makes.
+    """
+    lines = {
+        name: clock_source(name, estimate.sensors[name].clock, motion)
+        for name, motion in motions.items()
+    }
+    return [line for line in lines.values() if line is not None], [
+        unknown_time(k) for k, line in lines.items() if line is None
+    ]
 
 
 def chain_budget(
-    session: Session, estimate: Estimate, chain: ChainEstimate, joint: str, true: ChainTruth, arm: Arm | None
+    session: Session,
+    estimate: Estimate,
+    chain: ChainEstimate,
+    joint: str,
+    true: ChainTruth,
+    arm: Arm | None,
 ) -> UncertaintyBudget:
     """The budget of the true angle of one joint of the arm, which the chain filter is judged by.
 
-    Mounting, levelling and the alignment of frames are no part of it: the filter takes them as the protocol states them, so
-    that what they are wrong by is an error of its own.
+    Mounting, levelling and the alignment of frames are no part of it: the filter takes them as the
+    protocol states them, so that what they are wrong by is an error of its own.
     """
     time = chain.host_time_ns[true.judged]
     motion = judged_motion(chain.host_time_ns, true.angle, [np.flatnonzero(true.judged)])
     clocks, missing = _clocks(estimate, _chain_clocks(session, estimate, chain, time, motion))
     missing += [UNKNOWN_TRUTH] if arm is None else []
     steps = [step for step in session.steps if step.section == chain.section]
-    counts = np.array([np.diff(np.searchsorted(time, [step.start_ns, step.end_ns]))[0] for step in steps])
+    counts = np.array(
+        [np.diff(np.searchsorted(time, [step.start_ns, step.end_ns]))[0] for step in steps]
+    )
     steps = [step for step, count in zip(steps, counts, strict=True) if count]
     sources = []
     if arm is not None:
@@ -153,14 +211,21 @@ def chain_budget(
 
 
 def _chain_clocks(
-    session: Session, estimate: Estimate, chain: ChainEstimate, time: np.ndarray, motion: JudgedMotion
+    session: Session,
+    estimate: Estimate,
+    chain: ChainEstimate,
+    time: np.ndarray,
+    motion: JudgedMotion,
 ) -> dict[str, JudgedMotion]:
-    """Sensors of a chain whose clocks count for one of its joints: the least sure one of those that were fitted, as if it alone
-    saw the joint move, and each that was not, unless it stands still.
+    """Sensors of a chain whose clocks count for one of its joints: the least sure one of those that
+    were fitted, as if it alone saw the joint move, and each that was not, unless it stands still.
     """
     clocks = {name: estimate.sensors[name].clock for name in chain.sensors}
-    known = {name: np.nan_to_num(clock.offset_sd_s) for name, clock in clocks.items()
-             if np.isfinite(clock.offset_sd_s) or clock.method == "none"}  # fmt: skip
+    known = {
+        name: np.nan_to_num(clock.offset_sd_s)
+        for name, clock in clocks.items()
+        if np.isfinite(clock.offset_sd_s) or clock.method == "none"
+    }
     found = {max(known, key=lambda name: known[name]): motion} if known else {}
     for name in clocks.keys() - known.keys():
         truth = session.truth(name)
@@ -171,33 +236,56 @@ def _chain_clocks(
 
 
 def sensor_budgets(
-    session: Session, estimate: Estimate, name: str, true: TrueTurning, judged: np.ndarray, steps: list[PlannedStep],
+    session: Session,
+    estimate: Estimate,
+    name: str,
+    true: TrueTurning,
+    judged: np.ndarray,
+    steps: list[PlannedStep],
     arm: Arm | None,
-) -> list[UncertaintyBudget]:  # fmt: skip
+) -> list[UncertaintyBudget]:
     """Budgets of a sensor's total, heading and inclination errors.
 
     Args:
-        true: The truth at the estimate's instants. judged: Which count, shape (n,). steps: Judged steps of the protocol.
+        true: The truth at the estimate's instants.
+        judged: Which count, shape (n,).
+        steps: Judged steps of the protocol.
     """
     sensor, aligned = estimate.sensors[name], session.analysis.estimate.align
     time = sensor.host_time_ns
     spans = [slice(*np.searchsorted(time, [s.start_ns, s.end_ns])) for s in steps] or [slice(None)]
     whole = [true.q[span][judged[span]] for span in spans]
     turning = np.degrees(true.rate[judged & np.isfinite(true.rate[:, 0])])
-    counts = np.array([np.sum(judged[slice(*np.searchsorted(time, [s.start_ns, s.end_ns]))]) for s in steps])
+    counts = np.array(
+        [np.sum(judged[slice(*np.searchsorted(time, [s.start_ns, s.end_ns]))]) for s in steps]
+    )
     steps = [step for step, count in zip(steps, counts, strict=True) if count]
     configurations = None if arm is None else judged_configurations(arm.samples, steps)
     axes = reference = None
     if arm is not None and configurations is not None:
         axes = turning_by_joints(arm.kinematics, session.analysis.sensors[name], configurations.q)
         pose = arm.reference_pose(session)
-        reference = None if pose is None else turning_by_joints(arm.kinematics, session.analysis.sensors[name], pose)[0]
+        reference = (
+            None
+            if pose is None
+            else turning_by_joints(arm.kinematics, session.analysis.sensors[name], pose)[0]
+        )
     budgets = []
     for part in PARTS:
         speed = length_of(turning, part) if len(turning) else np.zeros(1)
-        mean_rate = float(turning[:, 2].mean()) if part == "heading" and len(turning) else float(speed.mean())
-        swing = 0.0 if np.isfinite(sensor.clock.offset_sd_s) else max(judged_swing(q, part) for q in whole)
-        clocks, missing = _clocks(estimate, {name: JudgedMotion(mean_rate, float(np.sqrt(np.mean(speed**2))), swing)})
+        mean_rate = (
+            float(turning[:, 2].mean())
+            if part == "heading" and len(turning)
+            else float(speed.mean())
+        )
+        swing = (
+            0.0
+            if np.isfinite(sensor.clock.offset_sd_s)
+            else max(judged_swing(q, part) for q in whole)
+        )
+        clocks, missing = _clocks(
+            estimate, {name: JudgedMotion(mean_rate, float(np.sqrt(np.mean(speed**2))), swing)}
+        )
         if arm is None or axes is None or configurations is None:
             frames = alignment_source(None, aligned, None, _fitted_sd(sensor))
             budgets.append(combine(name, part, None, [*clocks, frames], [UNKNOWN_TRUTH, *missing]))
@@ -210,7 +298,8 @@ def sensor_budgets(
             counts[counts > 0] / counts.sum(),
             None if reference is None else length_of(reference, part),
         )
-        # Axes of the sensor that a mounting error turns it about: all three, the vertical ones, the level ones.
+        # Axes of the sensor that a mounting error turns it about: all three, the vertical ones, the
+        # level ones.
         mounted = {"total": np.sqrt(3.0), "heading": 1.0, "inclination": np.sqrt(2.0)}[part]
         lasting = _mean_vertical(true.q[judged]) if part == "heading" else mounted
         sources = [
@@ -225,13 +314,21 @@ def sensor_budgets(
 
 
 def _mean_vertical(q_world_from_sensor: np.ndarray) -> float:
-    """Length of the mean of the vertical seen in the sensor, shape (n, 4): 1 where it stays, 0 where all directions came."""
+    """Length of the mean of the vertical seen in the sensor, shape (n, 4): 1 where it stays, 0
+    where all directions came.
+    """
     if not len(q_world_from_sensor):
         return 0.0
     return float(np.linalg.norm(rotation.to_matrix(q_world_from_sensor)[:, 2, :].mean(axis=0)))
 
 
 def _fitted_sd(sensor: SensorEstimate) -> float | None:
-    """Standard uncertainty of an alignment by motion, about all axes together [deg]; None for other alignments."""
-    stated = [np.linalg.norm(fit.mounting_sd_deg) for fit in sensor.frames.values() if fit.mounting_sd_deg is not None]
+    """Standard uncertainty of an alignment by motion, about all axes together [deg]; None for other
+    alignments.
+    """
+    stated = [
+        np.linalg.norm(fit.mounting_sd_deg)
+        for fit in sensor.frames.values()
+        if fit.mounting_sd_deg is not None
+    ]
     return float(max(stated)) if stated else None

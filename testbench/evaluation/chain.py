@@ -35,7 +35,9 @@ def judge_chain(session: Session, estimate: Estimate, result: Evaluation) -> Non
     for one in estimate.chain:
         where = f"chain, section {one.section}, {one.state}"
         if recorded is None:
-            result.notes.append(f"{where}: not judged, for no arm reported the true angles of its joints")
+            result.notes.append(
+                f"{where}: not judged, for no arm reported the true angles of its joints"
+            )
             continue
         rows, series = evaluate_chain(session, one, recorded)
         result.series[one.key] = series
@@ -43,29 +45,40 @@ def judge_chain(session: Session, estimate: Estimate, result: Evaluation) -> Non
         add_cycles(result, cycles)
         own = [step for step in session.steps if step.section == one.section]
         notes = cycle_notes(f"chain, section {one.section}", own, cycles)
-        result.notes.extend(note for note in notes if note not in result.notes)  # the states share their truth
+        result.notes.extend(
+            note for note in notes if note not in result.notes
+        )  # the states share their truth
         if not rows:
             result.notes.append(
-                f"{where}: not judged, for no sample is left: settling_s leaves out as much as its steps last, or none was "
+                f"{where}: not judged, for no sample is left: settling_s leaves out as much as its "
+                "steps last, or none was "
                 f"finished"
             )
         for row in rows:
-            true = ChainTruth(series[f"{row.joint}_rad"] - series[f"{row.joint}_error_rad"], series["judged"])
+            true = ChainTruth(
+                series[f"{row.joint}_rad"] - series[f"{row.joint}_error_rad"], series["judged"]
+            )
             budget = chain_budget(session, estimate, one, row.joint, true, arm)
             if budget not in result.uncertainty:  # the states share their truth
                 result.uncertainty.append(budget)
             known = replace(row, expanded_uncertainty_deg=budget.expanded_deg)
-            result.chain.append(replace(known, expanded_uncertainty_magnitude_deg=budget.expanded_magnitude_deg))
+            result.chain.append(
+                replace(known, expanded_uncertainty_magnitude_deg=budget.expanded_magnitude_deg)
+            )
         low = [row for row in rows if row.covered_percent < LEAST_COVERED_PERCENT]
         if low:
             worst = min(low, key=lambda row: row.covered_percent)
             result.notes.append(
-                f"{where}: the uncertainties that it states are too small for {len(low)} of {len(rows)} joints: 1.96 of them "
-                f"cover {worst.covered_percent:.0f} % of the errors of {worst.joint}, where 95 % would be honest"
+                f"{where}: the uncertainties that it states are too small for {len(low)} of "
+                f"{len(rows)} joints: 1.96 of them "
+                f"cover {worst.covered_percent:.0f} % of the errors of {worst.joint}, where 95 % "
+                "would be honest"
             )
 
 
-def evaluate_chain(session: Session, estimate: ChainEstimate, arm: ArmSamples) -> tuple[list[ChainRow], dict[str, np.ndarray]]:
+def evaluate_chain(
+    session: Session, estimate: ChainEstimate, arm: ArmSamples
+) -> tuple[list[ChainRow], dict[str, np.ndarray]]:
     """Rows and error signals of one section by one state.
 
     The truth is the arm's measured joints at the estimate's instants, by linear interpolation.
@@ -75,7 +88,9 @@ def evaluate_chain(session: Session, estimate: ChainEstimate, arm: ArmSamples) -
     true = np.empty_like(estimate.mean)
     for order, array in enumerate((arm.q_measured, arm.v_measured, joint_acceleration(arm))):
         for i, column in enumerate(columns):
-            true[:, order, i] = np.interp(time, arm.host_time_ns, array[:, column], left=np.nan, right=np.nan)
+            true[:, order, i] = np.interp(
+                time, arm.host_time_ns, array[:, column], left=np.nan, right=np.nan
+            )
     error = estimate.mean - true
     judged = _judged(session, estimate.section, time) & np.isfinite(error).all(axis=(1, 2))
     series = {"host_time_ns": time, "judged": judged}
@@ -85,12 +100,22 @@ def evaluate_chain(session: Session, estimate: ChainEstimate, arm: ArmSamples) -
         series[f"{joint}_error_rad"] = error[:, 0, i]
         series[f"{joint}_sd_rad"] = estimate.sd[:, 0, i]
         if judged.any():
-            rows.append(_row(estimate, joint, true[judged, 0, i], error[judged, :, i], estimate.sd[judged, 0, i]))
+            rows.append(
+                _row(
+                    estimate,
+                    joint,
+                    true[judged, 0, i],
+                    error[judged, :, i],
+                    estimate.sd[judged, 0, i],
+                )
+            )
     return rows, series
 
 
 def _judged(session: Session, section: str, time: np.ndarray) -> np.ndarray:
-    """Samples of the section's steps, moves and sweeps alike, less what the protocol leaves out at either end, shape (n,)."""
+    """Samples of the section's steps, moves and sweeps alike, less what the protocol leaves out at
+    either end, shape (n,).
+    """
     chain = session.analysis.estimate.chain
     left_out = round(NANOSECONDS * (chain.settling_s if chain is not None else 0.0))
     judged = np.zeros(len(time), dtype=bool)
@@ -101,7 +126,9 @@ def _judged(session: Session, section: str, time: np.ndarray) -> np.ndarray:
     return judged
 
 
-def _row(estimate: ChainEstimate, joint: str, true: np.ndarray, error: np.ndarray, sd: np.ndarray) -> ChainRow:
+def _row(
+    estimate: ChainEstimate, joint: str, true: np.ndarray, error: np.ndarray, sd: np.ndarray
+) -> ChainRow:
     degrees = np.degrees(error[:, 0])
     summary = summarise(degrees)
     low, median, high = np.percentile(degrees, [25, 50, 75])
@@ -123,7 +150,9 @@ def _row(estimate: ChainEstimate, joint: str, true: np.ndarray, error: np.ndarra
         outliers_percent=float(100 * ((degrees > high + reach) | (degrees < low - reach)).mean()),
         largest_error_deg=float(degrees[order[-1]]),
         smallest_error_deg=float(degrees[order[0]]),
-        relative_percent=float(100 * np.mean(np.abs(error[sized, 0] / true[sized]))) if sized.any() else None,
+        relative_percent=float(100 * np.mean(np.abs(error[sized, 0] / true[sized])))
+        if sized.any()
+        else None,
         correlation=float(np.corrcoef(true, true + error[:, 0])[0, 1]) if moves else None,
         rate_rmse_deg_s=float(np.degrees(rms(error[:, 1]))),
         acceleration_rmse_deg_s2=float(np.degrees(rms(error[:, 2]))),

@@ -27,12 +27,18 @@ WIDEST_GAP = 0.05
 LEAST_ROM = np.radians(1.0)
 """A true angle with a smaller range of motion stands still [rad]."""
 LEAST_REPEATED = 0.05
-"""Scatter of the true cycles, as part of their range of motion, from which they are no repetitions of one another."""
+"""Scatter of the true cycles, as part of their range of motion, from which they are no repetitions
+of one another.
+"""
 MOST_LATE_S = 0.5
-"""How much longer than planned a sweep may last, for an arm that takes its time to come to rest [s]."""
+"""How much longer than planned a sweep may last, for an arm that takes its time to come to rest
+[s].
+"""
 
 Found = tuple[CycleRow, dict[str, np.ndarray]]
-"""A row with its average cycle: "estimated", "true", "error" and the standard deviation of each over the cycles, (101,)."""
+"""A row with its average cycle: "estimated", "true", "error" and the standard deviation of each
+over the cycles, (101,).
+"""
 
 
 @dataclass(frozen=True)
@@ -40,8 +46,9 @@ class CutCycles:
     """The cycles of one sweep, resampled to every percent.
 
     Attributes:
-        estimated, true: [rad], shape (cycles, 101). planned: How many cycles the plan has in the judged part, those with gaps
-        among them.
+        estimated: [rad], shape (cycles, 101).
+        true: [rad], shape (cycles, 101).
+        planned: How many cycles the plan has in the judged part, those with gaps among them.
     """
 
     estimated: np.ndarray
@@ -49,14 +56,18 @@ class CutCycles:
     planned: int
 
 
-def cut_cycles(step: PlannedStep, time_ns: np.ndarray, true: np.ndarray, error: np.ndarray) -> CutCycles | None:
+def cut_cycles(
+    step: PlannedStep, time_ns: np.ndarray, true: np.ndarray, error: np.ndarray
+) -> CutCycles | None:
     """The whole cycles of a sweep that samples cover without a gap.
 
     Linear between samples; estimate and truth are taken at the same instants.
 
     Args:
-        step: A sweep, when it happened. time_ns: Of the judged samples, increasing, shape (n,). true, error: True angle, and
-        estimated less true [rad], shape (n,) each.
+        step: A sweep, when it happened.
+        time_ns: Of the judged samples, increasing, shape (n,).
+        true: True angle, and estimated less true [rad], shape (n,) each.
+        error: True angle, and estimated less true [rad], shape (n,) each.
 
     Returns:
         None for a step without planned cycles, and for one that did not last as planned.
@@ -66,13 +77,20 @@ def cut_cycles(step: PlannedStep, time_ns: np.ndarray, true: np.ndarray, error: 
     period = 1 / step.cycles.frequency_hz
     time = (time_ns - step.start_ns) / NANOSECONDS
     borders = step.cycles.first_s + period * np.arange(step.cycles.count + 1)
-    borders = borders[: np.searchsorted(borders, (step.settled_ns - step.start_ns) / NANOSECONDS + 1e-6 * period, "right")]
+    borders = borders[
+        : np.searchsorted(
+            borders, (step.settled_ns - step.start_ns) / NANOSECONDS + 1e-6 * period, "right"
+        )
+    ]
     edge = min(1.5 * float(np.median(np.diff(time))), WIDEST_GAP * period)
     whole = [
-        begin for begin, end in itertools.pairwise(borders)
+        begin
+        for begin, end in itertools.pairwise(borders)
         if time[0] - edge <= begin and end <= time[-1] + edge
-    ]  # fmt: skip
-    covered = [begin for begin in whole if _widest_gap(time, begin, begin + period) <= WIDEST_GAP * period]
+    ]
+    covered = [
+        begin for begin in whole if _widest_gap(time, begin, begin + period) <= WIDEST_GAP * period
+    ]
     instants = np.array(covered)[:, None] + period * np.linspace(0, 1, POINTS)
     true_cycles = np.interp(instants, time, true)
     estimated = true_cycles + np.interp(instants, time, error)
@@ -81,8 +99,12 @@ def cut_cycles(step: PlannedStep, time_ns: np.ndarray, true: np.ndarray, error: 
 
 
 def lasted_as_planned(step: PlannedStep) -> bool:
-    """Whether the cycles of a sweep were where the plan says: it neither broke off nor was it held up."""
-    late = (step.settled_ns - step.start_ns) / NANOSECONDS - (step.cycles.motion_s if step.cycles is not None else 0.0)
+    """Whether the cycles of a sweep were where the plan says: it neither broke off nor was it held
+    up.
+    """
+    late = (step.settled_ns - step.start_ns) / NANOSECONDS - (
+        step.cycles.motion_s if step.cycles is not None else 0.0
+    )
     return step.cycles is None or -1e-3 <= late <= MOST_LATE_S
 
 
@@ -92,14 +114,17 @@ def _widest_gap(time: np.ndarray, begin: float, end: float) -> float:
 
 
 def coefficient_of_multiple_correlation(estimated: np.ndarray, true: np.ndarray) -> float | None:
-    """Similarity of two waveforms measured at once, in offset, gain and shape together: 1 where they are the same.
+    """Similarity of two waveforms measured at once, in offset, gain and shape together: 1 where
+    they are the same.
 
-    The inter-protocol CMC of Ferrari, Cutti & Cappello (Gait & Posture 31, 2010, 540-542), with two protocols and equally many
-    frames in each cycle; it leaves out how cycles differ from one another, which the within-day CMC of Kadaba et al. (Journal
-    of Orthopaedic Research 7, 1989, 849-860) has for its subject.
+    The inter-protocol CMC of Ferrari, Cutti & Cappello (Gait & Posture 31, 2010, 540-542), with two
+    protocols and equally many frames in each cycle; it leaves out how cycles differ from one
+    another, which the within-day CMC of Kadaba et al. (Journal of Orthopaedic Research 7, 1989,
+    849-860) has for its subject.
 
     Args:
-        estimated, true: Shape (cycles, frames).
+        estimated: Shape (cycles, frames).
+        true: Shape (cycles, frames).
 
     Returns:
         None where it is no real number: the two differ more than they move.
@@ -107,7 +132,9 @@ def coefficient_of_multiple_correlation(estimated: np.ndarray, true: np.ndarray)
     both = np.stack([estimated, true])
     protocols, cycles, frames = both.shape
     within = np.sum((both - both.mean(axis=0)) ** 2) / (cycles * frames * (protocols - 1))
-    about = np.sum((both - both.mean(axis=(0, 2))[None, :, None]) ** 2) / (cycles * (protocols * frames - 1))
+    about = np.sum((both - both.mean(axis=(0, 2))[None, :, None]) ** 2) / (
+        cycles * (protocols * frames - 1)
+    )
     return float(np.sqrt(1 - within / about)) if about > within else None
 
 
@@ -122,11 +149,15 @@ def joint_cycles(errors: JointErrors) -> list[Found]:
     return [item for item in found if item is not None]
 
 
-def chain_cycles(steps: list[PlannedStep], estimate: ChainEstimate, series: dict[str, np.ndarray]) -> list[Found]:
+def chain_cycles(
+    steps: list[PlannedStep], estimate: ChainEstimate, series: dict[str, np.ndarray]
+) -> list[Found]:
     """Average cycles of every joint of a chain that moves, in the sweeps of its section.
 
     Args:
-        steps: Of the session. estimate: The chain's. series: Its error signals, as `evaluate_chain` gives them.
+        steps: Of the session.
+        estimate: The chain's.
+        series: Its error signals, as `evaluate_chain` gives them.
     """
     judged = series["judged"]
     time = series["host_time_ns"][judged]
@@ -141,8 +172,12 @@ def chain_cycles(steps: list[PlannedStep], estimate: ChainEstimate, series: dict
     return [item for item in found if item is not None]
 
 
-def _average(cut: CutCycles, joint: str, name: str, sequence: str | None, step: PlannedStep) -> Found | None:
-    """The row of one joint and filter, and its average cycle; None for too few cycles, and where the joint stands still."""
+def _average(
+    cut: CutCycles, joint: str, name: str, sequence: str | None, step: PlannedStep
+) -> Found | None:
+    """The row of one joint and filter, and its average cycle; None for too few cycles, and where
+    the joint stands still.
+    """
     if len(cut.true) < LEAST_CYCLES or np.ptp(cut.true.mean(axis=0)) < LEAST_ROM:
         return None
     assert step.cycles is not None  # they were cut by it
@@ -179,7 +214,9 @@ def _rms_deg(angles: np.ndarray) -> float:
 
 
 def add_cycles(result: Evaluation, found: list[Found]) -> None:
-    """Add rows to the result, and their average cycles to its table "cycles", which numbers them as the rows are."""
+    """Add rows to the result, and their average cycles to its table "cycles", which numbers them as
+    the rows are.
+    """
     if not found:
         return
     first = len(result.cycles)
@@ -191,32 +228,50 @@ def add_cycles(result: Evaluation, found: list[Found]) -> None:
     for key in found[0][1]:
         columns[f"{key}_rad"] = np.concatenate([average[key] for _, average in found])
     earlier = result.series.get("cycles", {})
-    result.series["cycles"] = {key: np.concatenate([earlier.get(key, own[:0]), own]) for key, own in columns.items()}
+    result.series["cycles"] = {
+        key: np.concatenate([earlier.get(key, own[:0]), own]) for key, own in columns.items()
+    }
 
 
 def cycle_notes(where: str, steps: Sequence[PlannedStep], found: list[Found]) -> list[str]:
-    """What must be known of the cycles of a joint or chain, in sentences that begin with `where`."""
-    periodic = [(step, step.cycles) for step in steps if step.cycles is not None and step.cycles.count >= LEAST_CYCLES]
+    """What must be known of the cycles of a joint or chain, in sentences that begin with
+    `where`.
+    """
+    periodic = [
+        (step, step.cycles)
+        for step in steps
+        if step.cycles is not None and step.cycles.count >= LEAST_CYCLES
+    ]
     notes = []
     for step, cycles in periodic:
         if not lasted_as_planned(step):
             lasted = (step.settled_ns - step.start_ns) / NANOSECONDS
             notes.append(
-                f"{where}: the sweep '{step.name}' lasted {lasted:.2f} s where {cycles.motion_s:.2f} s were planned, so that "
+                f"{where}: the sweep '{step.name}' lasted {lasted:.2f} s where "
+                f"{cycles.motion_s:.2f} s were planned, so that "
                 "nobody knows where its cycles begin: they are not averaged"
             )
     averaged = {row.step for row, _ in found}
-    missing = [step for step, _ in periodic if lasted_as_planned(step) and step.index not in averaged]
+    missing = [
+        step for step, _ in periodic if lasted_as_planned(step) and step.index not in averaged
+    ]
     if missing:
         notes.append(
-            f"{where}: no average cycle of {len(missing)} of {len(periodic)} sweeps: fewer than {LEAST_CYCLES} of their cycles "
+            f"{where}: no average cycle of {len(missing)} of {len(periodic)} sweeps: fewer than "
+            f"{LEAST_CYCLES} of their cycles "
             "are judged from end to end, or the angle hardly changes"
         )
-    unlike = {(row.joint, row.step): row for row, _ in found if row.true_sd_deg > LEAST_REPEATED * row.true_rom_deg}
+    unlike = {
+        (row.joint, row.step): row
+        for row, _ in found
+        if row.true_sd_deg > LEAST_REPEATED * row.true_rom_deg
+    }
     for row in unlike.values():
         notes.append(
-            f"{where}: the true angle of {row.joint} in step {row.step} differs from one cycle of {1 / row.frequency_hz:.3g} s "
-            f"to the next by {row.true_sd_deg:.2f} deg (standard deviation) of a range of {row.true_rom_deg:.1f} deg: it is "
+            f"{where}: the true angle of {row.joint} in step {row.step} differs from one cycle of "
+            f"{1 / row.frequency_hz:.3g} s "
+            f"to the next by {row.true_sd_deg:.2f} deg (standard deviation) of a range of "
+            f"{row.true_rom_deg:.1f} deg: it is "
             "not periodic as planned, and its average cycle says little"
         )
     return notes

@@ -1,4 +1,6 @@
-"""How errors depend on time: delay behind the truth, settling after a move, and what a sweep really was."""
+"""How errors depend on time: delay behind the truth, settling after a move, and what a sweep really
+was.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +16,15 @@ from testbench.model import rotation
 from testbench.records.plan import PlannedStep
 
 CONVERGENCE_BAND = np.radians(0.1)
-"""An error has settled when it stays this near to its settled value, or within three standard deviations of its noise [rad]."""
+"""An error has settled when it stays this near to its settled value, or within three standard
+deviations of its noise [rad].
+"""
 CLUSTER_S = 2.0
 """Residuals nearer than this count as one when the uncertainty of a delay is stated [s]."""
 SLOW_S = 4.0
-"""Errors of orientation that change more slowly than this are no delay: they are taken out of both sides [s]."""
+"""Errors of orientation that change more slowly than this are no delay: they are taken out of both
+sides [s].
+"""
 LEAST_RATE = np.radians(1.0)
 """An RMS rate below this says nothing of a delay [rad/s]."""
 _STEP_S = 2e-3
@@ -26,17 +32,24 @@ _LONGEST_S = 0.5
 _ITERATIONS = 10
 
 Delay = tuple[float, float]
-"""Delay behind the truth [s], positive where the estimate is late, and its standard uncertainty [s]."""
+"""Delay behind the truth [s], positive where the estimate is late, and its standard uncertainty
+[s].
+"""
 
 
-def angle_delay(time_ns: np.ndarray, estimated: np.ndarray, true: np.ndarray, sweeps: Sequence[np.ndarray]) -> Delay | None:
+def angle_delay(
+    time_ns: np.ndarray, estimated: np.ndarray, true: np.ndarray, sweeps: Sequence[np.ndarray]
+) -> Delay | None:
     """The delay of an estimated angle behind the true one.
 
-    Least squares of estimated(t) = b + g true(t - delay), with an own b for each sweep, by Gauss-Newton; the uncertainty lets
-    residuals hang together over 2 s (Liang & Zeger 1986).
+    Least squares of estimated(t) = b + g true(t - delay), with an own b for each sweep, by
+    Gauss-Newton; the uncertainty lets residuals hang together over 2 s (Liang & Zeger 1986).
 
     Args:
-        time_ns: Increasing, shape (n,). estimated, true: [rad], shape (n,). sweeps: Rows of each sweep.
+        time_ns: Increasing, shape (n,).
+        estimated: [rad], shape (n,).
+        true: [rad], shape (n,).
+        sweeps: Rows of each sweep.
 
     Returns:
         None where the truth hardly moves or the fit finds no delay below half a second.
@@ -44,7 +57,9 @@ def angle_delay(time_ns: np.ndarray, estimated: np.ndarray, true: np.ndarray, sw
     if not sweeps:
         return None
     rows = np.concatenate(sweeps)
-    around = slice(*np.searchsorted(time_ns, [time_ns[rows[0]] - NANOSECONDS, time_ns[rows[-1]] + NANOSECONDS]))
+    around = slice(
+        *np.searchsorted(time_ns, [time_ns[rows[0]] - NANOSECONDS, time_ns[rows[-1]] + NANOSECONDS])
+    )
     known = np.arange(len(time_ns))[around][np.isfinite(true[around])]
     if len(known) < 10:
         return None
@@ -54,7 +69,9 @@ def angle_delay(time_ns: np.ndarray, estimated: np.ndarray, true: np.ndarray, sw
     known_time, known_angle = time[known], true[known]
     delay = 0.0
     for _ in range(_ITERATIONS):
-        late, before, after = (np.interp(t - delay + s, known_time, known_angle) for s in (0.0, -_STEP_S, _STEP_S))
+        late, before, after = (
+            np.interp(t - delay + s, known_time, known_angle) for s in (0.0, -_STEP_S, _STEP_S)
+        )
         rate = (after - before) / (2 * _STEP_S)
         x = np.column_stack([_centred(late, which), -_centred(rate, which)])
         if not np.sqrt(np.mean(x[:, 1] ** 2)) > LEAST_RATE:
@@ -68,7 +85,9 @@ def angle_delay(time_ns: np.ndarray, estimated: np.ndarray, true: np.ndarray, sw
         if abs(step) < 1e-6:
             break
     residual = y - x @ np.array([gain, step])
-    return delay, _clustered_sd(x, residual, _runs(np.floor(t / CLUSTER_S) + 1e6 * which)) / abs(float(gain))
+    return delay, _clustered_sd(x, residual, _runs(np.floor(t / CLUSTER_S) + 1e6 * which)) / abs(
+        float(gain)
+    )
 
 
 @dataclass(frozen=True)
@@ -76,8 +95,11 @@ class TrueTurning:
     """How the truth turns at a sensor's instants; worked out once for all filters.
 
     Attributes:
-        time_ns: Shape (n,). q: q_world_from_sensor, shape (n, 4). rate: In the world, by differences of orientations; NaN at
-        the ends and beside gaps, shape (n, 3) [rad/s]. window: Samples of the moving average that takes slow errors out.
+        time_ns: Shape (n,).
+        q: q_world_from_sensor, shape (n, 4).
+        rate: In the world, by differences of orientations; NaN at the ends and beside gaps, shape
+            (n, 3) [rad/s].
+        window: Samples of the moving average that takes slow errors out.
         fast_rate: The rate less its moving average, shape (n, 3) [rad/s].
     """
 
@@ -93,7 +115,9 @@ class TrueTurning:
         rate = rate_in_world(time_ns, q_world_from_sensor)
         interval = float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else 1.0
         window = max(round(SLOW_S / max(interval, 1e-6)), 3)
-        return TrueTurning(time_ns, q_world_from_sensor, rate, window, _without_slow(np.nan_to_num(rate), window))
+        return TrueTurning(
+            time_ns, q_world_from_sensor, rate, window, _without_slow(np.nan_to_num(rate), window)
+        )
 
 
 def _without_slow(signal: np.ndarray, window: int) -> np.ndarray:
@@ -102,15 +126,19 @@ def _without_slow(signal: np.ndarray, window: int) -> np.ndarray:
     return np.asarray(np.subtract(signal, slow, out=slow))
 
 
-def orientation_delay(q_estimated: np.ndarray, true: TrueTurning, moving: np.ndarray) -> Delay | None:
+def orientation_delay(
+    q_estimated: np.ndarray, true: TrueTurning, moving: np.ndarray
+) -> Delay | None:
     """The delay of an estimated orientation behind the true one.
 
-    An estimate that is late by d has the error -d w, with w the true angular rate; d by least squares over all three axes,
-    after slow errors are taken out of both by the same moving average. Its uncertainty lets residuals hang together over 2 s.
+    An estimate that is late by d has the error -d w, with w the true angular rate; d by least
+    squares over all three axes, after slow errors are taken out of both by the same moving average.
+    Its uncertainty lets residuals hang together over 2 s.
 
     Args:
-        q_estimated: q_world_from_sensor, shape (n, 4). true: The truth at the same instants. moving: Which samples count,
-        shape (n,).
+        q_estimated: q_world_from_sensor, shape (n, 4).
+        true: The truth at the same instants.
+        moving: Which samples count, shape (n,).
 
     Returns:
         None where the truth hardly turns.
@@ -124,7 +152,9 @@ def orientation_delay(q_estimated: np.ndarray, true: TrueTurning, moving: np.nda
         return None
     time = (true.time_ns - true.time_ns[0]) / NANOSECONDS
     cluster = _runs(np.floor(time[usable] / CLUSTER_S))
-    products, squares = _sums_by_cluster(_without_slow(np.nan_to_num(error), true.window), true.fast_rate, usable, cluster)
+    products, squares = _sums_by_cluster(
+        _without_slow(np.nan_to_num(error), true.window), true.fast_rate, usable, cluster
+    )
     size = float(squares.sum())
     if not np.sqrt(size / count) > LEAST_RATE:
         return None
@@ -139,7 +169,9 @@ def orientation_delay(q_estimated: np.ndarray, true: TrueTurning, moving: np.nda
 def _sums_by_cluster(
     error: np.ndarray, rate: np.ndarray, usable: np.ndarray, cluster: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sums of error times rate and of squared rates over each cluster of usable samples, shapes (clusters,)."""
+    """Sums of error times rate and of squared rates over each cluster of usable samples, shapes
+    (clusters,).
+    """
     products, squares = np.zeros(cluster[-1] + 1), np.zeros(cluster[-1] + 1)
     place = 0
     for i in range(len(error)):
@@ -152,12 +184,16 @@ def _sums_by_cluster(
 
 
 def rate_in_world(time_ns: np.ndarray, q_world_from_sensor: np.ndarray) -> np.ndarray:
-    """Angular rate in the world by differences of orientations, shape (n, 3) [rad/s]; NaN at the ends and beside gaps."""
+    """Angular rate in the world by differences of orientations, shape (n, 3) [rad/s]; NaN at the
+    ends and beside gaps.
+    """
     q = q_world_from_sensor
     rate = np.full((len(q), 3), np.nan)
     if len(q) > 2:
         seconds = (time_ns[2:] - time_ns[:-2]) / NANOSECONDS
-        np.divide(rotation.turn_between(q[:-2], q[2:]), np.maximum(seconds, 1e-9)[:, None], out=rate[1:-1])
+        np.divide(
+            rotation.turn_between(q[:-2], q[2:]), np.maximum(seconds, 1e-9)[:, None], out=rate[1:-1]
+        )
     return rate
 
 
@@ -173,7 +209,9 @@ def _runs(label: np.ndarray) -> np.ndarray:
 
 
 def _clustered_sd(x: np.ndarray, residual: np.ndarray, cluster: np.ndarray) -> float:
-    """Standard uncertainty of the last coefficient of a least-squares fit whose residuals hang together in clusters."""
+    """Standard uncertainty of the last coefficient of a least-squares fit whose residuals hang
+    together in clusters.
+    """
     bread = np.linalg.pinv(x.T @ x)
     scores = np.column_stack([np.bincount(cluster, column * residual) for column in x.T])
     count = len(scores)
@@ -181,14 +219,20 @@ def _clustered_sd(x: np.ndarray, residual: np.ndarray, cluster: np.ndarray) -> f
     return float(np.sqrt(max(covariance[-1, -1], 0.0)))
 
 
-def convergence_times(time_ns: np.ndarray, error: np.ndarray, steps: list[PlannedStep]) -> np.ndarray:
-    """Time from the end of each move until the error stays near its settled value [s], shape (len(steps),).
+def convergence_times(
+    time_ns: np.ndarray, error: np.ndarray, steps: list[PlannedStep]
+) -> np.ndarray:
+    """Time from the end of each move until the error stays near its settled value [s], shape
+    (len(steps),).
 
-    The settled value is the mean over the last quarter of the dwell; near is 0.1 deg, or three standard deviations of the last
-    half (about a straight line) where the error hisses more than that.
+    The settled value is the mean over the last quarter of the dwell; near is 0.1 deg, or three
+    standard deviations of the last half (about a straight line) where the error hisses more than
+    that.
 
     Args:
-        time_ns: Increasing, shape (n,). error: [rad], shape (n,). steps: Poses, each with a dwell.
+        time_ns: Increasing, shape (n,).
+        error: [rad], shape (n,).
+        steps: Poses, each with a dwell.
 
     Returns:
         Infinite where it settles only in the last quarter, NaN where there is nothing to look at.
@@ -211,7 +255,12 @@ def _noise(signal: np.ndarray) -> float:
 
 @njit(cache=True)
 def _settled_after(
-    time_ns: np.ndarray, error: np.ndarray, first: np.ndarray, last: np.ndarray, begins: np.ndarray, least_band: float
+    time_ns: np.ndarray,
+    error: np.ndarray,
+    first: np.ndarray,
+    last: np.ndarray,
+    begins: np.ndarray,
+    least_band: float,
 ) -> np.ndarray:
     result = np.full(len(first), np.nan)
     for i in range(len(first)):
@@ -235,10 +284,12 @@ def _settled_after(
 
 
 def amplitude_and_frequency(time_ns: np.ndarray, angle: np.ndarray) -> tuple[float, float] | None:
-    """Half the range of an angle [rad], and the frequency of a sine of the same RMS angle and rate [Hz].
+    """Half the range of an angle [rad], and the frequency of a sine of the same RMS angle and rate
+    [Hz].
 
     Args:
-        time_ns: Shape (n,). angle: [rad], shape (n,).
+        time_ns: Shape (n,).
+        angle: [rad], shape (n,).
     """
     if len(angle) < 5 or not np.isfinite(angle).all():
         return None

@@ -1,8 +1,10 @@
-"""Ranges of a sensor's own Euler angles over a section: limit tests, in which one angle should move and the others stay.
+"""Ranges of a sensor's own Euler angles over a section: limit tests, in which one angle should move
+and the others stay.
 
-In gimbal lock the two outer angles are not defined apart, whatever the sensor: only their sum is, or their difference. A device
-whose yaw and roll "change equally with opposite sign" there is not at fault. Beyond it they have jumped by half a turn, to
-either side alike, so that they are unwrapped from sample to sample only between two passages of lock.
+In gimbal lock the two outer angles are not defined apart, whatever the sensor: only their sum is,
+or their difference. A device whose yaw and roll "change equally with opposite sign" there is not at
+fault. Beyond it they have jumped by half a turn, to either side alike, so that they are unwrapped
+from sample to sample only between two passages of lock.
 """
 
 from __future__ import annotations
@@ -21,18 +23,26 @@ from testbench.records.samples import Truth
 LOCKED = np.radians(10.0)
 """Nearer to gimbal lock than this the outer angles are not reported apart [rad]."""
 LARGEST_STEP = np.pi / 2
-"""A larger step of an outer angle between two samples is a passage of lock that no sample fell into [rad]."""
+"""A larger step of an outer angle between two samples is a passage of lock that no sample fell into
+[rad].
+"""
 MOSTLY_LOCKED = 50.0
 """Percent of a section beyond which it counts as locked."""
 
 
 def euler_range_rows(
-    name: str, estimate: SensorEstimate, truth: Truth, steps: list[PlannedStep], wanted: Mapping[str, str]
+    name: str,
+    estimate: SensorEstimate,
+    truth: Truth,
+    steps: list[PlannedStep],
+    wanted: Mapping[str, str],
 ) -> list[EulerRangeRow]:
     """One row for each section and filter.
 
     Args:
-        name: Of the sensor. steps: Of the session. wanted: Euler sequence by section.
+        name: Of the sensor.
+        steps: Of the session.
+        wanted: Euler sequence by section.
     """
     rows = []
     for section, sequence in wanted.items():
@@ -55,10 +65,17 @@ def euler_range_rows(
             shut = percent > MOSTLY_LOCKED
             rows.append(
                 EulerRangeRow(
-                    name, section, key, sequence, _ranges(true, locked, shut), _ranges(estimated, locked, shut), percent,
-                    _outer(true, sense) if shut else None, _outer(estimated, sense) if shut else None,
+                    name,
+                    section,
+                    key,
+                    sequence,
+                    _ranges(true, locked, shut),
+                    _ranges(estimated, locked, shut),
+                    percent,
+                    _outer(true, sense) if shut else None,
+                    _outer(estimated, sense) if shut else None,
                 )
-            )  # fmt: skip
+            )
     return rows
 
 
@@ -71,8 +88,16 @@ def _ranges(angles: np.ndarray, locked: np.ndarray, shut: bool) -> list[float | 
     middle = float(np.degrees(np.ptp(np.unwrap(angles[:, 1]))))
     if shut:
         return [None, middle, None]
-    broken = locked[1:] | locked[:-1] | (np.abs(rotation.wrap(np.diff(angles[:, [0, 2]], axis=0))) > LARGEST_STEP).any(axis=1)
-    runs = [run for run in np.split(np.arange(len(angles)), np.flatnonzero(broken) + 1) if not locked[run[0]]]
+    broken = (
+        locked[1:]
+        | locked[:-1]
+        | (np.abs(rotation.wrap(np.diff(angles[:, [0, 2]], axis=0))) > LARGEST_STEP).any(axis=1)
+    )
+    runs = [
+        run
+        for run in np.split(np.arange(len(angles)), np.flatnonzero(broken) + 1)
+        if not locked[run[0]]
+    ]
     first, third = (float(np.degrees(_range(angles[:, i], runs))) for i in (0, 2))
     return [first, middle, third]
 
@@ -80,18 +105,26 @@ def _ranges(angles: np.ndarray, locked: np.ndarray, shut: bool) -> list[float | 
 def _range(angle: np.ndarray, runs: list[np.ndarray]) -> float:
     """Range of an angle over runs of samples whose turns against one another are not known [rad].
 
-    The shortest arc that holds every sample, unless one run alone goes farther; for a single run that is its unwrapped range.
+    The shortest arc that holds every sample, unless one run alone goes farther; for a single run
+    that is its unwrapped range.
     """
     around = np.sort(np.mod(angle[np.concatenate(runs)], 2 * np.pi))
     gaps = np.diff(around, append=around[0] + 2 * np.pi)
-    return max(2 * np.pi - float(gaps.max()), *(float(np.ptp(np.unwrap(angle[run]))) for run in runs))
+    return max(
+        2 * np.pi - float(gaps.max()), *(float(np.ptp(np.unwrap(angle[run]))) for run in runs)
+    )
 
 
 def _sense(sequence: str, true: np.ndarray) -> int:
-    """+1 where the sum of the outer angles is what stays defined in lock, -1 where their difference is."""
+    """+1 where the sum of the outer angles is what stays defined in lock, -1 where their difference
+    is.
+    """
     angles = np.array([0.0, true[len(true) // 2, 1], 0.0])
     both = angles + np.array([0.1, 0.0, 0.1])
-    together = rotation.multiply(rotation.conjugate(rotation.from_euler(sequence, angles)), rotation.from_euler(sequence, both))
+    together = rotation.multiply(
+        rotation.conjugate(rotation.from_euler(sequence, angles)),
+        rotation.from_euler(sequence, both),
+    )
     return -1 if float(rotation.angle(together)) < 0.1 else 1
 
 

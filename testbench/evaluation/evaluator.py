@@ -20,7 +20,13 @@ from testbench.evaluation.judged import judged_steps, sound_truth
 from testbench.evaluation.left_out import left_out_notes
 from testbench.evaluation.magnetic import field_deviation, field_error_rows, field_rows
 from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
-from testbench.evaluation.orientation import rank_sensor, sensor_errors, sensor_rows, summarise_sensor, sweep_rows
+from testbench.evaluation.orientation import (
+    rank_sensor,
+    sensor_errors,
+    sensor_rows,
+    summarise_sensor,
+    sweep_rows,
+)
 from testbench.evaluation.outliers import outlier_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.reference_step import reference_warning
@@ -48,7 +54,8 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     """Compare estimates with the truth and judge them by the protocol's limits.
 
     Args:
-        session: The recording. estimate: What `estimate` made of it.
+        session: The recording.
+        estimate: What `estimate` made of it.
     """
     instants = _instants(session, estimate)
     session = session.near(instants)
@@ -59,7 +66,9 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     if doubt is not None and doubt not in result.notes:  # else the plan has said so
         result.notes.append(doubt)
     if session.status is not RunStatus.COMPLETED:
-        result.notes.append(f"{ENDED[session.status]}: {session.manifest.get('message') or 'it did not finish'}")
+        result.notes.append(
+            f"{ENDED[session.status]}: {session.manifest.get('message') or 'it did not finish'}"
+        )
     earlier = earlier_steps(session)
     if earlier is not None:
         result.notes.append(f"this session {earlier.sentence}")
@@ -68,7 +77,11 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     result.notes.extend(tuning_notes(result.tuned))
     sparse = max(-(-len(instants.arm) // MOST_OF_THE_ARM), 1)
     arm = Arm.of(session.near(replace(instants, arm=instants.arm[::sparse])))
-    norms = [metric for name in estimate.sensors for metric in _judge_sensor(session, estimate, name, steps, arm, result)]
+    norms = [
+        metric
+        for name in estimate.sensors
+        for metric in _judge_sensor(session, estimate, name, steps, arm, result)
+    ]
     if steps is not None and not steps:
         result.notes.append("no step of the protocol was finished, so there is nothing to judge")
     for name in estimate.joints:
@@ -78,21 +91,28 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     judge_chain(session, estimate, result)
     metrics, outcome = judge(session.analysis, summarise_metrics(result) + norms)
     result.notes.extend(
-        f"{m.name} by {m.filter} has a limit but was not measured" for m in metrics if m.outcome is Outcome.NOT_MEASURED
+        f"{m.name} by {m.filter} has a limit but was not measured"
+        for m in metrics
+        if m.outcome is Outcome.NOT_MEASURED
     )
     result.notes.extend(
-        f"{m.name} by {m.filter}{f', section {m.section},' if m.section else ''} is marginal and cannot pass, for the "
+        f"{m.name} by {m.filter}{f', section {m.section},' if m.section else ''} is marginal and "
+        "cannot pass, for the "
         f"uncertainty of the truth is not known: {m.no_uncertainty}"
         for m in metrics
         if m.outcome is Outcome.MARGINAL and m.no_uncertainty
     )
-    if session.status is not RunStatus.COMPLETED:  # part of what was to be judged is missing: it cannot have passed
+    if (
+        session.status is not RunStatus.COMPLETED
+    ):  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
     return replace(result, metrics=metrics, outcome=outcome)
 
 
 def _instants(session: Session, estimate: Estimate) -> Instants:
-    """When each truth, and the arm, is asked for: at a sensor's own instants, and at those of the joints and chains."""
+    """When each truth, and the arm, is asked for: at a sensor's own instants, and at those of the
+    joints and chains.
+    """
     wanted = {name: [sensor.host_time_ns] for name, sensor in estimate.sensors.items()}
     arm = []
     for name, joint in estimate.joints.items():
@@ -106,19 +126,38 @@ def _instants(session: Session, estimate: Estimate) -> Instants:
 
 
 def _judge_sensor(
-    session: Session, estimate: Estimate, name: str, steps: list[PlannedStep] | None, arm: Arm | None, result: Evaluation
+    session: Session,
+    estimate: Estimate,
+    name: str,
+    steps: list[PlannedStep] | None,
+    arm: Arm | None,
+    result: Evaluation,
 ) -> list[Metric]:
     """Add a sensor's rows to the result; returns the metric of its accelerometer at rest."""
     sensor = estimate.sensors[name]
     result.notes.extend(f"{name}: {key} was left out: {why}" for key, why in sensor.skipped.items())
-    result.notes.extend(f"{name}: {count} samples left out: {reason}" for reason, count in sensor.quality.items() if count)
+    result.notes.extend(
+        f"{name}: {count} samples left out: {reason}"
+        for reason, count in sensor.quality.items()
+        if count
+    )
     result.notes.extend(f"{name}: {remark}" for remark in sensor.remarks)
     rest = Rest.longest(session, name, sensor)
     result.noise.extend(noise_rows(name, rest))
     norm_error = norm_error_percent(rest)
     metrics = []
     if norm_error is not None:
-        metrics.append(Metric(f"{name}.gravity_norm_error_percent", norm_error, "%", None, None, None, NORM_MEANING))
+        metrics.append(
+            Metric(
+                f"{name}.gravity_norm_error_percent",
+                norm_error,
+                "%",
+                None,
+                None,
+                None,
+                NORM_MEANING,
+            )
+        )
     samples = session.imu(name, every=sensor.every) if sensor.stored_calibration is None else None
     if samples is not None:
         result.gyroscope_bias.extend(bias_rows(name, sensor, samples, session.steps))
@@ -126,16 +165,22 @@ def _judge_sensor(
     if truth is None:
         result.notes.append(f"{name}: no truth, so its orientation is not judged")
         return metrics
-    result.notes.extend([f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else [])
+    result.notes.extend(
+        [f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else []
+    )
     wanted = session.analysis.estimate.euler_ranges
     result.euler_ranges.extend(euler_range_rows(name, sensor, truth, session.steps, wanted))
     errors = sensor_errors(name, sensor, truth, steps)
     result.series[f"orientation_{name}"] = errors.series()
     result.orientation.extend(sensor_rows(errors))
     defined = session.analysis.joints.values()
-    if steps is not None and not any(name in {joint.proximal, joint.distal} for joint in defined):  # else its joint tells
+    if steps is not None and not any(
+        name in {joint.proximal, joint.distal} for joint in defined
+    ):  # else its joint tells
         known = np.isfinite(errors.q_true[:, 0])
-        result.notes.extend(left_out_notes(name, steps, sensor.host_time_ns, sensor.static, known, ~sensor.flagged))
+        result.notes.extend(
+            left_out_notes(name, steps, sensor.host_time_ns, sensor.static, known, ~sensor.flagged)
+        )
     if errors.judged.any():
         true = TrueTurning.of(sensor.host_time_ns, errors.q_true)
         own = sensor_budgets(session, estimate, name, true, errors.judged, steps or [], arm)
@@ -156,11 +201,15 @@ def _tuned_rows(estimate: Estimate) -> list[TunedRow]:
     """Of every filter that ran with tuned parameters."""
     return [
         TunedRow(
-            key, {name: estimate.filter_parameters[key][name] for name in used.tuned}, used.objective, used.tuned_utc,
-            used.tuned_on, used.on_this_session,
+            key,
+            {name: estimate.filter_parameters[key][name] for name in used.tuned},
+            used.objective,
+            used.tuned_utc,
+            used.tuned_on,
+            used.on_this_session,
         )
         for key, used in estimate.tuned.items()
-    ]  # fmt: skip
+    ]
 
 
 def tuning_notes(rows: list[TunedRow]) -> list[str]:
@@ -168,14 +217,25 @@ def tuning_notes(rows: list[TunedRow]) -> list[str]:
     notes = []
     for row in rows:
         chosen = ", ".join(f"{name} {value:.4g}" for name, value in row.parameters.items())
-        notes.append(f"{row.filter} ran with {chosen}, tuned for {row.objective} on {', '.join(row.tuned_on)}")
+        notes.append(
+            f"{row.filter} ran with {chosen}, tuned for {row.objective} on "
+            f"{', '.join(row.tuned_on)}"
+        )
         if row.on_this_session:
-            notes.append(f"{row.filter} was tuned on this session: its errors here are those of a fit, not of a test")
+            notes.append(
+                f"{row.filter} was tuned on this session: its errors here are those of a fit, not "
+                "of a test"
+            )
     return notes
 
 
 def _judge_joint(
-    session: Session, estimate: Estimate, name: str, steps: list[PlannedStep], arm: Arm | None, result: Evaluation
+    session: Session,
+    estimate: Estimate,
+    name: str,
+    steps: list[PlannedStep],
+    arm: Arm | None,
+    result: Evaluation,
 ) -> None:
     """Add a joint's rows to the result."""
     errors = joint_errors(session, name, estimate, steps)

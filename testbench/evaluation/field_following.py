@@ -15,15 +15,20 @@ from testbench.frames import NANOSECONDS
 from testbench.records.evaluation_rows import FieldFollowingRow
 
 BIN_NS = NANOSECONDS // 2
-"""Both headings are averaged over so long: the magnetometer's noise of 0.2 deg a sample becomes 0.03 deg."""
+"""Both headings are averaged over so long: the magnetometer's noise of 0.2 deg a sample becomes
+0.03 deg.
+"""
 AROUND_S = 60.0
-"""Changes are those against the mean over so long around: a drift of the heading, which resembles any slow change, is out."""
+"""Changes are those against the mean over so long around: a drift of the heading, which resembles
+any slow change, is out.
+"""
 LEAST_CHANGE_DEG = 0.2
 """With smaller changes of the field's heading (SD) the interval would be wider than from 0 to 1."""
 GYROSCOPE_DEG = 0.1
-"""What a gyroscope's scale and axes may turn a heading by in the pace of the field, as both go by the pose. In three runs each
-of elbow_flexion, elbow_dynamic and magnetic_passage filters without magnetometer showed 0.08 deg at most, and 0.15 deg once,
-where slow turns were taken for a bias."""
+"""What a gyroscope's scale and axes may turn a heading by in the pace of the field, as both go by
+the pose. In three runs each of elbow_flexion, elbow_dynamic and magnetic_passage filters without
+magnetometer showed 0.08 deg at most, and 0.15 deg once, where slow turns were taken for a bias.
+"""
 
 
 @dataclass(frozen=True)
@@ -31,9 +36,13 @@ class Following:
     """The heading error of a filter against that which the field would give a compass.
 
     Attributes:
-        n: Half seconds. change: Standard deviation of the field's heading against its mean over the minute around [rad].
-        share: Of that in the filter's heading: 1 for a compass, 0 for a filter that ignores the field; NaN without changes.
-        error: Standard error of the share by blocks of a minute or more; infinite for a single one. blocks: How many.
+        n: Half seconds.
+        change: Standard deviation of the field's heading against its mean over the minute around
+            [rad].
+        share: Of that in the filter's heading: 1 for a compass, 0 for a filter that ignores the
+            field; NaN without changes.
+        error: Standard error of the share by blocks of a minute or more; infinite for a single one.
+        blocks: How many.
     """
 
     n: int
@@ -44,27 +53,33 @@ class Following:
 
 
 def following(time_ns: np.ndarray, field: np.ndarray, error: np.ndarray) -> Following:
-    """Regress a filter's heading error on the error of a compass, in changes against the minute around.
+    """Regress a filter's heading error on the error of a compass, in changes against the minute
+    around.
 
-    Ordinary least squares with intercept, and with a trend where the minute is cut at the ends or has gaps. The standard error
-    is that of the mean of regressor times residual, by blocks (`mean_and_error`): it holds for residuals with memory and of
-    changing size.
+    Ordinary least squares with intercept, and with a trend where the minute is cut at the ends or
+    has gaps. The standard error is that of the mean of regressor times residual, by blocks
+    (`mean_and_error`): it holds for residuals with memory and of changing size.
 
     Args:
-        time_ns: Of the judged samples, increasing, shape (n,), n > 0. field: Heading of the field against the reference,
-        anticlockwise from above, shape (n,) [rad]; a compass errs by its negative. error: Heading error, shape (n,) [rad].
+        time_ns: Of the judged samples, increasing, shape (n,), n > 0.
+        field: Heading of the field against the reference, anticlockwise from above, shape (n,)
+            [rad]; a compass errs by its negative.
+        error: Heading error, shape (n,) [rad].
     """
     time_s, (compass, heading) = _averaged(time_ns, [-field, error])
     return _following(time_s, _changes(time_s, compass), _changes(time_s, heading))
 
 
 def following_rows(sensor: SensorErrors, found: FieldDeviation) -> list[FieldFollowingRow]:
-    """One row for each filter, over all judged samples; without a share where the field says too little of it."""
+    """One row for each filter, over all judged samples; without a share where the field says too
+    little of it.
+    """
     rows = np.flatnonzero(sensor.judged & np.isfinite(found.heading_rad))
     if len(rows) < FEWEST_SAMPLES:
         return []
     time_s, (compass, *headings) = _averaged(
-        sensor.estimate.host_time_ns[rows], [-found.heading_rad[rows], *(e.heading[rows] for e in sensor.errors.values())]
+        sensor.estimate.host_time_ns[rows],
+        [-found.heading_rad[rows], *(e.heading[rows] for e in sensor.errors.values())],
     )
     changes = _changes(time_s, compass)
     result = []
@@ -72,21 +87,32 @@ def following_rows(sensor: SensorErrors, found: FieldDeviation) -> list[FieldFol
         seen = _following(time_s, changes, _changes(time_s, heading))
         change_deg = float(np.degrees(seen.change))
         row = FieldFollowingRow(sensor.name, key, seen.n, change_deg, None, None, seen.blocks)
-        if change_deg >= LEAST_CHANGE_DEG and seen.blocks >= FEWEST_BLOCKS and np.isfinite(seen.share):
+        if (
+            change_deg >= LEAST_CHANGE_DEG
+            and seen.blocks >= FEWEST_BLOCKS
+            and np.isfinite(seen.share)
+        ):
             quantile = float(t.ppf((1 + CONFIDENCE) / 2, seen.blocks - 1))
             half = quantile * seen.error + GYROSCOPE_DEG / change_deg
             interval = [seen.share - half, seen.share + half]
-            row = FieldFollowingRow(sensor.name, key, seen.n, change_deg, seen.share, interval, seen.blocks)
+            row = FieldFollowingRow(
+                sensor.name, key, seen.n, change_deg, seen.share, interval, seen.blocks
+            )
         result.append(row)
     return result
 
 
 def _averaged(time_ns: np.ndarray, angles: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Means over each half second that holds samples: time from the first sample [s], and angles without jumps [rad]."""
+    """Means over each half second that holds samples: time from the first sample [s], and angles
+    without jumps [rad].
+    """
     place = time_ns // BIN_NS
     starts = np.concatenate([[0], np.flatnonzero(np.diff(place)) + 1, [len(place)]])
     time_s = np.add.reduceat((time_ns - time_ns[0]) / NANOSECONDS, starts[:-1]) / np.diff(starts)
-    return time_s, [np.unwrap(_mean_angles(np.ascontiguousarray(angle, dtype=float), starts)) for angle in angles]
+    return time_s, [
+        np.unwrap(_mean_angles(np.ascontiguousarray(angle, dtype=float), starts))
+        for angle in angles
+    ]
 
 
 @njit(cache=True)

@@ -32,7 +32,9 @@ from testbench.records.session import Session
 Key = tuple[str, str]
 """Filter and label of the definition."""
 LEAST_GIMBAL_MARGIN = np.radians(1.0)
-"""Nearer than this to where it stops being defined (gimbal lock), an angle beside the flexion is not judged [rad]."""
+"""Nearer than this to where it stops being defined (gimbal lock), an angle beside the flexion is
+not judged [rad].
+"""
 
 
 @dataclass(frozen=True)
@@ -40,13 +42,22 @@ class JointErrors:
     """Flexion errors of one joint, and where they count.
 
     Attributes:
-        name, joint: Of the protocol. time_ns: Of the proximal sensor, shape (n,). reference: True flexion [rad], shape (n,).
-        flexion, error: Estimated, and its error, by filter and Euler sequence [rad], shape (n,) each. true_angles, angles: All
-        three Euler angles, true by sequence and estimated by filter and sequence, shape (n, 3).
-        steps: Judged steps with the rows that count in each, in the order of time; those without any are left out.
-        total: Angle of the rotation between estimated and true orientation of the distal segment against the proximal one, by
-        filter [rad], shape (n,); NaN where nothing is judged.
-        turned: What the motion of the proximal and of the distal sensor has added to the true flexion, shape (n, 2) [rad].
+        name: Of the protocol.
+        joint: Of the protocol.
+        time_ns: Of the proximal sensor, shape (n,).
+        reference: True flexion [rad], shape (n,).
+        flexion: Estimated, and its error, by filter and Euler sequence [rad], shape (n,) each.
+        error: Estimated, and its error, by filter and Euler sequence [rad], shape (n,) each.
+        true_angles: All three Euler angles, true by sequence and estimated by filter and sequence,
+            shape (n, 3).
+        angles: All three Euler angles, true by sequence and estimated by filter and sequence, shape
+            (n, 3).
+        steps: Judged steps with the rows that count in each, in the order of time; those without
+            any are left out.
+        total: Angle of the rotation between estimated and true orientation of the distal segment
+            against the proximal one, by filter [rad], shape (n,); NaN where nothing is judged.
+        turned: What the motion of the proximal and of the distal sensor has added to the true
+            flexion, shape (n, 2) [rad].
         notes: What was to be judged and was not.
     """
 
@@ -88,7 +99,9 @@ class JointErrors:
         return columns
 
 
-def joint_errors(session: Session, name: str, estimate: Estimate, steps: list[PlannedStep]) -> JointErrors | None:
+def joint_errors(
+    session: Session, name: str, estimate: Estimate, steps: list[PlannedStep]
+) -> JointErrors | None:
     """Errors of one joint; None where nobody knows the true angle."""
     joint, joint_estimate = session.analysis.joints[name], estimate.joints[name]
     time = joint_estimate.host_time_ns
@@ -108,14 +121,19 @@ def joint_errors(session: Session, name: str, estimate: Estimate, steps: list[Pl
     total = _total_errors(joint, joint_estimate.angles, true_angles[joint.label], judged)
     notes = left_out_notes(f"joint '{name}'", steps, time, static, np.isfinite(reference), sound)
     own = joint_estimate.angles
-    return JointErrors(name, joint, time, reference, flexion, error, true_angles, own, judged, total, turned, notes)
+    return JointErrors(
+        name, joint, time, reference, flexion, error, true_angles, own, judged, total, turned, notes
+    )
 
 
 def _total_errors(
-    joint: JointDefinition, angles: dict[Key, np.ndarray], true: np.ndarray, judged: list[tuple[PlannedStep, np.ndarray]]
+    joint: JointDefinition,
+    angles: dict[Key, np.ndarray],
+    true: np.ndarray,
+    judged: list[tuple[PlannedStep, np.ndarray]],
 ) -> dict[str, np.ndarray]:
-    """All three angles of the joint's own definition at once: the angle between two rotations does not depend on how they are
-    written, and no definition loses it in gimbal lock.
+    """All three angles of the joint's own definition at once: the angle between two rotations does
+    not depend on how they are written, and no definition loses it in gimbal lock.
     """
     rows = np.concatenate([rows for _, rows in judged]) if judged else np.zeros(0, dtype=np.int64)
     decomposition = decomposition_of(joint)
@@ -124,16 +142,22 @@ def _total_errors(
     for (key, sequence), own in angles.items():
         if sequence == joint.label:
             result[key] = np.full(len(true), np.nan)
-            difference = rotation.multiply(rotation.conjugate(q_true), decomposition.rotation(own[rows]))
+            difference = rotation.multiply(
+                rotation.conjugate(q_true), decomposition.rotation(own[rows])
+            )
             result[key][rows] = rotation.angle(difference)
     return result
 
 
-def flexion_error(definition: FlexionAngle, angles: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def flexion_error(
+    definition: FlexionAngle, angles: np.ndarray, reference: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Flexion [rad] and its error, shape (n,) each.
 
     Args:
-        definition: Which of the angles it is. angles: Estimated, shape (n, 3) [rad]. reference: True flexion [rad], shape (n,).
+        definition: Which of the angles it is.
+        angles: Estimated, shape (n, 3) [rad].
+        reference: True flexion [rad], shape (n,).
     """
     flexion = nearest_turn(flexion_of(definition, angles), reference)
     return flexion, rotation.wrap(flexion - reference)
@@ -143,15 +167,21 @@ def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:
     """One row for each step, filter and sequence.
 
     Args:
-        errors: Of the joint. clock_sd: Standard uncertainty of the proximal sensor's time [s], part of that of a delay.
+        errors: Of the joint.
+        clock_sd: Standard uncertainty of the proximal sensor's time [s], part of that of a delay.
     """
     poses = [step for step, _ in errors.steps if step.kind != "sweep"]
-    settled = {key: iter(convergence_times(errors.time_ns, error, poses)) for key, error in errors.error.items()}
+    settled = {
+        key: iter(convergence_times(errors.time_ns, error, poses))
+        for key, error in errors.error.items()
+    }
     rows = []
     for step, counted in errors.steps:
         for key in errors.error:
             definition = errors.definition(key[1])
-            others = _others(errors.angles[key][counted], errors.true_angles[key[1]][counted], definition)
+            others = _others(
+                errors.angles[key][counted], errors.true_angles[key[1]][counted], definition
+            )
             row = _row(errors, key, step, counted, others)
             if step.kind == "sweep":
                 row = _with_sweep(row, errors, key, counted, clock_sd)
@@ -162,7 +192,9 @@ def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:
     return rows
 
 
-def _with_sweep(row: JointRow, errors: JointErrors, key: Key, rows: np.ndarray, clock_sd: float) -> JointRow:
+def _with_sweep(
+    row: JointRow, errors: JointErrors, key: Key, rows: np.ndarray, clock_sd: float
+) -> JointRow:
     """The row with what is said of sweeps alone."""
     measured = amplitude_and_frequency(errors.time_ns[rows], errors.reference[rows])
     delay = angle_delay(errors.time_ns, errors.flexion[key], errors.reference, [rows])
@@ -176,19 +208,27 @@ def _with_sweep(row: JointRow, errors: JointErrors, key: Key, rows: np.ndarray, 
     )
 
 
-def _both_sensors(estimate: Estimate, joint: JointDefinition, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where both sensors are at rest, and where neither is flagged, at the proximal sensor's instants."""
+def _both_sensors(
+    estimate: Estimate, joint: JointDefinition, time: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where both sensors are at rest, and where neither is flagged, at the proximal sensor's
+    instants.
+    """
     proximal, distal = estimate.sensors[joint.proximal], estimate.sensors[joint.distal]
     following = np.clip(np.searchsorted(distal.host_time_ns, time), 1, len(distal.host_time_ns) - 1)
     before = following - 1
     bridged = distal.host_time_ns[following] - distal.host_time_ns[before] > WIDEST_GAP_NS
     static = proximal.static & distal.static[following] & distal.static[before]
-    return static, ~(proximal.flagged | distal.flagged[following] | distal.flagged[before] | bridged)
+    return static, ~(
+        proximal.flagged | distal.flagged[following] | distal.flagged[before] | bridged
+    )
 
 
-def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray] | None:
-    """Euler angles of the segments' true orientations by sequence, shape (n, 3), and what each sensor has turned the flexion
-    by, shape (n, 2) [rad]; NaN where the truth is unknown.
+def _true_angles(
+    session: Session, joint: JointDefinition, time: np.ndarray
+) -> tuple[dict[str, np.ndarray], np.ndarray] | None:
+    """Euler angles of the segments' true orientations by sequence, shape (n, 3), and what each
+    sensor has turned the flexion by, shape (n, 2) [rad]; NaN where the truth is unknown.
     """
     orientations = []
     for sensor in (joint.proximal, joint.distal):  # one truth at a time: they may be long
@@ -213,16 +253,22 @@ def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> 
 
 def _reference(
     session: Session, joint: JointDefinition, true_angles: dict[str, np.ndarray], time: np.ndarray
-) -> np.ndarray:  # fmt: skip
-    """True flexion [rad]: the arm's measured joint if the protocol names one, else the same angle of the truth, unwrapped."""
+) -> np.ndarray:
+    """True flexion [rad]: the arm's measured joint if the protocol names one, else the same angle
+    of the truth, unwrapped.
+    """
     measured = None if joint.reference_joint is None else session.arm_joint(joint.reference_joint)
     if measured is not None:
         return np.asarray(np.interp(time, *measured, left=np.nan, right=np.nan))
     return unwrapped(flexion_of(joint, true_angles[joint.label]))
 
 
-def _others(estimated: np.ndarray, true: np.ndarray, definition: FlexionAngle) -> list[float | None]:
-    """Mean absolute error [deg] of the two angles that are not the flexion; None for one that is nowhere defined."""
+def _others(
+    estimated: np.ndarray, true: np.ndarray, definition: FlexionAngle
+) -> list[float | None]:
+    """Mean absolute error [deg] of the two angles that are not the flexion; None for one that is
+    nowhere defined.
+    """
     margins = decomposition_of(definition).margins(true)
     result: list[float | None] = []
     for i in range(3):
@@ -233,7 +279,9 @@ def _others(estimated: np.ndarray, true: np.ndarray, definition: FlexionAngle) -
     return result
 
 
-def _row(errors: JointErrors, key: Key, step: PlannedStep, rows: np.ndarray, others: list[float | None]) -> JointRow:
+def _row(
+    errors: JointErrors, key: Key, step: PlannedStep, rows: np.ndarray, others: list[float | None]
+) -> JointRow:
     summary, joint = summarise(np.degrees(errors.error[key][rows])), errors.joint
     return JointRow(
         joint=errors.name,

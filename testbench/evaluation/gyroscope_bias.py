@@ -1,4 +1,6 @@
-"""What the calibrated gyroscope still reads at rest: the error of the bias that the calibration estimated."""
+"""What the calibrated gyroscope still reads at rest: the error of the bias that the calibration
+estimated.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +18,15 @@ FEWEST_SAMPLES = 50
 
 def bias_rows(
     name: str, estimate: SensorEstimate, samples: ImuSamples, steps: list[PlannedStep]
-) -> list[GyroscopeBiasRow]:  # fmt: skip
-    """The mean of the calibrated rate over the dwells in which nothing was calibrated, where the true rate is zero.
+) -> list[GyroscopeBiasRow]:
+    """The mean of the calibrated rate over the dwells in which nothing was calibrated, where the
+    true rate is zero.
 
     Args:
-        name: Of the sensor. estimate: Its calibration. samples: As recorded, on the same rows. steps: Of the session.
+        name: Of the sensor.
+        estimate: Its calibration.
+        samples: As recorded, on the same rows.
+        steps: Of the session.
 
     Returns:
         One row for each axis; none where nothing was calibrated, or too little was at rest.
@@ -40,8 +46,13 @@ def bias_rows(
         sd = float(np.degrees(fit.gyr_bias_sd[i]))
         rows.append(
             GyroscopeBiasRow(
-                name, axis, float(np.degrees(fit.gyr_bias[i])), sd if np.isfinite(sd) else None, mean,
-                error if np.isfinite(error) else None, int(rest.sum()),
+                name,
+                axis,
+                float(np.degrees(fit.gyr_bias[i])),
+                sd if np.isfinite(sd) else None,
+                mean,
+                error if np.isfinite(error) else None,
+                int(rest.sum()),
             )
-        )  # fmt: skip
+        )
     return rows

@@ -23,27 +23,41 @@ Judged = list[tuple[PlannedStep, np.ndarray]]
 def summarise_joint(
     errors: JointErrors, rows: list[JointRow], budgets: list[UncertaintyBudget], clock_sd: float
 ) -> tuple[list[JointSummary], list[RankRow], list[Comparison]]:
-    """Summaries of every section, filter and sequence; and the ranking of the filters, by the flexion in the joint's own
-    sequence and by the total error, which sees headings where the flexion does not.
+    """Summaries of every section, filter and sequence; and the ranking of the filters, by the
+    flexion in the joint's own sequence and by the total error, which sees headings where the
+    flexion does not.
 
     Args:
-        errors: Of the joint. rows: Its rows by step. budgets: Of the truth, by section. clock_sd: Standard uncertainty of the
-        proximal sensor's time [s].
+        errors: Of the joint.
+        rows: Its rows by step.
+        budgets: Of the truth, by section.
+        clock_sd: Standard uncertainty of the proximal sensor's time [s].
     """
     summaries: list[JointSummary] = []
     ranks: list[RankRow] = []
     comparisons: list[Comparison] = []
     for section, steps in errors.sections().items():
-        budget = next((item for item in budgets if item.owner == errors.name and item.section == section), None)
+        budget = next(
+            (item for item in budgets if item.owner == errors.name and item.section == section),
+            None,
+        )
         own: dict[str, ErrorSeries] = {}
         whole: dict[str, ErrorSeries] = {}
         for motion, judged in by_motion(steps).items():
             for key in errors.error:
                 found = _summary(errors, key, judged, motion, clock_sd)
-                settling = [r for r in rows if r.section == section and (r.filter, r.sequence) == key and r.kind != "sweep"]
+                settling = [
+                    r
+                    for r in rows
+                    if r.section == section and (r.filter, r.sequence) == key and r.kind != "sweep"
+                ]
                 if motion != "dynamic":
                     found = _with_settling(found, settling)
-                expanded = (None, None) if budget is None else (budget.expanded_deg, budget.expanded_magnitude_deg)
+                expanded = (
+                    (None, None)
+                    if budget is None
+                    else (budget.expanded_deg, budget.expanded_magnitude_deg)
+                )
                 summaries.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
         for (name, label), error in errors.error.items():
             series = _series(error, steps)
@@ -53,9 +67,14 @@ def summarise_joint(
             series = _series(total, steps)
             if series is not None:
                 whole[name] = series
-        for sequence, criterion, judged_by in ((errors.joint.label, MEAN_MAGNITUDE, own), (None, MEAN_SQUARE, whole)):
+        for sequence, criterion, judged_by in (
+            (errors.joint.label, MEAN_MAGNITUDE, own),
+            (None, MEAN_SQUARE, whole),
+        ):
             if len(judged_by) > 1:
-                ranked, compared = rank_filters(errors.name, section, sequence, criterion, judged_by)
+                ranked, compared = rank_filters(
+                    errors.name, section, sequence, criterion, judged_by
+                )
                 ranks += ranked
                 comparisons += compared
     return summaries, ranks, comparisons
@@ -74,7 +93,9 @@ def _series(error: np.ndarray, judged: Judged) -> ErrorSeries | None:
     return step_series(np.degrees(error), [rows for _, rows in judged], moving, equally=True)
 
 
-def _summary(errors: JointErrors, key: Key, judged: Judged, motion: str, clock_sd: float) -> ErrorSummary:
+def _summary(
+    errors: JointErrors, key: Key, judged: Judged, motion: str, clock_sd: float
+) -> ErrorSummary:
     every = np.concatenate([rows for _, rows in judged])
     error = np.degrees(errors.error[key])
     together = summarise(error[every])
@@ -93,7 +114,9 @@ def _summary(errors: JointErrors, key: Key, judged: Judged, motion: str, clock_s
     )
     series = _series(errors.error[key], judged)
     if series is not None:
-        found = intervals(series, random_stream(0, errors.name, *key, judged[0][0].section, motion, "bootstrap"))
+        found = intervals(
+            series, random_stream(0, errors.name, *key, judged[0][0].section, motion, "bootstrap")
+        )
         result = replace(
             result,
             mean_error_ci95_deg=found.mean,
@@ -103,9 +126,15 @@ def _summary(errors: JointErrors, key: Key, judged: Judged, motion: str, clock_s
             block_length=found.length,
         )
     if motion == "dynamic":
-        delay = angle_delay(errors.time_ns, errors.flexion[key], errors.reference, [rows for _, rows in judged])
+        delay = angle_delay(
+            errors.time_ns, errors.flexion[key], errors.reference, [rows for _, rows in judged]
+        )
         if delay is not None:
-            result = replace(result, latency_ms=1e3 * delay[0], latency_sd_ms=1e3 * float(np.hypot(delay[1], clock_sd)))
+            result = replace(
+                result,
+                latency_ms=1e3 * delay[0],
+                latency_sd_ms=1e3 * float(np.hypot(delay[1], clock_sd)),
+            )
     return result
 
 
@@ -115,5 +144,8 @@ def _with_settling(summary: ErrorSummary, rows: list[JointRow]) -> ErrorSummary:
     if not times:
         return replace(summary, unsettled=unsettled)
     return replace(
-        summary, convergence_s=float(np.median(times)), convergence_max_s=float(np.max(times)), unsettled=unsettled
-    )  # fmt: skip
+        summary,
+        convergence_s=float(np.median(times)),
+        convergence_max_s=float(np.max(times)),
+        unsettled=unsettled,
+    )

@@ -1,4 +1,6 @@
-"""Which samples count: static poses once they have settled, sweeps while they move, or what the recording itself marks."""
+"""Which samples count: static poses once they have settled, sweeps while they move, or what the
+recording itself marks.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,15 @@ from testbench.records.samples import Truth
 from testbench.records.session import Session
 
 SETTLING_NS = NANOSECONDS * 3 // 10
-"""After a move the arm still swings in; this long is left out of a dwell (a servo of 12 Hz is within 1e-6 after 0.3 s)."""
+"""After a move the arm still swings in; this long is left out of a dwell (a servo of 12 Hz is
+within 1e-6 after 0.3 s).
+"""
 
 
 def judged_steps(steps: list[PlannedStep]) -> list[PlannedStep]:
-    """Steps whose errors count: those of evaluation sections, or all but calibration where there is none."""
+    """Steps whose errors count: those of evaluation sections, or all but calibration where there is
+    none.
+    """
     chosen = [step for step in steps if step.role == "evaluation"]
     return chosen or [step for step in steps if step.role != "calibration"] or steps
 
@@ -31,7 +37,9 @@ def window(step: PlannedStep) -> tuple[int, int]:
 
 
 def sound_truth(session: Session, sensor: str) -> tuple[Truth | None, int]:
-    """The truth that a sensor's orientation is judged by, or None, and how many of its orientations were left out as jumps."""
+    """The truth that a sensor's orientation is judged by, or None, and how many of its orientations
+    were left out as jumps.
+    """
     truth = session.truth(sensor)
     if truth is None or truth.rate is not None:
         return truth, 0
@@ -44,13 +52,19 @@ def _fastest(session: Session, sensor: str) -> float:
     return max((float(np.max(norm[np.isfinite(norm)], initial=0.0)) for norm in norms), default=0.0)
 
 
-def rows_by_step(steps: list[PlannedStep], time_ns: np.ndarray, static: np.ndarray) -> Iterator[tuple[PlannedStep, np.ndarray]]:
+def rows_by_step(
+    steps: list[PlannedStep], time_ns: np.ndarray, static: np.ndarray
+) -> Iterator[tuple[PlannedStep, np.ndarray]]:
     """The rows of a time column that count in each step, in order.
 
     Args:
-        steps: As `judged_steps` gives them. time_ns: Increasing, shape (n,). static: At rest by the sensors, shape (n,).
+        steps: As `judged_steps` gives them.
+        time_ns: Increasing, shape (n,).
+        static: At rest by the sensors, shape (n,).
     """
     for step in steps:
         begin, end = window(step)
-        rows = np.arange(np.searchsorted(time_ns, begin), np.searchsorted(time_ns, end, side="right"))
+        rows = np.arange(
+            np.searchsorted(time_ns, begin), np.searchsorted(time_ns, end, side="right")
+        )
         yield step, rows if step.kind == "sweep" else rows[static[rows]]

@@ -20,13 +20,25 @@ NO_SAMPLES, MOVING, NO_TRUTH, FLAGGED = (
 
 
 def left_out_notes(
-    subject: str, steps: list[PlannedStep], time_ns: np.ndarray, static: np.ndarray, known: np.ndarray, sound: np.ndarray
+    subject: str,
+    steps: list[PlannedStep],
+    time_ns: np.ndarray,
+    static: np.ndarray,
+    known: np.ndarray,
+    sound: np.ndarray,
 ) -> list[str]:
     """One note for each section of which steps, or most samples, do not count.
 
     Args:
-        subject: Sensor or joint, as notes call it. steps: Those to be judged. time_ns: Of the samples, increasing, shape (n,).
-        static, known, sound: Where the sensors are at rest, the truth is known, and no sample is flagged, shape (n,), bool.
+        subject: Sensor or joint, as notes call it.
+        steps: Those to be judged.
+        time_ns: Of the samples, increasing, shape (n,).
+        static: Where the sensors are at rest, the truth is known, and no sample is flagged, shape
+            (n,), bool.
+        known: Where the sensors are at rest, the truth is known, and no sample is flagged, shape
+            (n,), bool.
+        sound: Where the sensors are at rest, the truth is known, and no sample is flagged, shape
+            (n,), bool.
     """
     sections: dict[str, list[PlannedStep]] = {}
     for step in steps:
@@ -38,7 +50,9 @@ def left_out_notes(
         planned = counted = 0
         for step in own:
             begin, end = window(step)
-            rows = slice(np.searchsorted(time_ns, begin), np.searchsorted(time_ns, end, side="right"))
+            rows = slice(
+                np.searchsorted(time_ns, begin), np.searchsorted(time_ns, end, side="right")
+            )
             rest = static[rows] | (step.kind == "sweep")
             judged = rest & known[rows] & sound[rows]
             reasons = Counter({MOVING: int((~rest).sum())})

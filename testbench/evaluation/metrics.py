@@ -12,7 +12,9 @@ from testbench.model import rotation
 
 @dataclass(frozen=True)
 class OrientationErrors:
-    """Error angles [rad], each of shape (n,): total, its part about the vertical (signed), and the rest."""
+    """Error angles [rad], each of shape (n,): total, its part about the vertical (signed), and the
+    rest.
+    """
 
     total: np.ndarray
     heading: np.ndarray
@@ -20,21 +22,29 @@ class OrientationErrors:
 
 
 def orientation_errors(q_estimated: np.ndarray, q_true: np.ndarray) -> OrientationErrors:
-    """Errors of q_world_from_sensor, split as Laidig & Seel (2023, section 4.2) do: e = q_estimated conj(q_true).
+    """Errors of q_world_from_sensor, split as Laidig & Seel (2023, section 4.2) do: e = q_estimated
+    conj(q_true).
 
     Args:
-        q_estimated, q_true: Shape (n, 4).
+        q_estimated: Shape (n, 4).
+        q_true: Shape (n, 4).
     """
-    found = _error_angles(np.ascontiguousarray(q_estimated, dtype=float), np.ascontiguousarray(q_true, dtype=float))
+    found = _error_angles(
+        np.ascontiguousarray(q_estimated, dtype=float), np.ascontiguousarray(q_true, dtype=float)
+    )
     return OrientationErrors(*found)
 
 
 @njit(cache=True)
 def _error_angles(q: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """`rotation.angle`, `heading_angle` and `inclination_angle` of q conj(p) in one pass, shape (3, n)."""
+    """`rotation.angle`, `heading_angle` and `inclination_angle` of q conj(p) in one pass, shape (3,
+    n).
+    """
     angles = np.empty((3, len(q)))
     for i in range(len(q)):
-        w, x, y, z = rotation.product(q[i, 0], q[i, 1], q[i, 2], q[i, 3], p[i, 0], -p[i, 1], -p[i, 2], -p[i, 3])
+        w, x, y, z = rotation.product(
+            q[i, 0], q[i, 1], q[i, 2], q[i, 3], p[i, 0], -p[i, 1], -p[i, 2], -p[i, 3]
+        )
         level2 = x * x + y * y
         angles[0, i] = 2.0 * np.arctan2(np.sqrt(level2 + z * z), abs(w))
         heading = 2.0 * np.arctan2(z, w)
@@ -52,8 +62,14 @@ class Summary:
     """Of n errors, in their own unit.
 
     Attributes:
-        mean: Signed. mean_abs: Of magnitudes. sd: Standard deviation. rmse: Root mean square. max_abs: Largest magnitude.
-        median, iqr: Of signed errors: the middle, and upper less lower quartile. p95_abs: 95th percentile of magnitudes.
+        mean: Signed.
+        mean_abs: Of magnitudes.
+        sd: Standard deviation.
+        rmse: Root mean square.
+        max_abs: Largest magnitude.
+        median: Of signed errors: the middle, and upper less lower quartile.
+        iqr: Of signed errors: the middle, and upper less lower quartile.
+        p95_abs: 95th percentile of magnitudes.
     """
 
     n: int
@@ -68,7 +84,8 @@ class Summary:
 
 
 def summarise(errors: np.ndarray) -> Summary:
-    """Summary of errors, shape (n,) with n >= 1; the sd is that of a sample (n - 1), 0 for a single one.
+    """Summary of errors, shape (n,) with n >= 1; the sd is that of a sample (n - 1), 0 for a single
+    one.
 
     Quantiles are linear between order statistics (Hyndman & Fan 1996, type 7), as numpy's are.
     """
@@ -100,17 +117,27 @@ def _summary(
     sd = np.sqrt(spread / (n - 1)) if n > 1 else 0.0
     iqr = _quantile(ordered, 0.75) - _quantile(ordered, 0.25)
     return (
-        mean, magnitude.mean(), sd, np.sqrt(square / n), magnitude[-1], _quantile(ordered, 0.5), iqr,
+        mean,
+        magnitude.mean(),
+        sd,
+        np.sqrt(square / n),
+        magnitude[-1],
+        _quantile(ordered, 0.5),
+        iqr,
         _quantile(magnitude, 0.95),
-    )  # fmt: skip
+    )
 
 
 LEAST_SPREAD = np.radians(1.0)
-"""A true angle with a smaller standard deviation than this says nothing by its correlation [rad]."""
+"""A true angle with a smaller standard deviation than this says nothing by its correlation
+[rad].
+"""
 
 
 def correlation(estimated: np.ndarray, true: np.ndarray) -> float | None:
-    """Pearson's correlation of estimated and true angles [rad], shape (n,); None where the true ones hardly change."""
+    """Pearson's correlation of estimated and true angles [rad], shape (n,); None where the true
+    ones hardly change.
+    """
     if len(true) < 3:
         return None
     variance, of_true, together = _moments(estimated, true)
@@ -134,7 +161,9 @@ def _moments(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float]:
 
 @njit(cache=True)
 def unwrapped_pair(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two angles [rad] without jumps of a whole turn: the true one unwrapped, the estimated one brought next to it, (n,)."""
+    """Two angles [rad] without jumps of a whole turn: the true one unwrapped, the estimated one
+    brought next to it, (n,).
+    """
     turn = 2 * np.pi
     near, smooth = np.empty(len(true)), np.empty(len(true))
     offset = 0.0

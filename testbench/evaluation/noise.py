@@ -22,7 +22,16 @@ _G, _DEG = STANDARD_GRAVITY, np.pi / 180
 UNITS: dict[str, tuple[str, float, str, float, str, float, str, float]] = {
     # mean and sd, white noise, bias instability, rate random walk: unit and its size in SI
     "acc": ("mg", 1e-3 * _G, "ug/sqrt(Hz)", 1e-6 * _G, "mg", 1e-3 * _G, "mg/sqrt(s)", 1e-3 * _G),
-    "gyr": ("deg/s", _DEG, "deg/s/sqrt(Hz)", _DEG, "deg/h", _DEG / 3600, "deg/h/sqrt(s)", _DEG / 3600),
+    "gyr": (
+        "deg/s",
+        _DEG,
+        "deg/s/sqrt(Hz)",
+        _DEG,
+        "deg/h",
+        _DEG / 3600,
+        "deg/h/sqrt(s)",
+        _DEG / 3600,
+    ),
     "mag": ("uT", 1.0, "uT/sqrt(Hz)", 1.0, "uT", 1.0, "uT/sqrt(s)", 1.0),
 }
 RANDOM_WALK = {"acc": ("m/s/sqrt(h)", 60.0), "gyr": ("deg/sqrt(h)", 60.0 / _DEG), "mag": ("", 0.0)}
@@ -32,14 +41,21 @@ SILENT = NoiseCoefficients(*[Coefficient(0.0, 0.0)] * 3)
 
 
 def longest_rest(time_ns: np.ndarray, still: np.ndarray) -> slice | None:
-    """The longest run of samples at rest without a gap, or None where it is shorter than `SHORTEST_S`."""
-    broken = np.concatenate([[True], ~still[1:] | ~still[:-1] | (np.diff(time_ns) > LONGEST_GAP_NS), [True]])
+    """The longest run of samples at rest without a gap, or None where it is shorter than
+    `SHORTEST_S`.
+    """
+    broken = np.concatenate(
+        [[True], ~still[1:] | ~still[:-1] | (np.diff(time_ns) > LONGEST_GAP_NS), [True]]
+    )
     edges = np.flatnonzero(broken)
     if len(edges) < 2:
         return None
     longest = int(np.argmax(np.diff(edges)))
     rest = slice(int(edges[longest]), int(edges[longest + 1]))
-    if rest.stop - rest.start < 3 or (time_ns[rest.stop - 1] - time_ns[rest.start]) < SHORTEST_S * NANOSECONDS:
+    if (
+        rest.stop - rest.start < 3
+        or (time_ns[rest.stop - 1] - time_ns[rest.start]) < SHORTEST_S * NANOSECONDS
+    ):
         return None
     return rest
 
@@ -49,7 +65,10 @@ class Rest:
     """Every reading over a rest, one column at a time: a night at 1 kHz has 0.2 GB an axis.
 
     Attributes:
-        count: Samples. span: From the first to the last [s]. columns: Names of those there are. read: Gives a column, (count,).
+        count: Samples.
+        span: From the first to the last [s].
+        columns: Names of those there are.
+        read: Gives a column, (count,).
     """
 
     count: int
@@ -63,11 +82,22 @@ class Rest:
         rows = longest_rest(estimate.host_time_ns, estimate.static & ~estimate.flagged)
         if rows is None:
             return None
-        begin, end = rows.start * estimate.every, rows.stop * estimate.every  # each row stands for so many samples
-        interval = float(estimate.host_time_ns[rows.stop - 1] - estimate.host_time_ns[rows.start]) / NANOSECONDS
+        begin, end = (
+            rows.start * estimate.every,
+            rows.stop * estimate.every,
+        )  # each row stands for so many samples
+        interval = (
+            float(estimate.host_time_ns[rows.stop - 1] - estimate.host_time_ns[rows.start])
+            / NANOSECONDS
+        )
         interval /= (rows.stop - rows.start - 1) * estimate.every
         columns = session.imu_columns(name)
-        return Rest(end - begin, interval * (end - begin - 1), columns, lambda key: session.imu_column(name, key, begin, end))
+        return Rest(
+            end - begin,
+            interval * (end - begin - 1),
+            columns,
+            lambda key: session.imu_column(name, key, begin, end),
+        )
 
     def varies(self, columns: Iterable[str]) -> bool:
         """Whether all of these are known throughout, and not all the same."""
@@ -89,26 +119,52 @@ def noise_rows(sensor: str, rest: Rest | None) -> list[NoiseRow]:
     for quantity, columns in (("acc", ACC), ("gyr", GYR), ("mag", MAG)):
         if not rest.varies(columns):
             continue
-        unit, size, white_unit, white_size, bias_unit, bias_size, walk_unit, walk_size = UNITS[quantity]
+        unit, size, white_unit, white_size, bias_unit, bias_size, walk_unit, walk_size = UNITS[
+            quantity
+        ]
         for axis, column in zip(AXES, columns, strict=True):
             signal = rest.read(column)
-            coefficients = fit_noise(allan_deviation(signal, rate)) if signal.min() < signal.max() else SILENT
+            coefficients = (
+                fit_noise(allan_deviation(signal, rate)) if signal.min() < signal.max() else SILENT
+            )
             density = _found(coefficients.white, white_size / np.sqrt(2))  # one-sided
             walk_name, walk_factor = RANDOM_WALK[quantity]
-            random_walk = coefficients.white.value * walk_factor if coefficients.white.found and walk_factor else None
-            bias, walk = _found(coefficients.bias_instability, bias_size), _found(coefficients.rate_random_walk, walk_size)
+            random_walk = (
+                coefficients.white.value * walk_factor
+                if coefficients.white.found and walk_factor
+                else None
+            )
+            bias, walk = (
+                _found(coefficients.bias_instability, bias_size),
+                _found(coefficients.rate_random_walk, walk_size),
+            )
             rows.append(
                 NoiseRow(
-                    sensor, quantity, axis, rest.count, rest.span, float(signal.mean() / size),
-                    float(signal.std(ddof=1) / size), unit,
-                    *density, white_unit, random_walk, walk_name, *bias, bias_unit, *walk, walk_unit,
+                    sensor,
+                    quantity,
+                    axis,
+                    rest.count,
+                    rest.span,
+                    float(signal.mean() / size),
+                    float(signal.std(ddof=1) / size),
+                    unit,
+                    *density,
+                    white_unit,
+                    random_walk,
+                    walk_name,
+                    *bias,
+                    bias_unit,
+                    *walk,
+                    walk_unit,
                 )
-            )  # fmt: skip
+            )
     return rows
 
 
 def norm_error_percent(rest: Rest | None) -> float | None:
-    """Error of the mean norm of the specific force at rest against standard gravity [%]; None without a rest."""
+    """Error of the mean norm of the specific force at rest against standard gravity [%]; None
+    without a rest.
+    """
     if rest is None:
         return None
     mean = np.array([rest.read(column).mean() for column in ACC])
@@ -118,5 +174,7 @@ def norm_error_percent(rest: Rest | None) -> float | None:
 
 
 def _found(coefficient: Coefficient, size: float) -> tuple[float | None, float | None]:
-    """Value and standard uncertainty in the data sheet's unit; None where it is lost among the others."""
+    """Value and standard uncertainty in the data sheet's unit; None where it is lost among the
+    others.
+    """
     return (coefficient.value / size, coefficient.sd / size) if coefficient.found else (None, None)

@@ -1,4 +1,6 @@
-"""A sensor as measured at rest, in the words of a data sheet: to be saved as a preset and simulated."""
+"""A sensor as measured at rest, in the words of a data sheet: to be saved as a preset and
+simulated.
+"""
 
 from __future__ import annotations
 
@@ -21,27 +23,37 @@ SLOW = {
 KINDS = ("bias_instability", "rate_random_walk")
 TRIADS = {"acc": "accelerometer", "gyr": "gyroscope", "mag": "magnetometer"}
 LEAST_COUNTS = 0.4
-"""Standard deviation of the noise, in counts, from which rounding adds a twelfth of a count squared to its variance.
+"""Standard deviation of the noise, in counts, from which rounding adds a twelfth of a count squared
+to its variance.
 
-What this leaves out is, for normal noise of standard deviation s, within (4 s^2 + 1/pi^2) exp(-2 pi^2 s^2) counts squared
-(Widrow & Kollár, Quantization Noise, 2008, on the moments of quantised signals): a tenth of s at 0.4, below 2 % from 0.5 on.
+What this leaves out is, for normal noise of standard deviation s, within (4 s^2 + 1/pi^2) exp(-2
+pi^2 s^2) counts squared (Widrow & Kollár, Quantization Noise, 2008, on the moments of quantised
+signals): a tenth of s at 0.4, below 2 % from 0.5 on.
 """
 
 
 def measured_sensor(
-    rows: list[NoiseRow], base: ImuParameters, origin: str, rate: float | None = None, base_name: str = "a data sheet"
+    rows: list[NoiseRow],
+    base: ImuParameters,
+    origin: str,
+    rate: float | None = None,
+    base_name: str = "a data sheet",
 ) -> tuple[ImuParameters, list[str]]:
     """The data sheet with the noise that was measured.
 
-    White noise is taken by axis, less that of rounding to the counts of `base`, which the simulated sensor adds again; slow
-    changes of the bias as the RMS over the axes that show them. A rest that shows a random walk and no bias instability has its
-    slow changes in the walk, and no instability stands beside it. What else the rest was too short to show, and all that a rest
-    cannot show (ranges, bandwidths, scale and turn-on bias over parts, clock), stays as in `base`. The description and the
-    source of the new sensor say which is which.
+    White noise is taken by axis, less that of rounding to the counts of `base`, which the simulated
+    sensor adds again; slow changes of the bias as the RMS over the axes that show them. A rest that
+    shows a random walk and no bias instability has its slow changes in the walk, and no instability
+    stands beside it. What else the rest was too short to show, and all that a rest cannot show
+    (ranges, bandwidths, scale and turn-on bias over parts, clock), stays as in `base`. The
+    description and the source of the new sensor say which is which.
 
     Args:
-        rows: One sensor's noise at rest. base: The data sheet to start from. origin: Where the numbers come from, a phrase.
-        rate: Output rate [Hz]; that of `base` if None. base_name: What `base` is, a phrase.
+        rows: One sensor's noise at rest.
+        base: The data sheet to start from.
+        origin: Where the numbers come from, a phrase.
+        rate: Output rate [Hz]; that of `base` if None.
+        base_name: What `base` is, a phrase.
 
     Returns:
         The sensor, and sentences on what was not measured.
@@ -58,9 +70,15 @@ def measured_sensor(
         own = {row.axis: row for row in rows if row.quantity == quantity}
         sheet = getattr(base, triad)
         if sheet is None and own:
-            kept.append(f"{triad}: its noise was measured and is not in the file, because {base_name} has no {triad}")
+            kept.append(
+                f"{triad}: its noise was measured and is not in the file, because {base_name} has "
+                f"no {triad}"
+            )
         if sheet is not None and not own:
-            kept.append(f"{triad}: nothing was measured, the recording holds none; all of it copied from {base_name}")
+            kept.append(
+                f"{triad}: nothing was measured, the recording holds none; all of it copied from "
+                f"{base_name}"
+            )
         if not own or sheet is None:
             continue
         density = list(getattr(sheet, WHITE[quantity]))
@@ -68,18 +86,26 @@ def measured_sensor(
         for i, axis in enumerate("xyz"):
             white = own[axis].noise_density if axis in own else None
             if white is None:
-                kept.append(f"{triad} {axis}: white noise lost among the others; {density[i]:g} kept")
+                kept.append(
+                    f"{triad} {axis}: white noise lost among the others; {density[i]:g} kept"
+                )
                 continue
             unrounded = _without_rounding(own[axis], white, sheet.triad().resolution)
             if unrounded is None:
-                kept.append(f"{triad} {axis}: white noise hidden by the counts of the sensor; {density[i]:g} kept")
+                kept.append(
+                    f"{triad} {axis}: white noise hidden by the counts of the sensor; "
+                    f"{density[i]:g} kept"
+                )
             else:
                 density[i] = float(f"{unrounded:.4g}")
                 shown += axis
         measured += [f"white noise of the {triad} ({', '.join(shown)})"] if shown else []
         changes[triad] = {WHITE[quantity]: density}
         if quantity in SLOW:
-            found = {kind: [value for row in own.values() if (value := getattr(row, kind)) is not None] for kind in KINDS}
+            found = {
+                kind: [value for row in own.values() if (value := getattr(row, kind)) is not None]
+                for kind in KINDS
+            }
             for key, kind in zip(SLOW[quantity], KINDS, strict=True):
                 words = kind.replace("_", " ")
                 if found[kind]:
@@ -88,14 +114,20 @@ def measured_sensor(
                 elif kind == "bias_instability" and found["rate_random_walk"]:
                     changes[triad][key] = 0.0
                     kept.append(
-                        f"{triad}: {words} not shown by this rest; 0 written, because the random walk holds the slow noise"
+                        f"{triad}: {words} not shown by this rest; 0 written, because the random "
+                        "walk holds the slow noise"
                     )
                 else:
-                    kept.append(f"{triad}: {words} not shown by this rest; {getattr(sheet, key):g} kept")
-    update: dict[str, object] = {triad: getattr(base, triad).model_copy(update=values) for triad, values in changes.items()}
+                    kept.append(
+                        f"{triad}: {words} not shown by this rest; {getattr(sheet, key):g} kept"
+                    )
+    update: dict[str, object] = {
+        triad: getattr(base, triad).model_copy(update=values) for triad, values in changes.items()
+    }
     update["description"] = f"Noise as measured ({origin}); all else copied from {base_name}"
     update["source"] = (
-        f"Measured ({origin}): {', '.join(measured) or 'nothing'}. Copied from {base_name}: everything else"
+        f"Measured ({origin}): {', '.join(measured) or 'nothing'}. Copied from {base_name}: "
+        "everything else"
         + (f"; in particular {'; '.join(kept)}" if kept else "")
         + f". What {base_name} rests on: {base.source or 'not stated'}"
     )
@@ -105,7 +137,9 @@ def measured_sensor(
 
 
 def _without_rounding(row: NoiseRow, density: float, resolution: float) -> float | None:
-    """One-sided density less that of rounding, q^2/12 spread over half the rate; None where too little is left to be told."""
+    """One-sided density less that of rounding, q^2/12 spread over half the rate; None where too
+    little is left to be told.
+    """
     half_rate = (row.samples - 1) / row.span_s / 2
     count = resolution / UNITS[row.quantity][3]
     left = density**2 * half_rate - count**2 / 12

@@ -1,4 +1,6 @@
-"""One number for one filter on one session, as `evaluate` states it, again and again: what a tuning makes small."""
+"""One number for one filter on one session, as `evaluate` states it, again and again: what a tuning
+makes small.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +18,19 @@ from testbench.records.estimate import Estimate, JointEstimate
 from testbench.records.session import Session
 
 UNIT = "deg"
-OF_SENSORS = {"total_rmse_deg": "total", "heading_rmse_deg": "heading", "inclination_rmse_deg": "inclination"}
+OF_SENSORS = {
+    "total_rmse_deg": "total",
+    "heading_rmse_deg": "heading",
+    "inclination_rmse_deg": "inclination",
+}
 """Metrics of an orientation, and the part of its error."""
 OF_JOINTS: dict[str, Callable[[list[np.ndarray]], float]] = {
-    "flexion_rmse_deg": lambda steps: float(np.sqrt(np.mean([np.mean(np.square(step)) for step in steps]))),
-    "flexion_mean_abs_error_deg": lambda steps: float(np.mean([np.abs(step).mean() for step in steps])),
+    "flexion_rmse_deg": lambda steps: float(
+        np.sqrt(np.mean([np.mean(np.square(step)) for step in steps]))
+    ),
+    "flexion_mean_abs_error_deg": lambda steps: float(
+        np.mean([np.abs(step).mean() for step in steps])
+    ),
 }
 """Metrics of a joint, from its errors in each pose or sweep, which count alike."""
 
@@ -30,7 +40,8 @@ class Objective:
     """What to make small.
 
     Attributes:
-        kind: The metric, with its unit. owner: Sensor or joint; the mean over all of a session if None.
+        kind: The metric, with its unit.
+        owner: Sensor or joint; the mean over all of a session if None.
     """
 
     kind: str
@@ -60,22 +71,30 @@ class Objective:
         of_joints = self.kind in OF_JOINTS
         known = list(session.analysis.joints) if of_joints else session.sensor_names
         if self.owner is not None and self.owner not in known:
-            raise NotFoundError(f"{'joint' if of_joints else 'sensor'} of {session.name}", self.owner, known)
+            raise NotFoundError(
+                f"{'joint' if of_joints else 'sensor'} of {session.name}", self.owner, known
+            )
         if not known:
-            raise InputError(f"{session.name} defines no joint, so that {self.kind} says nothing of it")
+            raise InputError(
+                f"{session.name} defines no joint, so that {self.kind} says nothing of it"
+            )
         return ([self.owner] if self.owner else known) if of_joints else None
 
 
 class SessionJudge:
     """The objective of a session.
 
-    What does not depend on the filter - the truth at the sensors' instants, what counts - is computed once.
+    What does not depend on the filter - the truth at the sensors' instants, what counts - is
+    computed once.
 
     Args:
-        session: The recording. objective: What to compute. estimate: Of the session, by no filter yet: its instants and rests.
+        session: The recording.
+        objective: What to compute.
+        estimate: Of the session, by no filter yet: its instants and rests.
 
     Raises:
-        NotFoundError: The session has no such sensor or joint. SessionError: Nothing is judged there, or no truth known.
+        NotFoundError: The session has no such sensor or joint.
+        SessionError: Nothing is judged there, or no truth known.
     """
 
     def __init__(self, session: Session, objective: Objective, estimate: Estimate):
@@ -87,39 +106,59 @@ class SessionJudge:
         if joints is not None:
             for name in joints:
                 time = estimate.sensors[session.analysis.joints[name].proximal].host_time_ns
-                blank = Estimate(session.name, session.fingerprint, estimate.sensors, {name: JointEstimate(time, {})})
+                blank = Estimate(
+                    session.name,
+                    session.fingerprint,
+                    estimate.sensors,
+                    {name: JointEstimate(time, {})},
+                )
                 errors = joint_errors(session, name, blank, steps or [])
                 if errors is not None and errors.steps:
                     self._joints.append(errors)
         else:
             for name in [objective.owner] if objective.owner else list(estimate.sensors):
                 truth, _ = sound_truth(session, name)
-                found = None if truth is None else sensor_errors(name, estimate.sensors[name], truth, steps)
+                found = (
+                    None
+                    if truth is None
+                    else sensor_errors(name, estimate.sensors[name], truth, steps)
+                )
                 if found is not None and found.judged.any():
                     self._sensors.append(found)
         if not self._sensors and not self._joints:
             raise SessionError(
-                f"{session.path}: no sample counts for {objective}: nothing is judged, or the truth is not known"
+                f"{session.path}: no sample counts for {objective}: nothing is judged, or the "
+                "truth is not known"
             )
 
     def value(self, estimate: Estimate, filter_name: str) -> float:
         """The objective by one filter; infinite where an angle that counts is no number.
 
         Args:
-            estimate: Of the same session, with this filter. filter_name: Which one.
+            estimate: Of the same session, with this filter.
+            filter_name: Which one.
 
         Raises:
             InputError: The filter could not run.
         """
         for name in {found.name for found in self._sensors} | {
-            sensor for found in self._joints for sensor in (found.joint.proximal, found.joint.distal)
+            sensor
+            for found in self._joints
+            for sensor in (found.joint.proximal, found.joint.distal)
         }:
             if filter_name not in estimate.sensors[name].orientation:
                 why = estimate.sensors[name].skipped.get(filter_name, "it was not run")
-                raise InputError(f"{estimate.session}: {filter_name} gives no orientation of {name}: {why}")
-        values = [self._of_sensor(found, estimate.sensors[found.name].orientation[filter_name]) for found in self._sensors]
+                raise InputError(
+                    f"{estimate.session}: {filter_name} gives no orientation of {name}: {why}"
+                )
+        values = [
+            self._of_sensor(found, estimate.sensors[found.name].orientation[filter_name])
+            for found in self._sensors
+        ]
         for found in self._joints:
-            values += self._of_joint(found, estimate.joints[found.name].angles[filter_name, found.joint.label])
+            values += self._of_joint(
+                found, estimate.joints[found.name].angles[filter_name, found.joint.label]
+            )
         mean = float(np.mean(values))
         return mean if np.isfinite(mean) else float("inf")
 

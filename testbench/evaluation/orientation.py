@@ -7,7 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.evaluation.blocks import ErrorSeries, intervals, sample_series, step_series
-from testbench.evaluation.dynamics import TrueTurning, amplitude_and_frequency, convergence_times, orientation_delay
+from testbench.evaluation.dynamics import (
+    TrueTurning,
+    amplitude_and_frequency,
+    convergence_times,
+    orientation_delay,
+)
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.metrics import (
     OrientationErrors,
@@ -23,7 +28,13 @@ from testbench.model.noise import random_stream
 from testbench.model.truth import truth_at
 from testbench.records.estimate import SensorEstimate
 from testbench.records.evaluation import OrientationRow
-from testbench.records.evaluation_rows import Comparison, ErrorSummary, OrientationSummary, OrientationSweepRow, RankRow
+from testbench.records.evaluation_rows import (
+    Comparison,
+    ErrorSummary,
+    OrientationSummary,
+    OrientationSweepRow,
+    RankRow,
+)
 from testbench.records.plan import PlannedStep
 from testbench.records.samples import Truth
 from testbench.records.uncertainty import UncertaintyBudget
@@ -34,8 +45,11 @@ class SensorErrors:
     """Orientation errors of one sensor, and where they count.
 
     Attributes:
-        name: Of the sensor. estimate: What was judged. q_true: q_world_from_sensor at its instants, shape (n, 4).
-        judged: Which samples count, shape (n,). steps: Judged steps with their rows; None for a recording without a protocol.
+        name: Of the sensor.
+        estimate: What was judged.
+        q_true: q_world_from_sensor at its instants, shape (n, 4).
+        judged: Which samples count, shape (n,).
+        steps: Judged steps with their rows; None for a recording without a protocol.
         errors: By filter.
     """
 
@@ -55,7 +69,9 @@ class SensorErrors:
         return columns
 
     def by_motion(self) -> dict[str, np.ndarray]:
-        """Judged samples: all, those in motion, and where there are both, those at rest, shape (n,), bool."""
+        """Judged samples: all, those in motion, and where there are both, those at rest, shape
+        (n,), bool.
+        """
         static = self.judged & self.estimate.static
         dynamic = self.judged & ~self.estimate.static
         if not self.judged.any():
@@ -65,8 +81,12 @@ class SensorErrors:
         return {"all": self.judged} | resting | moving
 
 
-def judged_rows(steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarray, static: np.ndarray) -> np.ndarray:
-    """Which of a sensor's samples count, shape (n,), bool: by the steps, or by the truth's own marks without a protocol."""
+def judged_rows(
+    steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarray, static: np.ndarray
+) -> np.ndarray:
+    """Which of a sensor's samples count, shape (n,), bool: by the steps, or by the truth's own
+    marks without a protocol.
+    """
     if steps is not None:
         judged = np.zeros(len(time_ns), dtype=bool)
         for _, rows in rows_by_step(steps, time_ns, static):
@@ -78,14 +98,22 @@ def judged_rows(steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarr
     return np.asarray(truth.judged[nearest])
 
 
-def sensor_errors(name: str, estimate: SensorEstimate, truth: Truth, steps: list[PlannedStep] | None) -> SensorErrors:
+def sensor_errors(
+    name: str, estimate: SensorEstimate, truth: Truth, steps: list[PlannedStep] | None
+) -> SensorErrors:
     """Errors of one sensor by every filter."""
     time = estimate.host_time_ns
     q_true = truth_at(truth, time)
-    judged = judged_rows(steps, truth, time, estimate.static) & np.isfinite(q_true[:, 0]) & ~estimate.flagged
+    judged = (
+        judged_rows(steps, truth, time, estimate.static)
+        & np.isfinite(q_true[:, 0])
+        & ~estimate.flagged
+    )
     by_step = None
     if steps is not None:
-        counted = [(step, rows[judged[rows]]) for step, rows in rows_by_step(steps, time, estimate.static)]
+        counted = [
+            (step, rows[judged[rows]]) for step, rows in rows_by_step(steps, time, estimate.static)
+        ]
         by_step = [(step, rows) for step, rows in counted if len(rows)]
     errors = {key: orientation_errors(q, q_true) for key, q in estimate.orientation.items()}
     return SensorErrors(name, estimate, q_true, judged, by_step, errors)
@@ -97,10 +125,19 @@ def sensor_rows(sensor: SensorErrors) -> list[OrientationRow]:
     for key, errors in sensor.errors.items():
         if sensor.judged.any():
             total, heading, inclination = (
-                np.degrees(e[sensor.judged]) for e in (errors.total, errors.heading, errors.inclination)
+                np.degrees(e[sensor.judged])
+                for e in (errors.total, errors.heading, errors.inclination)
             )
             rows.append(
-                OrientationRow(sensor.name, key, len(total), rms(total), rms(heading), rms(inclination), float(total.max()))
+                OrientationRow(
+                    sensor.name,
+                    key,
+                    len(total),
+                    rms(total),
+                    rms(heading),
+                    rms(inclination),
+                    float(total.max()),
+                )
             )
     return rows
 
@@ -115,37 +152,63 @@ def evaluate_sensor(
 
 def summarise_sensor(
     sensor: SensorErrors, budgets: list[UncertaintyBudget], true: TrueTurning
-) -> list[OrientationSummary]:  # fmt: skip
+) -> list[OrientationSummary]:
     """Every part of the error by every filter: over all judged samples, at rest and in motion.
 
     Args:
-        sensor: Its errors. budgets: Of the session. true: How the truth turns at the same instants.
+        sensor: Its errors.
+        budgets: Of the session.
+        true: How the truth turns at the same instants.
     """
     motions = sensor.by_motion()
     result: dict[str, list[OrientationSummary]] = {motion: [] for motion in motions}
     stated = {budget.quantity: budget for budget in budgets if budget.owner == sensor.name}
-    true_angles = {"heading": rotation.heading_angle(sensor.q_true), "inclination": rotation.inclination_angle(sensor.q_true)}
+    true_angles = {
+        "heading": rotation.heading_angle(sensor.q_true),
+        "inclination": rotation.inclination_angle(sensor.q_true),
+    }
     for key, errors in sensor.errors.items():
         own = sensor.estimate.orientation[key]
-        for part, error in (("total", errors.total), ("heading", errors.heading), ("inclination", errors.inclination)):
+        for part, error in (
+            ("total", errors.total),
+            ("heading", errors.heading),
+            ("inclination", errors.inclination),
+        ):
             estimated = None
             if part in true_angles:
-                estimated = rotation.heading_angle(own) if part == "heading" else rotation.inclination_angle(own)
+                estimated = (
+                    rotation.heading_angle(own)
+                    if part == "heading"
+                    else rotation.inclination_angle(own)
+                )
             budget = stated.get(part)
-            expanded = (None, None) if budget is None else (budget.expanded_deg, budget.expanded_magnitude_deg)
+            expanded = (
+                (None, None)
+                if budget is None
+                else (budget.expanded_deg, budget.expanded_magnitude_deg)
+            )
             degrees = np.degrees(error)
             for motion, mask in motions.items():
                 found = _summary(sensor, key, part, motion, degrees, mask)
                 if estimated is not None:
-                    found = replace(found, correlation=_correlation(estimated[mask], true_angles[part][mask], part))
+                    found = replace(
+                        found,
+                        correlation=_correlation(estimated[mask], true_angles[part][mask], part),
+                    )
                 if part == "total" and motion == "dynamic":
                     delay = orientation_delay(own, true, mask)
                     if delay is not None:
                         sd = _finite(sensor.estimate.clock.offset_sd_s)
-                        found = replace(found, latency_ms=1e3 * delay[0], latency_sd_ms=1e3 * float(np.hypot(delay[1], sd)))
+                        found = replace(
+                            found,
+                            latency_ms=1e3 * delay[0],
+                            latency_sd_ms=1e3 * float(np.hypot(delay[1], sd)),
+                        )
                 if part == "total" and motion == "all":
                     found = _with_settling(found, sensor, error)
-                result[motion].append(OrientationSummary(sensor.name, key, motion, part, found, *expanded))
+                result[motion].append(
+                    OrientationSummary(sensor.name, key, motion, part, found, *expanded)
+                )
     return [row for rows in result.values() for row in rows]
 
 
@@ -156,7 +219,9 @@ def rank_sensor(sensor: SensorErrors) -> tuple[list[RankRow], list[Comparison]]:
         own = _series(sensor, np.degrees(errors.total), sensor.judged)
         if own is not None:
             series[key] = own
-    return rank_filters(sensor.name, None, None, MEAN_SQUARE, series) if len(series) > 1 else ([], [])
+    return (
+        rank_filters(sensor.name, None, None, MEAN_SQUARE, series) if len(series) > 1 else ([], [])
+    )
 
 
 def sweep_rows(sensor: SensorErrors) -> list[OrientationSweepRow]:
@@ -167,20 +232,32 @@ def sweep_rows(sensor: SensorErrors) -> list[OrientationSweepRow]:
             continue
         turned = rotation.multiply(
             rotation.conjugate(rotation.mean(sensor.q_true[counted]))[None], sensor.q_true[counted]
-        )  # fmt: skip
+        )
         vectors = rotation.to_rotation_vector(turned)
         main = np.linalg.svd(vectors - vectors.mean(axis=0), full_matrices=False)[2][0]
         measured = amplitude_and_frequency(sensor.estimate.host_time_ns[counted], vectors @ main)
         for key, errors in sensor.errors.items():
             total, heading, inclination = (
-                rms(np.degrees(e[counted])) for e in (errors.total, errors.heading, errors.inclination)
+                rms(np.degrees(e[counted]))
+                for e in (errors.total, errors.heading, errors.inclination)
             )
             amplitude = None if measured is None else float(np.degrees(measured[0]))
             frequency = None if measured is None else measured[1]
             rows.append(
-                OrientationSweepRow(sensor.name, key, step.section, step.index, step.variables, len(counted), total, heading,
-                                    inclination, amplitude, frequency)
-            )  # fmt: skip
+                OrientationSweepRow(
+                    sensor.name,
+                    key,
+                    step.section,
+                    step.index,
+                    step.variables,
+                    len(counted),
+                    total,
+                    heading,
+                    inclination,
+                    amplitude,
+                    frequency,
+                )
+            )
     return rows
 
 
@@ -196,13 +273,21 @@ def _series(sensor: SensorErrors, error: np.ndarray, mask: np.ndarray) -> ErrorS
 
 def _summary(
     sensor: SensorErrors, key: str, part: str, motion: str, error: np.ndarray, mask: np.ndarray
-) -> ErrorSummary:  # fmt: skip
+) -> ErrorSummary:
     counted = error[mask]
     found = summarise(counted)
     steps = 0 if sensor.steps is None else sum(bool(mask[rows].any()) for _, rows in sensor.steps)
     result = ErrorSummary(
-        found.n, steps, found.mean, found.mean_abs, found.rmse, found.median, found.iqr, found.p95_abs, found.max_abs
-    )  # fmt: skip
+        found.n,
+        steps,
+        found.mean,
+        found.mean_abs,
+        found.rmse,
+        found.median,
+        found.iqr,
+        found.p95_abs,
+        found.max_abs,
+    )
     series = sample_series(counted) if sensor.steps is None else _series(sensor, error, mask)
     if series is None:
         return result

@@ -10,10 +10,12 @@ from testbench.records.evaluation_rows import OutlierRow
 
 
 def outlier_rows(evaluation: Evaluation, behaviour: Mapping[str, str]) -> list[OutlierRow]:
-    """One row for each filter that is far from the others by an error of a sensor's orientation or of a joint.
+    """One row for each filter that is far from the others by an error of a sensor's orientation or
+    of a joint.
 
     Args:
-        evaluation: With its summaries and rankings. behaviour: What is known of each filter, in a sentence.
+        evaluation: With its summaries and rankings.
+        behaviour: What is known of each filter, in a sentence.
     """
     groups: dict[tuple[str, str | None, str | None, str, str], dict[str, float]] = {}
     for orientation in evaluation.orientation_summary:
@@ -25,7 +27,9 @@ def outlier_rows(evaluation: Evaluation, behaviour: Mapping[str, str]) -> list[O
         groups.setdefault(own, {})[joint.filter] = joint.errors.mean_abs_error_deg
     for rank in evaluation.ranking:
         if rank.section is not None and rank.sequence is None:
-            groups.setdefault((rank.owner, rank.section, None, "all", "total"), {})[rank.filter] = rank.value
+            groups.setdefault((rank.owner, rank.section, None, "all", "total"), {})[rank.filter] = (
+                rank.value
+            )
     return [
         OutlierRow(*place, name, value, outer_fence(values), behaviour.get(name, ""))
         for place, values in groups.items()

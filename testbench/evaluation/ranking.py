@@ -12,39 +12,57 @@ from testbench.records.evaluation_rows import Comparison, RankRow
 
 SIGNIFICANCE = 0.05
 FEWEST_RANKED = 5
-"""Filters are not ranked on fewer independent blocks: with four, a pair among five filters would have to differ by more than
-seven standard errors to be told apart, so that letters would say nothing."""
+"""Filters are not ranked on fewer independent blocks: with four, a pair among five filters would
+have to differ by more than seven standard errors to be told apart, so that letters would say
+nothing.
+"""
 MEAN_MAGNITUDE, MEAN_SQUARE = "mean |flexion error|", "RMS total error"
 LEAST_RELEVANT = 0.01
 """A difference is shown only where it exceeds this, the last digit that the tables give [deg]."""
 
 
 def rank_filters(
-    owner: str, section: str | None, sequence: str | None, criterion: str, series: dict[str, ErrorSeries]
+    owner: str,
+    section: str | None,
+    sequence: str | None,
+    criterion: str,
+    series: dict[str, ErrorSeries],
 ) -> tuple[list[RankRow], list[Comparison]]:
     """Rank filters that were judged on the same blocks.
 
-    Each pair is compared by the mean difference of the criterion over blocks, against its standard error that respects
-    autocorrelation, by Student's t; what is tested is whether it exceeds 0.01 deg (a minimum-effect test: Murphy & Myors 1999),
-    since with samples enough any two filters differ. The family of all pairs keeps a level of 5 % (Holm 1979).
+    Each pair is compared by the mean difference of the criterion over blocks, against its standard
+    error that respects autocorrelation, by Student's t; what is tested is whether it exceeds 0.01
+    deg (a minimum-effect test: Murphy & Myors 1999), since with samples enough any two filters
+    differ. The family of all pairs keeps a level of 5 % (Holm 1979).
 
     Args:
-        owner: Joint or sensor. section, sequence: Of a joint. criterion: `MEAN_MAGNITUDE` compares |e|, `MEAN_SQUARE` e².
+        owner: Joint or sensor.
+        section: Of a joint.
+        sequence: Of a joint.
+        criterion: `MEAN_MAGNITUDE` compares |e|, `MEAN_SQUARE` e².
         series: By filter; errors in degrees, equally long, on the same samples.
 
     Returns:
-        Rows, best first, and the comparisons behind them. Filters whose comparisons rest on too few independent blocks are left
-        out of both; where fewer than two are left, both are empty.
+        Rows, best first, and the comparisons behind them. Filters whose comparisons rest on too few
+        independent blocks are left out of both; where fewer than two are left, both are empty.
     """
     series = _comparable(criterion, series)
     if len(series) < 2:
         return [], []
-    measured = {name: own.absolute if criterion == MEAN_MAGNITUDE else own.square for name, own in series.items()}
+    measured = {
+        name: own.absolute if criterion == MEAN_MAGNITUDE else own.square
+        for name, own in series.items()
+    }
     means = {name: float(measured[name].sum() / own.weight.sum()) for name, own in series.items()}
     order = sorted(series, key=lambda name: means[name])
     pairs = list(combinations(order, 2))
-    sizes = {name: 1.0 if criterion == MEAN_MAGNITUDE else float(np.sqrt(means[name])) for name in order}
-    relevant = {(a, b): LEAST_RELEVANT * (1.0 if criterion == MEAN_MAGNITUDE else sizes[a] + sizes[b]) for a, b in pairs}
+    sizes = {
+        name: 1.0 if criterion == MEAN_MAGNITUDE else float(np.sqrt(means[name])) for name in order
+    }
+    relevant = {
+        (a, b): LEAST_RELEVANT * (1.0 if criterion == MEAN_MAGNITUDE else sizes[a] + sizes[b])
+        for a, b in pairs
+    }
     tests = [_paired(measured[a], measured[b], series[a].weight, relevant[a, b]) for a, b in pairs]
     corrected = holm([p for _, p, _ in tests])
     comparisons = [
@@ -57,18 +75,36 @@ def rank_filters(
     for place, name in enumerate(order):
         better = sum(frozenset((name, other)) in apart for other in order[:place])
         worse = sum(frozenset((name, other)) in apart for other in order[place + 1 :])
-        alike = [other for other in order if other != name and frozenset((name, other)) not in apart]
+        alike = [
+            other for other in order if other != name and frozenset((name, other)) not in apart
+        ]
         value = means[name] if criterion == MEAN_MAGNITUDE else float(np.sqrt(means[name]))
         rows.append(
-            RankRow(owner, section, sequence, criterion, name, value, better + 1, len(order) - worse, letters[name], alike)
+            RankRow(
+                owner,
+                section,
+                sequence,
+                criterion,
+                name,
+                value,
+                better + 1,
+                len(order) - worse,
+                letters[name],
+                alike,
+            )
         )
     return rows, comparisons
 
 
 def _comparable(criterion: str, series: dict[str, ErrorSeries]) -> dict[str, ErrorSeries]:
-    """Without those, the worst first, whose differences from others hold too few independent blocks."""
+    """Without those, the worst first, whose differences from others hold too few independent
+    blocks.
+    """
     kept = dict(series)
-    measured = {name: own.absolute if criterion == MEAN_MAGNITUDE else own.square for name, own in series.items()}
+    measured = {
+        name: own.absolute if criterion == MEAN_MAGNITUDE else own.square
+        for name, own in series.items()
+    }
     few = {
         frozenset((a, b))
         for a, b in combinations(series, 2)
@@ -82,8 +118,12 @@ def _comparable(criterion: str, series: dict[str, ErrorSeries]) -> dict[str, Err
         del kept[worst]
 
 
-def _paired(first: np.ndarray, second: np.ndarray, weight: np.ndarray, relevant: float) -> tuple[float, float, int]:
-    """Mean difference, the two-sided p of its being larger than what is relevant, and the number of independent blocks."""
+def _paired(
+    first: np.ndarray, second: np.ndarray, weight: np.ndarray, relevant: float
+) -> tuple[float, float, int]:
+    """Mean difference, the two-sided p of its being larger than what is relevant, and the number of
+    independent blocks.
+    """
     mean, error, blocks = mean_and_error(first - second, weight)
     excess = abs(mean) - relevant
     if excess <= 0:
@@ -92,7 +132,9 @@ def _paired(first: np.ndarray, second: np.ndarray, weight: np.ndarray, relevant:
 
 
 def holm(p: list[float]) -> list[float]:
-    """Adjusted p values of a family of tests (Holm 1979: A simple sequentially rejective multiple test procedure)."""
+    """Adjusted p values of a family of tests (Holm 1979: A simple sequentially rejective multiple
+    test procedure).
+    """
     order = np.argsort(p, kind="stable")
     adjusted = np.empty(len(p))
     largest = 0.0
@@ -103,10 +145,12 @@ def holm(p: list[float]) -> list[float]:
 
 
 def group_letters(order: list[str], apart: set[frozenset[str]]) -> dict[str, str]:
-    """Letters by name: two names share one exactly where they are not apart (Piepho 2004, insert and absorb).
+    """Letters by name: two names share one exactly where they are not apart (Piepho 2004, insert
+    and absorb).
 
     Args:
-        order: Names, best first; so the first letter belongs to the best. apart: Pairs that differ.
+        order: Names, best first; so the first letter belongs to the best.
+        apart: Pairs that differ.
     """
     columns: list[set[str]] = [set(order)]
     for pair in sorted(apart, key=lambda item: sorted(order.index(name) for name in item)):
@@ -116,11 +160,18 @@ def group_letters(order: list[str], apart: set[frozenset[str]]) -> dict[str, str
             split += [column - {first}, column - {second}] if pair <= column else [column]
         columns = []
         for i, column in enumerate(split):  # absorb those that others contain
-            inside = any(column < other or (column == other and j < i) for j, other in enumerate(split) if j != i)
+            inside = any(
+                column < other or (column == other and j < i)
+                for j, other in enumerate(split)
+                if j != i
+            )
             if not inside:
                 columns.append(column)
     columns.sort(key=lambda column: sorted(order.index(name) for name in column))
-    return {name: "".join(_letter(i) for i, column in enumerate(columns) if name in column) for name in order}
+    return {
+        name: "".join(_letter(i) for i, column in enumerate(columns) if name in column)
+        for name in order
+    }
 
 
 def _letter(index: int) -> str:

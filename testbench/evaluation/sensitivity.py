@@ -1,4 +1,6 @@
-"""How the truth answers to the angles of the arm's joints: sensitivity coefficients by finite differences of the kinematics."""
+"""How the truth answers to the angles of the arm's joints: sensitivity coefficients by finite
+differences of the kinematics.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +10,21 @@ import numpy as np
 
 from testbench.evaluation.judged import window
 from testbench.model import rotation
-from testbench.model.joint_angle import INDEX, joint_angles, segment_from_sensor, segment_orientation
+from testbench.model.joint_angle import (
+    INDEX,
+    joint_angles,
+    segment_from_sensor,
+    segment_orientation,
+)
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import JointDefinition, Sensor
 from testbench.records.samples import ArmSamples
 
 STEP = 1e-4
-"""Of the differences [rad]: far above rounding, far below the angles over which the answer bends."""
+"""Of the differences [rad]: far above rounding, far below the angles over which the answer
+bends.
+"""
 MOST_CONFIGURATIONS = 32
 """A sweep is looked at in so many of its configurations."""
 
@@ -25,7 +34,8 @@ class Configurations:
     """Joint angles in which the truth was used, and the step each belongs to.
 
     Attributes:
-        q: Shape (m, n_joints) [rad]. step: Index into the list of steps, shape (m,).
+        q: Shape (m, n_joints) [rad].
+        step: Index into the list of steps, shape (m,).
     """
 
     q: np.ndarray
@@ -33,7 +43,9 @@ class Configurations:
 
 
 def judged_configurations(arm: ArmSamples, steps: list[PlannedStep]) -> Configurations | None:
-    """Measured joint angles in the judged windows: the mean of a pose, several of a sweep; None where there are none."""
+    """Measured joint angles in the judged windows: the mean of a pose, several of a sweep; None
+    where there are none.
+    """
     angles, which = [], []
     for i, step in enumerate(steps):
         begin, end = window(step)
@@ -41,7 +53,11 @@ def judged_configurations(arm: ArmSamples, steps: list[PlannedStep]) -> Configur
         if last <= first:
             continue
         rows = np.unique(np.linspace(first, last - 1, MOST_CONFIGURATIONS).astype(int))
-        own = arm.q_measured[rows] if step.kind == "sweep" else arm.q_measured[first:last].mean(axis=0)[None]
+        own = (
+            arm.q_measured[rows]
+            if step.kind == "sweep"
+            else arm.q_measured[first:last].mean(axis=0)[None]
+        )
         angles.append(own)
         which += [i] * len(own)
     return Configurations(np.concatenate(angles), np.array(which)) if angles else None
@@ -53,11 +69,15 @@ def flexion_by_joints(
     """Change of the true flexion with each joint's angle, and with each sensor's mounting.
 
     Args:
-        kinematics: Of the arm. sensors: As placed by the protocol. joint: Whose flexion. q: Shape (m, n_joints) [rad].
+        kinematics: Of the arm.
+        sensors: As placed by the protocol.
+        joint: Whose flexion.
+        q: Shape (m, n_joints) [rad].
 
     Returns:
-        By joint angles, shape (m, n_joints) [1]; by rotations of the proximal and the distal sensor about their axes, shape
-        (m, 6) [1]. Where the angle has a kink (the middle angle of a symmetric sequence at 0), the larger one-sided change.
+        By joint angles, shape (m, n_joints) [1]; by rotations of the proximal and the distal sensor
+        about their axes, shape (m, 6) [1]. Where the angle has a kink (the middle angle of a
+        symmetric sequence at 0), the larger one-sided change.
     """
     m, n = q.shape
     proximal, distal = sensors[joint.proximal], sensors[joint.distal]
@@ -70,9 +90,12 @@ def flexion_by_joints(
     shifts = STEP * np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])
     if joint.reference_joint in kinematics.robot.joint_names:
         shifts = shifts[:1]
-    moved_q = (q + shifts[:, None, :]).reshape(-1, n)  # all configurations at once: as they are, then each joint either way
+    moved_q = (q + shifts[:, None, :]).reshape(
+        -1, n
+    )  # all configurations at once: as they are, then each joint either way
     first, second = (
-        segment_orientation(_sensor_orientation(kinematics, sensor, moved_q), sensor) for sensor in (proximal, distal)
+        segment_orientation(_sensor_orientation(kinematics, sensor, moved_q), sensor)
+        for sensor in (proximal, distal)
     )
     middle, *moved = flexion(first, second).reshape(-1, m)
     by_joints = np.zeros((m, n))
@@ -96,7 +119,9 @@ def flexion_by_joints(
 
 
 def _larger(middle: np.ndarray, ahead: np.ndarray, behind: np.ndarray) -> np.ndarray:
-    """Derivatives, shape (m,); at a kink the larger one-sided one, with the sign it has elsewhere, so that nothing cancels."""
+    """Derivatives, shape (m,); at a kink the larger one-sided one, with the sign it has elsewhere,
+    so that nothing cancels.
+    """
     forward, backward = rotation.wrap(ahead - middle) / STEP, rotation.wrap(middle - behind) / STEP
     smooth = (forward + backward) / 2
     kinked = np.abs(forward - backward) > 0.1
@@ -105,13 +130,19 @@ def _larger(middle: np.ndarray, ahead: np.ndarray, behind: np.ndarray) -> np.nda
 
 
 def turning_by_joints(kinematics: Kinematics, sensor: Sensor, q: np.ndarray) -> np.ndarray:
-    """Rotation of a sensor in the world for each joint's angle: the joints' axes, shape (m, n_joints, 3) [1]."""
+    """Rotation of a sensor in the world for each joint's angle: the joints' axes, shape (m,
+    n_joints, 3) [1].
+    """
     m, n = q.shape
     shifted = (q + STEP * np.vstack([np.zeros(n), np.eye(n)])[:, None, :]).reshape(-1, n)
     turned = _sensor_orientation(kinematics, sensor, shifted).reshape(n + 1, m, 4)
-    turns = rotation.to_rotation_vector(rotation.multiply(turned[1:], rotation.conjugate(turned[0])))
+    turns = rotation.to_rotation_vector(
+        rotation.multiply(turned[1:], rotation.conjugate(turned[0]))
+    )
     return np.asarray(np.swapaxes(turns, 0, 1) / STEP)
 
 
 def _sensor_orientation(kinematics: Kinematics, sensor: Sensor, q: np.ndarray) -> np.ndarray:
-    return kinematics.frame_motion(sensor.link, q, offset=Pose.from_placement(sensor.mounting)).q_world_from_frame
+    return kinematics.frame_motion(
+        sensor.link, q, offset=Pose.from_placement(sensor.mounting)
+    ).q_world_from_frame

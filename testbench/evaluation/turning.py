@@ -1,4 +1,6 @@
-"""How much of a true angle each of the sensors behind it makes by its own motion, and how it moves where it is judged."""
+"""How much of a true angle each of the sensors behind it makes by its own motion, and how it moves
+where it is judged.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,16 @@ from testbench.records.joint_definition import FlexionAngle
 def turned_by_sensor(
     q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, definition: FlexionAngle
 ) -> np.ndarray:
-    """What the motion of the proximal and of the distal segment has each added to the flexion since the beginning.
+    """What the motion of the proximal and of the distal segment has each added to the flexion since
+    the beginning.
 
-    The flexion is followed along orientations in which the segments move in turn, so that both parts together are its change.
+    The flexion is followed along orientations in which the segments move in turn, so that both
+    parts together are its change.
 
     Args:
-        q_world_from_proximal, q_world_from_distal: True orientations of the segments, in the order of time, shape (n, 4).
+        q_world_from_proximal: True orientations of the segments, in the order of time, shape (n,
+            4).
+        q_world_from_distal: True orientations of the segments, in the order of time, shape (n, 4).
         definition: How they give the flexion.
 
     Returns:
@@ -39,7 +45,9 @@ def judged_motion(time_ns: np.ndarray, angle: np.ndarray, judged: list[np.ndarra
     """How an angle moves in the steps that are judged, each step with the same weight.
 
     Args:
-        time_ns: Shape (n,). angle: Without jumps, NaN where not known, shape (n,) [rad]. judged: Rows of each step, none empty.
+        time_ns: Shape (n,).
+        angle: Without jumps, NaN where not known, shape (n,) [rad].
+        judged: Rows of each step, none empty.
     """
     degrees = np.degrees(angle)
     rate = np.gradient(degrees, time_ns / NANOSECONDS)
@@ -52,16 +60,21 @@ def judged_swing(q_world_from_sensor: np.ndarray, part: str) -> float:
     """Largest less smallest rotation of a sensor that hardly moves, in the world [deg].
 
     Args:
-        q_world_from_sensor: Where it is judged in one step, shape (n, 4). part: As for `length_of`.
+        q_world_from_sensor: Where it is judged in one step, shape (n, 4).
+        part: As for `length_of`.
     """
     if not len(q_world_from_sensor):
         return 0.0
-    turns = rotation.turn_between(np.broadcast_to(q_world_from_sensor[:1], q_world_from_sensor.shape), q_world_from_sensor)
+    turns = rotation.turn_between(
+        np.broadcast_to(q_world_from_sensor[:1], q_world_from_sensor.shape), q_world_from_sensor
+    )
     return float(length_of(np.degrees(np.ptp(turns, axis=0)), part))
 
 
 def length_of(vectors: np.ndarray, part: str) -> np.ndarray:
-    """Length of rotations in the world, or of their part about the vertical or a level axis, shape (..., 3) to (...)."""
+    """Length of rotations in the world, or of their part about the vertical or a level axis, shape
+    (..., 3) to (...).
+    """
     if part == "heading":
         return np.abs(vectors[..., 2])
     return np.asarray(np.linalg.norm(vectors if part == "total" else vectors[..., :2], axis=-1))

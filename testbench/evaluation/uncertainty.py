@@ -1,4 +1,6 @@
-"""Uncertainty of the truth: a budget behind every reported mean error (JCGM 100:2008; docs/uncertainty.md)."""
+"""Uncertainty of the truth: a budget behind every reported mean error (JCGM 100:2008;
+docs/uncertainty.md).
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,9 @@ LEAST_SENSITIVITY = 1e-6
 """Joints that move the truth less than this are left out of the table."""
 OF_THE_ROBOT_FILE = "robot file (uncertainty), which says why"
 STILL_DEG = 0.1
-"""Where a sensor makes the truth move by less than this while it is judged, an unknown time does no more harm [deg]; the noise
-of an arm that stands still is a tenth of it."""
+"""Where a sensor makes the truth move by less than this while it is judged, an unknown time does no
+more harm [deg]; the noise of an arm that stands still is a tenth of it.
+"""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,9 @@ class JudgedMotion:
     """How a true angle moves where it is judged.
 
     Attributes:
-        mean_rate, rms_rate: [deg/s]. swing: Largest less smallest angle within one step, of the step where that is most [deg].
+        mean_rate: [deg/s].
+        rms_rate: [deg/s].
+        swing: Largest less smallest angle within one step, of the step where that is most [deg].
     """
 
     mean_rate: float
@@ -40,10 +45,13 @@ class ArmSensitivity:
     """How one reported angle answers to the arm, by judged configuration.
 
     Attributes:
-        signed: Change of the angle with each joint, shape (m, n_joints), for errors that keep their sign; size: the same for
-        magnitudes (for a rotation: its length about the axes that count). step: Step of each configuration, shape (m,).
-        weight: Of each step, shape (steps,), summing to 1. reference: `size` in the pose that the frames were aligned in, shape
-        (n_joints,), or None without one.
+        signed: Change of the angle with each joint, shape (m, n_joints), for errors that keep their
+            sign.
+        size: the same for magnitudes (for a rotation: its length about the axes that count).
+        step: Step of each configuration, shape (m,).
+        weight: Of each step, shape (steps,), summing to 1.
+        reference: `size` in the pose that the frames were aligned in, shape (n_joints,), or None
+            without one.
     """
 
     signed: np.ndarray
@@ -53,14 +61,20 @@ class ArmSensitivity:
     reference: np.ndarray | None
 
     def constant(self) -> tuple[np.ndarray, np.ndarray]:
-        """For an error that lasts all session: of the mean, and of magnitudes, shape (n_joints,) each."""
+        """For an error that lasts all session: of the mean, and of magnitudes, shape (n_joints,)
+        each.
+        """
         signed, square = self._by_step(self.signed), self._by_step(self.size**2)
         return np.abs(self.weight @ signed), np.sqrt(self.weight @ square)
 
     def redrawn(self) -> tuple[float, float]:
-        """For an equal error of every joint that is drawn anew for each step: of the mean, and of magnitudes."""
+        """For an equal error of every joint that is drawn anew for each step: of the mean, and of
+        magnitudes.
+        """
         signed, square = self._by_step(self.signed), self._by_step(self.size**2)
-        return float(np.sqrt(np.sum((self.weight[:, None] * signed) ** 2))), float(np.sqrt(np.sum(self.weight @ square)))
+        return float(np.sqrt(np.sum((self.weight[:, None] * signed) ** 2))), float(
+            np.sqrt(np.sum(self.weight @ square))
+        )
 
     def _by_step(self, values: np.ndarray) -> np.ndarray:
         count = len(self.weight)
@@ -68,39 +82,92 @@ class ArmSensitivity:
         return np.asarray(sums / np.maximum(np.bincount(self.step, minlength=count), 1)[:, None])
 
 
-def arm_sources(robot: Robot, arm: ArmSamples, steps: Sequence[PlannedStep], c: ArmSensitivity) -> list[UncertaintySource]:
+def arm_sources(
+    robot: Robot, arm: ArmSamples, steps: Sequence[PlannedStep], c: ArmSensitivity
+) -> list[UncertaintySource]:
     """What the arm itself contributes."""
     spec, servo = robot.spec.uncertainty, robot.spec.servo
     calibrated = np.degrees(robot.joint_angle_uncertainty)
     result = []
     for name, value, mean, size in zip(robot.joint_names, calibrated, *c.constant(), strict=True):
         if max(mean, size) > LEAST_SENSITIVITY:
-            result.append(_source(f"kinematic calibration, {name}", "B", value, "deg", "normal", mean, size,
-                                  spec.degrees_of_freedom, OF_THE_ROBOT_FILE))  # fmt: skip
+            result.append(
+                _source(
+                    f"kinematic calibration, {name}",
+                    "B",
+                    value,
+                    "deg",
+                    "normal",
+                    mean,
+                    size,
+                    spec.degrees_of_freedom,
+                    OF_THE_ROBOT_FILE,
+                )
+            )
     mean, size = c.redrawn()
     result.append(
-        _source("repeatability of the arm", "B", servo.repeatability_deg, "deg", "normal", mean, size, None,
-                "robot file (servo): of each joint, drawn anew by each move, so that it averages over poses")
-    )  # fmt: skip
+        _source(
+            "repeatability of the arm",
+            "B",
+            servo.repeatability_deg,
+            "deg",
+            "normal",
+            mean,
+            size,
+            None,
+            "robot file (servo): of each joint, drawn anew by each move, so that it averages over "
+            "poses",
+        )
+    )
     result.append(
-        _source("resolution of the encoders", "B", servo.encoder_resolution_deg / 2, "deg", "rectangular", mean, size, None,
-                "robot file (servo): half a count, another part of it in each pose")
-    )  # fmt: skip
+        _source(
+            "resolution of the encoders",
+            "B",
+            servo.encoder_resolution_deg / 2,
+            "deg",
+            "rectangular",
+            mean,
+            size,
+            None,
+            "robot file (servo): half a count, another part of it in each pose",
+        )
+    )
     scatter = _scatter(arm, steps)
     if scatter is not None:
         result.append(
-            _source("static averaging of the readings", "A", scatter[0], "deg", "normal", mean, size, scatter[1],
-                    "standard deviation of a pose's mean reading, by the scatter of its readings")
-        )  # fmt: skip
+            _source(
+                "static averaging of the readings",
+                "A",
+                scatter[0],
+                "deg",
+                "normal",
+                mean,
+                size,
+                scatter[1],
+                "standard deviation of a pose's mean reading, by the scatter of its readings",
+            )
+        )
     result.append(
-        _source("tracking of the controller", "A", _tracking(arm, steps), "deg", "normal", 0.0, 0.0, None,
-                "RMS of commanded less measured angles; the truth is what the encoders measured, so it does not enter")
-    )  # fmt: skip
+        _source(
+            "tracking of the controller",
+            "A",
+            _tracking(arm, steps),
+            "deg",
+            "normal",
+            0.0,
+            0.0,
+            None,
+            "RMS of commanded less measured angles; the truth is what the encoders measured, so it "
+            "does not enter",
+        )
+    )
     return result
 
 
 def _scatter(arm: ArmSamples, steps: Sequence[PlannedStep]) -> tuple[float, float] | None:
-    """Standard deviation of the mean reading of a joint in a pose [deg], RMS over joints and poses; degrees of freedom."""
+    """Standard deviation of the mean reading of a joint in a pose [deg], RMS over joints and poses;
+    degrees of freedom.
+    """
     variances, freedom = [], 0
     for step in steps:
         if step.kind == "sweep":
@@ -119,33 +186,60 @@ def _tracking(arm: ArmSamples, steps: Sequence[PlannedStep]) -> float:
     for step in steps:
         first, last = np.searchsorted(arm.host_time_ns, window(step))
         if last > first:
-            squares.append(float(np.mean((arm.q_sent[first:last] - arm.q_measured[first:last]) ** 2)))
+            squares.append(
+                float(np.mean((arm.q_sent[first:last] - arm.q_measured[first:last]) ** 2))
+            )
     return float(np.degrees(np.sqrt(np.mean(squares[1:] or squares))))
 
 
 def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> UncertaintySource | None:
-    """What a sensor's time contributes: its uncertainty times the rate at which the sensor's own motion moves the true angle.
+    """What a sensor's time contributes: its uncertainty times the rate at which the sensor's own
+    motion moves the true angle.
 
-    A time that could not be fitted shifts an angle by no more than that angle changes while it is judged.
+    A time that could not be fitted shifts an angle by no more than that angle changes while it is
+    judged.
 
     Args:
-        sensor: Its name. clock: The fit. motion: Of that part of the true angle which the sensor makes.
+        sensor: Its name.
+        clock: The fit.
+        motion: Of that part of the true angle which the sensor makes.
 
     Returns:
         None where the time is unknown and the sensor moves the truth.
     """
     name = f"clock alignment, {sensor}"
     if np.isfinite(clock.offset_sd_s):
-        return _source(name, "A", 1e3 * clock.offset_sd_s, "ms", "normal", abs(motion.mean_rate) * 1e-3, motion.rms_rate * 1e-3,
-                       None, "the clock's fit; the sensitivity is the true angular rate that this sensor makes while it is "
-                       "judged")  # fmt: skip
+        return _source(
+            name,
+            "A",
+            1e3 * clock.offset_sd_s,
+            "ms",
+            "normal",
+            abs(motion.mean_rate) * 1e-3,
+            motion.rms_rate * 1e-3,
+            None,
+            "the clock's fit; the sensitivity is the true angular rate that this sensor makes "
+            "while it is "
+            "judged",
+        )
     if clock.method == "none":
         rates = motion.mean_rate * 1e-3, motion.rms_rate * 1e-3
-        return _source(name, "B", 0.0, "ms", "normal", *rates, None, "taken to be on the host's clock")
+        return _source(
+            name, "B", 0.0, "ms", "normal", *rates, None, "taken to be on the host's clock"
+        )
     if not motion.swing <= STILL_DEG:
         return None
-    return _source(name, "A", motion.swing / 2, "deg", "rectangular", 1.0, 1.0, None,
-                   "not known, but the sensor stands still while it is judged: half of what it moves by")  # fmt: skip
+    return _source(
+        name,
+        "A",
+        motion.swing / 2,
+        "deg",
+        "rectangular",
+        1.0,
+        1.0,
+        None,
+        "not known, but the sensor stands still while it is judged: half of what it moves by",
+    )
 
 
 def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> UncertaintySource:
@@ -154,8 +248,21 @@ def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> Unc
     why = OF_THE_ROBOT_FILE
     if aligned in ("reference_pose", "motion"):
         mean = size = 0.0
-        why = f"the alignment ({aligned}) takes it out; what that leaves is the line 'frame alignment'"
-    return _source("mounting of the sensors", "B", spec.mounting_deg, "deg", "normal", mean, size, spec.degrees_of_freedom, why)
+        why = (
+            f"the alignment ({aligned}) takes it out; what that leaves is the line 'frame "
+            "alignment'"
+        )
+    return _source(
+        "mounting of the sensors",
+        "B",
+        spec.mounting_deg,
+        "deg",
+        "normal",
+        mean,
+        size,
+        spec.degrees_of_freedom,
+        why,
+    )
 
 
 def alignment_source(
@@ -164,51 +271,111 @@ def alignment_source(
     """What the alignment of the frames leaves.
 
     Args:
-        robot, c: Of an arm. aligned: Method of the alignment. fitted_sd: Stated by an alignment by motion [deg], or None.
+        robot: Of an arm.
+        c: Of an arm.
+        aligned: Method of the alignment.
+        fitted_sd: Stated by an alignment by motion [deg], or None.
     """
     if aligned == "none":
         return None
     if fitted_sd is not None:
-        return _source("frame alignment", "A", fitted_sd, "deg", "normal", 1.0, 1.0, None, "stated by the fit of the frames")
+        return _source(
+            "frame alignment",
+            "A",
+            fitted_sd,
+            "deg",
+            "normal",
+            1.0,
+            1.0,
+            None,
+            "stated by the fit of the frames",
+        )
     if robot is None or c is None or c.reference is None:
         return None
     size = float(np.sqrt(np.sum(c.reference**2)))
-    return _source("frame alignment", "B", robot.spec.servo.repeatability_deg, "deg", "normal", size, size, None,
-                   "it rests on one pose, which the arm repeats only so well")  # fmt: skip
+    return _source(
+        "frame alignment",
+        "B",
+        robot.spec.servo.repeatability_deg,
+        "deg",
+        "normal",
+        size,
+        size,
+        None,
+        "it rests on one pose, which the arm repeats only so well",
+    )
 
 
 def levelling_source(robot: Robot, size: float) -> UncertaintySource:
     """What the tilt of the arm's base contributes to an orientation against the vertical."""
     spec = robot.spec.uncertainty
-    return _source("levelling of the base", "B", spec.levelling_deg, "deg", "normal", size, size, spec.degrees_of_freedom,
-                   OF_THE_ROBOT_FILE)  # fmt: skip
+    return _source(
+        "levelling of the base",
+        "B",
+        spec.levelling_deg,
+        "deg",
+        "normal",
+        size,
+        size,
+        spec.degrees_of_freedom,
+        OF_THE_ROBOT_FILE,
+    )
 
 
 def combine(
-    owner: str, quantity: str, section: str | None, sources: Sequence[UncertaintySource | None], missing: Sequence[str]
+    owner: str,
+    quantity: str,
+    section: str | None,
+    sources: Sequence[UncertaintySource | None],
+    missing: Sequence[str],
 ) -> UncertaintyBudget:
     """The budget of independent sources (JCGM 100:2008, eq. 10; degrees of freedom: eq. G.2b).
 
     Args:
-        owner, quantity, section: As in the budget. sources: None are passed over. missing: What is not known; with any of it
-        nothing is combined.
+        owner: As in the budget.
+        quantity: As in the budget.
+        section: As in the budget.
+        sources: None are passed over.
+        missing: What is not known; with any of it nothing is combined.
     """
     lines = [source for source in sources if source is not None]
     if missing:
         return UncertaintyBudget(
-            owner, quantity, section, lines, False, None, None, None, COVERAGE_FACTOR, None, None, list(missing)
+            owner,
+            quantity,
+            section,
+            lines,
+            False,
+            None,
+            None,
+            None,
+            COVERAGE_FACTOR,
+            None,
+            None,
+            list(missing),
         )
     squares = np.array([source.contribution_deg**2 for source in lines])
     combined = float(np.sqrt(squares.sum()))
     size = float(np.sqrt(sum(source.magnitude_deg**2 for source in lines)))
     loss = sum(
-        source.contribution_deg**4 / source.degrees_of_freedom for source in lines if source.degrees_of_freedom is not None
+        source.contribution_deg**4 / source.degrees_of_freedom
+        for source in lines
+        if source.degrees_of_freedom is not None
     )
     freedom = combined**4 / loss if loss > 0 else None
     return UncertaintyBudget(
-        owner, quantity, section, lines, True, combined, size, freedom, COVERAGE_FACTOR, COVERAGE_FACTOR * combined,
+        owner,
+        quantity,
+        section,
+        lines,
+        True,
+        combined,
+        size,
+        freedom,
+        COVERAGE_FACTOR,
+        COVERAGE_FACTOR * combined,
         COVERAGE_FACTOR * size,
-    )  # fmt: skip
+    )
 
 
 _DIVISORS = {"normal": 1.0, "rectangular": float(np.sqrt(3.0))}
@@ -216,12 +383,29 @@ _DIVISORS = {"normal": 1.0, "rectangular": float(np.sqrt(3.0))}
 
 
 def _source(
-    source: str, kind: str, value: float, unit: str, distribution: str, mean: float, size: float, freedom: float | None,
+    source: str,
+    kind: str,
+    value: float,
+    unit: str,
+    distribution: str,
+    mean: float,
+    size: float,
+    freedom: float | None,
     why: str,
-) -> UncertaintySource:  # fmt: skip
+) -> UncertaintySource:
     divisor = _DIVISORS[distribution]
     standard = float(value) / divisor
     return UncertaintySource(
-        source, "A" if kind == "A" else "B", float(value), unit, distribution, divisor, standard, float(mean),
-        abs(float(mean)) * standard, abs(float(size)) * standard, freedom, why,
-    )  # fmt: skip
+        source,
+        "A" if kind == "A" else "B",
+        float(value),
+        unit,
+        distribution,
+        divisor,
+        standard,
+        float(mean),
+        abs(float(mean)) * standard,
+        abs(float(size)) * standard,
+        freedom,
+        why,
+    )

@@ -14,9 +14,15 @@ from testbench.records.protocol import JOINT_METRICS, SENSOR_METRICS, Acceptance
 from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
 
 _POOL: dict[str, Callable[[list[JointRow]], float]] = {
-    "flexion_mean_error_deg": lambda rows: float(np.mean([row.flexion_mean_error_deg for row in rows])),
-    "flexion_mean_abs_error_deg": lambda rows: float(np.mean([row.flexion_mean_abs_error_deg for row in rows])),
-    "flexion_rmse_deg": lambda rows: float(np.sqrt(np.mean([row.flexion_rmse_deg**2 for row in rows]))),
+    "flexion_mean_error_deg": lambda rows: float(
+        np.mean([row.flexion_mean_error_deg for row in rows])
+    ),
+    "flexion_mean_abs_error_deg": lambda rows: float(
+        np.mean([row.flexion_mean_abs_error_deg for row in rows])
+    ),
+    "flexion_rmse_deg": lambda rows: float(
+        np.sqrt(np.mean([row.flexion_rmse_deg**2 for row in rows]))
+    ),
     "flexion_max_abs_error_deg": lambda rows: max(row.flexion_max_abs_error_deg for row in rows),
 }
 _OF_ERRORS: dict[str, str] = {
@@ -34,14 +40,23 @@ _CONFIDENCE = {
 }
 _OF_CHAIN: dict[str, Callable[[list[ChainRow]], float]] = {
     "angle_mean_error_deg": lambda rows: float(np.mean([row.mean_error_deg for row in rows])),
-    "angle_mean_abs_error_deg": lambda rows: float(np.mean([row.mean_abs_error_deg for row in rows])),
+    "angle_mean_abs_error_deg": lambda rows: float(
+        np.mean([row.mean_abs_error_deg for row in rows])
+    ),
     "angle_rmse_deg": lambda rows: float(np.sqrt(np.mean([row.rmse_deg**2 for row in rows]))),
     "angle_max_abs_error_deg": lambda rows: max(abs(row.largest_error_deg) for row in rows),
     "angle_covered_percent": lambda rows: float(np.mean([row.covered_percent for row in rows])),
 }
 """Metrics of a joint of the chain, or of all of them, every joint alike."""
-_SIGNED = ("flexion_mean_error_deg", "flexion_median_error_deg", "heading_mean_error_deg", "angle_mean_error_deg")
-"""Metrics in which errors of the truth average out as they do in the mean; in all others they add to magnitudes."""
+_SIGNED = (
+    "flexion_mean_error_deg",
+    "flexion_median_error_deg",
+    "heading_mean_error_deg",
+    "angle_mean_error_deg",
+)
+"""Metrics in which errors of the truth average out as they do in the mean; in all others they add
+to magnitudes.
+"""
 _OF_PARTS: dict[str, tuple[str, str, str | None]] = {
     "total_mean_error_deg": ("total", "mean_error_deg", "mean_error_ci95_deg"),
     "heading_mean_error_deg": ("heading", "mean_error_deg", "mean_error_ci95_deg"),
@@ -51,11 +66,15 @@ _OF_PARTS: dict[str, tuple[str, str, str | None]] = {
     "heading_rmse_deg": ("heading", "rmse_deg", "rmse_ci95_deg"),
     "inclination_rmse_deg": ("inclination", "rmse_deg", "rmse_ci95_deg"),
 }
-"""Metrics of a sensor: part of the orientation error, and its value and confidence in the summary."""
+"""Metrics of a sensor: part of the orientation error, and its value and confidence in the
+summary.
+"""
 
 
 def summarise_metrics(evaluation: Evaluation) -> list[Metric]:
-    """Every metric of every filter, without limits; joint metrics give each pose or sweep the same weight."""
+    """Every metric of every filter, without limits; joint metrics give each pose or sweep the same
+    weight.
+    """
     return _joint_metrics(evaluation) + _chain_metrics(evaluation) + _sensor_metrics(evaluation)
 
 
@@ -64,7 +83,9 @@ def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
     lacking = _lacking(evaluation)
     summaries: dict[tuple[str, str, str, str], list[JointSummary]] = {}
     for item in evaluation.joint_summary:
-        summaries.setdefault((item.joint, item.section, item.filter, item.sequence), []).append(item)
+        summaries.setdefault((item.joint, item.section, item.filter, item.sequence), []).append(
+            item
+        )
 
     def key(row: JointRow) -> tuple[str, str, str, str]:
         return row.joint, row.section, row.filter, row.sequence
@@ -72,23 +93,52 @@ def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
     for place, group in groupby(sorted(evaluation.joint_angle, key=key), key=key):
         rows, own = list(group), summaries.get(place, [])
         joint, section, name, sequence = place
-        whole = own[0] if len(own) == 1 else next((item for item in own if item.motion == "all"), None)
+        whole = (
+            own[0] if len(own) == 1 else next((item for item in own if item.motion == "all"), None)
+        )
         for kind, meaning in JOINT_METRICS.items():
             if kind in _POOL:
                 value: float | None = _POOL[kind](rows)
             else:  # delay belongs to sweeps, settling to poses
-                known = [found for item in own if (found := getattr(item.errors, _OF_ERRORS[kind])) is not None]
-                value = getattr(whole.errors, _OF_ERRORS[kind]) if whole and kind.endswith("_deg") else (known or [None])[0]
+                known = [
+                    found
+                    for item in own
+                    if (found := getattr(item.errors, _OF_ERRORS[kind])) is not None
+                ]
+                value = (
+                    getattr(whole.errors, _OF_ERRORS[kind])
+                    if whole and kind.endswith("_deg")
+                    else (known or [None])[0]
+                )
             if value is None:
                 continue
             expanded = None
             if own and has_uncertainty(kind):
-                expanded = own[0].expanded_uncertainty_deg if kind in _SIGNED else own[0].expanded_uncertainty_magnitude_deg
-            ci95 = getattr(whole.errors, _CONFIDENCE[kind]) if whole and kind in _CONFIDENCE else None
+                expanded = (
+                    own[0].expanded_uncertainty_deg
+                    if kind in _SIGNED
+                    else own[0].expanded_uncertainty_magnitude_deg
+                )
+            ci95 = (
+                getattr(whole.errors, _CONFIDENCE[kind]) if whole and kind in _CONFIDENCE else None
+            )
             metrics.append(
-                Metric(f"{joint}.{kind}", value, unit_of(kind), None, None, None, meaning, name, sequence, section, expanded,
-                       ci95, lacking.get((joint, "flexion", section)) if has_uncertainty(kind) else None)
-            )  # fmt: skip
+                Metric(
+                    f"{joint}.{kind}",
+                    value,
+                    unit_of(kind),
+                    None,
+                    None,
+                    None,
+                    meaning,
+                    name,
+                    sequence,
+                    section,
+                    expanded,
+                    ci95,
+                    lacking.get((joint, "flexion", section)) if has_uncertainty(kind) else None,
+                )
+            )
     return metrics
 
 
@@ -103,28 +153,62 @@ def _chain_metrics(evaluation: Evaluation) -> list[Metric]:
                 signed = kind in _SIGNED
                 if joint == WHOLE_CHAIN and signed:
                     continue
-                known = [row.expanded_uncertainty_deg if signed else row.expanded_uncertainty_magnitude_deg for row in rows]
+                known = [
+                    row.expanded_uncertainty_deg
+                    if signed
+                    else row.expanded_uncertainty_magnitude_deg
+                    for row in rows
+                ]
                 expanded = max((value for value in known if value is not None), default=None)
-                why = [lacking[key] for row in rows if (key := (row.joint, "angle", place[0])) in lacking]
+                why = [
+                    lacking[key]
+                    for row in rows
+                    if (key := (row.joint, "angle", place[0])) in lacking
+                ]
                 metrics.append(
-                    Metric(f"{joint}.{kind}", _OF_CHAIN[kind](rows), unit_of(kind), None, None, None, meaning, place[1], None,
-                           place[0], expanded if has_uncertainty(kind) and None not in known else None,
-                           no_uncertainty=why[0] if why and has_uncertainty(kind) else None)
-                )  # fmt: skip
+                    Metric(
+                        f"{joint}.{kind}",
+                        _OF_CHAIN[kind](rows),
+                        unit_of(kind),
+                        None,
+                        None,
+                        None,
+                        meaning,
+                        place[1],
+                        None,
+                        place[0],
+                        expanded if has_uncertainty(kind) and None not in known else None,
+                        no_uncertainty=why[0] if why and has_uncertainty(kind) else None,
+                    )
+                )
     return metrics
 
 
 def _sensor_metrics(evaluation: Evaluation) -> list[Metric]:
     metrics = []
     lacking = _lacking(evaluation)
-    found = {(item.sensor, item.filter, item.motion, item.part): item for item in evaluation.orientation_summary}
+    found = {
+        (item.sensor, item.filter, item.motion, item.part): item
+        for item in evaluation.orientation_summary
+    }
     for row in evaluation.orientation:
         for kind, meaning in SENSOR_METRICS.items():
             name = f"{row.sensor}.{kind}"
             if kind == "total_latency_ms":
                 moving = found.get((row.sensor, row.filter, "dynamic", "total"))
                 if moving is not None and moving.errors.latency_ms is not None:
-                    metrics.append(Metric(name, moving.errors.latency_ms, "ms", None, None, None, meaning, row.filter))
+                    metrics.append(
+                        Metric(
+                            name,
+                            moving.errors.latency_ms,
+                            "ms",
+                            None,
+                            None,
+                            None,
+                            meaning,
+                            row.filter,
+                        )
+                    )
                 continue
             part, attribute, confidence = _OF_PARTS[kind]
             item = found.get((row.sensor, row.filter, "all", part))
@@ -133,18 +217,37 @@ def _sensor_metrics(evaluation: Evaluation) -> list[Metric]:
                 continue
             expanded = ci95 = None
             if item is not None:
-                expanded = item.expanded_uncertainty_deg if kind in _SIGNED else item.expanded_uncertainty_magnitude_deg
+                expanded = (
+                    item.expanded_uncertainty_deg
+                    if kind in _SIGNED
+                    else item.expanded_uncertainty_magnitude_deg
+                )
                 ci95 = getattr(item.errors, confidence) if confidence else None
             metrics.append(
-                Metric(name, value, "deg", None, None, None, meaning, row.filter, expanded_uncertainty=expanded, ci95=ci95,
-                       no_uncertainty=lacking.get((row.sensor, part, None)))
-            )  # fmt: skip
+                Metric(
+                    name,
+                    value,
+                    "deg",
+                    None,
+                    None,
+                    None,
+                    meaning,
+                    row.filter,
+                    expanded_uncertainty=expanded,
+                    ci95=ci95,
+                    no_uncertainty=lacking.get((row.sensor, part, None)),
+                )
+            )
     return metrics
 
 
 def _lacking(evaluation: Evaluation) -> dict[tuple[str, str, str | None], str]:
     """What the budgets that could not be completed lack, by owner, quantity and section."""
-    return {(b.owner, b.quantity, b.section): "; ".join(b.notes) for b in evaluation.uncertainty if not b.complete}
+    return {
+        (b.owner, b.quantity, b.section): "; ".join(b.notes)
+        for b in evaluation.uncertainty
+        if not b.complete
+    }
 
 
 def has_uncertainty(kind: str) -> bool:
@@ -161,9 +264,14 @@ def judge(analysis: Analysis, metrics: list[Metric]) -> tuple[list[Metric], Outc
     """Put the protocol's limits to the metrics.
 
     Returns:
-        The judged metrics first, then those without a limit; and the worst outcome, not_measured where there is no limit.
+        The judged metrics first, then those without a limit; and the worst outcome, not_measured
+        where there is no limit.
     """
-    judged = [judged_metric for limit in analysis.accept for judged_metric in _judge_limit(analysis, limit, metrics)]
+    judged = [
+        judged_metric
+        for limit in analysis.accept
+        for judged_metric in _judge_limit(analysis, limit, metrics)
+    ]
     keys = {(m.name, m.filter, m.sequence, m.section) for m in judged}
     rest = [m for m in metrics if (m.name, m.filter, m.sequence, m.section) not in keys]
     outcomes = [metric.outcome for metric in judged if metric.outcome is not None]
@@ -173,7 +281,9 @@ def judge(analysis: Analysis, metrics: list[Metric]) -> tuple[list[Metric], Outc
 
 def _judge_limit(analysis: Analysis, limit: AcceptanceLimit, metrics: list[Metric]) -> list[Metric]:
     owner, _, kind = limit.metric.partition(".")
-    sequence = analysis.joints[owner].label if kind in JOINT_METRICS and owner in analysis.joints else None
+    sequence = (
+        analysis.joints[owner].label if kind in JOINT_METRICS and owner in analysis.joints else None
+    )
     matching = [
         metric
         for metric in metrics
@@ -184,27 +294,39 @@ def _judge_limit(analysis: Analysis, limit: AcceptanceLimit, metrics: list[Metri
     ]
     if not matching:
         meaning = (JOINT_METRICS | SENSOR_METRICS | CHAIN_METRICS)[kind]
-        absent = Metric(limit.metric, None, unit_of(kind), limit.min, limit.max, Outcome.NOT_MEASURED, meaning)
+        absent = Metric(
+            limit.metric, None, unit_of(kind), limit.min, limit.max, Outcome.NOT_MEASURED, meaning
+        )
         return [replace(absent, filter=limit.filter, sequence=sequence, section=limit.section)]
-    return [replace(m, lower=limit.min, upper=limit.max, outcome=_outcome(m, limit)) for m in matching]
+    return [
+        replace(m, lower=limit.min, upper=limit.max, outcome=_outcome(m, limit)) for m in matching
+    ]
 
 
 def _outcome(metric: Metric, limit: AcceptanceLimit) -> Outcome:
-    """The verdict on one metric. Where its uncertainty ought to be stated and could not be, a limit that is kept is kept by
-    nobody knows how much: marginal. One that is broken stays broken: that is the safe side.
+    """The verdict on one metric. Where its uncertainty ought to be stated and could not be, a limit
+    that is kept is kept by nobody knows how much: marginal. One that is broken stays broken: that
+    is the safe side.
     """
     found = outcome_of(metric.value, limit, metric.expanded_uncertainty)
-    return Outcome.MARGINAL if found is Outcome.PASS and metric.no_uncertainty is not None else found
+    return (
+        Outcome.MARGINAL if found is Outcome.PASS and metric.no_uncertainty is not None else found
+    )
 
 
-def outcome_of(value: float | None, limit: AcceptanceLimit, expanded: float | None = None) -> Outcome:
+def outcome_of(
+    value: float | None, limit: AcceptanceLimit, expanded: float | None = None
+) -> Outcome:
     """Fail beyond a limit by more than the expanded uncertainty; marginal near it; else pass.
 
-    Near is within the expanded uncertainty on either side, so that no verdict is given which the truth may overturn
-    (guard bands w = U: ILAC-G8:09/2019, 4.2; JCGM 106:2012, 8.3); and on the safe side also within `marginal_percent`.
+    Near is within the expanded uncertainty on either side, so that no verdict is given which the
+    truth may overturn (guard bands w = U: ILAC-G8:09/2019, 4.2; JCGM 106:2012, 8.3); and on the
+    safe side also within `marginal_percent`.
 
     Args:
-        value: Of the metric. limit: What it must keep. expanded: Expanded uncertainty of the value, k = 2; None counts as 0.
+        value: Of the metric.
+        limit: What it must keep.
+        expanded: Expanded uncertainty of the value, k = 2; None counts as 0.
     """
     if value is None or not np.isfinite(value):
         return Outcome.NOT_MEASURED

@@ -36,18 +36,24 @@ from testbench.records.session import Event, RunStatus, Session
 
 CHUNK_NS = NANOSECONDS // 10
 MISSED_SHARE = 0.05
-"""A larger share of the controller's samples that did not come is said at the end; a smaller one is in the evaluation."""
+"""A larger share of the controller's samples that did not come is said at the end; a smaller one is
+in the evaluation.
+"""
 TAIL_NS = NANOSECONDS
-"""Recording goes on this long after the last step, so that the last dwell is whole on every clock."""
+"""Recording goes on this long after the last step, so that the last dwell is whole on every
+clock.
+"""
 
 
 @dataclass
 class Sensors:
-    """The sensors of a run on a real arm: live ones, or simulated ones that follow the motion which the arm reports.
+    """The sensors of a run on a real arm: live ones, or simulated ones that follow the motion which
+    the arm reports.
 
     Attributes:
-        imus: By the names of the protocol. devices: What must be connected and released, for live ones. motion: What simulated
-        ones feel.
+        imus: By the names of the protocol.
+        devices: What must be connected and released, for live ones.
+        motion: What simulated ones feel.
     """
 
     imus: dict[str, Imu]
@@ -75,7 +81,8 @@ class Sensors:
         wanted, given = set(plan.protocol.spec.sensors), set(devices.imus)
         if wanted != given:
             raise InputError(
-                f"the protocol's sensors are {', '.join(sorted(wanted))}; the devices are called {', '.join(sorted(given))}: "
+                f"the protocol's sensors are {', '.join(sorted(wanted))}; the devices are called "
+                f"{', '.join(sorted(given))}: "
                 "name each with --serial NAME=PORT:FORMAT or --dot NAME=ADDRESS"
             )
         return Sensors(dict(devices.imus), devices)
@@ -98,7 +105,9 @@ class Sensors:
                 imu.kickoff()
 
     def read(self, until_ns: int, arm: ArmSamples) -> dict[str, ImuSamples]:
-        """What came in up to a host time; simulated sensors lag behind the arm's report by a moment."""
+        """What came in up to a host time; simulated sensors lag behind the arm's report by a
+        moment.
+        """
         if self.motion is None:
             return {name: imu.read(until_ns) for name, imu in self.imus.items()}
         self.motion.add(arm)
@@ -119,7 +128,11 @@ class Sensors:
 
     def statistics(self) -> dict[str, Any]:
         """What the live ones counted."""
-        return {name: imu.statistics() for name, imu in self.imus.items() if isinstance(imu, StreamedImu)}
+        return {
+            name: imu.statistics()
+            for name, imu in self.imus.items()
+            if isinstance(imu, StreamedImu)
+        }
 
 
 @dataclass
@@ -127,10 +140,16 @@ class ArmRunOptions:
     """How a run is made.
 
     Attributes:
-        logs: Folder that sessions are made in. seed: Of simulated sensors. steps: Those to do; all if None. checklist: What was
-        confirmed. resumes: Session and step that this run goes on from. keys: Listen to the keyboard. progress: Called after
-        every chunk of time. name: Of the session's folder; time and protocol if None. notify: Told what a person must know of
-        the arm, once it is connected. say: Told, a line at a time, what a person beside the arm must know.
+        logs: Folder that sessions are made in.
+        seed: Of simulated sensors.
+        steps: Those to do; all if None.
+        checklist: What was confirmed.
+        resumes: Session and step that this run goes on from.
+        keys: Listen to the keyboard.
+        progress: Called after every chunk of time.
+        name: Of the session's folder; time and protocol if None.
+        notify: Told what a person must know of the arm, once it is connected.
+        say: Told, a line at a time, what a person beside the arm must know.
     """
 
     logs: Path = Path("logs")
@@ -146,16 +165,23 @@ class ArmRunOptions:
     details: dict[str, Any] = field(default_factory=dict)
 
 
-def execute_on_arm(plan: Plan, arm: SteppingArm, sensors: Sensors, time: SessionTime, options: ArmRunOptions) -> Session:
+def execute_on_arm(
+    plan: Plan, arm: SteppingArm, sensors: Sensors, time: SessionTime, options: ArmRunOptions
+) -> Session:
     """Run a plan on an arm that keeps its own time, and record it.
 
     Args:
-        plan: A checked motion. arm: Not yet connected. sensors: On it. time: Of the session, shared by all. options: The rest.
+        plan: A checked motion.
+        arm: Not yet connected.
+        sensors: On it.
+        time: Of the session, shared by all.
+        options: The rest.
 
     Raises:
         ArmRefused: The arm must not be driven; nothing moved and there is no session.
-        DriverError: A live sensor delivers nothing, or no controller answers; nothing moved. Or arm, sensor or guard ended the
-        run; the arm was stopped, the session is kept and closed as an error. Its notes say what to do.
+        DriverError: A live sensor delivers nothing, or no controller answers; nothing moved. Or
+            arm, sensor or guard ended the run; the arm was stopped, the session is kept and closed
+            as an error. Its notes say what to do.
         RunInterrupted: The operator stopped it; the session is kept.
     """
     try:
@@ -173,8 +199,21 @@ def execute_on_arm(plan: Plan, arm: SteppingArm, sensors: Sensors, time: Session
 class _ArmRun:
     """One run, from a connected arm to a closed session."""
 
-    def __init__(self, plan: Plan, arm: SteppingArm, sensors: Sensors, time: SessionTime, options: ArmRunOptions):
-        self.plan, self.arm, self.sensors, self.time, self.options = plan, arm, sensors, time, options
+    def __init__(
+        self,
+        plan: Plan,
+        arm: SteppingArm,
+        sensors: Sensors,
+        time: SessionTime,
+        options: ArmRunOptions,
+    ):
+        self.plan, self.arm, self.sensors, self.time, self.options = (
+            plan,
+            arm,
+            sensors,
+            time,
+            options,
+        )
         self.clock: Clock = time.clock
         self.now_ns = 0
         self.done = 0
@@ -187,7 +226,9 @@ class _ArmRun:
         self.received, self.gap_ns, self.newest_ns = 0, 0, np.zeros(0, dtype=np.int64)
         spec = plan.protocol.spec
         self.guards = GuardWatch(spec.guards or Guards(), list(sensors.imus))
-        folder = free_folder(options.logs, options.name or f"{self.clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
+        folder = free_folder(
+            options.logs, options.name or f"{self.clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}"
+        )
         simulated = sensors.motion is not None
         details = {
             "arm": arm.describe(),
@@ -199,13 +240,17 @@ class _ArmRun:
         if simulated:
             details["environment"] = describe_environment(spec.environment, Kinematics(plan.robot))
         seed = options.seed if simulated else None
-        self.recorder = Recorder(plan, sensors.imus, folder, self.clock, seed, details, arm.extra_columns)
+        self.recorder = Recorder(
+            plan, sensors.imus, folder, self.clock, seed, details, arm.extra_columns
+        )
         self.machine = StateMachine(self._state_changed)
 
     def _state_changed(self, old: RunState, new: RunState, why: str) -> None:
         with suppress(StorageError):
             at_ns = self.now_ns if self.changed_ns is None else self.changed_ns
-            self.recorder.event(at_ns, "state", state=str(new), before=str(old), **({"why": why} if why else {}))
+            self.recorder.event(
+                at_ns, "state", state=str(new), before=str(old), **({"why": why} if why else {})
+            )
 
     def run(self) -> Session:
         status, message, error = RunStatus.COMPLETED, "", None
@@ -224,7 +269,11 @@ class _ArmRun:
                 if operator.stop_asked:
                     status, message = RunStatus.INTERRUPTED, "stopped by the operator"
             except BaseException as failure:
-                said = str(failure) if isinstance(failure, BenchError) else f"{type(failure).__name__}: {failure}"
+                said = (
+                    str(failure)
+                    if isinstance(failure, BenchError)
+                    else f"{type(failure).__name__}: {failure}"
+                )
                 status, message, error = RunStatus.ERROR, said, failure
             session = self._close(status, message)
         self._say_counts()
@@ -244,17 +293,24 @@ class _ArmRun:
         error.add_note(self._kept(session))
 
     def _kept(self, session: Session) -> str:
-        return f"what was recorded is kept in {session.path}: {self.done} of {len(self.steps)} steps are whole"
+        return (
+            f"what was recorded is kept in {session.path}: {self.done} of {len(self.steps)} "
+            "steps are whole"
+        )
 
     def _say_counts(self) -> None:
         """At the end: what the guards found, and what did not come from the controller."""
         if self.trips:
-            self.options.say("guards: " + ", ".join(self._count(*item) for item in sorted(self.guards.counts.items())))
+            self.options.say(
+                "guards: "
+                + ", ".join(self._count(*item) for item in sorted(self.guards.counts.items()))
+            )
         missed = self.arm.describe().get("timing", {}).get("samples_missed", 0)
         due = missed + self.received
         if missed and (missed > MISSED_SHARE * due or self.gap_ns > WIDEST_GAP_NS):
             self.options.say(
-                f"warning: {missed} of {due} ({100 * missed / due:.2g} %) of the controller's samples did not come, the "
+                f"warning: {missed} of {due} ({100 * missed / due:.2g} %) of the controller's "
+                "samples did not come, the "
                 f"longest gap is {self.gap_ns / NANOSECONDS:.2g} s"
             )
 
@@ -274,7 +330,9 @@ class _ArmRun:
             if self.arm.finished and end_ns is None:
                 end_ns = self.now_ns + TAIL_NS
             rests = "paused, the arm rests" if self.resting else ""
-            self.meter.say(self.now_ns, "recording goes on for a second" if self.arm.finished else rests)
+            self.meter.say(
+                self.now_ns, "recording goes on for a second" if self.arm.finished else rests
+            )
 
     def _pause_or_resume(self, operator: Operator) -> None:
         if operator.pause_asked and not self.pausing and self.machine.state is RunState.RUNNING:
@@ -294,7 +352,11 @@ class _ArmRun:
     def _paused_or_resumed(self, event: Event) -> None:
         """The arm rests, or goes on: that, and not the wish, changes the state."""
         self.resting = event.event == "paused"
-        state, before = (RunState.PAUSED, RunState.RUNNING) if self.resting else (RunState.RUNNING, RunState.PAUSED)
+        state, before = (
+            (RunState.PAUSED, RunState.RUNNING)
+            if self.resting
+            else (RunState.RUNNING, RunState.PAUSED)
+        )
         if self.machine.state is before:
             self.changed_ns = event.host_time_ns
             self.machine.to(state, self.why_paused if self.resting else "asked for")
@@ -306,7 +368,10 @@ class _ArmRun:
         arm = self.arm.read(until_ns)
         self.now_ns, self.received = until_ns, self.received + len(arm.host_time_ns)
         times = np.concatenate([self.newest_ns, arm.host_time_ns])
-        self.gap_ns, self.newest_ns = max(self.gap_ns, int(np.diff(times).max(initial=0))), times[-1:]
+        self.gap_ns, self.newest_ns = (
+            max(self.gap_ns, int(np.diff(times).max(initial=0))),
+            times[-1:],
+        )
         self._note(self.arm.events())
         imus = self.sensors.read(until_ns, arm)
         happened = self._note_devices()
@@ -315,16 +380,24 @@ class _ArmRun:
             self._judge(arm, imus, happened, operator)
 
     def _note_devices(self) -> dict[str, list[Event]]:
-        """Put what happened to the sensors, such as a lost connection, among the events of the run; the same by name."""
+        """Put what happened to the sensors, such as a lost connection, among the events of the run;
+        the same by name.
+        """
         happened = {name: imu.events() for name, imu in self.sensors.imus.items()}
         self.recorder.device_events(happened)
         return happened
 
     def _judge(
-        self, arm: ArmSamples, imus: dict[str, ImuSamples], happened: dict[str, list[Event]], operator: Operator
+        self,
+        arm: ArmSamples,
+        imus: dict[str, ImuSamples],
+        happened: dict[str, list[Event]],
+        operator: Operator,
     ) -> None:
         motion = self.sensors.motion
-        due = self.now_ns if motion is None else motion.known_until_ns  # simulated sensors are not silent, the arm is
+        due = (
+            self.now_ns if motion is None else motion.known_until_ns
+        )  # simulated sensors are not silent, the arm is
         for trip in self.guards.look(due, arm, imus, happened):
             self.recorder.guard_event(self.now_ns, trip)
             self.trips[f"{trip.guard} of {trip.subject}"] += 1
@@ -344,10 +417,14 @@ class _ArmRun:
                 self.fault = str(event.details.get("fault"))
             if event.event.startswith("step_"):
                 self.done += event.event == "step_ended"
-                self.recorder.step_event(event.host_time_ns, event.event, by_index[event.details["index"]])
+                self.recorder.step_event(
+                    event.host_time_ns, event.event, by_index[event.details["index"]]
+                )
             elif event.event.startswith("connecting_"):
                 step = self.steps[min(self.done, len(self.steps) - 1)]
-                self.recorder.event(event.host_time_ns, event.event, towards=step.index, name=step.name)
+                self.recorder.event(
+                    event.host_time_ns, event.event, towards=step.index, name=step.name
+                )
             else:
                 self.recorder.event(event.host_time_ns, event.event, **event.details)
 

@@ -1,4 +1,6 @@
-"""The physical hazards that a person looks at before a real arm moves; asked once a session, and recorded."""
+"""The physical hazards that a person looks at before a real arm moves; asked once a session, and
+recorded.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,11 @@ from testbench.exceptions import ArmRefused
 HAZARDS = {
     "area": "Nobody is within reach of the arm, and nobody can come near it unseen.",
     "emergency_stop": "The emergency stop is within my reach, and it was tried today.",
-    "mounting": "The arm, the sensors and their holder are fixed; nothing can come loose at the planned speeds.",
+    "mounting": "The arm, the sensors and their holder are fixed; nothing can come loose at the "
+    "planned speeds.",
     "cables": "Cables and straps have slack for every planned turn and cannot catch.",
-    "surroundings": "Everything the arm could touch, which the plan does not know of, is out of its way.",
+    "surroundings": "Everything the arm could touch, which the plan does not know of, is out of "
+    "its way.",
     "payload": "Mass and centre of mass of the tool are set as they are.",
     "limits": "Speed and force limits of the robot's safety configuration suit this bench.",
 }

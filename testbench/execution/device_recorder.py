@@ -1,4 +1,6 @@
-"""Record devices alone: no arm, no plan, no truth; a session that estimate and evaluate read like any other."""
+"""Record devices alone: no arm, no plan, no truth; a session that estimate and evaluate read like
+any other.
+"""
 
 from __future__ import annotations
 
@@ -42,8 +44,11 @@ class Devices:
     """The devices of a recording.
 
     Attributes:
-        imus: By name. time: Their common time. bluetooth: The loop of those that need one. synchronise: Whether the DOTs
-        share a clock, which takes a quarter of a minute before they start.
+        imus: By name.
+        time: Their common time.
+        bluetooth: The loop of those that need one.
+        synchronise: Whether the DOTs share a clock, which takes a quarter of a minute before they
+            start.
     """
 
     imus: dict[str, Imu]
@@ -68,9 +73,12 @@ class Devices:
         (The DOTs are asked for themselves when they are connected, and know one format only.)
 
         Raises:
-            DriverError: A port cannot be opened, or a board delivers no sample that fits its format; says what came instead.
+            DriverError: A port cannot be opened, or a board delivers no sample that fits its
+                format; says what came instead.
         """
-        trials = {name: imu.trial() for name, imu in self.imus.items() if isinstance(imu, SerialImu)}
+        trials = {
+            name: imu.trial() for name, imu in self.imus.items() if isinstance(imu, SerialImu)
+        }
         try:
             for trial in trials.values():
                 trial.kickoff()
@@ -106,19 +114,29 @@ def open_devices(
     """Make devices from what a person wrote; nothing is connected yet.
 
     Args:
-        serial: Each `[NAME=]PORT:FORMAT`, the format a YAML file or the name of one that ships. dots: Each
-        `[NAME=]ADDRESS`, or an advertised name. clock: Of the session. payload, dot_rate: Mode and rate of the DOTs [Hz].
-        bluetooth: The loop to use; a new one if None. synchronise_dots: Bring the DOTs' clocks together before they start.
+        serial: Each `[NAME=]PORT:FORMAT`, the format a YAML file or the name of one that ships.
+        dots: Each `[NAME=]ADDRESS`, or an advertised name.
+        clock: Of the session.
+        payload: Mode and rate of the DOTs [Hz].
+        dot_rate: Mode and rate of the DOTs [Hz].
+        bluetooth: The loop to use; a new one if None.
+        synchronise_dots: Bring the DOTs' clocks together before they start.
         time: Of the session; a new one if None.
 
     Raises:
-        InputError: Nothing to record, a malformed device, two of one name, or fewer than two DOTs to synchronise.
+        InputError: Nothing to record, a malformed device, two of one name, or fewer than two DOTs
+            to synchronise.
         DriverError: An extra is missing.
     """
     if not serial and not dots:
-        raise InputError("nothing to record: name a device with --serial PORT:FORMAT or --dot ADDRESS")
+        raise InputError(
+            "nothing to record: name a device with --serial PORT:FORMAT or --dot ADDRESS"
+        )
     if synchronise_dots and len(dots) < 2:
-        raise InputError(f"--dot-sync brings the clocks of several DOTs together; there {'is one' if dots else 'are none'}")
+        raise InputError(
+            "--dot-sync brings the clocks of several DOTs together; there "
+            f"{'is one' if dots else 'are none'}"
+        )
     time = time or SessionTime(clock)
     imus: dict[str, Imu] = {}
 
@@ -131,7 +149,10 @@ def open_devices(
         name, rest = _split_name(text)
         port, _, line_format = rest.rpartition(":")
         if not port or not line_format:
-            raise InputError(f"--serial {text}: must be PORT:FORMAT, such as /dev/ttyACM0:mpu6050 or /dev/ttyACM0:board.yaml")
+            raise InputError(
+                f"--serial {text}: must be PORT:FORMAT, such as /dev/ttyACM0:mpu6050 or "
+                "/dev/ttyACM0:board.yaml"
+            )
         add(name or f"serial{number}", SerialImu(port, load_line_format(line_format), time))
     if dots:
         bluetooth = bluetooth or BluetoothLoop()
@@ -156,8 +177,12 @@ def _split_name(text: str) -> tuple[str, str]:
     return (name, rest) if sign and NAME.fullmatch(name) else ("", text)
 
 
-def scan_devices(duration_s: float = SCAN_S, bluetooth: BluetoothLoop | None = None) -> dict[str, list[Any]]:
-    """What could be recorded: `serial` ports, `dots` that can be heard, and `notes` on what could not be searched."""
+def scan_devices(
+    duration_s: float = SCAN_S, bluetooth: BluetoothLoop | None = None
+) -> dict[str, list[Any]]:
+    """What could be recorded: `serial` ports, `dots` that can be heard, and `notes` on what could
+    not be searched.
+    """
     found: dict[str, list[Any]] = {"serial": [], "dots": [], "notes": []}
     try:
         found["serial"] = list_serial_ports()
@@ -185,19 +210,27 @@ def record_devices(
     """Record devices into a session; Ctrl-C ends it.
 
     Args:
-        devices: To record; they are released in every case. logs: Folder that sessions are made in. duration_s: Length [s];
-        None records until Ctrl-C, which then is the normal end. name: Of the recording. clock: Source of the date; that of the
-        machine if None. progress: Called about once a second.
+        devices: To record; they are released in every case.
+        logs: Folder that sessions are made in.
+        duration_s: Length [s]; None records until Ctrl-C, which then is the normal end.
+        name: Of the recording.
+        clock: Source of the date; that of the machine if None.
+        progress: Called about once a second.
 
     Raises:
         InputError: The name cannot stand in a file name, or the duration is not positive.
-        DriverError: A device cannot be opened (nothing is written then), failed, or no device gave a sample.
-        RunInterrupted: Ctrl-C before the duration was over; the session is kept and closed as interrupted.
+        DriverError: A device cannot be opened (nothing is written then), failed, or no device gave
+            a sample.
+        RunInterrupted: Ctrl-C before the duration was over; the session is kept and closed as
+            interrupted.
     """
     clock = clock or SystemClock()
     try:
         if not NAME.fullmatch(name):
-            raise InputError(f"'{name}' is no name for a recording: a letter, then up to 63 letters, digits and _")
+            raise InputError(
+                f"'{name}' is no name for a recording: a letter, then up to 63 letters, digits and "
+                "_"
+            )
         if duration_s is not None and not 0 < duration_s < 1e9:
             raise InputError(f"the duration must be positive, not {duration_s:g} s")
         devices.kickoff()
@@ -218,7 +251,9 @@ class _Stream:
     def add(self, samples: ImuSamples) -> None:
         if len(samples):
             self.count += len(samples)
-            self.first_ns = int(samples.device_time_ns[0]) if self.first_ns is None else self.first_ns
+            self.first_ns = (
+                int(samples.device_time_ns[0]) if self.first_ns is None else self.first_ns
+            )
             self.last_ns = int(samples.device_time_ns[-1])
 
     def rate(self) -> float | None:
@@ -248,7 +283,10 @@ class _Recording:
             Analysis(estimate=_estimation(list(imus.values()))),
             {name: imu.describe() for name, imu in imus.items()},
             self.clock.utc(),
-            {"kind": "recording", "protocol": {"name": self.name, "purpose": "devices recorded without an arm"}},
+            {
+                "kind": "recording",
+                "protocol": {"name": self.name, "purpose": "devices recorded without an arm"},
+            },
         )
         for name, imu in imus.items():
             writer.open_journal(f"imu_{name}", imu.columns(), IMU_NOTES)
@@ -260,7 +298,11 @@ class _Recording:
                 if self.stop_asked and self.duration_s is not None:
                     status, message = RunStatus.INTERRUPTED, "stopped by the operator"
             except BaseException as failure:
-                said = str(failure) if isinstance(failure, BenchError) else f"{type(failure).__name__}: {failure}"
+                said = (
+                    str(failure)
+                    if isinstance(failure, BenchError)
+                    else f"{type(failure).__name__}: {failure}"
+                )
                 status, message, error = RunStatus.ERROR, said, failure
             self.devices.stop()
             with suppress(BenchError):
@@ -272,7 +314,9 @@ class _Recording:
         if error is not None:
             raise error
         if status is RunStatus.INTERRUPTED:
-            raise RunInterrupted(f"interrupted by the operator; what was recorded is kept in {session.path}", session)
+            raise RunInterrupted(
+                f"interrupted by the operator; what was recorded is kept in {session.path}", session
+            )
         return session
 
     def _follow(self, writer: SessionWriter) -> None:
@@ -280,7 +324,9 @@ class _Recording:
         end = None if self.duration_s is None else round(self.duration_s * NANOSECONDS)
         until = synced = 0
         while not self.stop_asked and (end is None or until < end):
-            until = max(until + CHUNK_NS, self.devices.time.now_ns())  # behind a slow disk: catch up in one piece
+            until = max(
+                until + CHUNK_NS, self.devices.time.now_ns()
+            )  # behind a slow disk: catch up in one piece
             until = until if end is None else min(until, end)
             self.devices.time.wait_until(until)
             self._take(writer, until)
@@ -288,7 +334,10 @@ class _Recording:
                 synced = until
                 writer.sync()
                 if self.progress is not None:
-                    self.progress(until / NANOSECONDS, {name: stream.count for name, stream in self.streams.items()})
+                    self.progress(
+                        until / NANOSECONDS,
+                        {name: stream.count for name, stream in self.streams.items()},
+                    )
 
     def _take(self, writer: SessionWriter, until_ns: int) -> None:
         events: list[Event] = []
@@ -296,7 +345,10 @@ class _Recording:
             samples = imu.read(until_ns)
             self.streams[name].add(samples)
             writer.append(f"imu_{name}", samples.to_columns())
-            events += [Event(event.host_time_ns, event.event, {"sensor": name, **event.details}) for event in imu.events()]
+            events += [
+                Event(event.host_time_ns, event.event, {"sensor": name, **event.details})
+                for event in imu.events()
+            ]
         for event in sorted(events, key=lambda event: event.host_time_ns):
             writer.event(event)
         writer.flush()
@@ -305,10 +357,17 @@ class _Recording:
         now = self.devices.time.now_ns()
         writer.event(Event(now, f"recording_{status}", {"message": message}))
         sensors = {
-            name: writer.manifest["sensors"][name] | {"statistics": self._statistics(name)} for name in self.devices.imus
+            name: writer.manifest["sensors"][name] | {"statistics": self._statistics(name)}
+            for name in self.devices.imus
         }
-        duration = now / NANOSECONDS if self.duration_s is None else min(now / NANOSECONDS, self.duration_s)
-        writer.close(status, message=message, duration_s=duration, sensors=sensors, notes=self._notes())
+        duration = (
+            now / NANOSECONDS
+            if self.duration_s is None
+            else min(now / NANOSECONDS, self.duration_s)
+        )
+        writer.close(
+            status, message=message, duration_s=duration, sensors=sensors, notes=self._notes()
+        )
         return Session(self.folder)
 
     def _statistics(self, name: str) -> dict[str, Any]:
@@ -323,14 +382,27 @@ class _Recording:
             found = self._statistics(name)
             refused = found.get("malformed_lines", 0) + found.get("malformed_packets", 0)
             if not found["samples"]:
-                heard = f"{refused} lines or packets came that do not fit its format" if refused else "it sent nothing"
+                heard = (
+                    f"{refused} lines or packets came that do not fit its format"
+                    if refused
+                    else "it sent nothing"
+                )
                 notes.append(f"{name}: no samples; {heard}.")
-            elif found["rate_hz"] is not None and abs(found["rate_hz"] / imu.rate - 1) > RATE_TOLERANCE:
-                notes.append(f"{name}: {found['rate_hz']:.1f} samples in a second arrived, {imu.rate:g} were expected.")
+            elif (
+                found["rate_hz"] is not None
+                and abs(found["rate_hz"] / imu.rate - 1) > RATE_TOLERANCE
+            ):
+                notes.append(
+                    f"{name}: {found['rate_hz']:.1f} samples in a second arrived, {imu.rate:g} "
+                    "were expected."
+                )
             if found["samples"] and refused > found["samples"] // 100:
                 notes.append(f"{name}: {refused} lines or packets did not fit its format.")
             if found.get("samples_dropped"):
-                notes.append(f"{name}: {found['samples_dropped']} samples were dropped because this machine was too slow.")
+                notes.append(
+                    f"{name}: {found['samples_dropped']} samples were dropped because this machine "
+                    "was too slow."
+                )
         return notes
 
     def _ask_to_stop(self) -> None:
@@ -338,7 +410,9 @@ class _Recording:
 
 
 def _estimation(imus: list[Imu]) -> Estimation:
-    """Filters that fit the devices; without truth there is nothing to align with or to calibrate against."""
+    """Filters that fit the devices; without truth there is nothing to align with or to calibrate
+    against.
+    """
     filters = ["device"] if any(imu.has_orientation for imu in imus) else []
     filters += ["vqf_6d", "vqf_9d"] if any(imu.has_magnetometer for imu in imus) else ["vqf_6d"]
     return Estimation(filters=filters, align="none", calibrate="none")
@@ -353,7 +427,8 @@ def _free_folder(logs: Path, name: str) -> Path:
 
 
 def recover_recording(session: Session) -> Session:
-    """Make a recording readable that was cut off by a kill or a power cut; one that was closed is returned as it is.
+    """Make a recording readable that was cut off by a kill or a power cut; one that was closed is
+    returned as it is.
 
     Raises:
         SessionError: It is still being recorded, or a journal cannot be read.

@@ -27,12 +27,16 @@ from testbench.records.session import RunStatus, Session
 REALTIME_CHUNK_NS = NANOSECONDS // 10
 FAST_CHUNK_NS = 10 * NANOSECONDS
 TAIL_NS = NANOSECONDS
-"""Recording goes on this long after the last step, so that the last dwell is whole on every clock."""
+"""Recording goes on this long after the last step, so that the last dwell is whole on every
+clock.
+"""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is; times in seconds from its start. `doing`: What happens in place of a step, for people."""
+    """How far a run is; times in seconds from its start. `doing`: What happens in place of a step,
+    for people.
+    """
 
     step: str
     index: int
@@ -57,12 +61,16 @@ def execute(
     """Run a plan on the simulated arm and record it.
 
     Args:
-        plan: A checked motion. logs: Folder that sessions are made in. seed: Of every random number of the simulation; the same
-        seed gives the same raw files. speed: "fast": virtual time as fast as the machine goes; "realtime": a second a second.
-        clock: Source of the date and of the rhythm; the machine's if None. progress: Called after every chunk of time.
-        session_name: Name of the session's folder; time and protocol if None. resumed: Go on with this session, of the same
-        plan and seed: the simulation runs again from its beginning, and what the session lacks is recorded. keys: Listen to the
-        keyboard.
+        plan: A checked motion.
+        logs: Folder that sessions are made in.
+        seed: Of every random number of the simulation; the same seed gives the same raw files.
+        speed: "fast": virtual time as fast as the machine goes; "realtime": a second a second.
+        clock: Source of the date and of the rhythm; the machine's if None.
+        progress: Called after every chunk of time.
+        session_name: Name of the session's folder; time and protocol if None.
+        resumed: Go on with this session, of the same plan and seed: the simulation runs again from
+            its beginning, and what the session lacks is recorded.
+        keys: Listen to the keyboard.
 
     Raises:
         RunInterrupted: The operator pressed Ctrl-C; the session is kept and closed as interrupted.
@@ -86,13 +94,26 @@ class _Run:
     """One run from kickoff to a closed session."""
 
     def __init__(
-        self, plan: Plan, arm: Arm, imus: dict[str, Imu], recorder: Recorder, clock: Clock, speed: str,
-        progress: Callable[[Progress], None] | None, resumed: Session | None, keys: bool, say: Callable[[str], None],
-    ):  # fmt: skip
+        self,
+        plan: Plan,
+        arm: Arm,
+        imus: dict[str, Imu],
+        recorder: Recorder,
+        clock: Clock,
+        speed: str,
+        progress: Callable[[Progress], None] | None,
+        resumed: Session | None,
+        keys: bool,
+        say: Callable[[str], None],
+    ):
         self.plan, self.arm, self.imus, self.recorder, self.clock = plan, arm, imus, recorder, clock
         self.realtime, self.progress = speed == "realtime", progress
         self.now_ns, self.keys, self.say = 0, keys, say
-        self.again_ns = round((resumed.manifest.get("duration_s") or 0) * NANOSECONDS) if resumed is not None else 0
+        self.again_ns = (
+            round((resumed.manifest.get("duration_s") or 0) * NANOSECONDS)
+            if resumed is not None
+            else 0
+        )
         self.resumed = resumed is not None
         guards = plan.protocol.spec.guards
         self.guards = GuardWatch(guards, list(imus)) if guards is not None else None
@@ -117,7 +138,11 @@ class _Run:
             except BenchError as failure:
                 status, message, error = RunStatus.ERROR, str(failure), failure
             except BaseException as failure:
-                status, message, error = RunStatus.ERROR, f"{type(failure).__name__}: {failure}", failure
+                status, message, error = (
+                    RunStatus.ERROR,
+                    f"{type(failure).__name__}: {failure}",
+                    failure,
+                )
             session = self._close(status, message)
         whole = f"{len(session.steps)} of {len(self.plan.steps)} steps are whole"
         kept = f"what was recorded is kept in {session.path}: {whole}"
@@ -148,7 +173,9 @@ class _Run:
                 self.progress(Progress(step.name, step.index, len(self.plan.steps), *times))
 
     def _wait_while_paused(self, operator: Operator) -> int:
-        """Let virtual time stand still while the operator wants it; says for how long that was [ns]."""
+        """Let virtual time stand still while the operator wants it; says for how long that was
+        [ns].
+        """
         operator.look()
         if not operator.pause_asked:
             return 0
@@ -181,7 +208,9 @@ class _Run:
                 operator.pause_asked, operator.pause_reason = True, f"guard: {trip.sentence}"
 
     def _note_devices(self) -> None:
-        """Put what happened to the sensors, such as a lost connection, among the events of the run."""
+        """Put what happened to the sensors, such as a lost connection, among the events of the
+        run.
+        """
         self.recorder.device_events({name: imu.events() for name, imu in self.imus.items()})
 
     def _close(self, status: RunStatus, message: str) -> Session:
@@ -208,7 +237,9 @@ class _Run:
         return session
 
 
-def _simulated_imus(plan: Plan, kinematics: Kinematics, arm: SimulatedArm, seed: int) -> dict[str, Imu]:
+def _simulated_imus(
+    plan: Plan, kinematics: Kinematics, arm: SimulatedArm, seed: int
+) -> dict[str, Imu]:
     spec = plan.protocol.spec
     return {
         name: SimulatedImu(name, sensor, kinematics, spec.environment, arm.true_state, seed)

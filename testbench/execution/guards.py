@@ -17,7 +17,9 @@ from testbench.records.session import Event
 REFERENCE_SAMPLES = 60
 """The magnetic norm is compared with the median of a sensor's first samples, so many."""
 CLEAR, CLEAR_OF_HEAT = 0.8, 0.95
-"""A limit holds again once the value is below this share of it (above its inverse, for a lower limit)..."""
+"""A limit holds again once the value is below this share of it (above its inverse, for a lower
+limit)...
+"""
 CALM_NS = 3 * NANOSECONDS
 """... for so long [ns]. A silence or a gap is over at once: the next one is another."""
 MOST_DIGITS = 8
@@ -32,7 +34,11 @@ class Trip:
     """A limit that was broken.
 
     Attributes:
-        guard: Its name, with the unit. subject: Sensor or joint. value, limit: In the guard's unit. action: What follows.
+        guard: Its name, with the unit.
+        subject: Sensor or joint.
+        value: In the guard's unit.
+        limit: In the guard's unit.
+        action: What follows.
     """
 
     guard: str
@@ -47,7 +53,9 @@ class Trip:
         quantity, _, unit = self.guard.rpartition("_")
         unit = {"percent": "%", "s": "s", "degC": "degC"}[unit]
         name = quantity.replace("_", " ")
-        value = next((text for text in self._texts() if float(text) != self.limit), f"{self.value:g}")
+        value = next(
+            (text for text in self._texts() if float(text) != self.limit), f"{self.value:g}"
+        )
         return f"{name} of {self.subject}: {value} {unit}, the limit is {self.limit:.3g} {unit}"
 
     def _texts(self) -> Iterator[str]:
@@ -57,7 +65,9 @@ class Trip:
 
 @dataclass
 class _Limit:
-    """What must be remembered of a limit: whether it was told to be broken, is broken, and since when it clearly holds."""
+    """What must be remembered of a limit: whether it was told to be broken, is broken, and since
+    when it clearly holds.
+    """
 
     told: bool = False
     broken: bool = False
@@ -74,10 +84,12 @@ class _Sensor:
 
 
 class GuardWatch:
-    """Looks at everything that is recorded, piece by piece; says once that a limit is broken, until it clearly holds again.
+    """Looks at everything that is recorded, piece by piece; says once that a limit is broken, until
+    it clearly holds again.
 
     Args:
-        guards: Limits and actions. sensors: Names.
+        guards: Limits and actions.
+        sensors: Names.
 
     Attributes:
         counts: How often each limit was broken, told or not, by "guard of subject".
@@ -100,7 +112,10 @@ class GuardWatch:
         """What is broken now and was not at the last look.
 
         Args:
-            now_ns: Host time. arm, imus: What was recorded since the last look. events: Of the sensors.
+            now_ns: Host time.
+            arm: What was recorded since the last look.
+            imus: What was recorded since the last look.
+            events: Of the sensors.
         """
         self._now_ns = now_ns
         trips: list[Trip] = []
@@ -109,7 +124,9 @@ class GuardWatch:
             if len(samples):
                 known.heard_ns = now_ns
                 self._judge(trips, "sample_gap_s", name, self._largest_gap(known, samples))
-                self._judge(trips, "magnetic_disturbance_percent", name, self._disturbance(known, samples))
+                self._judge(
+                    trips, "magnetic_disturbance_percent", name, self._disturbance(known, samples)
+                )
             silence = (now_ns - known.heard_ns) / NANOSECONDS
             self._judge(trips, "imu_silence_s", name, silence)
         for column, values in arm.extras.items():
@@ -123,7 +140,9 @@ class GuardWatch:
                     self._judge(trips, "battery_percent", name, float(charge), low=True)
         return trips
 
-    def _judge(self, trips: list[Trip], guard: str, subject: str, value: float | None, low: bool = False) -> None:
+    def _judge(
+        self, trips: list[Trip], guard: str, subject: str, value: float | None, low: bool = False
+    ) -> None:
         setting: Guard = getattr(self.guards, guard)
         if setting.action == "off" or value is None:
             return
@@ -139,7 +158,11 @@ class GuardWatch:
         elif known.told:
             share = CLEAR_OF_HEAT if guard == "temperature_degC" else CLEAR
             calm = value > setting.limit / share if low else value < setting.limit * share
-            known.calm_since_ns = (known.calm_since_ns if known.calm_since_ns is not None else self._now_ns) if calm else None
+            known.calm_since_ns = (
+                (known.calm_since_ns if known.calm_since_ns is not None else self._now_ns)
+                if calm
+                else None
+            )
             if known.calm_since_ns is not None and self._now_ns - known.calm_since_ns >= CALM_NS:
                 known.told = False
         known.broken = broken

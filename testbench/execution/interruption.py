@@ -10,7 +10,8 @@ from contextlib import contextmanager
 
 @contextmanager
 def on_interrupt(ask_to_stop: Callable[[], None]) -> Iterator[None]:
-    """Call `ask_to_stop` on SIGINT and SIGTERM instead of raising in the middle; only the main thread gets signals.
+    """Call `ask_to_stop` on SIGINT and SIGTERM instead of raising in the middle; only the main
+    thread gets signals.
 
     Args:
         ask_to_stop: Must return at once; the recording looks for it between two chunks.

@@ -20,10 +20,14 @@ class MotionRow:
     """One motion, with the dwell after it.
 
     Attributes:
-        index: Of the step in the plan; None of a connecting move. name: Of the step. kind: "move", "sweep", "hold" or
-        "connect", which goes to where the next step begins because a step between was left out. pose_deg: Joint angles at its
-        end [deg]. swings_deg: Of a sweep, least and largest angle of each joint that moves [deg]. speed_deg_s: Of the fastest
-        joint. duration_s: As planned.
+        index: Of the step in the plan; None of a connecting move.
+        name: Of the step.
+        kind: "move", "sweep", "hold" or "connect", which goes to where the next step begins because
+            a step between was left out.
+        pose_deg: Joint angles at its end [deg].
+        swings_deg: Of a sweep, least and largest angle of each joint that moves [deg].
+        speed_deg_s: Of the fastest joint.
+        duration_s: As planned.
     """
 
     index: int | None
@@ -39,7 +43,8 @@ def motion_rows(plan: Plan, steps: Sequence[PlannedStep] | None = None) -> list[
     """What the arm does from the start of the plan on.
 
     Args:
-        plan: The motion. steps: Those of its steps to do, in order; all if None.
+        plan: The motion.
+        steps: Those of its steps to do, in order; all if None.
     """
     rows, before = [], plan.trajectory.q[0]
     for step in plan.steps if steps is None else steps:
@@ -47,7 +52,9 @@ def motion_rows(plan: Plan, steps: Sequence[PlannedStep] | None = None) -> list[
         if not np.allclose(begin, before, atol=1e-9):
             duration = float(np.abs(begin - before).max()) / APPROACH_RAD_S
             speed = float(np.degrees(APPROACH_RAD_S))
-            rows.append(MotionRow(None, f"on to '{step.name}'", "connect", _degrees(begin), speed, duration))
+            rows.append(
+                MotionRow(None, f"on to '{step.name}'", "connect", _degrees(begin), speed, duration)
+            )
         row = _row(plan, step)
         rows.append(row)
         before = plan.trajectory.at(np.array([step.settled_ns]))[0][0]
@@ -62,7 +69,9 @@ def _row(plan: Plan, step: PlannedStep) -> MotionRow:
     swings: dict[str, tuple[float, float]] = {}
     if step.kind == "sweep" and inside.any():
         q = np.degrees(knots.q[inside])
-        for joint, low, high in zip(plan.robot.joint_names, q.min(axis=0), q.max(axis=0), strict=True):
+        for joint, low, high in zip(
+            plan.robot.joint_names, q.min(axis=0), q.max(axis=0), strict=True
+        ):
             if high - low > SWINGS_DEG:
                 swings[joint] = (float(low), float(high))
     duration = (step.end_ns - step.start_ns) / NANOSECONDS

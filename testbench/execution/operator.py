@@ -1,7 +1,9 @@
-"""What the operator asks for while a run goes on: stop by Ctrl-C, pause and resume by key or by signal.
+"""What the operator asks for while a run goes on: stop by Ctrl-C, pause and resume by key or by
+signal.
 
-Keys, where standard input is a terminal: p pauses, r resumes, q stops. Signals: SIGUSR1 pauses, SIGUSR2 resumes, SIGINT and
-SIGTERM stop. (SIGTSTP is not used: a process that is suspended cannot watch an arm.)
+Keys, where standard input is a terminal: p pauses, r resumes, q stops. Signals: SIGUSR1 pauses,
+SIGUSR2 resumes, SIGINT and SIGTERM stop. (SIGTSTP is not used: a process that is suspended cannot
+watch an arm.)
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ class Operator:
     @property
     def how_to_go_on(self) -> str:
         """For a person in front of a run that is paused."""
-        return "r goes on, q stops" if self._keyboard is not None else "SIGUSR2 goes on, SIGINT stops"
+        return (
+            "r goes on, q stops" if self._keyboard is not None else "SIGUSR2 goes on, SIGINT stops"
+        )
 
     def look(self) -> None:
         """Take the keys that were pressed."""
@@ -59,7 +63,8 @@ class Operator:
 
 @contextmanager
 def operator_requests(keys: bool = False) -> Iterator[Operator]:
-    """An operator whose signals, and keys if wanted, are listened to; only the main thread gets signals.
+    """An operator whose signals, and keys if wanted, are listened to; only the main thread gets
+    signals.
 
     Args:
         keys: Whether to listen to the keyboard, where standard input is a terminal.

@@ -1,4 +1,6 @@
-"""Recover a session whose run was cut off by a kill or a power cut: keep every whole batch, and say what is missing."""
+"""Recover a session whose run was cut off by a kill or a power cut: keep every whole batch, and say
+what is missing.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +24,17 @@ def recover(session: Session) -> Session:
     """Make a cut-off session readable; one that was closed is returned as it is.
 
     Raises:
-        SessionError: It is still being recorded, or the arm's journal is lost, so that there is no truth.
+        SessionError: It is still being recorded, or the arm's journal is lost, so that there is no
+            truth.
         StorageError: The disk does not take it; nothing of the recording is lost.
     """
     if session.status is not RunStatus.RUNNING:
         return session
     if session.is_being_recorded:
         raise SessionError(f"{session.path} is still being recorded; stop that run first")
-    comfort = f"nothing of the recording is lost; make room, then `testbench recover {session.path}`"
+    comfort = (
+        f"nothing of the recording is lost; make room, then `testbench recover {session.path}`"
+    )
     with stored(session.path, comfort):
         try:
             return _recovered(session)
@@ -48,23 +53,34 @@ def _recovered(session: Session) -> Session:
         return recover_recording(session)
     path = session.path
     for journal in sorted(path.glob("*.arrows")):
-        if journal.stat().st_size < SMALLEST_JOURNAL and not journal.with_suffix(".parquet").is_file():
+        if (
+            journal.stat().st_size < SMALLEST_JOURNAL
+            and not journal.with_suffix(".parquet").is_file()
+        ):
             _write_empty(session, journal)  # cut off before its first row
         compact(journal, journal.with_suffix(".parquet"))
     for partial in path.glob("*.partial"):
         partial.unlink()
     session = Session(path)
     if not (path / f"{ARM}.parquet").is_file() or session.robot is None:
-        raise SessionError(f"{path}: the arm's recording is lost; what the sensors recorded is in imu_*.parquet")
+        raise SessionError(
+            f"{path}: the arm's recording is lost; what the sensors recorded is in imu_*.parquet"
+        )
     write_truth(path, session.robot, session.analysis.sensors)
     duration = float(last_value(path / f"{ARM}.parquet", "host_time_ns") or 0) / NANOSECONDS
     try:
         planned = float(session.manifest["plan"]["check"]["duration_s"])
     except (KeyError, TypeError, ValueError):
-        raise SessionError(f"{path / MANIFEST} is damaged: it does not say how long the plan is") from None
+        raise SessionError(
+            f"{path / MANIFEST} is damaged: it does not say how long the plan is"
+        ) from None
     message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
     note_end(session, Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}))
-    manifest = session.manifest | {"status": RunStatus.ABORTED, "message": message, "duration_s": duration}
+    manifest = session.manifest | {
+        "status": RunStatus.ABORTED,
+        "message": message,
+        "duration_s": duration,
+    }
     write_json(path / MANIFEST, manifest | {"files": file_hashes(path)})
     return Session(path)
 
@@ -76,7 +92,9 @@ def _write_empty(session: Session, journal: Path) -> None:
         columns = ArmSamples.columns(session.robot.joint_names)
     elif name.removeprefix("imu_") in session.manifest["sensors"]:
         sensor = session.manifest["sensors"][name.removeprefix("imu_")]
-        columns = ImuSamples.columns(*(bool(sensor.get(key)) for key in ("magnetometer", "orientation", "temperature")))
+        columns = ImuSamples.columns(
+            *(bool(sensor.get(key)) for key in ("magnetometer", "orientation", "temperature"))
+        )
     else:
         return
     journal.unlink()

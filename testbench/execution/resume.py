@@ -1,4 +1,6 @@
-"""Go on with a session whose run broke off: what is missing of it, and whether bench and protocol are still the same."""
+"""Go on with a session whose run broke off: what is missing of it, and whether bench and protocol
+are still the same.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,8 @@ def refuse_other_robot(session: Session, robot: str | Path | None) -> None:
     """Refuse to go on with another arm than the one that began.
 
     Args:
-        session: To go on with. robot: As named today; None if none was.
+        session: To go on with.
+        robot: As named today; None if none was.
 
     Raises:
         InputError: It is another arm, or its file differs.
@@ -49,9 +52,14 @@ def refuse_other_robot(session: Session, robot: str | Path | None) -> None:
         return
     given, kept = load_robot(robot), stored_robot(session)
     if given.name != kept.name:
-        raise InputError(f"{session.path} was begun on {kept.name}, and cannot be resumed on {given.name}")
+        raise InputError(
+            f"{session.path} was begun on {kept.name}, and cannot be resumed on {given.name}"
+        )
     if given.text != kept.text:
-        raise InputError(f"{session.path} cannot be resumed: the robot file differs:\n{_difference(kept.text, given.text)}")
+        raise InputError(
+            f"{session.path} cannot be resumed: the robot file "
+            f"differs:\n{_difference(kept.text, given.text)}"
+        )
 
 
 def is_own_copy(session: Session, protocol: str | Path) -> bool:
@@ -63,7 +71,8 @@ def refuse_edited_protocol(session: Session, plan: Plan) -> str:
     """Refuse to go on by the session's protocol, without a word, where its file was edited since.
 
     Args:
-        session: To go on with. plan: Made from the session's own copies.
+        session: To go on with.
+        plan: Made from the session's own copies.
 
     Returns:
         By which protocol the session goes on, for people.
@@ -71,7 +80,10 @@ def refuse_edited_protocol(session: Session, plan: Plan) -> str:
     Raises:
         InputError: Lists what differs, and says how to go on all the same.
     """
-    note, origin = "resuming by the protocol that the session keeps", session.manifest.get("protocol_path")
+    note, origin = (
+        "resuming by the protocol that the session keeps",
+        session.manifest.get("protocol_path"),
+    )
     if not isinstance(origin, str) or "\0" in origin or not Path(origin).is_file():
         return note
     found = []
@@ -79,17 +91,24 @@ def refuse_edited_protocol(session: Session, plan: Plan) -> str:
         file = Path(origin).parent / name
         if file.is_file():
             today = file.read_text(encoding="utf-8", errors="replace")
-            found += [f"{file} was edited since:\n{_difference(text, today)}"] if today != text else []
+            found += (
+                [f"{file} was edited since:\n{_difference(text, today)}"] if today != text else []
+            )
     if found:
         copy = session.path / "protocol.yaml"
-        found.append(f"to go on by the protocol that the session keeps, name it: --resume {session.path} {copy}")
+        found.append(
+            f"to go on by the protocol that the session keeps, name it: --resume {session.path} "
+            f"{copy}"
+        )
         raise InputError(f"{session.path} cannot be resumed: " + "\n".join(found))
     return f"{note}; {origin} is still the same"
 
 
 @contextmanager
 def stored_protocol(session: Session) -> Iterator[Path]:
-    """The protocol of a session with those it includes, as files under their own names, while the context lasts."""
+    """The protocol of a session with those it includes, as files under their own names, while the
+    context lasts.
+    """
     name = Path(str(session.manifest["protocol"]["file"])).name
     with TemporaryDirectory(prefix="testbench-") as folder:
         shutil.copy(session.path / "protocol.yaml", Path(folder) / name)
@@ -111,15 +130,23 @@ def stored_robot(session: Session) -> Robot:
 
 
 def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[str]:
-    """What is not as it was when the session began, as sentences with the lines that differ; empty where all is the same.
+    """What is not as it was when the session began, as sentences with the lines that differ; empty
+    where all is the same.
 
     Args:
-        session: To go on with. plan: Made anew, with today's software. sensors: Descriptions of today's sensors.
+        session: To go on with.
+        plan: Made anew, with today's software.
+        sensors: Descriptions of today's sensors.
     """
     found: list[str] = []
-    own, named = Path(str(session.manifest["protocol"]["file"])).name, plan.protocol.document.file.name
+    own, named = (
+        Path(str(session.manifest["protocol"]["file"])).name,
+        plan.protocol.document.file.name,
+    )
     stored = {named: session.path / "protocol.yaml"}
-    stored |= {file.name.removeprefix("included_"): file for file in session.path.glob("included_*")}
+    stored |= {
+        file.name.removeprefix("included_"): file for file in session.path.glob("included_*")
+    }
     for name, text in plan.protocol.texts().items():
         before = stored[name].read_text(encoding="utf-8") if name in stored else ""
         if before != text:
@@ -130,7 +157,9 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
     today = _todays_robot(session) or plan.robot
     if robot != today.text:
         found.append(f"the robot file differs:\n{_difference(robot, today.text)}")
-    if (session.path / "robot.urdf").read_text(encoding="utf-8") != plan.robot.urdf.read_text(encoding="utf-8"):
+    if (session.path / "robot.urdf").read_text(encoding="utf-8") != plan.robot.urdf.read_text(
+        encoding="utf-8"
+    ):
         found.append("the robot's URDF differs")
     known = session.manifest.get("sensors", {})
     for name in sorted(set(known) | set(sensors)):
@@ -138,8 +167,15 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
         if _identity(before) != _identity(now):
             found.append(f"sensor {name} differs: {_identity(before)} before, {_identity(now)} now")
     software = session.manifest.get("software", {})
-    changed = {key: (software.get(key), value) for key, value in software_versions().items() if software.get(key) != value}
-    found += [f"software {key}: {before} before, {now} now" for key, (before, now) in sorted(changed.items())]
+    changed = {
+        key: (software.get(key), value)
+        for key, value in software_versions().items()
+        if software.get(key) != value
+    }
+    found += [
+        f"software {key}: {before} before, {now} now"
+        for key, (before, now) in sorted(changed.items())
+    ]
     if not found and plan.hash != session.manifest["plan"]["hash"]:
         found.append("the plan made from the same files is another one")
     return found
@@ -157,9 +193,11 @@ def refuse_differences(session: Session, plan: Plan, sensors: dict[str, Any]) ->
 
 
 def _todays_robot(session: Session) -> Robot | None:
-    """The robot as it is today, from the file it was read from, or of that name where no file is stated; None if there is none.
+    """The robot as it is today, from the file it was read from, or of that name where no file is
+    stated; None if there is none.
 
-    An arm's own file may bear the name of one that ships with the bench: the name alone would find the wrong one.
+    An arm's own file may bear the name of one that ships with the bench: the name alone would find
+    the wrong one.
     """
     named = session.manifest["robot"]
     try:
@@ -171,19 +209,28 @@ def _todays_robot(session: Session) -> Robot | None:
 def _identity(described: Any) -> Any:
     """What must not change of a sensor: not what it counted, and not how full its battery is."""
     passing = {"statistics", "battery_percent", "rssi_dbm"}
-    return {key: value for key, value in described.items() if key not in passing} if isinstance(described, dict) else described
+    return (
+        {key: value for key, value in described.items() if key not in passing}
+        if isinstance(described, dict)
+        else described
+    )
 
 
 def _difference(before: str, after: str) -> str:
-    lines = list(difflib.unified_diff(before.splitlines(), after.splitlines(), "session", "now", lineterm="", n=0))
+    lines = list(
+        difflib.unified_diff(
+            before.splitlines(), after.splitlines(), "session", "now", lineterm="", n=0
+        )
+    )
     return "\n".join(lines[:MOST_LINES] + (["..."] if len(lines) > MOST_LINES else []))
 
 
 def missing_steps(session: Session, plan: Plan) -> list[PlannedStep]:
-    """Steps to do on a real arm: from the first one without complete data on, and before them, again, those that give the
-    sensors their references.
+    """Steps to do on a real arm: from the first one without complete data on, and before them,
+    again, those that give the sensors their references.
 
-    A break loses the sensors' headings and perhaps their clocks, so reference and calibration steps are done once more.
+    A break loses the sensors' headings and perhaps their clocks, so reference and calibration steps
+    are done once more.
     """
     done = {step.index for step in session.steps}
     first = next((step.index for step in plan.steps if step.index not in done), len(plan.steps))

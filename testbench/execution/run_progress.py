@@ -1,4 +1,6 @@
-"""How far a run on a real arm is: by the planned time of what is done, since steps differ much in length."""
+"""How far a run on a real arm is: by the planned time of what is done, since steps differ much in
+length.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +17,14 @@ class ProgressMeter:
     """Follows the events of an arm through the motions that it is to do.
 
     Args:
-        plan: The motion. steps: Those of its steps to do, in order. tell: Called with every progress; None for nobody.
+        plan: The motion.
+        steps: Those of its steps to do, in order.
+        tell: Called with every progress; None for nobody.
     """
 
-    def __init__(self, plan: Plan, steps: Sequence[PlannedStep], tell: Callable[[Progress], None] | None):
+    def __init__(
+        self, plan: Plan, steps: Sequence[PlannedStep], tell: Callable[[Progress], None] | None
+    ):
         self._rows, self._tell, self._steps = motion_rows(plan, steps), tell, len(steps)
         self.duration = sum(row.duration_s for row in self._rows)
         self._row = self._done = 0
@@ -44,4 +50,8 @@ class ProgressMeter:
         row = self._rows[-1 if last else self._row]
         passed = 0.0 if last else min((now_ns - self._begin_ns) / NANOSECONDS, row.duration_s)
         time = sum(done.duration_s for done in self._rows[: self._row]) + max(passed, 0.0)
-        self._tell(Progress(row.name, min(self._done, self._steps - 1), self._steps, time, self.duration, doing))
+        self._tell(
+            Progress(
+                row.name, min(self._done, self._steps - 1), self._steps, time, self.duration, doing
+            )
+        )

@@ -38,7 +38,9 @@ class StateMachine:
         changed: Told of every change: old state, new state, why.
     """
 
-    def __init__(self, changed: Callable[[RunState, RunState, str], None] = lambda old, new, why: None):
+    def __init__(
+        self, changed: Callable[[RunState, RunState, str], None] = lambda old, new, why: None
+    ):
         self.state = RunState.PREPARED
         self._changed = changed
 

@@ -1,4 +1,6 @@
-"""Kinematic truth: what each sensor went through, from what the arm measured, the URDF and the mounting as believed."""
+"""Kinematic truth: what each sensor went through, from what the arm measured, the URDF and the
+mounting as believed.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,19 @@ from testbench.records.protocol import Sensor
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples, Truth
 from testbench.records.session import ARM
-from testbench.records.storage import parquet_shape, read_parquet_batches, to_table, write_parquet_batches
+from testbench.records.storage import (
+    parquet_shape,
+    read_parquet_batches,
+    to_table,
+    write_parquet_batches,
+)
 
 BLOCK = 200_000
 """Rows of the arm that are looked at together; bounds the memory."""
 
 TRUTH_NOTES = {
-    "content": "what the sensor went through, by the arm's measured joint angles and the mounting as believed",
+    "content": "what the sensor went through, by the arm's measured joint angles and the mounting "
+    "as believed",
     "q_world_from_sensor": "w x y z, Hamilton",
     "rate": "angular rate in the sensor frame",
     "force": "specific force in the sensor frame, +9.81 upwards at rest",
@@ -34,7 +42,8 @@ TRUTH_NOTES = {
 def write_truth(folder: Path, robot: Robot, sensors: Mapping[str, Sensor]) -> None:
     """Write truth_<sensor>.parquet of every sensor into a session's folder, from its arm.parquet.
 
-    The recording is gone through in pieces that overlap by the smoothing window: the memory does not grow with its length.
+    The recording is gone through in pieces that overlap by the smoothing window: the memory does
+    not grow with its length.
 
     Raises:
         SessionError: The arm's recording is missing or damaged.
@@ -45,23 +54,31 @@ def write_truth(folder: Path, robot: Robot, sensors: Mapping[str, Sensor]) -> No
     present = parquet_shape(recorded)[1]
     missing = [name for name in wanted if name not in present]
     if missing:
-        raise SessionError(f"{recorded} lacks the column {missing[0]}; it has {', '.join(present)[:300]}")
+        raise SessionError(
+            f"{recorded} lacks the column {missing[0]}; it has {', '.join(present)[:300]}"
+        )
     smoothing = Smoothing.at(*_count_and_interval(recorded))
     for name, sensor in sensors.items():
 
         def batches(sensor: Sensor = sensor) -> Iterator[pa.Table]:
-            for columns, counted in overlapping(read_parquet_batches(recorded, wanted), BLOCK, smoothing.window):
+            for columns, counted in overlapping(
+                read_parquet_batches(recorded, wanted), BLOCK, smoothing.window
+            ):
                 samples = ArmSamples.from_columns(columns, robot.joint_names)
                 truth = kinematic_truth(kinematics, samples, sensor, smoothing).to_columns()
                 yield to_table({key: values[counted] for key, values in truth.items()}, TRUTH_NOTES)
 
         pieces = batches()
         first = next(pieces)
-        write_parquet_batches(folder / f"truth_{name}.parquet", first.schema, chain([first], pieces))
+        write_parquet_batches(
+            folder / f"truth_{name}.parquet", first.schema, chain([first], pieces)
+        )
 
 
 def _count_and_interval(recorded: Path) -> tuple[int, float]:
-    """Number of rows, and their median interval [s]; in the least memory, since this alone needs something of every row."""
+    """Number of rows, and their median interval [s]; in the least memory, since this alone needs
+    something of every row.
+    """
     count = parquet_shape(recorded)[0]
     steps, last, done = np.empty(max(count - 1, 0), dtype=np.uint32), np.zeros(0, dtype=np.int64), 0
     for columns in read_parquet_batches(recorded, ["host_time_ns"]):
@@ -71,18 +88,27 @@ def _count_and_interval(recorded: Path) -> tuple[int, float]:
     return count, float(np.median(steps, overwrite_input=True)) / NANOSECONDS if len(steps) else 0.0
 
 
-def kinematic_truth(kinematics: Kinematics, samples: ArmSamples, sensor: Sensor, smoothing: Smoothing | None = None) -> Truth:
+def kinematic_truth(
+    kinematics: Kinematics, samples: ArmSamples, sensor: Sensor, smoothing: Smoothing | None = None
+) -> Truth:
     """What a sensor went through.
 
-    Orientation and angular rate come from the measured joint angles and rates; the specific force needs joint accelerations,
-    which are the smoothed derivative of the rates.
+    Orientation and angular rate come from the measured joint angles and rates; the specific force
+    needs joint accelerations, which are the smoothed derivative of the rates.
 
     Args:
-        kinematics, samples, sensor: Arm, recording and mounting. smoothing: Of the whole, where this is a piece of it.
+        kinematics: Arm, recording and mounting.
+        samples: Arm, recording and mounting.
+        sensor: Arm, recording and mounting.
+        smoothing: Of the whole, where this is a piece of it.
     """
-    acceleration = (smoothing or Smoothing.of(samples.host_time_ns)).acceleration(samples.v_measured)
+    acceleration = (smoothing or Smoothing.of(samples.host_time_ns)).acceleration(
+        samples.v_measured
+    )
     offset = Pose.from_placement(sensor.mounting)
-    motion = kinematics.frame_motion(sensor.link, samples.q_measured, samples.v_measured, acceleration, offset)
+    motion = kinematics.frame_motion(
+        sensor.link, samples.q_measured, samples.v_measured, acceleration, offset
+    )
     return Truth(
         samples.host_time_ns,
         motion.q_world_from_frame,

@@ -1,4 +1,6 @@
-"""Foreign files: each importer turns a recording into a session that every later stage treats like any other."""
+"""Foreign files: each importer turns a recording into a session that every later stage treats like
+any other.
+"""
 
 from __future__ import annotations
 
@@ -34,28 +36,48 @@ class Format:
 
 FORMATS = {
     "broad": Format(
-        "testbench.formats.broad", "a BROAD trial (.mat or .hdf5): IMU and optical orientation at 285.7 Hz", with_options=False
+        "testbench.formats.broad",
+        "a BROAD trial (.mat or .hdf5): IMU and optical orientation at 285.7 Hz",
+        with_options=False,
     ),
     "xsens_dot": Format(
-        "testbench.formats.xsens_dot", "Xsens DOT, CSV of the vendor's app in any payload mode, one file a sensor"
+        "testbench.formats.xsens_dot",
+        "Xsens DOT, CSV of the vendor's app in any payload mode, one file a sensor",
     ),
     "matrix": Format(
-        "testbench.formats.matrix", "MATRIX, CSV with dateTime, acc_x..z [g], gyr_x..z [deg/s], one file a sensor"
+        "testbench.formats.matrix",
+        "MATRIX, CSV with dateTime, acc_x..z [g], gyr_x..z [deg/s], one file a sensor",
     ),
     "imu_tk": Format(
-        "testbench.formats.imu_tk", "a pair of text files (accelerometer, gyroscope) of time, x, y, z, raw counts or SI"
+        "testbench.formats.imu_tk",
+        "a pair of text files (accelerometer, gyroscope) of time, x, y, z, raw counts or SI",
     ),
-    "technaid": Format("testbench.formats.technaid", "Technaid Tech-IMU, CSV with one or more sensors"),
-    "shimmer": Format("testbench.formats.shimmer", "Shimmer, CSV or TSV exported by Consensys (calibrated columns)"),
-    "ngimu": Format("testbench.formats.ngimu", "x-io NGIMU, sensors.csv and quaternion.csv of one or more devices"),
-    "mtw": Format("testbench.formats.mtw", "Xsens MTw or MTi, text exported by MT Manager, one file a sensor"),
-    "mti_mat": Format("testbench.formats.mti_mat", "MATLAB file with arrays acc, gyr, mag (Xsens MTi and others)"),
-    "generic": Format("testbench.formats.generic", "any CSV, TSV or Parquet, by a mapping in YAML (--mapping)"),
+    "technaid": Format(
+        "testbench.formats.technaid", "Technaid Tech-IMU, CSV with one or more sensors"
+    ),
+    "shimmer": Format(
+        "testbench.formats.shimmer",
+        "Shimmer, CSV or TSV exported by Consensys (calibrated columns)",
+    ),
+    "ngimu": Format(
+        "testbench.formats.ngimu",
+        "x-io NGIMU, sensors.csv and quaternion.csv of one or more devices",
+    ),
+    "mtw": Format(
+        "testbench.formats.mtw", "Xsens MTw or MTi, text exported by MT Manager, one file a sensor"
+    ),
+    "mti_mat": Format(
+        "testbench.formats.mti_mat", "MATLAB file with arrays acc, gyr, mag (Xsens MTi and others)"
+    ),
+    "generic": Format(
+        "testbench.formats.generic", "any CSV, TSV or Parquet, by a mapping in YAML (--mapping)"
+    ),
 }
 
 
 UNDATED = (
-    "the date of the recording is unknown: of several stored calibrations none can be chosen as the nearest in time, and one "
+    "the date of the recording is unknown: of several stored calibrations none can be chosen as "
+    "the nearest in time, and one "
     "made from it bears the date of the import; state it with --recorded-at 2021-08-20"
 )
 
@@ -73,14 +95,19 @@ def import_recording(
     """Turn foreign files into a session.
 
     Args:
-        name: Of the format. files: To read. out: Folder of the session, to be made. clock: For the date.
-        options: Answers to what the files leave open. truth: Where the truth is, if not in the files. axes: Axis map for every
-            sensor, by name or as "x: -z, y: -y, z: -x". recorded_at: When it was recorded, ISO 8601, where the files do not
-            say, or say it wrongly.
+        name: Of the format.
+        files: To read.
+        out: Folder of the session, to be made.
+        clock: For the date.
+        options: Answers to what the files leave open.
+        truth: Where the truth is, if not in the files.
+        axes: Axis map for every sensor, by name or as "x: -z, y: -y, z: -x".
+        recorded_at: When it was recorded, ISO 8601, where the files do not say, or say it wrongly.
 
     Raises:
         NotFoundError: No such format; lists those that exist.
-        InputError: Something is open or contradicts itself; says how to settle it. Nothing is written then.
+        InputError: Something is open or contradicts itself; says how to settle it. Nothing is
+            written then.
         FileProblems: A file is not of this format; nothing is written then.
     """
     from testbench.formats.axes import find_axes
@@ -97,7 +124,9 @@ def import_recording(
     options = options if options is not None else Options()
     recording = FORMATS[name].read(files, options)
     options.check_all_used(name)
-    recording.recorded = stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
+    recording.recorded = (
+        stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
+    )
     if recording.recorded is None:
         recording.notes.append(UNDATED)
     for key, sensor in recording.sensors.items():

@@ -61,7 +61,9 @@ class AxisMap:
             matrix[row, AXES.index(text[-1])] = -1.0 if text[0] == "-" else 1.0
         if np.any(np.abs(matrix).sum(axis=0) != 1):
             listing = ", ".join(f"{target}: {getattr(names, target)}" for target in AXES)
-            raise InputError(f"axes {{{listing}}}: each of x, y, z of the file must stand exactly once")
+            raise InputError(
+                f"axes {{{listing}}}: each of x, y, z of the file must stand exactly once"
+            )
         return AxisMap(matrix)
 
     @property
@@ -99,14 +101,19 @@ def find_axes(text: str) -> AxisMap:
         names = AxisNames(**dict(parts))
         result = AxisMap.from_names(names)
     elif ":" in text or "=" in text:
-        raise InputError(f"'{text}' is not an axis map; write it like 'x: -z, y: -y, z: -x', or name a preset")
+        raise InputError(
+            f"'{text}' is not an axis map; write it like 'x: -z, y: -y, z: -x', or name a preset"
+        )
     else:
         presets = axis_presets()
         if text not in presets:
             raise NotFoundError("axis map", text, list(presets))
         result = AxisMap.from_names(presets[text])
     if not result.is_rotation:
-        raise InputError(f"the axis map '{text}' turns right-handed axes into left-handed ones: a sign or two axes are wrong")
+        raise InputError(
+            f"the axis map '{text}' turns right-handed axes into left-handed ones: a sign or two "
+            "axes are wrong"
+        )
     return result
 
 

@@ -1,7 +1,8 @@
-"""BROAD: the Berlin Robust Orientation Estimation Assessment Dataset (Laidig et al., Data 6(7):72, 2021).
+"""BROAD: the Berlin Robust Orientation Estimation Assessment Dataset (Laidig et al., Data 6(7):72,
+2021).
 
-A trial holds one IMU, an optical reference in the same frames and on the same clock, and marks the movement phases whose
-errors count.
+A trial holds one IMU, an optical reference in the same frames and on the same clock, and marks the
+movement phases whose errors count.
 """
 
 from __future__ import annotations
@@ -40,11 +41,20 @@ def read(files: list[Path]) -> Recording:
     rate, count = data["sampling_rate"], len(data["imu_gyr"])
     time = np.round(np.arange(count) * (NANOSECONDS / rate)).astype(np.int64)
     clean = np.zeros(count, dtype=bool)
-    samples = ImuSamples(time, time, data["imu_gyr"], data["imu_acc"], data["imu_mag"], None, np.arange(count), clean)
+    samples = ImuSamples(
+        time, time, data["imu_gyr"], data["imu_acc"], data["imu_mag"], None, np.arange(count), clean
+    )
     truth = Truth(time, data["opt_quat"], judged=data["movement"].astype(bool))
-    analysis = Analysis(estimate=Estimation(filters=FILTERS, align="none", align_clock=False, calibrate="none"))
+    analysis = Analysis(
+        estimate=Estimation(filters=FILTERS, align="none", align_clock=False, calibrate="none")
+    )
     purpose = "BROAD trial: real IMU against optical truth in the same earth frame (ENU)"
-    return Recording(files[0].stem, purpose, {SENSOR: ImportedSensor([samples], rate, "myon aktos-t", truth)}, analysis)
+    return Recording(
+        files[0].stem,
+        purpose,
+        {SENSOR: ImportedSensor([samples], rate, "myon aktos-t", truth)},
+        analysis,
+    )
 
 
 def _load(file: Path) -> dict[str, Any]:
@@ -64,17 +74,29 @@ def _load(file: Path) -> dict[str, Any]:
         raise refuse(f"not a readable MATLAB or HDF5 file: {error}") from None
     missing = [key for key in (*SHAPES, "movement", "sampling_rate") if key not in data]
     if missing:
-        raise refuse(f"not a BROAD trial: it lacks {', '.join(missing)}; it has {', '.join(sorted(data)) or 'nothing'}")
+        raise refuse(
+            f"not a BROAD trial: it lacks {', '.join(missing)}; it has "
+            f"{', '.join(sorted(data)) or 'nothing'}"
+        )
     try:
-        data |= {key: np.atleast_1d(np.asarray(data[key], dtype=float)) for key in (*SHAPES, "movement", "sampling_rate")}
+        data |= {
+            key: np.atleast_1d(np.asarray(data[key], dtype=float))
+            for key in (*SHAPES, "movement", "sampling_rate")
+        }
         rate = float(data["sampling_rate"].item())
     except (TypeError, ValueError) as error:
         raise refuse(f"not a BROAD trial: what should be numbers is none: {error}") from None
     count = len(data["imu_gyr"])
     for key, width in SHAPES.items():
         if data[key].shape != (count, width) or count < 10:
-            raise refuse(f"{key} has shape {data[key].shape}; a BROAD trial has ({count}, {width}) with at least 10 rows")
+            raise refuse(
+                f"{key} has shape {data[key].shape}; a BROAD trial has ({count}, {width}) with at "
+                "least 10 rows"
+            )
     data["movement"] = data["movement"].reshape(-1)
     if len(data["movement"]) != count or not 1 <= rate <= 100_000:
-        raise refuse(f"{len(data['movement'])} movement marks and a rate of {rate} Hz do not fit {count} samples")
+        raise refuse(
+            f"{len(data['movement'])} movement marks and a rate of {rate} Hz do not fit {count} "
+            "samples"
+        )
     return data | {"sampling_rate": rate}

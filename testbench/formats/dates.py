@@ -1,4 +1,5 @@
-"""When a recording was made, by what its files say: a header, a stamp, or the name that a vendor's software gave.
+"""When a recording was made, by what its files say: a header, a stamp, or the name that a vendor's
+software gave.
 
 A date that could be read in two ways (3/4/2023) is not read at all.
 """
@@ -22,10 +23,13 @@ _YEAR_FIRST = re.compile(
 )
 _YEAR_LAST = re.compile(
     r"(?P<a>\d{1,2})[-/.](?P<b>\d{1,2})[-/.](?P<y>\d{4})"
-    r"(?:[T _,]+(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,]\d+)?)?(?:\s*(?P<p>[AaPp])\.?[Mm]\.?)?)?"
+    r"(?:[T "
+    r"_,]+(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,]\d+)?)?"
+    r"(?:\s*(?P<p>[AaPp])\.?[Mm]\.?)?)?"
 )
 _IN_NAME = re.compile(
-    r"(?<!\d)(?P<y>\d{4})-?(?P<m>\d{2})-?(?P<d>\d{2})[T _-](?P<H>\d{2})[-.h]?(?P<M>\d{2})[-.m]?(?P<S>\d{2})(?!\d)"
+    r"(?<!\d)(?P<y>\d{4})-?(?P<m>\d{2})-?(?P<d>\d{2})[T "
+    r"_-](?P<H>\d{2})[-.h]?(?P<M>\d{2})[-.m]?(?P<S>\d{2})(?!\d)"
 )
 _ZONE = re.compile(
     r"(?:(?:GMT|UTC)\s*(?P<g>[+-])(?P<gh>\d{1,2})(?::?(?P<gm>\d{2}))?|(?P<z>Z|GMT|UTC)"
@@ -39,7 +43,8 @@ class Recorded:
     """When a recording was made.
 
     Attributes:
-        at: With its zone. source: Who says so, a phrase.
+        at: With its zone.
+        source: Who says so, a phrase.
     """
 
     at: datetime
@@ -47,7 +52,9 @@ class Recorded:
 
 
 def read_date(text: str) -> tuple[datetime, bool] | None:
-    """A date as a file states it, and whether it states its time zone (else UTC); None where it is none, or ambiguous."""
+    """A date as a file states it, and whether it states its time zone (else UTC); None where it is
+    none, or ambiguous.
+    """
     text = text.strip().strip('"')
     found = _YEAR_FIRST.match(text) or _YEAR_LAST.match(text)
     if found is None:
@@ -72,7 +79,15 @@ def read_date(text: str) -> tuple[datetime, bool] | None:
         hour = hour % 12 + (12 if parts["p"] in "Pp" else 0)
     zone = _ZONE.search(text[found.end() :])
     try:
-        at = datetime(int(parts["y"]), int(month), int(day or 0), hour, int(parts["M"] or 0), int(parts["S"] or 0), tzinfo=UTC)
+        at = datetime(
+            int(parts["y"]),
+            int(month),
+            int(day or 0),
+            hour,
+            int(parts["M"] or 0),
+            int(parts["S"] or 0),
+            tzinfo=UTC,
+        )
         at -= _offset(zone) if zone else timedelta(0)
     except (ValueError, OverflowError):
         return None
@@ -82,13 +97,17 @@ def read_date(text: str) -> tuple[datetime, bool] | None:
 def _offset(zone: re.Match[str]) -> timedelta:
     if zone["z"]:
         return timedelta(0)
-    sign, hours, minutes = (zone["g"], zone["gh"], zone["gm"]) if zone["g"] else (zone["o"], zone["oh"], zone["om"])
+    sign, hours, minutes = (
+        (zone["g"], zone["gh"], zone["gm"]) if zone["g"] else (zone["o"], zone["oh"], zone["om"])
+    )
     ahead = timedelta(hours=int(hours), minutes=int(minutes or 0)) * (1 if sign == "+" else -1)
     return timezone(ahead).utcoffset(None)
 
 
 def recorded(text: str | None, source: str) -> Recorded | None:
-    """The date that a text states, None where it states none. `source`: Where it stands, a phrase."""
+    """The date that a text states, None where it states none. `source`: Where it stands, a
+    phrase.
+    """
     found = read_date(text) if text else None
     if found is None:
         return None
@@ -97,7 +116,9 @@ def recorded(text: str | None, source: str) -> Recorded | None:
 
 
 def recorded_in_name(file: Path) -> Recorded | None:
-    """The date and time in the name of a file, or of the two folders around it, as vendors' software writes them."""
+    """The date and time in the name of a file, or of the two folders around it, as vendors'
+    software writes them.
+    """
     file = file.absolute()
     for name, what in (
         (file.stem, "the file's name"),
@@ -126,6 +147,9 @@ def stated_date(text: str) -> Recorded:
     """
     found = read_date(text) if re.match(r"\d{4}-", text.strip()) else None
     if found is None:
-        raise InputError(f"--recorded-at {text}: write the date as 2021-08-20, or with a time as 2021-08-20T20:21:13+08:00")
+        raise InputError(
+            f"--recorded-at {text}: write the date as 2021-08-20, or with a time as "
+            "2021-08-20T20:21:13+08:00"
+        )
     at, zoned = found
     return Recorded(at, "stated with --recorded-at" + ("" if zoned else ", in UTC"))

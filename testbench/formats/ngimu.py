@@ -1,9 +1,11 @@
-"""x-io NGIMU: sensors.csv and quaternion.csv of a device, as the vendor's software writes them in one folder a device.
+"""x-io NGIMU: sensors.csv and quaternion.csv of a device, as the vendor's software writes them in
+one folder a device.
 
-Titles carry their units: Time (s), Gyroscope X (deg/s), Accelerometer X (g), Magnetometer X (uT); quaternion.csv has W, X, Y,
-Z. The device's quaternion turns vectors of the earth (x magnetic north, y west, z up) into the sensor; a session keeps its
-conjugate, from east, north, up. (Direction and earth were found from the vendor's own example: only so does it turn the
-vertical into the measured gravity, its steps are the measured rates, and the measured field points north.)
+Titles carry their units: Time (s), Gyroscope X (deg/s), Accelerometer X (g), Magnetometer X (uT);
+quaternion.csv has W, X, Y, Z. The device's quaternion turns vectors of the earth (x magnetic north,
+y west, z up) into the sensor; a session keeps its conjugate, from east, north, up. (Direction and
+earth were found from the vendor's own example: only so does it turn the vertical into the measured
+gravity, its steps are the measured rates, and the measured field points north.)
 """
 
 from __future__ import annotations
@@ -45,7 +47,9 @@ class WithOrientation:
         return [*self.sensors.names, *Q]
 
     def chunks(self, kinds: Mapping[str, Kind]) -> Iterator[Columns]:
-        """See `Source.chunks`; quaternions are interpolated spherically, and NaN before the first and after the last."""
+        """See `Source.chunks`; quaternions are interpolated spherically, and NaN before the first
+        and after the last.
+        """
         own = {name: kind for name, kind in kinds.items() if name not in Q} | {self.time: "float"}
         wanted: dict[str, Kind] = dict.fromkeys([self.q_time, *Q], "float")
         reader = self.quaternion.chunks(wanted)
@@ -59,7 +63,9 @@ class WithOrientation:
                 if following is not None:
                     held = np.vstack([held, np.column_stack([following[name] for name in wanted])])
             q = _at(held, times)
-            yield {name: values for name, values in chunk.items() if name in kinds} | dict(zip(Q, q.T, strict=True))
+            yield {name: values for name, values in chunk.items() if name in kinds} | dict(
+                zip(Q, q.T, strict=True)
+            )
             held = held[max(int(np.searchsorted(held[:, 0], times[-1])) - 1, 0) :]
 
     def problem(self, message: str, row: int | None = None) -> FileProblems:
@@ -79,22 +85,29 @@ def read(files: list[Path], options: Options) -> Recording:
     """Read one or more devices.
 
     Args:
-        files: For each device sensors.csv, quaternion.csv or both; files in one folder belong together. options: Units, where
-            they are not those of the titles.
+        files: For each device sensors.csv, quaternion.csv or both; files in one folder belong
+            together.
+        options: Units, where they are not those of the titles.
 
     Raises:
-        InputError: No files, or two of a kind for one device. FileProblems: A file is not of this format.
+        InputError: No files, or two of a kind for one device.
+        FileProblems: A file is not of this format.
     """
     if not files:
         raise InputError("an NGIMU recording needs sensors.csv, quaternion.csv or both")
     devices: dict[Path, dict[str, TextTable]] = {}
     for file in files:
-        table, _ = find_table(file, _HEADER, "an NGIMU CSV (its header has Time (s) and Gyroscope X (deg/s), or W, X, Y, Z)")
+        table, _ = find_table(
+            file,
+            _HEADER,
+            "an NGIMU CSV (its header has Time (s) and Gyroscope X (deg/s), or W, X, Y, Z)",
+        )
         kind = "quaternion" if set(Q) <= set(table.names) else "sensors"
         tables = devices.setdefault(file.resolve().parent, {})
         if kind in tables:
             raise InputError(
-                f"{file} and {tables[kind].file} are both the {kind} of one device; put each device in its own folder"
+                f"{file} and {tables[kind].file} are both the {kind} of one device; put each "
+                "device in its own folder"
             )
         tables[kind] = table
     names = unique_names(_device_name(tables, folder) for folder, tables in devices.items())
@@ -104,7 +117,9 @@ def read(files: list[Path], options: Options) -> Recording:
         sensors[name] = _device(name, tables, options, notes)
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = names[0] if len(names) == 1 else "ngimu"
-    return Recording(sensor_name(label), "NGIMU recording", sensors, suitable_analysis(heads), notes)
+    return Recording(
+        sensor_name(label), "NGIMU recording", sensors, suitable_analysis(heads), notes
+    )
 
 
 def _device_name(tables: dict[str, TextTable], folder: Path) -> str:
@@ -112,7 +127,9 @@ def _device_name(tables: dict[str, TextTable], folder: Path) -> str:
     return folder.name if stem.lower() in {"sensors", "quaternion"} else stem
 
 
-def _device(name: str, tables: dict[str, TextTable], options: Options, notes: list[str]) -> ImportedSensor:
+def _device(
+    name: str, tables: dict[str, TextTable], options: Options, notes: list[str]
+) -> ImportedSensor:
     times = {kind: _time(table) for kind, table in tables.items()}
     source: TextTable | WithOrientation
     found = Found()
@@ -120,19 +137,32 @@ def _device(name: str, tables: dict[str, TextTable], options: Options, notes: li
         source = tables["sensors"]
         found = find_sensors(source.names).get("", Found())
         if not {"acc", "gyr"} & found.columns.keys():
-            raise source.problem(f"has no accelerometer and no gyroscope; it has {', '.join(source.names)}")
+            raise source.problem(
+                f"has no accelerometer and no gyroscope; it has {', '.join(source.names)}"
+            )
     if "quaternion" in tables:
         q_table = tables["quaternion"]
         source = q_table
         if "sensors" in tables:
-            source = WithOrientation(tables["sensors"], times["sensors"], q_table, times["quaternion"])
+            source = WithOrientation(
+                tables["sensors"], times["sensors"], q_table, times["quaternion"]
+            )
         found.columns["quaternion"] = list(Q)
         if "sensors" in tables:
             notes.append(f"{name}: quaternions are interpolated to the times of the sensors")
         else:
-            notes.append(f"{name}: without sensors.csv there is no specific force and no angular rate: NaN")
+            notes.append(
+                f"{name}: without sensors.csv there is no specific force and no angular rate: NaN"
+            )
     first = "sensors" if "sensors" in tables else "quaternion"
-    layout = Layout("x-io NGIMU", {"acc": "g", "gyr": "deg/s", "mag": "uT"}, times[first], "s", conjugate=True, earth="NWU")
+    layout = Layout(
+        "x-io NGIMU",
+        {"acc": "g", "gyr": "deg/s", "mag": "uT"},
+        times[first],
+        "s",
+        conjugate=True,
+        earth="NWU",
+    )
     return table_sensor(source, found, layout, name, options, notes)
 
 

@@ -10,11 +10,14 @@ from testbench.formats.units import QUANTITIES, Unit, find_unit
 
 @dataclass
 class Options:
-    """Answers for an importer; one that no importer asked for is refused, because it would silently do nothing.
+    """Answers for an importer; one that no importer asked for is refused, because it would silently
+    do nothing.
 
     Attributes:
-        mapping: Path or name of a mapping of the generic format. rate: Sampling rate [Hz]. units: Unit by quantity (acc, gyr,
-        mag). asked: What an importer has asked for so far.
+        mapping: Path or name of a mapping of the generic format.
+        rate: Sampling rate [Hz].
+        units: Unit by quantity (acc, gyr, mag).
+        asked: What an importer has asked for so far.
     """
 
     mapping: str | None = None
@@ -25,16 +28,23 @@ class Options:
     def __post_init__(self) -> None:
         for quantity, unit in self.units.items():
             if quantity not in QUANTITIES:
-                raise InputError(f"--unit {quantity}={unit}: unknown quantity '{quantity}'; known: {', '.join(QUANTITIES)}")
+                raise InputError(
+                    f"--unit {quantity}={unit}: unknown quantity '{quantity}'; known: "
+                    f"{', '.join(QUANTITIES)}"
+                )
             find_unit(quantity, unit)
         if self.rate is not None and not 0.01 <= self.rate <= 100_000:
-            raise InputError(f"--rate {self.rate:g}: a sampling rate lies between 0.01 and 100000 Hz")
+            raise InputError(
+                f"--rate {self.rate:g}: a sampling rate lies between 0.01 and 100000 Hz"
+            )
 
     def unit(self, quantity: str, stated: str | None) -> Unit | None:
-        """The unit of a quantity: as the person says, else as the file or its format states, else None.
+        """The unit of a quantity: as the person says, else as the file or its format states, else
+        None.
 
         Args:
-            quantity: "acc", "gyr" or "mag". stated: Name of the unit, None where neither file nor format states one.
+            quantity: "acc", "gyr" or "mag".
+            stated: Name of the unit, None where neither file nor format states one.
         """
         self.asked.add(quantity)
         name = self.units.get(quantity, stated)
@@ -60,8 +70,15 @@ class Options:
         Raises:
             InputError: Names the options that have no effect.
         """
-        given = [f"--unit {quantity}={unit}" for quantity, unit in self.units.items() if quantity not in self.asked]
+        given = [
+            f"--unit {quantity}={unit}"
+            for quantity, unit in self.units.items()
+            if quantity not in self.asked
+        ]
         given += ["--rate"] if self.rate is not None and "rate" not in self.asked else []
         given += ["--mapping"] if self.mapping is not None and "mapping" not in self.asked else []
         if given:
-            raise InputError(f"{', '.join(given)}: has no effect on files of the format {format_name}; leave it out")
+            raise InputError(
+                f"{', '.join(given)}: has no effect on files of the format {format_name}; leave it "
+                "out"
+            )

@@ -1,9 +1,11 @@
-"""Whether the numbers can be what their units say: gravity at rest, and turning as the accelerometer sees it.
+"""Whether the numbers can be what their units say: gravity at rest, and turning as the
+accelerometer sees it.
 
-At rest an accelerometer reads 9.81 m/s^2, and nothing else: that tells g, mg and m/s^2 apart. While a sensor turns, the
-specific force turns in its frame as da/dt = -omega x a, whatever the unit of a; the slope of one against the other tells
-rad/s from deg/s. Between two rests the rates, integrated, must turn gravity from where it was to where it is: that tells a
-gyroscope at half or twice its scale, whatever the accelerations on the way.
+At rest an accelerometer reads 9.81 m/s^2, and nothing else: that tells g, mg and m/s^2 apart. While
+a sensor turns, the specific force turns in its frame as da/dt = -omega x a, whatever the unit of a;
+the slope of one against the other tells rad/s from deg/s. Between two rests the rates, integrated,
+must turn gravity from where it was to where it is: that tells a gyroscope at half or twice its
+scale, whatever the accelerations on the way.
 """
 
 from __future__ import annotations
@@ -23,16 +25,22 @@ from testbench.records.samples import ImuSamples
 
 REST_WINDOW_S = 0.5
 REST_SPREAD = 0.03
-"""A window counts as rest if no axis varies by more than this part of the norm (standard deviation)."""
+"""A window counts as rest if no axis varies by more than this part of the norm (standard
+deviation).
+"""
 STATED_WITHIN = 0.35
-"""|acc| at rest may differ from gravity by so much where the unit is stated: sensors without calibration are wrong by 10 %."""
+"""|acc| at rest may differ from gravity by so much where the unit is stated: sensors without
+calibration are wrong by 10 %.
+"""
 UNSTATED_WITHIN = 0.2
 TURN_BLOCK_S = 0.2
 """Long enough for vibration to average out, short enough for the chord to be the arc."""
 SLOPE_WITHIN = 2.0
 """The slope may be wrong by this factor: scale errors, and linear acceleration, disturb it."""
 LEAST_EXPLAINED = 0.5
-"""Turning must explain this part of the changes of the specific force (R^2); linear acceleration does the rest."""
+"""Turning must explain this part of the changes of the specific force (R^2); linear acceleration
+does the rest.
+"""
 MOST_CHUNKS = 20
 FACTORS = (1.0, 2.0, 0.5)
 """Of the scale, as it is and at the wrong one of two neighbouring range settings."""
@@ -44,7 +52,9 @@ LEAST_TILT = np.radians(30)
 """By which a turn must tilt gravity to count."""
 FEWEST_TURNS = 3
 MISSED, HIT = np.radians(15), 1 / 3
-"""A scale is asked about if turns miss gravity by so much, and another one misses it by this part of that."""
+"""A scale is asked about if turns miss gravity by so much, and another one misses it by this part
+of that.
+"""
 
 
 @dataclass(frozen=True)
@@ -52,8 +62,9 @@ class Evidence:
     """What the numbers say of their units.
 
     Attributes:
-        rest_norm: |acc| at rest in the unit of the numbers, None if never at rest. slope: Of da/dt against -omega x a, None
-        where the sensor hardly turns; 1 if omega is in rad/s.
+        rest_norm: |acc| at rest in the unit of the numbers, None if never at rest.
+        slope: Of da/dt against -omega x a, None where the sensor hardly turns; 1 if omega is in
+            rad/s.
     """
 
     rest_norm: float | None
@@ -64,7 +75,9 @@ def gather(chunks: Iterable[ImuSamples], rate: float, most_chunks: int = MOST_CH
     """Look at samples until both questions are answered.
 
     Args:
-        chunks: Samples in any units. rate: [Hz]. most_chunks: Give up after so many.
+        chunks: Samples in any units.
+        rate: [Hz].
+        most_chunks: Give up after so many.
     """
     norms: list[np.ndarray] = []
     sums = np.zeros(4)
@@ -90,7 +103,9 @@ def _rest_norms(acc: np.ndarray, rate: float) -> np.ndarray:
 
 
 def _turning(chunk: ImuSamples, rate: float) -> np.ndarray:
-    """X x, x y, y y and the number of rows, for y = step of acc and x = -omega x acc dt, to be regressed through the origin."""
+    """X x, x y, y y and the number of rows, for y = step of acc and x = -omega x acc dt, to be
+    regressed through the origin.
+    """
     size = max(round(TURN_BLOCK_S * rate), 1)
     count = len(chunk) // size
     if count < 3:
@@ -108,13 +123,16 @@ def _turning(chunk: ImuSamples, rate: float) -> np.ndarray:
 
 
 def missed_by_factor(samples: ImuSamples, rate: float) -> tuple[np.ndarray, int]:
-    """How far the turns between rests miss the direction of gravity after them, with the gyroscope taken so many times.
+    """How far the turns between rests miss the direction of gravity after them, with the gyroscope
+    taken so many times.
 
     Args:
-        samples: In the units of a session. rate: [Hz].
+        samples: In the units of a session.
+        rate: [Hz].
 
     Returns:
-        Median angle by each of `FACTORS`, shape (3,) [rad], and the number of turns that tilt gravity enough to tell.
+        Median angle by each of `FACTORS`, shape (3,) [rad], and the number of turns that tilt
+        gravity enough to tell.
     """
     size = max(round(REST_WINDOW_S * rate), 4)
     count = len(samples) // size
@@ -123,19 +141,31 @@ def missed_by_factor(samples: ImuSamples, rate: float) -> tuple[np.ndarray, int]
         return np.full(len(FACTORS), np.nan), 0
     mean = acc.mean(axis=1)
     norm = np.linalg.norm(mean, axis=1)
-    still = (acc.std(axis=1).max(axis=1) <= REST_SPREAD * norm) & (gyr.std(axis=1).max(axis=1) <= REST_RATE_SPREAD) & (norm > 0)
+    still = (
+        (acc.std(axis=1).max(axis=1) <= REST_SPREAD * norm)
+        & (gyr.std(axis=1).max(axis=1) <= REST_RATE_SPREAD)
+        & (norm > 0)
+    )
     rests = np.flatnonzero(still)
     missed = []
     for before, after in itertools.pairwise(rests):
         if after == before + 1 or (after - before) * size > LONGEST_TURN_S * rate:
             continue
         up, wanted = mean[before] / norm[before], mean[after] / norm[after]
-        turn = samples.gyr[before * size : (after + 1) * size] - (gyr[before].mean(axis=0) + gyr[after].mean(axis=0)) / 2
+        turn = (
+            samples.gyr[before * size : (after + 1) * size]
+            - (gyr[before].mean(axis=0) + gyr[after].mean(axis=0)) / 2
+        )
         if np.arccos(np.clip(up @ wanted, -1, 1)) < LEAST_TILT or not np.isfinite(turn).all():
             continue
-        ends = [rotation.rotate(rotation.conjugate(_whole(turn * (factor / rate))), up) for factor in FACTORS]
+        ends = [
+            rotation.rotate(rotation.conjugate(_whole(turn * (factor / rate))), up)
+            for factor in FACTORS
+        ]
         missed.append([np.arccos(np.clip(end @ wanted, -1, 1)) for end in ends])
-    return (np.median(missed, axis=0), len(missed)) if missed else (np.full(len(FACTORS), np.nan), 0)
+    return (
+        (np.median(missed, axis=0), len(missed)) if missed else (np.full(len(FACTORS), np.nan), 0)
+    )
 
 
 def _whole(steps: np.ndarray) -> np.ndarray:
@@ -159,16 +189,27 @@ def units_that_fit(quantity: str, evidence: Evidence) -> list[Unit]:
     units = [find_unit(quantity, name) for name in unit_names(quantity)]
     if quantity == "acc":
         norm = evidence.rest_norm
-        return [] if norm is None else [u for u in units if abs(norm * u.factor / STANDARD_GRAVITY - 1) < UNSTATED_WITHIN]
+        return (
+            []
+            if norm is None
+            else [u for u in units if abs(norm * u.factor / STANDARD_GRAVITY - 1) < UNSTATED_WITHIN]
+        )
     slope = evidence.slope
-    return [] if slope is None or slope <= 0 else [u for u in units if 1 / SLOPE_WITHIN < slope / u.factor < SLOPE_WITHIN]
+    return (
+        []
+        if slope is None or slope <= 0
+        else [u for u in units if 1 / SLOPE_WITHIN < slope / u.factor < SLOPE_WITHIN]
+    )
 
 
 def decide_unit(quantity: str, evidence: Evidence, sensor: str, answer: str) -> Unit:
     """The unit of numbers whose file states none.
 
     Args:
-        quantity: "acc" or "gyr". evidence: Of the numbers as they are. sensor: Its name. answer: How a person states the unit.
+        quantity: "acc" or "gyr".
+        evidence: Of the numbers as they are.
+        sensor: Its name.
+        answer: How a person states the unit.
 
     Raises:
         InputError: It cannot be told; asks the person, and says how to answer.
@@ -186,10 +227,14 @@ def decide_unit(quantity: str, evidence: Evidence, sensor: str, answer: str) -> 
     elif evidence.slope is None:
         seen = "it hardly turns, so that the accelerometer cannot tell"
     else:
-        seen = f"a turn by the accelerometer is {evidence.slope:.3g} times that by the gyroscope, which fits no unit"
+        seen = (
+            f"a turn by the accelerometer is {evidence.slope:.3g} times that by the gyroscope, "
+            "which fits no unit"
+        )
     choices = ", ".join(unit_names(quantity))
     raise InputError(
-        f"sensor '{sensor}': in which unit is the {word}? The file does not say, and {seen}. Answer with {answer} ({choices})."
+        f"sensor '{sensor}': in which unit is the {word}? The file does not say, and {seen}. "
+        f"Answer with {answer} ({choices})."
     )
 
 
@@ -197,7 +242,10 @@ def check_units(samples: ImuSamples, rate: float, sensor: str, options: Options)
     """Refuse samples that cannot be in the units they were taken for.
 
     Args:
-        samples: In the units of a session. rate: [Hz]. sensor: Its name. options: Which units the person answered for.
+        samples: In the units of a session.
+        rate: [Hz].
+        sensor: Its name.
+        options: Which units the person answered for.
 
     Returns:
         Notes on what could not be checked.
@@ -210,7 +258,10 @@ def check_units(samples: ImuSamples, rate: float, sensor: str, options: Options)
     if not options.answered("acc") and np.isfinite(samples.acc).any():
         if evidence.rest_norm is None:
             early = f"in its first {len(samples)} samples"
-            notes.append(f"sensor '{sensor}' is not at rest {early}: the unit of its accelerometer is unchecked")
+            notes.append(
+                f"sensor '{sensor}' is not at rest {early}: the unit of its accelerometer is "
+                "unchecked"
+            )
         elif abs(evidence.rest_norm / STANDARD_GRAVITY - 1) > STATED_WITHIN:
             raise InputError(_acc_question(sensor, evidence))
     slope = evidence.slope
@@ -218,7 +269,10 @@ def check_units(samples: ImuSamples, rate: float, sensor: str, options: Options)
         fitting = [unit.name for unit in units_that_fit("gyr", evidence)]
         if (fitting and "rad/s" not in fitting) or slope > 180 / np.pi / SLOPE_WITHIN:
             wrong = "deg/s taken for rad/s" if slope < 1 else "rad/s taken for deg/s"
-            told = f"sensor '{sensor}': the accelerometer turns {slope:.3g} times as far as the gyroscope says"
+            told = (
+                f"sensor '{sensor}': the accelerometer turns {slope:.3g} times as far as the "
+                "gyroscope says"
+            )
             raise InputError(f"{told}; it looks like {wrong}. {_answer('gyr')}")
     if not options.answered("gyr"):
         _check_scale(samples, rate, sensor)
@@ -233,9 +287,12 @@ def _check_scale(samples: ImuSamples, rate: float, sensor: str) -> None:
         return
     as_is, other = np.degrees(missed[[0, best]])
     raise InputError(
-        f"sensor '{sensor}': its gyroscope's turns from rest to rest miss the direction of gravity after them by {as_is:.0f} "
-        f"deg (median of {turns}), and by {other:.0f} deg if it turned {FACTORS[best]:g} times as far as it says: it looks "
-        f"like the scale of another range setting. Correct the scale in the file or the mapping (scale: {FACTORS[best]:g}), "
+        f"sensor '{sensor}': its gyroscope's turns from rest to rest miss the direction of gravity "
+        f"after them by {as_is:.0f} "
+        f"deg (median of {turns}), and by {other:.0f} deg if it turned {FACTORS[best]:g} times as "
+        "far as it says: it looks "
+        "like the scale of another range setting. Correct the scale in the file or the mapping "
+        f"(scale: {FACTORS[best]:g}), "
         f"or: {_answer('gyr')}"
     )
 
@@ -247,10 +304,18 @@ def _acc_question(sensor: str, evidence: Evidence) -> str:
     if others:
         hint = f" It looks like {others[0]} taken for m/s^2."
     elif norm < 0.1 * STANDARD_GRAVITY:
-        hint = " Gravity seems to have been removed; the bench needs the specific force, with gravity."
-    return f"sensor '{sensor}': |acc| at rest is {norm:.4g} m/s^2, where gravity is 9.81.{hint} {_answer('acc')}"
+        hint = (
+            " Gravity seems to have been removed; the bench needs the specific force, with gravity."
+        )
+    return (
+        f"sensor '{sensor}': |acc| at rest is {norm:.4g} m/s^2, where gravity is 9.81.{hint} "
+        f"{_answer('acc')}"
+    )
 
 
 def _answer(quantity: str) -> str:
     choices = ", ".join(unit_names(quantity))
-    return f"In which unit is it? Answer with --unit {quantity}=UNIT ({choices}); the unit it was read in confirms it as it is."
+    return (
+        f"In which unit is it? Answer with --unit {quantity}=UNIT ({choices}); the unit it was "
+        "read in confirms it as it is."
+    )

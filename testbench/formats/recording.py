@@ -22,7 +22,8 @@ from testbench.records.session_writer import SessionWriter
 from testbench.records.storage import write_parquet_batches
 
 IMU_NOTES = {
-    "content": "imported samples of an inertial sensor, in the sensor frame; NaN: the file does not hold the quantity",
+    "content": "imported samples of an inertial sensor, in the sensor frame; NaN: the file does "
+    "not hold the quantity",
     "device_q": "q_earth_from_sensor of the vendor's filter, w x y z, Hamilton",
     "units": "the suffix of each column; times in nanoseconds",
 }
@@ -37,9 +38,12 @@ class ImportedSensor:
     """One sensor of a recording.
 
     Attributes:
-        chunks: Its samples, in pieces that fit in memory; all pieces have the same columns; can be gone through more than once.
-        rate: Nominal [Hz]. description: For people. truth: What it went through, where the file says so. details: Further
-        entries of the sensor in the manifest, such as scale factors.
+        chunks: Its samples, in pieces that fit in memory; all pieces have the same columns; can be
+            gone through more than once.
+        rate: Nominal [Hz].
+        description: For people.
+        truth: What it went through, where the file says so.
+        details: Further entries of the sensor in the manifest, such as scale factors.
     """
 
     chunks: Iterable[ImuSamples]
@@ -58,8 +62,12 @@ class Recording:
     """What a file, or several, hold.
 
     Attributes:
-        name: Of the recording. purpose: A sentence for people. sensors: By name. analysis: Filters and alignment that suit it.
-        notes: What the importer noticed, such as a stale first row it dropped. steps: Of the arm, where its poses are known.
+        name: Of the recording.
+        purpose: A sentence for people.
+        sensors: By name.
+        analysis: Filters and alignment that suit it.
+        notes: What the importer noticed, such as a stale first row it dropped.
+        steps: Of the arm, where its poses are known.
         recorded: When it was made, None where nobody says.
     """
 
@@ -72,13 +80,19 @@ class Recording:
     recorded: Recorded | None = None
 
 
-def write_recording(recording: Recording, files: list[Path], format_name: str, out: Path, clock: Clock) -> Session:
+def write_recording(
+    recording: Recording, files: list[Path], format_name: str, out: Path, clock: Clock
+) -> Session:
     """Write a session from a recording.
 
-    Nothing is kept that is not whole: whatever ends the import early also removes the folder, for the source still exists.
+    Nothing is kept that is not whole: whatever ends the import early also removes the folder, for
+    the source still exists.
 
     Args:
-        recording: What was read. files: Where it came from. format_name: Of these files. out: Folder to make.
+        recording: What was read.
+        files: Where it came from.
+        format_name: Of these files.
+        out: Folder to make.
         clock: For the date.
 
     Raises:
@@ -87,32 +101,48 @@ def write_recording(recording: Recording, files: list[Path], format_name: str, o
     """
     descriptions: dict[str, Any] = {}
     for name, sensor in recording.sensors.items():
-        head = sensor.head()  # fails here, before a folder is made, if the file is malformed at its beginning
+        head = (
+            sensor.head()
+        )  # fails here, before a folder is made, if the file is malformed at its beginning
         if head is None or len(head) == 0:
             raise FileProblems(files[0], [Problem(f"sensor '{name}' has no samples")])
         descriptions[name] = _describe(sensor, head)
-    writer = SessionWriter(out, recording.analysis, descriptions, clock.utc(), {
-        "kind": "import",
-        "format": format_name,
-        "source": [file.name for file in files],
-        "recorded_utc": recording.recorded.at.isoformat(timespec="seconds") if recording.recorded else None,
-        "recorded_by": recording.recorded.source if recording.recorded else None,
-        "protocol": {"name": recording.name, "purpose": recording.purpose},
-        "notes": recording.notes,
-    })  # fmt: skip
+    writer = SessionWriter(
+        out,
+        recording.analysis,
+        descriptions,
+        clock.utc(),
+        {
+            "kind": "import",
+            "format": format_name,
+            "source": [file.name for file in files],
+            "recorded_utc": recording.recorded.at.isoformat(timespec="seconds")
+            if recording.recorded
+            else None,
+            "recorded_by": recording.recorded.source if recording.recorded else None,
+            "protocol": {"name": recording.name, "purpose": recording.purpose},
+            "notes": recording.notes,
+        },
+    )
     begin, end, counts = np.inf, -np.inf, {}
     try:
         for name, sensor in recording.sensors.items():
-            counts[name], first, last = _write_samples(out / f"imu_{name}.parquet", iter(sensor.chunks))
+            counts[name], first, last = _write_samples(
+                out / f"imu_{name}.parquet", iter(sensor.chunks)
+            )
             begin, end = min(begin, first), max(end, last)
             if sensor.truth is not None:
                 writer.add_table(f"truth_{name}", sensor.truth.to_columns(), TRUTH_NOTES)
         for event in step_events(recording.steps):
             writer.event(event)
-        writer.close(RunStatus.COMPLETED, duration_s=float(end - begin) / NANOSECONDS, samples=counts)
+        writer.close(
+            RunStatus.COMPLETED, duration_s=float(end - begin) / NANOSECONDS, samples=counts
+        )
     except OSError as error:
         writer.discard()
-        raise SessionError(f"{out} cannot be written: {error.strerror or error}; nothing was kept") from None
+        raise SessionError(
+            f"{out} cannot be written: {error.strerror or error}; nothing was kept"
+        ) from None
     except BaseException:
         writer.discard()
         raise
@@ -131,18 +161,25 @@ def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, 
     shape = (head.mag is not None, head.device_q is not None, head.temperature is not None)
     types = ImuSamples.columns(*shape)
     metadata: Mapping[str, str] = IMU_NOTES
-    schema = pa.schema([(name, pa.from_numpy_dtype(dtype)) for name, dtype in types.items()], metadata=metadata)
+    schema = pa.schema(
+        [(name, pa.from_numpy_dtype(dtype)) for name, dtype in types.items()], metadata=metadata
+    )
     last = 0
 
     def batches() -> Iterator[pa.RecordBatch]:
         nonlocal last
         for chunk in _chain(head, chunks):
-            if (chunk.mag is not None, chunk.device_q is not None, chunk.temperature is not None) != shape:
+            if (
+                chunk.mag is not None,
+                chunk.device_q is not None,
+                chunk.temperature is not None,
+            ) != shape:
                 raise ValueError("an importer's chunks must all have the same columns")
             columns = chunk.to_columns()
             last = int(chunk.host_time_ns[-1])
             yield pa.record_batch(
-                [pa.array(columns[name], type=schema.field(name).type) for name in schema.names], schema=schema
+                [pa.array(columns[name], type=schema.field(name).type) for name in schema.names],
+                schema=schema,
             )
 
     count = write_parquet_batches(path, schema, batches())

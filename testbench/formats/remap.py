@@ -1,4 +1,6 @@
-"""Another sensor frame for a recording that was read: its samples, the vendor's orientation and the truth turn with it."""
+"""Another sensor frame for a recording that was read: its samples, the vendor's orientation and the
+truth turn with it.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def remap_axes(recording: Recording, axes: AxisMap, name: str) -> None:
     """Turn every sensor of a recording.
 
     Args:
-        recording: Is changed. axes: The map; a rotation. name: Of the map, for the notes.
+        recording: Is changed.
+        axes: The map; a rotation.
+        name: Of the map, for the notes.
     """
     for sensor in recording.sensors.values():
         sensor.chunks = Remapped(sensor.chunks, axes)

@@ -1,4 +1,6 @@
-"""What is worth computing from an imported recording: filters that its sensors feed, alignment that its truth allows."""
+"""What is worth computing from an imported recording: filters that its sensors feed, alignment that
+its truth allows.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,16 @@ from testbench.records.protocol import Analysis, Estimation
 from testbench.records.samples import ImuSamples
 
 
-def suitable_analysis(heads: Iterable[ImuSamples], own_clock: bool = False, truth: bool = False) -> Analysis:
+def suitable_analysis(
+    heads: Iterable[ImuSamples], own_clock: bool = False, truth: bool = False
+) -> Analysis:
     """Filters for what at least one sensor has.
 
     Args:
-        heads: First samples of each sensor. own_clock: Whether the truth was recorded with another clock than the sensors.
-        truth: Whether there is one; its world and the sensors' mounting are then solved from the motion.
+        heads: First samples of each sensor.
+        own_clock: Whether the truth was recorded with another clock than the sensors.
+        truth: Whether there is one; its world and the sensors' mounting are then solved from the
+            motion.
     """
     filters: list[str] = []
     for head in heads:
@@ -26,5 +32,10 @@ def suitable_analysis(heads: Iterable[ImuSamples], own_clock: bool = False, trut
         filters += ["fusion", "madgwick_imu"] if gyr and acc else []
     chosen = list(dict.fromkeys(filters)) or ["vqf_6d"]
     return Analysis(
-        estimate=Estimation(filters=chosen, align="motion" if truth else "none", align_clock=own_clock, calibrate="none")
+        estimate=Estimation(
+            filters=chosen,
+            align="motion" if truth else "none",
+            align_clock=own_clock,
+            calibrate="none",
+        )
     )

@@ -1,4 +1,6 @@
-"""Sensors out of a table whose columns were recognised: units stated or decided, time by stamps, a counter or a rate."""
+"""Sensors out of a table whose columns were recognised: units stated or decided, time by stamps, a
+counter or a rate.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +26,12 @@ class Layout:
     """What a format knows of its tables beyond the titles of their columns.
 
     Attributes:
-        units: By quantity, where the titles state none but the format does. time, time_unit: Column of stamps, None for none.
-        conjugate: The file's quaternion is q_sensor_from_earth. earth: What its earth's axes point to. description: Of the
-        sensor.
+        units: By quantity, where the titles state none but the format does.
+        time: Column of stamps, None for none.
+        time_unit: Column of stamps, None for none.
+        conjugate: The file's quaternion is q_sensor_from_earth.
+        earth: What its earth's axes point to.
+        description: Of the sensor.
     """
 
     description: str
@@ -37,44 +42,70 @@ class Layout:
     earth: str = "ENU"
 
 
-def table_sensor(source: Source, found: Found, layout: Layout, name: str, options: Options, notes: list[str]) -> ImportedSensor:
+def table_sensor(
+    source: Source, found: Found, layout: Layout, name: str, options: Options, notes: list[str]
+) -> ImportedSensor:
     """A sensor of a table.
 
     Args:
-        source: The table. found: The sensor's columns. layout: What the format knows. name: Of the sensor. options: Answers.
+        source: The table.
+        found: The sensor's columns.
+        layout: What the format knows.
+        name: Of the sensor.
+        options: Answers.
         notes: Appended to.
 
     Raises:
         InputError: A unit or the rate cannot be told; asks for it.
     """
-    kinds: dict[str, Kind] = {column: "float" for columns in found.columns.values() for column in columns}
+    kinds: dict[str, Kind] = {
+        column: "float" for columns in found.columns.values() for column in columns
+    }
     stated: dict[str, str | None] = {
-        quantity: _stated(quantity, found, layout) for quantity in QUANTITIES if quantity in found.columns
+        quantity: _stated(quantity, found, layout)
+        for quantity in QUANTITIES
+        if quantity in found.columns
     }
     units = {quantity: options.unit(quantity, unit) for quantity, unit in stated.items()}
-    factors: dict[str, float] = {quantity: 1.0 if unit is None else unit.factor for quantity, unit in units.items()}
+    factors: dict[str, float] = {
+        quantity: 1.0 if unit is None else unit.factor for quantity, unit in units.items()
+    }
 
     def convert(columns: Columns) -> Quantities:
         gyr, acc, mag = (
-            stack(columns, found.columns[quantity], factors[quantity]) if quantity in found.columns else None
+            stack(columns, found.columns[quantity], factors[quantity])
+            if quantity in found.columns
+            else None
             for quantity in ("gyr", "acc", "mag")
         )
         q = None
         if "quaternion" in found.columns:
             q = stack(columns, found.columns["quaternion"])
             q = rotation.conjugate(q) if layout.conjugate else q
-            q = q if layout.earth == "ENU" else rotation.multiply(np.array(Q_ENU_FROM[layout.earth]), q)
+            q = (
+                q
+                if layout.earth == "ENU"
+                else rotation.multiply(np.array(Q_ENU_FROM[layout.earth]), q)
+            )
         return Quantities(gyr, acc, mag, q)
 
     stream = SampleStream(source, kinds, convert, _timeline(source, layout, name, options))
     rate = options.rate_or(None) or measured_rate(stream.first())
     if rate is None:
-        raise source.problem(f"the samples of sensor '{name}' have no usable times; state the rate with --rate HZ")
+        raise source.problem(
+            f"the samples of sensor '{name}' have no usable times; state the rate with --rate HZ"
+        )
     _decide(stream, stated, units, factors, rate, name, notes)
     if "mag" in units and units["mag"] is None:
-        notes.append(f"{name}: the unit of the magnetic field is not stated; uT is taken, only its direction is sure")
+        notes.append(
+            f"{name}: the unit of the magnetic field is not stated; uT is taken, only its "
+            "direction is sure"
+        )
     if "quaternion" in found.columns and layout.conjugate:
-        notes.append(f"{name}: the file's quaternion turns earth ({layout.earth}) into sensor; kept is sensor into earth (ENU)")
+        notes.append(
+            f"{name}: the file's quaternion turns earth ({layout.earth}) into sensor; kept is "
+            "sensor into earth (ENU)"
+        )
     return ImportedSensor(stream, round(rate, 3), layout.description)
 
 
@@ -85,13 +116,17 @@ def _stated(quantity: str, found: Found, layout: Layout) -> str | None:
     return layout.units.get(quantity)
 
 
-def _timeline(source: Source, layout: Layout, name: str, options: Options) -> Callable[[], Timeline]:
+def _timeline(
+    source: Source, layout: Layout, name: str, options: Options
+) -> Callable[[], Timeline]:
     rate = options.rate_or(None)
     if layout.time is not None and rate is None:
         column, unit = layout.time, layout.time_unit
         return lambda: StampedTime(column, unit)
     if rate is None:
-        raise source.problem(f"sensor '{name}' has no column of times; state its sampling rate with --rate HZ")
+        raise source.problem(
+            f"sensor '{name}' has no column of times; state its sampling rate with --rate HZ"
+        )
     return lambda: RegularTime(rate)
 
 
@@ -105,7 +140,9 @@ def _decide(
     notes: list[str],
 ) -> None:
     """Fill in the factors of units that nobody stated; the stream sees them at its next pass."""
-    open_ones = [quantity for quantity in ("acc", "gyr") if quantity in stated and units[quantity] is None]
+    open_ones = [
+        quantity for quantity in ("acc", "gyr") if quantity in stated and units[quantity] is None
+    ]
     if not open_ones:
         return
     evidence = gather(stream, rate)

@@ -1,7 +1,9 @@
-"""Technaid Tech-IMU / Tech-MCS: CSV converted from the vendor's captures, with blanks around the titles of the columns.
+"""Technaid Tech-IMU / Tech-MCS: CSV converted from the vendor's captures, with blanks around the
+titles of the columns.
 
-The vendor publishes no layout of a CSV; the titles are recognised by their usual spellings. Several IMUs may stand in one file,
-each with its name before its columns (`IMU1 AccX`, `Shank_GyrZ`). Physical data come at 60 Hz at most beside quaternions.
+The vendor publishes no layout of a CSV; the titles are recognised by their usual spellings. Several
+IMUs may stand in one file, each with its name before its columns (`IMU1 AccX`, `Shank_GyrZ`).
+Physical data come at 60 Hz at most beside quaternions.
 """
 
 from __future__ import annotations
@@ -25,10 +27,12 @@ def read(files: list[Path], options: Options) -> Recording:
     """Read files, each with one or more sensors.
 
     Args:
-        files: CSV files. options: Rate, and units where the titles do not state them.
+        files: CSV files.
+        options: Rate, and units where the titles do not state them.
 
     Raises:
-        InputError: No files, or a rate or unit is open. FileProblems: A file is not of this format.
+        InputError: No files, or a rate or unit is open.
+        FileProblems: A file is not of this format.
     """
     if not files:
         raise InputError("a Technaid recording needs at least one file")
@@ -39,16 +43,21 @@ def read(files: list[Path], options: Options) -> Recording:
         sensors = find_sensors(table.names)
         if not sensors:
             raise table.problem(
-                f"no complete accelerometer, gyroscope or quaternion among its columns: {', '.join(table.names)}"
+                "no complete accelerometer, gyroscope or quaternion among its columns: "
+                f"{', '.join(table.names)}"
             )
         parts += [(file, table, prefix, found) for prefix, found in sensors.items()]
     names = unique_names(prefix or stem_without_stamp(file.stem) for file, _, prefix, _ in parts)
     result = {}
     for name, (_, table, _, found) in zip(names, parts, strict=True):
         time = find_time(table.names)
-        layout = Layout("Technaid Tech-IMU", {}, time[0] if time else None, time[1] or "s" if time else "s")  # type: ignore[arg-type]
+        unit = time[1] or "s" if time else "s"
+        column = time[0] if time else None
+        layout = Layout("Technaid Tech-IMU", {}, column, unit)  # type: ignore[arg-type]
         if time and time[1] is None and options.rate is None:
-            notes.append(f"{name}: the column {time[0]} is taken for seconds; state --rate if it is not")
+            notes.append(
+                f"{name}: the column {time[0]} is taken for seconds; state --rate if it is not"
+            )
         result[name] = table_sensor(table, found, layout, name, options, notes)
     heads = [head for head in (sensor.head() for sensor in result.values()) if head is not None]
     label = sensor_name(stem_without_stamp(files[0].stem)) if len(files) == 1 else "technaid"

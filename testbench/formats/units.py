@@ -1,4 +1,6 @@
-"""Units of foreign files and their factors to the units of a session (m/s^2, rad/s, uT, seconds)."""
+"""Units of foreign files and their factors to the units of a session (m/s^2, rad/s, uT,
+seconds).
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,9 @@ MagUnit = Literal["uT", "nT", "mT", "G", "mG", "au"]
 TimeUnit = Literal["s", "ms", "us", "ns", "clock"]
 
 ARBITRARY_UNIT_UT = 40.0
-"""Magnetic field of one arbitrary unit of Xsens sensors [uT]: about that of the maker's laboratory, to which they are
-normalised (Xsens DOT user manual XD0502P, section 4.2.2)."""
+"""Magnetic field of one arbitrary unit of Xsens sensors [uT]: about that of the maker's laboratory,
+to which they are normalised (Xsens DOT user manual XD0502P, section 4.2.2).
+"""
 
 
 @dataclass(frozen=True)
@@ -35,11 +38,29 @@ _FACTORS: dict[str, dict[str, float]] = {
     "mag": {"uT": 1.0, "nT": 1e-3, "mT": 1000.0, "G": 100.0, "mG": 0.1, "au": ARBITRARY_UNIT_UT},
 }
 _SPELLINGS = {
-    "m/(s^2)": "m/s^2", "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s/s": "m/s^2", "mps2": "m/s^2", "m.s-2": "m/s^2", "ms-2": "m/s^2",
-    "gs": "g", "dps": "deg/s", "°/s": "deg/s", "degrees/s": "deg/s", "deg/sec": "deg/s", "degree/s": "deg/s", "rps": "rad/s",
-    "rad/sec": "rad/s", "mdps": "mdeg/s", "µt": "uT", "μt": "uT", "gauss": "G", "mgauss": "mG",
-    "a.u.": "au", "local_flux": "au",
-}  # fmt: skip
+    "m/(s^2)": "m/s^2",
+    "m/s2": "m/s^2",
+    "m/s²": "m/s^2",
+    "m/s/s": "m/s^2",
+    "mps2": "m/s^2",
+    "m.s-2": "m/s^2",
+    "ms-2": "m/s^2",
+    "gs": "g",
+    "dps": "deg/s",
+    "°/s": "deg/s",
+    "degrees/s": "deg/s",
+    "deg/sec": "deg/s",
+    "degree/s": "deg/s",
+    "rps": "rad/s",
+    "rad/sec": "rad/s",
+    "mdps": "mdeg/s",
+    "µt": "uT",
+    "μt": "uT",
+    "gauss": "G",
+    "mgauss": "mG",
+    "a.u.": "au",
+    "local_flux": "au",
+}
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "clock": 1.0}
 """Seconds of one unit of time; "clock" is a time of day as hh:mm:ss."""
 
@@ -57,13 +78,22 @@ def find_unit(quantity: str, name: str) -> Unit:
 
 
 def known_unit(quantity: str, name: str) -> Unit | None:
-    """A unit by the name or a usual spelling of it, or None; G (gauss) and g (gravity) differ by the quantity."""
+    """A unit by the name or a usual spelling of it, or None; G (gauss) and g (gravity) differ by
+    the quantity.
+    """
     factors, plain = _FACTORS[quantity], name.strip()
     if plain in factors:
         return Unit(plain, factors[plain])
     lower = plain.lower()
     spelt = _SPELLINGS.get(lower, lower)
-    return next((Unit(key, factor) for key, factor in factors.items() if key == spelt or key.lower() == spelt), None)
+    return next(
+        (
+            Unit(key, factor)
+            for key, factor in factors.items()
+            if key == spelt or key.lower() == spelt
+        ),
+        None,
+    )
 
 
 def unit_names(quantity: str) -> list[str]:

@@ -1,8 +1,9 @@
 """Allan deviation of a signal at rest, and the noise parameters that data sheets state.
 
-Overlapping Allan deviation with confidence from the equivalent degrees of freedom of the noise type that the local slope shows
-(Riley, Handbook of Frequency Stability Analysis, NIST SP 1065, 2008, eq. 11 and table 5); noise coefficients by weighted least
-squares of sigma^2(tau) = Q^2 3/tau^2 + N^2/tau + B^2 2 ln 2/pi + K^2 tau/3 (IEEE Std 952-1997, annex C).
+Overlapping Allan deviation with confidence from the equivalent degrees of freedom of the noise type
+that the local slope shows (Riley, Handbook of Frequency Stability Analysis, NIST SP 1065, 2008, eq.
+11 and table 5); noise coefficients by weighted least squares of sigma^2(tau) = Q^2 3/tau^2 +
+N^2/tau + B^2 2 ln 2/pi + K^2 tau/3 (IEEE Std 952-1997, annex C).
 """
 
 from __future__ import annotations
@@ -26,8 +27,11 @@ class AllanCurve:
     """Overlapping Allan deviation.
 
     Attributes:
-        tau: Averaging times, shape (k,) [s]. deviation: Shape (k,) [unit of the signal].
-        lower, upper: 68.3 % confidence bounds, shape (k,). edf: Equivalent degrees of freedom, shape (k,).
+        tau: Averaging times, shape (k,) [s].
+        deviation: Shape (k,) [unit of the signal].
+        lower: 68.3 % confidence bounds, shape (k,).
+        upper: 68.3 % confidence bounds, shape (k,).
+        edf: Equivalent degrees of freedom, shape (k,).
     """
 
     tau: np.ndarray
@@ -39,7 +43,9 @@ class AllanCurve:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A noise coefficient with its standard uncertainty; `found` is False where it is lost among the others."""
+    """A noise coefficient with its standard uncertainty; `found` is False where it is lost among
+    the others.
+    """
 
     value: float
     sd: float
@@ -55,8 +61,9 @@ class NoiseCoefficients:
     """What an Allan curve says of a signal whose unit is u.
 
     Attributes:
-        white: N, angle or velocity random walk [u s/sqrt(s)]; the noise density of a data sheet, whose spectrum is
-        one-sided, is sqrt(2) N [u/sqrt(Hz)]. bias_instability: B [u].
+        white: N, angle or velocity random walk [u s/sqrt(s)]; the noise density of a data sheet,
+            whose spectrum is one-sided, is sqrt(2) N [u/sqrt(Hz)].
+        bias_instability: B [u].
         rate_random_walk: K [u/sqrt(s)].
     """
 
@@ -66,16 +73,26 @@ class NoiseCoefficients:
 
 
 def averaging_factors(count: int, per_decade: int = 10) -> np.ndarray:
-    """Whole averaging factors, evenly spaced in their logarithm, that a record of `count` samples supports."""
+    """Whole averaging factors, evenly spaced in their logarithm, that a record of `count` samples
+    supports.
+    """
     largest = max(count // FEWEST_DIFFERENCES, 1)
-    return np.unique(np.round(np.logspace(0, np.log10(largest), max(int(per_decade * np.log10(largest)), 1) + 1)).astype(int))
+    return np.unique(
+        np.round(
+            np.logspace(0, np.log10(largest), max(int(per_decade * np.log10(largest)), 1) + 1)
+        ).astype(int)
+    )
 
 
-def allan_deviation(signal: np.ndarray, rate: float, factors: np.ndarray | None = None) -> AllanCurve:
+def allan_deviation(
+    signal: np.ndarray, rate: float, factors: np.ndarray | None = None
+) -> AllanCurve:
     """Overlapping Allan deviation of a rate-like signal.
 
     Args:
-        signal: Evenly sampled, shape (n,). rate: [Hz]. factors: Averaging times in samples; ten a decade if None.
+        signal: Evenly sampled, shape (n,).
+        rate: [Hz].
+        factors: Averaging times in samples; ten a decade if None.
 
     Raises:
         ValueError: Fewer than 3 samples.
@@ -86,7 +103,9 @@ def allan_deviation(signal: np.ndarray, rate: float, factors: np.ndarray | None 
     phase = np.zeros(len(signal) + 1)
     np.cumsum(signal - signal.mean(), out=phase[1:])
     phase /= rate
-    deviation = np.array([np.sqrt(_mean_square_of_second_differences(phase, int(m)) / 2) * rate / m for m in factors])
+    deviation = np.array(
+        [np.sqrt(_mean_square_of_second_differences(phase, int(m)) / 2) * rate / m for m in factors]
+    )
     tau = factors / rate
     slope = _smooth_slope(np.log(tau), np.log(np.maximum(deviation, 1e-300)))
     edf = np.array([_edf(len(phase), int(m), s) for m, s in zip(factors, slope, strict=True)])
@@ -100,38 +119,54 @@ def _mean_square_of_second_differences(phase: np.ndarray, m: int) -> float:
     count, total = len(phase) - 2 * m, 0.0
     for begin in range(0, count, PIECE):
         end = min(begin + PIECE, count)
-        second = phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
+        second = (
+            phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
+        )
         total += float(second @ second)
     return total / count
 
 
 def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
-    """Noise coefficients of an Allan curve, none of them negative, each with its standard uncertainty."""
+    """Noise coefficients of an Allan curve, none of them negative, each with its standard
+    uncertainty.
+    """
     tau, variance = curve.tau, curve.deviation**2
     design = np.column_stack([3 / tau**2, 1 / tau, np.full(len(tau), FLICKER), tau / 3])
     expected = variance
     solution = np.zeros(4)
     covariance = np.eye(4)
-    for _ in range(3):  # weights from the fit, not from the scatter: a low estimate must not weigh more
+    for _ in range(
+        3
+    ):  # weights from the fit, not from the scatter: a low estimate must not weigh more
         weight = np.sqrt(curve.edf / 2) / expected
         scale = np.linalg.norm(design * weight[:, None], axis=0)
         solution = nnls(design * weight[:, None] / scale, variance * weight)[0] / scale
         expected = np.clip(design @ solution, variance / 2, variance * 2)
         weighted = design * (np.sqrt(curve.edf / 2) / expected)[:, None]
-        # Averaging times share their data: the scatter of fits is that of three points in two decades.
-        shared = max(len(tau) / max(1.5 * np.log10(tau[-1] / tau[0]), 1), 1) if len(tau) > 1 else 1.0
+        # Averaging times share their data: the scatter of fits is that of three points in two
+        # decades.
+        shared = (
+            max(len(tau) / max(1.5 * np.log10(tau[-1] / tau[0]), 1), 1) if len(tau) > 1 else 1.0
+        )
         size = np.linalg.norm(weighted, axis=0)
-        covariance = np.linalg.pinv((weighted / size).T @ (weighted / size)) / np.outer(size, size) * shared
+        covariance = (
+            np.linalg.pinv((weighted / size).T @ (weighted / size)) / np.outer(size, size) * shared
+        )
     values = np.sqrt(solution[1:])
     sds = np.sqrt(np.diag(covariance)[1:])
     # sd of a root: sd / (2 root), or the root of the sd where the value itself is nil
-    roots = [float(sd / (2 * value)) if value**2 > sd else float(np.sqrt(sd)) for value, sd in zip(values, sds, strict=True)]
+    roots = [
+        float(sd / (2 * value)) if value**2 > sd else float(np.sqrt(sd))
+        for value, sd in zip(values, sds, strict=True)
+    ]
     white, flicker, walk = (Coefficient(float(v), sd) for v, sd in zip(values, roots, strict=True))
     return NoiseCoefficients(white, flicker, walk)
 
 
 def _smooth_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Slope of y over x about each point, over a decade: single points scatter too much to tell a noise type."""
+    """Slope of y over x about each point, over a decade: single points scatter too much to tell a
+    noise type.
+    """
     if len(x) < 3:
         return np.full(len(x), -0.5)
     near = np.abs(x[:, None] - x[None, :]) <= max(np.log(10) / 2, 1.5 * float(np.max(np.diff(x))))
@@ -141,9 +176,13 @@ def _smooth_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _edf(phases: int, m: int, slope: float) -> float:
-    """Equivalent degrees of freedom of the overlapping estimate (NIST SP 1065, table 5), by the slope of the deviation."""
+    """Equivalent degrees of freedom of the overlapping estimate (NIST SP 1065, table 5), by the
+    slope of the deviation.
+    """
     n = phases
-    if slope < -0.75 and m < 10:  # quantisation or white phase noise, which only short averages show
+    if (
+        slope < -0.75 and m < 10
+    ):  # quantisation or white phase noise, which only short averages show
         edf = (n + 1) * (n - 2 * m) / (2 * (n - m))
     elif slope < -0.25:  # white noise of the signal
         edf = (3 * (n - 1) / (2 * m) - 2 * (n - 2) / n) * 4 * m**2 / (4 * m**2 + 5)

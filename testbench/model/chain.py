@@ -1,7 +1,9 @@
-"""Kinematics of one frame of a chain of rotating joints, compiled: pose, angular velocity and classical acceleration.
+"""Kinematics of one frame of a chain of rotating joints, compiled: pose, angular velocity and
+classical acceleration.
 
-The recursions are those of a rigid body carried by rotating axes (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 4),
-written in the world frame. Pinocchio, which gives the joints' placements, is the oracle of the tests.
+The recursions are those of a rigid body carried by rotating axes (Featherstone, Rigid Body Dynamics
+Algorithms, 2008, ch. 4), written in the world frame. Pinocchio, which gives the joints' placements,
+is the oracle of the tests.
 """
 
 from __future__ import annotations
@@ -25,14 +27,20 @@ def chain_motion(  # noqa: C901 - one loop over the chain, written out
     """Motion of the tip of a chain of k rotating joints.
 
     Args:
-        rotations, offsets: Placement of each joint in the previous one, shapes (k, 3, 3) and (k, 3) [m].
-        axes: Joint axes in the joint frames, shape (k, 3). columns: Column of q of each joint, shape (k,).
-        tip_rotation, tip_offset: Placement of the frame in the last joint.
-        q, v, a: Joint angles, rates and accelerations, shape (n, m).
+        rotations: Placement of each joint in the previous one, shapes (k, 3, 3) and (k, 3) [m].
+        offsets: Placement of each joint in the previous one, shapes (k, 3, 3) and (k, 3) [m].
+        axes: Joint axes in the joint frames, shape (k, 3).
+        columns: Column of q of each joint, shape (k,).
+        tip_rotation: Placement of the frame in the last joint.
+        tip_offset: Placement of the frame in the last joint.
+        q: Joint angles, rates and accelerations, shape (n, m).
+        v: Joint angles, rates and accelerations, shape (n, m).
+        a: Joint angles, rates and accelerations, shape (n, m).
 
     Returns:
-        Position (n, 3), rotation world from frame (n, 3, 3), linear velocity (n, 3), angular velocity (n, 3), classical
-        linear acceleration (n, 3), angular acceleration (n, 3): all in the world frame.
+        Position (n, 3), rotation world from frame (n, 3, 3), linear velocity (n, 3), angular
+        velocity (n, 3), classical linear acceleration (n, 3), angular acceleration (n, 3): all in
+        the world frame.
     """
     n, k = q.shape[0], rotations.shape[0]
     position = np.empty((n, 3))

@@ -1,9 +1,12 @@
-"""What an inertial sensor on a chain of rotating joints reads, and how the reading changes with the joints; compiled.
+"""What an inertial sensor on a chain of rotating joints reads, and how the reading changes with the
+joints; compiled.
 
-Angular rate and specific force in the sensor frame follow from the recursions of `chain`. Their derivatives are closed: seen
-from the body that carries joint k, a change of q_k turns all that lies beyond the joint rigidly about its axis. With o the
-joint, s the sensor, r = s - o, omega and alpha the motion of that body, and r', r'' the velocity and acceleration of s relative
-to it (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 2 and 4, for the kinematics of moving frames):
+Angular rate and specific force in the sensor frame follow from the recursions of `chain`. Their
+derivatives are closed: seen from the body that carries joint k, a change of q_k turns all that lies
+beyond the joint rigidly about its axis. With o the joint, s the sensor, r = s - o, omega and alpha
+the motion of that body, and r', r'' the velocity and acceleration of s relative to it
+(Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 2 and 4, for the kinematics of moving
+frames):
 
     d omega / d q_k = omega x u          (in the sensor's axes, which turn too)
     d a / d q_k = alpha x (u x r) + omega x (omega x (u x r)) + 2 omega x (u x r') + u x r''
@@ -44,17 +47,39 @@ def sensor_reading(  # noqa: C901 - one loop over the chain and one over its joi
     """Reading of an ideal sensor, and its derivatives by the joints that carry it.
 
     Args:
-        rotations, offsets, axes, columns, tip_rotation, tip_offset: The chain, as for `chain.chain_motion`; of the arrays the
-            first `count` entries count. gravity: In the world, shape (3,) [m/s^2].
-        q, v, a: Joint angles, rates and accelerations, shape (m,).
-        reading: Filled with the angular rate [rad/s] and the specific force [m/s^2] in the sensor frame, shape (6,).
-        by_q, by_v, by_a: Filled with the derivatives by q, v and a, shape (6, m). Columns of other joints are left alone.
+        rotations: The chain, as for `chain.chain_motion`; of the arrays the first `count` entries
+            count.
+        offsets: The chain, as for `chain.chain_motion`; of the arrays the first `count` entries
+            count.
+        axes: The chain, as for `chain.chain_motion`; of the arrays the first `count` entries count.
+        columns: The chain, as for `chain.chain_motion`; of the arrays the first `count` entries
+            count.
+        tip_rotation: The chain, as for `chain.chain_motion`; of the arrays the first `count`
+            entries count.
+        tip_offset: The chain, as for `chain.chain_motion`; of the arrays the first `count` entries
+            count.
+        gravity: In the world, shape (3,) [m/s^2].
+        q: Joint angles, rates and accelerations, shape (m,).
+        v: Joint angles, rates and accelerations, shape (m,).
+        a: Joint angles, rates and accelerations, shape (m,).
+        reading: Filled with the angular rate [rad/s] and the specific force [m/s^2] in the sensor
+            frame, shape (6,).
+        by_q: Filled with the derivatives by q, v and a, shape (6, m). Columns of other joints are
+            left alone.
+        by_v: Filled with the derivatives by q, v and a, shape (6, m). Columns of other joints are
+            left alone.
+        by_a: Filled with the derivatives by q, v and a, shape (6, m). Columns of other joints are
+            left alone.
     """
     R = np.eye(3)
     S, T = np.empty((3, 3)), np.empty((3, 3))
     d, u, x, y = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     p, pv, pa, w, dw = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
-    at = np.empty((count, 6, 3))  # of each joint: axis, place, its velocity and acceleration, rate and its derivative before it
+    at = np.empty(
+        (count, 6, 3)
+        # of each joint: axis, place, its velocity and acceleration, rate and its derivative before
+        # it
+    )
     for j in range(count + 1):
         for r in range(3):
             offset = offsets[j] if j < count else tip_offset
@@ -98,7 +123,14 @@ def sensor_reading(  # noqa: C901 - one loop over the chain and one over its joi
     for c in range(3):
         reading[c] = S[0, c] * w[0] + S[1, c] * w[1] + S[2, c] * w[2]
         reading[3 + c] = S[0, c] * f[0] + S[1, c] * f[1] + S[2, c] * f[2]
-    rel_v, rel_a, ur, acc_q, acc_v, gyr_q = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    rel_v, rel_a, ur, acc_q, acc_v, gyr_q = (
+        np.empty(3),
+        np.empty(3),
+        np.empty(3),
+        np.empty(3),
+        np.empty(3),
+        np.empty(3),
+    )
     for j in range(count):
         column, axis, rate, turning = columns[j], at[j, 0], at[j, 4], at[j, 5]
         for r in range(3):

@@ -1,4 +1,6 @@
-"""Clearance between the bodies of an arm, and between the arm and the floor (Pinocchio with Coal)."""
+"""Clearance between the bodies of an arm, and between the arm and the floor (Pinocchio with
+Coal).
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ FLOOR = "the floor"
 
 @dataclass(frozen=True)
 class NearestPair:
-    """The pair of bodies that is nearest to one another at one configuration; distance [m], negative when they overlap."""
+    """The pair of bodies that is nearest to one another at one configuration; distance [m],
+    negative when they overlap.
+    """
 
     first: str
     second: str
@@ -25,8 +29,9 @@ class NearestPair:
 class CollisionModel:
     """Collision bodies of an arm with the floor of its robot file.
 
-    Pairs on the same or on neighbouring links are left out, and those the robot file names. Meshes are replaced by their convex
-    hulls: a hull is never smaller than its mesh, and distances between hulls are a hundred times faster.
+    Pairs on the same or on neighbouring links are left out, and those the robot file names. Meshes
+    are replaced by their convex hulls: a hull is never smaller than its mesh, and distances between
+    hulls are a hundred times faster.
 
     Args:
         kinematics: The arm.
@@ -49,11 +54,15 @@ class CollisionModel:
         return len(self.geometry.collisionPairs)
 
     def nearest(self, q: np.ndarray) -> NearestPair | None:
-        """The nearest pair at joint angles q, shape (n_joints,) [rad]; None when there is nothing to check."""
+        """The nearest pair at joint angles q, shape (n_joints,) [rad]; None when there is nothing
+        to check.
+        """
         if not self.pairs:
             return None
         model, data = self.kinematics.model, self._data
-        k = pin.computeDistances(model, data, self.geometry, self._geometry_data, self.kinematics.configuration(q))
+        k = pin.computeDistances(
+            model, data, self.geometry, self._geometry_data, self.kinematics.configuration(q)
+        )
         pair = self.geometry.collisionPairs[k]
         distance = float(self._geometry_data.distanceResults[k].min_distance)
         return NearestPair(self.links[pair.first], self.links[pair.second], distance)
@@ -68,7 +77,9 @@ class CollisionModel:
         thickness = 0.1
         base = self.kinematics.world_from_base
         box = coal.Box(10.0, 10.0, thickness)
-        world_from_floor = pin.SE3(np.eye(3), np.array([0.0, 0.0, floor.height_mm / 1000 - thickness / 2]))
+        world_from_floor = pin.SE3(
+            np.eye(3), np.array([0.0, 0.0, floor.height_mm / 1000 - thickness / 2])
+        )
         base_from_world = pin.SE3(base.R, base.position).inverse()
         body = pin.GeometryObject("floor", 0, base_from_world * world_from_floor, box)
         self.geometry.addGeometryObject(body)
@@ -88,7 +99,12 @@ class CollisionModel:
                         continue
                 else:
                     a, b = bodies[i].parentJoint, bodies[j].parentJoint
-                    if a == b or model.parents[a] == b or model.parents[b] == a or frozenset((first, second)) in ignored:
+                    if (
+                        a == b
+                        or model.parents[a] == b
+                        or model.parents[b] == a
+                        or frozenset((first, second)) in ignored
+                    ):
                         continue
                 self.geometry.addCollisionPair(pin.CollisionPair(i, j))
 

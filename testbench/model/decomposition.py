@@ -1,7 +1,9 @@
-"""A joint's rotation q_proximal_from_distal as three angles, and back: every definition the bench knows.
+"""A joint's rotation q_proximal_from_distal as three angles, and back: every definition the bench
+knows.
 
-Each says where its angles stop being defined (`margins`) and which other triples mean the same rotation (`alternatives`), which
-is what following an angle across the ends of its range needs. docs/joint_angles.md compares them.
+Each says where its angles stop being defined (`margins`) and which other triples mean the same
+rotation (`alternatives`), which is what following an angle across the ends of its range needs.
+docs/joint_angles.md compares them.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ class Decomposition(ABC):
     """A way to write rotations as three angles [rad].
 
     Attributes:
-        names: What the three are. periodic: Which of them mean the same a turn later.
+        names: What the three are.
+        periodic: Which of them mean the same a turn later.
     """
 
     names: tuple[str, str, str]
@@ -30,27 +33,36 @@ class Decomposition(ABC):
 
     @abstractmethod
     def angles(self, q: np.ndarray) -> np.ndarray:
-        """Angles [rad] of q_proximal_from_distal, shape (n, 4) to (n, 3), each in its principal range."""
+        """Angles [rad] of q_proximal_from_distal, shape (n, 4) to (n, 3), each in its principal
+        range.
+        """
 
     @abstractmethod
     def rotation(self, angles: np.ndarray) -> np.ndarray:
-        """q_proximal_from_distal of angles [rad], shape (n, 3) to (n, 4); the inverse of `angles`."""
+        """q_proximal_from_distal of angles [rad], shape (n, 3) to (n, 4); the inverse of
+        `angles`.
+        """
 
     @abstractmethod
     def margins(self, angles: np.ndarray) -> np.ndarray:
-        """How far each angle is from where it stops being defined [rad], shape (n, 3); infinite for one that always is."""
+        """How far each angle is from where it stops being defined [rad], shape (n, 3); infinite for
+        one that always is.
+        """
 
     @abstractmethod
     def alternatives(self, angles: np.ndarray) -> np.ndarray:
-        """Other triples of the same rotation, but for whole turns of the periodic ones, shape (n, 3) to (k, n, 3)."""
+        """Other triples of the same rotation, but for whole turns of the periodic ones, shape (n,
+        3) to (k, n, 3).
+        """
 
 
 @dataclass(frozen=True)
 class Euler(Decomposition):
     """Intrinsic Euler angles of any of the twelve sequences, each with a sign of its own.
 
-    The joint coordinate systems of Grood & Suntay (1983) and of the ISB (Wu et al. 2002, 2005) are such sequences: e1 is the
-    first axis, fixed to the proximal segment, e3 the last, fixed to the distal one, and e2 the floating axis e3 × e1.
+    The joint coordinate systems of Grood & Suntay (1983) and of the ISB (Wu et al. 2002, 2005) are
+    such sequences: e1 is the first axis, fixed to the proximal segment, e3 the last, fixed to the
+    distal one, and e2 the floating axis e3 × e1.
     """
 
     sequence: str
@@ -81,10 +93,11 @@ class Euler(Decomposition):
 
 @dataclass(frozen=True)
 class SwingTwist(Decomposition):
-    """q = swing · twist: the twist [rad] about `axis` and the swing as a rotation vector across it [rad].
+    """q = swing · twist: the twist [rad] about `axis` and the swing as a rotation vector across it
+    [rad].
 
-    The twist is the rotation about the axis nearest to q; it is written first, the swing along the two directions of
-    `across`. Defined unless the swing is half a turn.
+    The twist is the rotation about the axis nearest to q; it is written first, the swing along the
+    two directions of `across`. Defined unless the swing is half a turn.
     """
 
     axis: tuple[float, float, float]
@@ -98,7 +111,9 @@ class SwingTwist(Decomposition):
     def rotation(self, angles: np.ndarray) -> np.ndarray:
         angles = np.asarray(angles, float)
         swing = rotation.from_rotation_vector(angles[:, 1:] @ across(self.axis))
-        return rotation.multiply(swing, rotation.from_rotation_vector(angles[:, :1] * np.array(self.axis)))
+        return rotation.multiply(
+            swing, rotation.from_rotation_vector(angles[:, :1] * np.array(self.axis))
+        )
 
     def margins(self, angles: np.ndarray) -> np.ndarray:
         margin = np.abs(np.pi - np.hypot(angles[:, 1], angles[:, 2]))
@@ -112,11 +127,13 @@ class SwingTwist(Decomposition):
 
 @dataclass(frozen=True)
 class Hinge(Decomposition):
-    """The angle [rad] of a hinge about `axis`, and what the hinge does not explain: how far the distal segment's axis is tilted
-    from the proximal one's, and which way (the azimuth about the axis).
+    """The angle [rad] of a hinge about `axis`, and what the hinge does not explain: how far the
+    distal segment's axis is tilted from the proximal one's, and which way (the azimuth about the
+    axis).
 
-    The angle is that of the rotation about the axis nearest to q, which is the twist of `SwingTwist`; Seel, Raisch & Schauer
-    (Sensors 14, 2014) call for it once both segments' axes are known. It is defined unless the tilt is half a turn.
+    The angle is that of the rotation about the axis nearest to q, which is the twist of
+    `SwingTwist`; Seel, Raisch & Schauer (Sensors 14, 2014) call for it once both segments' axes are
+    known. It is defined unless the tilt is half a turn.
     """
 
     axis: tuple[float, float, float]
@@ -129,11 +146,19 @@ class Hinge(Decomposition):
 
     def rotation(self, angles: np.ndarray) -> np.ndarray:
         flexion, tilt, azimuth = np.asarray(angles, float).T
-        return SwingTwist(self.axis).rotation(np.column_stack([flexion, tilt * np.cos(azimuth), tilt * np.sin(azimuth)]))
+        return SwingTwist(self.axis).rotation(
+            np.column_stack([flexion, tilt * np.cos(azimuth), tilt * np.sin(azimuth)])
+        )
 
     def margins(self, angles: np.ndarray) -> np.ndarray:
         tilt = np.abs(angles[:, 1])
-        return np.column_stack([np.abs(np.pi - tilt), np.full_like(tilt, np.inf), np.minimum(tilt, np.abs(np.pi - tilt))])
+        return np.column_stack(
+            [
+                np.abs(np.pi - tilt),
+                np.full_like(tilt, np.inf),
+                np.minimum(tilt, np.abs(np.pi - tilt)),
+            ]
+        )
 
     def alternatives(self, angles: np.ndarray) -> np.ndarray:
         return np.stack([angles * np.array([1, -1, 1]) + np.array([0, 0, np.pi])])
@@ -141,7 +166,8 @@ class Hinge(Decomposition):
 
 @dataclass(frozen=True)
 class AxisAngle(Decomposition):
-    """The whole angle in [0, pi] and its axis, as azimuth about z from x and elevation above the x-y plane [rad].
+    """The whole angle in [0, pi] and its axis, as azimuth about z from x and elevation above the
+    x-y plane [rad].
 
     The angle is always defined, the axis neither at no turn nor (its sign) at half a turn.
     """
@@ -157,7 +183,9 @@ class AxisAngle(Decomposition):
     def rotation(self, angles: np.ndarray) -> np.ndarray:
         angle, azimuth, elevation = np.asarray(angles, float).T
         level = np.cos(elevation)
-        axis = np.column_stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+        axis = np.column_stack(
+            [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
+        )
         return rotation.from_rotation_vector(angle[:, None] * axis)
 
     def margins(self, angles: np.ndarray) -> np.ndarray:
@@ -207,14 +235,17 @@ def across(axis: tuple[float, float, float]) -> np.ndarray:
 
 
 def follow(decomposition: Decomposition, angles: np.ndarray) -> np.ndarray:
-    """The same rotations with angles that run on from sample to sample, through ±180 degrees and through range ends.
+    """The same rotations with angles that run on from sample to sample, through ±180 degrees and
+    through range ends.
 
-    Of all triples that mean a sample's rotation the nearest to the neighbour's is taken, forwards and backwards from the sample
-    farthest from a singularity, which keeps its principal angles. In a singularity there is nothing to follow: noise decides
-    there which way it goes on, so this is for motions that pass through one, not for rests in one.
+    Of all triples that mean a sample's rotation the nearest to the neighbour's is taken, forwards
+    and backwards from the sample farthest from a singularity, which keeps its principal angles. In
+    a singularity there is nothing to follow: noise decides there which way it goes on, so this is
+    for motions that pass through one, not for rests in one.
 
     Args:
-        decomposition: Of the angles. angles: Increasing in time, shape (n, 3) [rad]; rows that are not finite are passed over.
+        decomposition: Of the angles.
+        angles: Increasing in time, shape (n, 3) [rad]; rows that are not finite are passed over.
     """
     angles = np.array(angles, float)
     known = np.flatnonzero(np.isfinite(angles).all(axis=1))
@@ -232,7 +263,9 @@ def follow(decomposition: Decomposition, angles: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _nearest(choices: np.ndarray, periods: np.ndarray) -> np.ndarray:
-    """Of the triples choices[:, i], give or take whole periods, the nearest to the one taken before; the first is kept."""
+    """Of the triples choices[:, i], give or take whole periods, the nearest to the one taken
+    before; the first is kept.
+    """
     count, n, _ = choices.shape
     taken = np.empty((n, 3))
     taken[0] = choices[0, 0]
@@ -254,7 +287,9 @@ def _nearest(choices: np.ndarray, periods: np.ndarray) -> np.ndarray:
 
 
 def _twist_and_swing(q: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Twist [rad] in [-pi, pi) about the axis, shape (n,), and the swing that goes before it, shape (n, 4)."""
+    """Twist [rad] in [-pi, pi) about the axis, shape (n,), and the swing that goes before it, shape
+    (n, 4).
+    """
     q = np.asarray(q, float)
     twist = rotation.wrap(2.0 * np.arctan2(q[:, 1:] @ axis, q[:, 0]))
     back = rotation.from_rotation_vector(-twist[:, None] * axis)

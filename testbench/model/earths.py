@@ -1,4 +1,6 @@
-"""Earth frames of other people's filters, and the way between them and the bench's own, which is ENU (east, north, up)."""
+"""Earth frames of other people's filters, and the way between them and the bench's own, which is
+ENU (east, north, up).
+"""
 
 from __future__ import annotations
 
@@ -7,15 +9,23 @@ import numpy as np
 from testbench.model import rotation
 
 HALF = float(np.sqrt(0.5))
-Q_ENU_FROM = {"ENU": [1.0, 0.0, 0.0, 0.0], "NED": [0.0, HALF, HALF, 0.0], "NWU": [HALF, 0.0, 0.0, HALF]}
+Q_ENU_FROM = {
+    "ENU": [1.0, 0.0, 0.0, 0.0],
+    "NED": [0.0, HALF, HALF, 0.0],
+    "NWU": [HALF, 0.0, 0.0, HALF],
+}
 """q_enu_from_earth for east-north-up, north-east-down and north-west-up."""
 
 
 def to_earth_frame(q_enu_from_sensor: np.ndarray, earth: str) -> np.ndarray:
-    """q_earth_from_sensor in "ENU", "NED" or "NWU", shape (..., 4); the axes of the sensor stay as they are."""
+    """q_earth_from_sensor in "ENU", "NED" or "NWU", shape (..., 4); the axes of the sensor stay as
+    they are.
+    """
     return rotation.multiply(rotation.conjugate(np.array(Q_ENU_FROM[earth])), q_enu_from_sensor)
 
 
 def to_ned(q_enu_from_sensor: np.ndarray) -> np.ndarray:
-    """q_ned_from_sensor (north, east, down) of what a filter of the bench reports, shape (..., 4)."""
+    """q_ned_from_sensor (north, east, down) of what a filter of the bench reports, shape (...,
+    4).
+    """
     return to_earth_frame(q_enu_from_sensor, "NED")

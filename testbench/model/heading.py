@@ -16,8 +16,9 @@ class HeadingDrift:
     """Drift of a heading from its first to its last part [rad].
 
     Attributes:
-        drift: Mean error of the last part less that of the first, signed, with its turns. largest: Largest magnitude of the
-        error against the first part at any instant. span_s: Between the middles of the two parts.
+        drift: Mean error of the last part less that of the first, signed, with its turns.
+        largest: Largest magnitude of the error against the first part at any instant.
+        span_s: Between the middles of the two parts.
     """
 
     drift: float
@@ -26,7 +27,8 @@ class HeadingDrift:
 
 
 def yaw(q_world_from_frame: np.ndarray) -> np.ndarray:
-    """Yaw of the intrinsic ZYX sequence [rad], without jumps of a turn, shape (n, 4) to (n,); NaN where q is not finite.
+    """Yaw of the intrinsic ZYX sequence [rad], without jumps of a turn, shape (n, 4) to (n,); NaN
+    where q is not finite.
 
     It is the heading of the frame's x axis, and means nothing where that axis is vertical.
     """
@@ -36,14 +38,19 @@ def yaw(q_world_from_frame: np.ndarray) -> np.ndarray:
 
 
 def heading_drift(
-    time_ns: np.ndarray, q_world_from_frame: np.ndarray, q_true: np.ndarray | None = None, part: float = 0.05
+    time_ns: np.ndarray,
+    q_world_from_frame: np.ndarray,
+    q_true: np.ndarray | None = None,
+    part: float = 0.05,
 ) -> HeadingDrift:
     """How far a heading drifted over a series that should begin and end at rest.
 
     Args:
-        time_ns: Increasing, shape (n,). q_world_from_frame: Shape (n, 4). q_true: The same by the truth, shape (n, 4); without
-        it the heading is taken to be constant, as in a straight corridor. part: Fraction of the series at either end over
-        which the error is averaged.
+        time_ns: Increasing, shape (n,).
+        q_world_from_frame: Shape (n, 4).
+        q_true: The same by the truth, shape (n, 4); without it the heading is taken to be constant,
+            as in a straight corridor.
+        part: Fraction of the series at either end over which the error is averaged.
 
     Raises:
         InputError: Fewer than ten samples of both are finite.
@@ -51,7 +58,9 @@ def heading_drift(
     error = yaw(q_world_from_frame) if q_true is None else heading_error(q_world_from_frame, q_true)
     rows = np.flatnonzero(np.isfinite(error))
     if len(rows) < 10:
-        raise InputError(f"the drift of a heading needs at least ten samples with a truth, not {len(rows)}")
+        raise InputError(
+            f"the drift of a heading needs at least ten samples with a truth, not {len(rows)}"
+        )
     ends = max(round(part * len(rows)), 1)
     first, last = rows[:ends], rows[-ends:]
     error = error - error[first].mean()
@@ -60,5 +69,9 @@ def heading_drift(
 
 
 def heading_error(q_estimated: np.ndarray, q_true: np.ndarray) -> np.ndarray:
-    """Heading of the error q_estimated conj(q_true) [rad], without jumps of a turn, shape (n, 4) to (n,)."""
-    return unwrapped(rotation.heading_angle(rotation.multiply(q_estimated, rotation.conjugate(q_true))))
+    """Heading of the error q_estimated conj(q_true) [rad], without jumps of a turn, shape (n, 4) to
+    (n,).
+    """
+    return unwrapped(
+        rotation.heading_angle(rotation.multiply(q_estimated, rotation.conjugate(q_true)))
+    )

@@ -1,14 +1,18 @@
-"""Integrators of angular rate: from rates in the body to the orientation q_start_from_body, as compiled loops.
+"""Integrators of angular rate: from rates in the body to the orientation q_start_from_body, as
+compiled loops.
 
-dq/dt = q (0, w) / 2 is linear in q and its rates are the body's own, so a step of every method here is a product on the right
-with a quaternion that hangs on the rates alone: q <- q s(h w_1, ..., h w_m), with the rate w_i at the fraction c_i of the step.
+dq/dt = q (0, w) / 2 is linear in q and its rates are the body's own, so a step of every method here
+is a product on the right with a quaternion that hangs on the rates alone: q <- q s(h w_1, ..., h
+w_m), with the rate w_i at the fraction c_i of the step.
 
-Euler, Heun and the classical Runge-Kutta method are those of Hairer, Norsett & Wanner, Solving Ordinary Differential Equations
-I, 1993, section II.1; their quaternion does not stay of unit length, and is scaled back only where a method says so. The
-Crouch-Grossman method and the exponential midpoint rule are products of rotations and keep the length: Crouch & Grossman,
-Numerical integration of ordinary differential equations on manifolds, J. Nonlinear Science 3, 1993; the coefficients of order 4
-with five stages are those of Jackiewicz, Marthinsen & Owren, Construction of Runge-Kutta methods of Crouch-Grossman type of
-high order, Advances in Computational Mathematics 13, 2000.
+Euler, Heun and the classical Runge-Kutta method are those of Hairer, Norsett & Wanner, Solving
+Ordinary Differential Equations I, 1993, section II.1; their quaternion does not stay of unit
+length, and is scaled back only where a method says so. The Crouch-Grossman method and the
+exponential midpoint rule are products of rotations and keep the length: Crouch & Grossman,
+Numerical integration of ordinary differential equations on manifolds, J. Nonlinear Science 3, 1993;
+the coefficients of order 4 with five stages are those of Jackiewicz, Marthinsen & Owren,
+Construction of Runge-Kutta methods of Crouch-Grossman type of high order, Advances in Computational
+Mathematics 13, 2000.
 """
 
 from __future__ import annotations
@@ -23,12 +27,20 @@ from numba import njit
 from testbench.exceptions import InputError, NotFoundError
 
 EULER, HEUN, RK4, CG4, MIDPOINT = range(5)
-CG4_B = (0.1370831520630755, -0.0183698531564020, 0.7397813985370780, -0.1907142565505889, 0.3322195591068374)
+CG4_B = (
+    0.1370831520630755,
+    -0.0183698531564020,
+    0.7397813985370780,
+    -0.1907142565505889,
+    0.3322195591068374,
+)
 CG4_C = (0.0, 0.8177227988124852, 0.3859740639032449, 0.3242290522866937, 0.8768903263420429)
 
 Stages = Literal["interpolated", "measured", "constant"]
-"""Where the rates inside a step come from: a straight line between samples; the sample in the middle of a step of two
-intervals; the sample at the beginning of the step, as if the rate stayed constant."""
+"""Where the rates inside a step come from: a straight line between samples; the sample in the
+middle of a step of two intervals; the sample at the beginning of the step, as if the rate stayed
+constant.
+"""
 
 
 @dataclass(frozen=True)
@@ -36,9 +48,13 @@ class Integrator:
     """A method of integration.
 
     Attributes:
-        name: As a person types it. scheme: Of the compiled step. nodes: Where in the step it asks for the rate, from 0 to 1.
-        order: Of the error of the result in the step, when the rates at the nodes are exact. unit: Whether the quaternion is of
-        unit length after every step. renormalised: Whether it is scaled back to it. source: Where the method comes from.
+        name: As a person types it.
+        scheme: Of the compiled step.
+        nodes: Where in the step it asks for the rate, from 0 to 1.
+        order: Of the error of the result in the step, when the rates at the nodes are exact.
+        unit: Whether the quaternion is of unit length after every step.
+        renormalised: Whether it is scaled back to it.
+        source: Where the method comes from.
     """
 
     name: str
@@ -51,54 +67,81 @@ class Integrator:
 
     @property
     def best_stages(self) -> Stages:
-        """Measured rates inside a step where the method can use them and gains by them, else interpolated ones."""
-        return "measured" if self.order > 2 and set(self.nodes) == {0.0, 0.5, 1.0} else "interpolated"
+        """Measured rates inside a step where the method can use them and gains by them, else
+        interpolated ones.
+        """
+        return (
+            "measured" if self.order > 2 and set(self.nodes) == {0.0, 0.5, 1.0} else "interpolated"
+        )
 
-    def steps(self, stage_rates: np.ndarray, step: float, start: np.ndarray | None = None) -> np.ndarray:
+    def steps(
+        self, stage_rates: np.ndarray, step: float, start: np.ndarray | None = None
+    ) -> np.ndarray:
         """Orientation after every step.
 
         Args:
-            stage_rates: Angular rate in the body at the nodes of each step, shape (n, len(nodes), 3) [rad/s]. step: Length of a
-            step [s]. start: q_start_from_body before the first step, shape (4,); the identity if None.
+            stage_rates: Angular rate in the body at the nodes of each step, shape (n, len(nodes),
+                3) [rad/s].
+            step: Length of a step [s].
+            start: q_start_from_body before the first step, shape (4,); the identity if None.
 
         Returns:
-            q_start_from_body, shape (n + 1, 4), the beginning included; of unit length only where `unit` says so.
+            q_start_from_body, shape (n + 1, 4), the beginning included; of unit length only where
+            `unit` says so.
         """
         stages = np.ascontiguousarray(stage_rates, dtype=float)
         if stages.ndim != 3 or stages.shape[1:] != (len(self.nodes), 3):
-            raise InputError(f"{self.name} needs rates of shape (n, {len(self.nodes)}, 3), not {stages.shape}")
+            raise InputError(
+                f"{self.name} needs rates of shape (n, {len(self.nodes)}, 3), not {stages.shape}"
+            )
         begin = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else np.asarray(start, dtype=float)
         return run_steps(self.scheme, stages, step, begin, self.renormalised)
 
-    def stages_of(self, rate: Callable[[np.ndarray], np.ndarray], times: np.ndarray, step: float) -> np.ndarray:
+    def stages_of(
+        self, rate: Callable[[np.ndarray], np.ndarray], times: np.ndarray, step: float
+    ) -> np.ndarray:
         """Stage rates of a rate that is known at every instant.
 
         Args:
-            rate: From times (m,) [s] to rates (m, 3) [rad/s]. times: Beginning of each step, shape (n,) [s]. step: [s].
+            rate: From times (m,) [s] to rates (m, 3) [rad/s].
+            times: Beginning of each step, shape (n,) [s].
+            step: [s].
         """
         at = times[:, None] + step * np.array(self.nodes)
         return rate(at.ravel()).reshape(len(times), len(self.nodes), 3)
 
-    def stages_from_samples(self, rates: np.ndarray, stages: Stages = "interpolated") -> tuple[np.ndarray, int]:
+    def stages_from_samples(
+        self, rates: np.ndarray, stages: Stages = "interpolated"
+    ) -> tuple[np.ndarray, int]:
         """Stage rates from samples at a regular interval.
 
         Args:
-            rates: Shape (n, 3) [rad/s], n >= 2. stages: Where the rates inside a step come from.
+            rates: Shape (n, 3) [rad/s], n >= 2.
+            stages: Where the rates inside a step come from.
 
         Returns:
             Stage rates, and how many intervals a step covers: 1, or 2 for `measured`.
 
         Raises:
-            InputError: Steps of two intervals do not fit, or the method asks for rates that are no samples.
+            InputError: Steps of two intervals do not fit, or the method asks for rates that are no
+                samples.
         """
         rates = np.ascontiguousarray(rates, dtype=float)
         if rates.ndim != 2 or rates.shape[1] != 3 or len(rates) < 2:
-            raise InputError(f"two samples of the angular rate at least are needed, shape (n, 3), not {rates.shape}")
+            raise InputError(
+                "two samples of the angular rate at least are needed, shape (n, 3), not "
+                f"{rates.shape}"
+            )
         if stages == "measured":
             if any(node not in (0.0, 0.5, 1.0) for node in self.nodes):
-                raise InputError(f"{self.name} asks for rates at {self.nodes} of a step; only its middle can be measured")
+                raise InputError(
+                    f"{self.name} asks for rates at {self.nodes} of a step; only its middle can be "
+                    "measured"
+                )
             if len(rates) % 2 == 0:
-                raise InputError(f"steps of two intervals need an odd number of samples, not {len(rates)}")
+                raise InputError(
+                    f"steps of two intervals need an odd number of samples, not {len(rates)}"
+                )
             columns = np.array([round(2 * node) for node in self.nodes])
             return rates[2 * np.arange(len(rates) // 2)[:, None] + columns], 2
         nodes = np.zeros(len(self.nodes)) if stages == "constant" else np.array(self.nodes)
@@ -106,7 +149,11 @@ class Integrator:
         return before + nodes[:, None] * (after - before), 1
 
     def integrate(
-        self, rates: np.ndarray, interval: float, start: np.ndarray | None = None, stages: Stages = "interpolated"
+        self,
+        rates: np.ndarray,
+        interval: float,
+        start: np.ndarray | None = None,
+        stages: Stages = "interpolated",
     ) -> np.ndarray:
         """Orientation from samples of the rate; see `stages_from_samples` and `steps`."""
         stage_rates, covered = self.stages_from_samples(rates, stages)
@@ -117,12 +164,44 @@ _HNW = "Hairer, Norsett & Wanner 1993, section II.1"
 INTEGRATORS = {
     entry.name: entry
     for entry in (
-        Integrator("euler", EULER, (0.0,), 1, True, True, f"explicit Euler, scaled back to unit length; {_HNW}"),
+        Integrator(
+            "euler",
+            EULER,
+            (0.0,),
+            1,
+            True,
+            True,
+            f"explicit Euler, scaled back to unit length; {_HNW}",
+        ),
         Integrator("euler_raw", EULER, (0.0,), 1, False, False, f"explicit Euler; {_HNW}"),
-        Integrator("trapezoid", HEUN, (0.0, 1.0), 2, False, False, f"trapezoid (Tustin) with Euler's predictor, Heun; {_HNW}"),
+        Integrator(
+            "trapezoid",
+            HEUN,
+            (0.0, 1.0),
+            2,
+            False,
+            False,
+            f"trapezoid (Tustin) with Euler's predictor, Heun; {_HNW}",
+        ),
         Integrator("rk4", RK4, (0.0, 0.5, 1.0), 4, False, False, f"classical Runge-Kutta; {_HNW}"),
-        Integrator("cg4", CG4, CG4_C, 4, True, False, "Crouch-Grossman, five stages; Jackiewicz, Marthinsen & Owren 2000"),
-        Integrator("midpoint", MIDPOINT, (0.5,), 2, True, False, "exponential midpoint: turn by the rate of the middle"),
+        Integrator(
+            "cg4",
+            CG4,
+            CG4_C,
+            4,
+            True,
+            False,
+            "Crouch-Grossman, five stages; Jackiewicz, Marthinsen & Owren 2000",
+        ),
+        Integrator(
+            "midpoint",
+            MIDPOINT,
+            (0.5,),
+            2,
+            True,
+            False,
+            "exponential midpoint: turn by the rate of the middle",
+        ),
     )
 }
 """Every integrator by its name."""
@@ -140,10 +219,12 @@ def get_integrator(name: str) -> Integrator:
 
 
 def steps_as_printed(integrator: Integrator, stage_rates: np.ndarray, step: float) -> np.ndarray:
-    """What Botina & Vergara (Universidad del Cauca, 2018) print in eqs 2.33, 2.36 and 2.38, from the identity; see `steps`.
+    """What Botina & Vergara (Universidad del Cauca, 2018) print in eqs 2.33, 2.36 and 2.38, from
+    the identity; see `steps`.
 
-    They write dq/dt = f / 2 and then q <- (q + integral of f) / 2: the half, which belongs to the integral alone, stands before
-    the bracket. So the length is halved with every step at rest. Only for showing what that does.
+    They write dq/dt = f / 2 and then q <- (q + integral of f) / 2: the half, which belongs to the
+    integral alone, stands before the bracket. So the length is halved with every step at rest. Only
+    for showing what that does.
     """
     q = integrator.steps(2.0 * stage_rates, step)
     return np.asarray(q * 0.5 ** np.arange(len(q))[:, None])
@@ -187,8 +268,11 @@ def step_quaternion(scheme: int, w: np.ndarray, h: float, work: np.ndarray, s: n
     """The quaternion that one step multiplies with on the right.
 
     Args:
-        scheme: EULER, HEUN, RK4, CG4 or MIDPOINT. w: Rates at its nodes, shape (stages, 3) [rad/s]. h: Step [s]. work: Shape
-        (5, 4), overwritten. s: Result, shape (4,).
+        scheme: EULER, HEUN, RK4, CG4 or MIDPOINT.
+        w: Rates at its nodes, shape (stages, 3) [rad/s].
+        h: Step [s].
+        work: Shape (5, 4), overwritten.
+        s: Result, shape (4,).
     """
     s[0], s[1], s[2], s[3] = 1.0, 0.0, 0.0, 0.0
     if scheme == EULER:
@@ -221,7 +305,9 @@ def step_quaternion(scheme: int, w: np.ndarray, h: float, work: np.ndarray, s: n
 
 
 @njit(cache=True)
-def run_steps(scheme: int, stages: np.ndarray, h: float, start: np.ndarray, renormalised: bool) -> np.ndarray:
+def run_steps(
+    scheme: int, stages: np.ndarray, h: float, start: np.ndarray, renormalised: bool
+) -> np.ndarray:
     """Orientation after every step; see `Integrator.steps`."""
     n = stages.shape[0]
     result = np.empty((n + 1, 4))

@@ -1,4 +1,6 @@
-"""Joint angles: the distal segment against the proximal one, by any definition that a protocol may name."""
+"""Joint angles: the distal segment against the proximal one, by any definition that a protocol may
+name.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,15 @@ from typing import Literal
 import numpy as np
 
 from testbench.model import rotation
-from testbench.model.decomposition import AxisAngle, Decomposition, Euler, Hinge, RotationVector, SwingTwist, follow
+from testbench.model.decomposition import (
+    AxisAngle,
+    Decomposition,
+    Euler,
+    Hinge,
+    RotationVector,
+    SwingTwist,
+    follow,
+)
 from testbench.model.kinematics import Pose
 from testbench.records.joint_definition import FlexionAngle, JointRotation
 from testbench.records.protocol import Sensor
@@ -15,9 +25,10 @@ from testbench.records.protocol import Sensor
 INDEX = {"first": 0, "second": 1, "third": 2}
 """Place of each angle."""
 
-# Signs of the ISB's angles of a right limb, with its segment axes x forward, y up (proximal), z to the right, sequence ZXY (Wu
-# et al., J. Biomechanics 35, 2002, and 38, 2005). A positive turn about z carries what hangs below forwards and what points
-# forwards upwards: flexion of elbow, wrist (palm forwards) and hip, dorsiflexion of the ankle; a knee flexes backwards.
+# Signs of the ISB's angles of a right limb, with its segment axes x forward, y up (proximal), z to
+# the right, sequence ZXY (Wu et al., J. Biomechanics 35, 2002, and 38, 2005). A positive turn about
+# z carries what hangs below forwards and what points forwards upwards: flexion of elbow, wrist
+# (palm forwards) and hip, dorsiflexion of the ankle; a knee flexes backwards.
 _ISB: dict[str, tuple[tuple[int, int, int], tuple[str, str, str]]] = {
     "elbow": ((1, 1, 1), ("flexion", "carrying angle", "pronation")),
     "wrist": ((1, 1, 1), ("flexion", "ulnar deviation", "pronation")),
@@ -25,52 +36,68 @@ _ISB: dict[str, tuple[tuple[int, int, int], tuple[str, str, str]]] = {
     "knee": ((-1, 1, 1), ("flexion", "adduction", "internal rotation")),
     "ankle": ((1, 1, 1), ("dorsiflexion", "inversion", "internal rotation")),
 }
-# Grood & Suntay, J. Biomechanical Engineering 105, 1983: right knee, x to the right, y forward, z up, sequence XYZ.
+# Grood & Suntay, J. Biomechanical Engineering 105, 1983: right knee, x to the right, y forward, z
+# up, sequence XYZ.
 _GROOD_SUNTAY = {"knee": ((-1, 1, -1), ("flexion", "adduction", "external rotation"))}
 
 
 def segment_pose(sensor: Sensor) -> Pose:
     """The segment's frame in the sensor's link."""
-    assert sensor.segment is not None  # a protocol whose joints name sensors without a segment is refused
+    assert (
+        sensor.segment is not None
+    )  # a protocol whose joints name sensors without a segment is refused
     return Pose.from_placement(sensor.segment.placement())
 
 
 def segment_from_sensor(sensor: Sensor) -> np.ndarray:
-    """q_segment_from_sensor by the mounting and segment axes that the protocol states, shape (4,)."""
+    """q_segment_from_sensor by the mounting and segment axes that the protocol states, shape
+    (4,).
+    """
     link_from_segment, link_from_sensor = segment_pose(sensor), Pose.from_placement(sensor.mounting)
     return rotation.from_matrix(link_from_segment.R.T @ link_from_sensor.R)
 
 
 def segment_orientation(q_world_from_sensor: np.ndarray, sensor: Sensor) -> np.ndarray:
-    """q_world_from_segment = q_world_from_sensor conj(q_segment_from_sensor), shape (n, 4) (reference eqs 2.1 to 2.4)."""
+    """q_world_from_segment = q_world_from_sensor conj(q_segment_from_sensor), shape (n, 4)
+    (reference eqs 2.1 to 2.4).
+    """
     return rotation.multiply(q_world_from_sensor, rotation.conjugate(segment_from_sensor(sensor)))
 
 
-def joint_rotation(q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray) -> np.ndarray:
-    """Quaternion difference q_proximal_from_distal = conj(q_world_from_proximal) q_world_from_distal, (n, 4) (eq. 2.5)."""
+def joint_rotation(
+    q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray
+) -> np.ndarray:
+    """Quaternion difference q_proximal_from_distal = conj(q_world_from_proximal)
+    q_world_from_distal, (n, 4) (eq. 2.5).
+    """
     return rotation.multiply(rotation.conjugate(q_world_from_proximal), q_world_from_distal)
 
 
 def joint_angles(
-    q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, definition: str | FlexionAngle
+    q_world_from_proximal: np.ndarray,
+    q_world_from_distal: np.ndarray,
+    definition: str | FlexionAngle,
 ) -> np.ndarray:
     """The three angles [rad] of the distal segment against the proximal one.
 
     Args:
-        q_world_from_proximal, q_world_from_distal: Of the segments, shape (n, 4). definition: An intrinsic Euler sequence such
-        as "ZXZ", or what the protocol says.
+        q_world_from_proximal: Of the segments, shape (n, 4).
+        q_world_from_distal: Of the segments, shape (n, 4).
+        definition: An intrinsic Euler sequence such as "ZXZ", or what the protocol says.
 
     Returns:
         Each sample by itself, in the principal ranges, shape (n, 3).
     """
-    return decomposition_of(definition).angles(joint_rotation(q_world_from_proximal, q_world_from_distal))
+    return decomposition_of(definition).angles(
+        joint_rotation(q_world_from_proximal, q_world_from_distal)
+    )
 
 
 def joint_angle_series(
     q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, definition: FlexionAngle
 ) -> np.ndarray:
-    """The three angles [rad] over time: as `joint_angles`, but followed from sample to sample where the definition is
-    `continuous`. Rows must be in the order of time, shape (n, 4) to (n, 3).
+    """The three angles [rad] over time: as `joint_angles`, but followed from sample to sample where
+    the definition is `continuous`. Rows must be in the order of time, shape (n, 4) to (n, 3).
     """
     angles = joint_angles(q_world_from_proximal, q_world_from_distal, definition)
     return follow(decomposition_of(definition), angles) if definition.continuous else angles
@@ -92,7 +119,8 @@ def flexion_of(definition: FlexionAngle, angles: np.ndarray) -> np.ndarray:
 
 
 def nearest_turn(angle: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """The angle, give or take whole turns, nearest to the reference [rad]: a sweep beyond 180 degrees stays one curve.
+    """The angle, give or take whole turns, nearest to the reference [rad]: a sweep beyond 180
+    degrees stays one curve.
 
     Where the reference is not finite the angle stays as it is.
     """
@@ -101,7 +129,9 @@ def nearest_turn(angle: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
 
 def unwrapped(angle: np.ndarray) -> np.ndarray:
-    """A series of angles [rad] without jumps of a turn, shape (n,); samples that are not finite are passed over."""
+    """A series of angles [rad] without jumps of a turn, shape (n,); samples that are not finite are
+    passed over.
+    """
     angle = np.array(angle, float)
     known = np.isfinite(angle)
     angle[known] = np.unwrap(angle[known])

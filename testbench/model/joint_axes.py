@@ -1,4 +1,6 @@
-"""The axes that a joint turns about, seen from the world: what they tell of the heading between its segments."""
+"""The axes that a joint turns about, seen from the world: what they tell of the heading between its
+segments.
+"""
 
 from __future__ import annotations
 
@@ -11,22 +13,29 @@ from testbench.records.joint_definition import JointConstraint
 def axes_in_world(
     q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, constraint: JointConstraint
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Both axes as unit vectors in the world, shapes (n, 3), of the segments' orientations, shapes (n, 4)."""
+    """Both axes as unit vectors in the world, shapes (n, 3), of the segments' orientations, shapes
+    (n, 4).
+    """
     return (
         rotation.rotate(q_world_from_proximal, np.array(constraint.proximal_axis, float)),
         rotation.rotate(q_world_from_distal, np.array(constraint.distal_axis, float)),
     )
 
 
-def heading_terms(proximal: np.ndarray, distal: np.ndarray, constraint: JointConstraint) -> np.ndarray:
-    """The constraint as a cos d + b sin d + c = 0 in the heading d, which turns the distal sensor's world into the proximal's.
+def heading_terms(
+    proximal: np.ndarray, distal: np.ndarray, constraint: JointConstraint
+) -> np.ndarray:
+    """The constraint as a cos d + b sin d + c = 0 in the heading d, which turns the distal sensor's
+    world into the proximal's.
 
-    Two axes: their cosine less that of their angle (Laidig, Lehmann, Begin & Seel, EMBC 2019, eq. 4). One: the sine between its
-    horizontal parts as both sensors see it, times the root of both lengths, for a direction near the vertical has an
-    uncertain heading (Laidig, Schauer & Seel, ICORR 2017).
+    Two axes: their cosine less that of their angle (Laidig, Lehmann, Begin & Seel, EMBC 2019, eq.
+    4). One: the sine between its horizontal parts as both sensors see it, times the root of both
+    lengths, for a direction near the vertical has an uncertain heading (Laidig, Schauer & Seel,
+    ICORR 2017).
 
     Args:
-        proximal, distal: The axes in the world, shape (n, 3).
+        proximal: The axes in the world, shape (n, 3).
+        distal: The axes in the world, shape (n, 3).
 
     Returns:
         a, b, c, shape (n, 3), scaled so that an axis that is wrong by e [rad] leaves about e.
@@ -37,9 +46,13 @@ def heading_terms(proximal: np.ndarray, distal: np.ndarray, constraint: JointCon
         length = np.sqrt(np.maximum(np.hypot(along, across), 1e-12))
         return np.column_stack([across / length, -along / length, np.zeros(len(along))])
     angle = np.radians(constraint.angle_deg)
-    return np.column_stack([along, across, proximal[:, 2] * distal[:, 2] - np.cos(angle)]) / np.sin(angle)
+    return np.column_stack([along, across, proximal[:, 2] * distal[:, 2] - np.cos(angle)]) / np.sin(
+        angle
+    )
 
 
 def heading_slope(terms: np.ndarray, heading: float | np.ndarray = 0.0) -> np.ndarray:
-    """Slope of each instant's constraint in the heading, shape (n,): about 1 where it tells it best, and 0 where not at all."""
+    """Slope of each instant's constraint in the heading, shape (n,): about 1 where it tells it
+    best, and 0 where not at all.
+    """
     return np.asarray(terms[:, 1] * np.cos(heading) - terms[:, 0] * np.sin(heading))

@@ -19,7 +19,8 @@ class Smoothing:
     """How joint rates become accelerations: a cubic Savitzky-Golay filter.
 
     Attributes:
-        window: Samples. interval: [s].
+        window: Samples.
+        interval: [s].
     """
 
     window: int
@@ -28,22 +29,33 @@ class Smoothing:
     @staticmethod
     def of(time_ns: np.ndarray) -> Smoothing:
         """What suits a recording at a regular interval, from its times, shape (n,)."""
-        return Smoothing.at(len(time_ns), float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else 0.0)
+        return Smoothing.at(
+            len(time_ns),
+            float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else 0.0,
+        )
 
     @staticmethod
     def at(n: int, interval: float) -> Smoothing:
         """What suits n samples at an interval [s]."""
         if n < 5:
             return Smoothing(0, 0.0)
-        return Smoothing(min(max(2 * round(SMOOTHING_S / interval / 2) + 1, 5), n - 1 + n % 2), interval)
+        return Smoothing(
+            min(max(2 * round(SMOOTHING_S / interval / 2) + 1, 5), n - 1 + n % 2), interval
+        )
 
     def acceleration(self, v_measured: np.ndarray) -> np.ndarray:
-        """Joint accelerations [rad/s^2] of measured rates [rad/s], shape (n, n_joints); zeros where there are too few."""
+        """Joint accelerations [rad/s^2] of measured rates [rad/s], shape (n, n_joints); zeros where
+        there are too few.
+        """
         if self.window == 0:
             return np.zeros_like(v_measured)
-        return np.asarray(savgol_filter(v_measured, self.window, 3, deriv=1, delta=self.interval, axis=0))
+        return np.asarray(
+            savgol_filter(v_measured, self.window, 3, deriv=1, delta=self.interval, axis=0)
+        )
 
 
 def joint_acceleration(samples: ArmSamples) -> np.ndarray:
-    """Joint accelerations [rad/s^2], shape (n, n_joints), from measured rates at a regular interval."""
+    """Joint accelerations [rad/s^2], shape (n, n_joints), from measured rates at a regular
+    interval.
+    """
     return Smoothing.of(samples.host_time_ns).acceleration(samples.v_measured)

@@ -1,7 +1,7 @@
 """Kinematics of an arm: the one door to Pinocchio.
 
-Position, orientation, velocity and classical acceleration of any frame for arrays of joint angles, and what an ideal inertial
-sensor fixed to that frame would measure.
+Position, orientation, velocity and classical acceleration of any frame for arrays of joint angles,
+and what an ideal inertial sensor fixed to that frame would measure.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from testbench.records.strict import Placement
 
 @dataclass(frozen=True)
 class Pose:
-    """A rigid displacement: coordinates in `target` of a point given in `source` are R x + position."""
+    """A rigid displacement: coordinates in `target` of a point given in `source` are R x +
+    position.
+    """
 
     R: np.ndarray
     position: np.ndarray
@@ -48,9 +50,13 @@ class FrameMotion:
     """Motion of a frame over n instants, in the world frame.
 
     Attributes:
-        position: Shape (n, 3) [m]. R_world_from_frame: Shape (n, 3, 3). velocity: Shape (n, 3) [m/s].
-        angular_velocity: Shape (n, 3) [rad/s]. acceleration: Classical acceleration of the frame's origin, shape (n, 3)
-        [m/s^2], without gravity. angular_acceleration: Shape (n, 3) [rad/s^2].
+        position: Shape (n, 3) [m].
+        R_world_from_frame: Shape (n, 3, 3).
+        velocity: Shape (n, 3) [m/s].
+        angular_velocity: Shape (n, 3) [rad/s].
+        acceleration: Classical acceleration of the frame's origin, shape (n, 3) [m/s^2], without
+            gravity.
+        angular_acceleration: Shape (n, 3) [rad/s^2].
     """
 
     position: np.ndarray
@@ -71,7 +77,9 @@ class FrameMotion:
         return np.einsum("nji,nj->ni", self.R_world_from_frame, self.angular_velocity)
 
     def specific_force_in_frame(self, gravity: np.ndarray) -> np.ndarray:
-        """What an ideal accelerometer at the frame's origin reads, shape (n, 3) [m/s^2]; gravity in the world, shape (3,)."""
+        """What an ideal accelerometer at the frame's origin reads, shape (n, 3) [m/s^2]; gravity in
+        the world, shape (3,).
+        """
         return np.einsum("nji,nj->ni", self.R_world_from_frame, self.acceleration - gravity)
 
 
@@ -90,15 +98,24 @@ class Kinematics:
         try:
             full = pin.buildModelFromUrdf(str(robot.urdf))
         except (ValueError, RuntimeError) as error:
-            raise FileProblems(robot.urdf, [Problem(f"Pinocchio cannot read this URDF: {error}")]) from None
+            raise FileProblems(
+                robot.urdf, [Problem(f"Pinocchio cannot read this URDF: {error}")]
+            ) from None
         unknown = [name for name in robot.joint_names if not full.existJointName(name)]
         if unknown:
             raise FileProblems(
-                robot.urdf, [Problem(f"the URDF has no movable joint {unknown[0]}; it has {list(full.names)[1:]}")]
+                robot.urdf,
+                [
+                    Problem(
+                        f"the URDF has no movable joint {unknown[0]}; it has {list(full.names)[1:]}"
+                    )
+                ],
             )
         self._locked = [i for i in range(1, full.njoints) if full.names[i] not in robot.joint_names]
         self._full = full
-        self.model = pin.buildReducedModel(full, self._locked, pin.neutral(full)) if self._locked else full
+        self.model = (
+            pin.buildReducedModel(full, self._locked, pin.neutral(full)) if self._locked else full
+        )
         self.world_from_base = Pose.from_placement(robot.spec.base)
         self._column = {name: i for i, name in enumerate(robot.joint_names)}
 
@@ -113,7 +130,9 @@ class Kinematics:
         return pin.neutral(self.model)
 
     def configuration(self, q: np.ndarray) -> np.ndarray:
-        """Pinocchio's configuration vector of joint angles in the robot's order, shape (n_joints,) to (nq,) [rad]."""
+        """Pinocchio's configuration vector of joint angles in the robot's order, shape (n_joints,)
+        to (nq,) [rad].
+        """
         result = self.neutral.copy()
         for name, column in self._column.items():
             joint = self.model.joints[self.model.getJointId(name)]
@@ -133,14 +152,23 @@ class Kinematics:
             raise NotFoundError(f"link of {self.robot.name}", link, self.link_names)
 
     def frame_motion(
-        self, link: str, q: np.ndarray, v: np.ndarray | None = None, a: np.ndarray | None = None, offset: Pose | None = None
+        self,
+        link: str,
+        q: np.ndarray,
+        v: np.ndarray | None = None,
+        a: np.ndarray | None = None,
+        offset: Pose | None = None,
     ) -> FrameMotion:
         """Motion of a link's frame, or of a frame fixed to it.
 
         Args:
             link: Name of the link in the URDF.
-            q, v, a: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order, shape (n, n_joints);
-                v and a are zero if None.
+            q: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order,
+                shape (n, n_joints); v and a are zero if None.
+            v: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order,
+                shape (n, n_joints); v and a are zero if None.
+            a: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order,
+                shape (n, n_joints); v and a are zero if None.
             offset: Pose of the wanted frame in the link; the link's own frame if None.
 
         Raises:
@@ -154,12 +182,16 @@ class Kinematics:
         rotations, offsets, axes, columns, tip = self.chain_to(link)
         if offset is not None:
             tip = tip @ offset
-        arrays = chain_motion(rotations, offsets, axes, columns, np.ascontiguousarray(tip.R), tip.position, q, v, a)
+        arrays = chain_motion(
+            rotations, offsets, axes, columns, np.ascontiguousarray(tip.R), tip.position, q, v, a
+        )
         return FrameMotion(*arrays)
 
     @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
     def chain_to(self, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Pose]:
-        """Placements, axes and columns of the joints that carry a link, and the link's pose in the last of them."""
+        """Placements, axes and columns of the joints that carry a link, and the link's pose in the
+        last of them.
+        """
         model = self.model
         frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
         joints: list[int] = []
@@ -168,7 +200,11 @@ class Kinematics:
             joints.insert(0, joint)
             joint = model.parents[joint]
         placements = [
-            Pose(model.jointPlacements[j].rotation.copy(), model.jointPlacements[j].translation.copy()) for j in joints
+            Pose(
+                model.jointPlacements[j].rotation.copy(),
+                model.jointPlacements[j].translation.copy(),
+            )
+            for j in joints
         ]
         tip = Pose(frame.placement.rotation.copy(), frame.placement.translation.copy())
         if placements:
@@ -182,9 +218,13 @@ class Kinematics:
         return rotations, offsets, axes, columns, tip
 
     def _axis(self, joint: int) -> np.ndarray:
-        """Axis of a rotating joint in its own frame, shape (3,): the angular part of its motion subspace."""
+        """Axis of a rotating joint in its own frame, shape (3,): the angular part of its motion
+        subspace.
+        """
         data = self.model.createData()
-        pin.forwardKinematics(self.model, data, self.neutral, np.eye(self.model.nv)[self.model.joints[joint].idx_v])
+        pin.forwardKinematics(
+            self.model, data, self.neutral, np.eye(self.model.nv)[self.model.joints[joint].idx_v]
+        )
         return np.asarray(data.v[joint].angular).copy()
 
     def collision_geometry(self) -> pin.GeometryModel:
@@ -195,9 +235,13 @@ class Kinematics:
         """
         folders = [str(folder) for folder in self.robot.mesh_folders()]
         try:
-            geometry = pin.buildGeomFromUrdf(self._full, str(self.robot.urdf), pin.GeometryType.COLLISION, package_dirs=folders)
+            geometry = pin.buildGeomFromUrdf(
+                self._full, str(self.robot.urdf), pin.GeometryType.COLLISION, package_dirs=folders
+            )
         except (ValueError, RuntimeError) as error:
             raise FileProblems(self.robot.urdf, [Problem(f"collision geometry: {error}")]) from None
         if self._locked:
-            _, geometry = pin.buildReducedModel(self._full, geometry, self._locked, pin.neutral(self._full))
+            _, geometry = pin.buildReducedModel(
+                self._full, geometry, self._locked, pin.neutral(self._full)
+            )
         return geometry

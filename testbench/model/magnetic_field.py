@@ -1,4 +1,6 @@
-"""The magnetic field at a place in the world: that of the earth, of magnetised parts of the arm, and of iron about it."""
+"""The magnetic field at a place in the world: that of the earth, of magnetised parts of the arm,
+and of iron about it.
+"""
 
 from __future__ import annotations
 
@@ -19,22 +21,29 @@ def dipole_field(displacement: np.ndarray, moment: np.ndarray) -> np.ndarray:
     """Field of magnetic dipoles (Jackson, Classical Electrodynamics, eq. 5.56).
 
     Args:
-        displacement: From the dipole to the point, shape (n, 3) [m]. moment: Shape (n, 3) or (3,) [A m^2], same frame.
+        displacement: From the dipole to the point, shape (n, 3) [m].
+        moment: Shape (n, 3) or (3,) [A m^2], same frame.
 
     Returns:
         Shape (n, 3) [uT].
     """
     distance = np.linalg.norm(displacement, axis=1, keepdims=True)
     direction = displacement / distance
-    field = MU_0_OVER_4PI * (3 * direction * np.sum(direction * moment, axis=1, keepdims=True) - moment) / distance**3
+    field = (
+        MU_0_OVER_4PI
+        * (3 * direction * np.sum(direction * moment, axis=1, keepdims=True) - moment)
+        / distance**3
+    )
     return 1e6 * field
 
 
 def induced_moment(field: np.ndarray, radius: float) -> np.ndarray:
-    """Moment of a sphere of soft iron in a uniform field: 4 pi a^3 B / mu_0, as its permeability is large (Jackson, eq. 5.115).
+    """Moment of a sphere of soft iron in a uniform field: 4 pi a^3 B / mu_0, as its permeability is
+    large (Jackson, eq. 5.115).
 
     Args:
-        field: Shape (3,) [uT]. radius: Of the sphere [m].
+        field: Shape (3,) [uT].
+        radius: Of the sphere [m].
 
     Returns:
         Shape (3,) [A m^2], along the field.
@@ -55,15 +64,24 @@ def disturbances(environment: Environment, kinematics: Kinematics) -> list[Magne
 
 @njit(cache=True)
 def _add_dipoles(
-    field: np.ndarray, position: np.ndarray, R: np.ndarray, origin: np.ndarray, places: np.ndarray, moments: np.ndarray,
+    field: np.ndarray,
+    position: np.ndarray,
+    R: np.ndarray,
+    origin: np.ndarray,
+    places: np.ndarray,
+    moments: np.ndarray,
     induced: np.ndarray,
-) -> None:  # fmt: skip
+) -> None:
     """Add the fields of the dipoles of one link, as `dipole_field` gives them.
 
     Args:
-        field: In the world, shape (n, 3) [uT]. position: Shape (n, 3) [m]. R, origin: Of the link, shapes (n, 3, 3) and (n, 3),
-        or of length 1 where it stands still. places, moments: In the link, shape (k, 3) [m], [A m^2]. induced: Moments in the
-        world, shape (k, 3) [A m^2].
+        field: In the world, shape (n, 3) [uT].
+        position: Shape (n, 3) [m].
+        R: Of the link, shapes (n, 3, 3) and (n, 3), or of length 1 where it stands still.
+        origin: Of the link, shapes (n, 3, 3) and (n, 3), or of length 1 where it stands still.
+        places: In the link, shape (k, 3) [m], [A m^2].
+        moments: In the link, shape (k, 3) [m], [A m^2].
+        induced: Moments in the world, shape (k, 3) [A m^2].
     """
     d, m = np.empty(3), np.empty(3)
     for i in range(field.shape[0]):
@@ -85,10 +103,12 @@ def _add_dipoles(
 class MagneticField:
     """The field about an arm, as it moves.
 
-    The iron takes its moment of the earth's undisturbed field: what one disturbance induces in another is of higher order.
+    The iron takes its moment of the earth's undisturbed field: what one disturbance induces in
+    another is of higher order.
 
     Args:
-        environment: The earth's field, and disturbances of the protocol. kinematics: Of the arm, with its own disturbances.
+        environment: The earth's field, and disturbances of the protocol.
+        kinematics: Of the arm, with its own disturbances.
     """
 
     def __init__(self, environment: Environment, kinematics: Kinematics):
@@ -100,7 +120,9 @@ class MagneticField:
             link: (
                 np.array([dipole.position_mm for dipole in dipoles], float) / 1000,
                 np.array([dipole.moment_A_m2 for dipole in dipoles], float),
-                np.array([induced_moment(self.earth, dipole.iron_radius_mm / 1000) for dipole in dipoles]),
+                np.array(
+                    [induced_moment(self.earth, dipole.iron_radius_mm / 1000) for dipole in dipoles]
+                ),
             )
             for link, dipoles in by_link.items()
         }
@@ -109,15 +131,26 @@ class MagneticField:
         """The field in the world frame, shape (n, 3) [uT].
 
         Args:
-            position: In the world, shape (n, 3) [m]. q: Joint angles at the same instants, shape (n, n_joints) [rad].
+            position: In the world, shape (n, 3) [m].
+            q: Joint angles at the same instants, shape (n, n_joints) [rad].
         """
         field = np.tile(self.earth, (len(position), 1))
         if len(position) == 0:
             return field
         for link, (places, moments, induced) in self._sources.items():
-            fixed = len(self.kinematics.chain_to(link)[3]) == 0  # no joint moves it: one pose is that of all instants
+            fixed = (
+                len(self.kinematics.chain_to(link)[3]) == 0
+            )  # no joint moves it: one pose is that of all instants
             motion = self.kinematics.frame_motion(link, q[:1] if fixed else q)
-            _add_dipoles(field, position, motion.R_world_from_frame, motion.position, places, moments, induced)
+            _add_dipoles(
+                field,
+                position,
+                motion.R_world_from_frame,
+                motion.position,
+                places,
+                moments,
+                induced,
+            )
         return field
 
 

@@ -1,7 +1,9 @@
-"""What misaligned segments and wrong sensor orientations do to a joint angle (Castellanos Alonso 2023, eqs 2.18 to 2.26).
+"""What misaligned segments and wrong sensor orientations do to a joint angle (Castellanos Alonso
+2023, eqs 2.18 to 2.26).
 
-A joint's rotation is computed from the two sensors and a start pose in which the segments' orientations are taken as known.
-Errors enter in that pose (misalignment: the limb did not stand as assumed) or in the sensors at every instant.
+A joint's rotation is computed from the two sensors and a start pose in which the segments'
+orientations are taken as known. Errors enter in that pose (misalignment: the limb did not stand as
+assumed) or in the sensors at every instant.
 """
 
 from __future__ import annotations
@@ -21,13 +23,20 @@ LEAST_MARGIN = np.radians(0.01)
 """Nearer to gimbal lock than this an outer angle is not compared [rad]."""
 
 
-def with_errors(q: np.ndarray, yaw: np.ndarray | float, pitch: np.ndarray | float, roll: np.ndarray | float) -> np.ndarray:
-    """Errors about each axis of q = q_yaw(z) q_pitch(y) q_roll(x): q' = (q_ye q_y)(q_p q_pe)(q_r q_re) (eq. 2.19).
+def with_errors(
+    q: np.ndarray, yaw: np.ndarray | float, pitch: np.ndarray | float, roll: np.ndarray | float
+) -> np.ndarray:
+    """Errors about each axis of q = q_yaw(z) q_pitch(y) q_roll(x): q' = (q_ye q_y)(q_p q_pe)(q_r
+    q_re) (eq. 2.19).
 
-    An error shares the axis of the angle it stands beside, so this adds the errors to the ZYX angles of q.
+    An error shares the axis of the angle it stands beside, so this adds the errors to the ZYX
+    angles of q.
 
     Args:
-        q: World from segment or sensor, shape (..., 4). yaw, pitch, roll: Errors [rad], broadcast to the shape of q.
+        q: World from segment or sensor, shape (..., 4).
+        yaw: Errors [rad], broadcast to the shape of q.
+        pitch: Errors [rad], broadcast to the shape of q.
+        roll: Errors [rad], broadcast to the shape of q.
 
     Returns:
         Shape (..., 4).
@@ -45,30 +54,37 @@ def joint_from_start_pose(
     q_world_from_segment_A0: np.ndarray,
     q_world_from_segment_F0: np.ndarray,
 ) -> np.ndarray:
-    """q_A_from_F of two sensors whose mounting comes from a start pose (0) with known segments (eqs 2.1 to 2.5).
+    """q_A_from_F of two sensors whose mounting comes from a start pose (0) with known segments (eqs
+    2.1 to 2.5).
 
         q_A_from_F = conj(q_SA (conj(q_SA0) q_A0)) (q_SF (conj(q_SF0) q_F0))
 
-    With errors in the segments of the start pose it is eq. 2.18 (misalignment), with errors in the two sensors eq. 2.21.
+    With errors in the segments of the start pose it is eq. 2.18 (misalignment), with errors in the
+    two sensors eq. 2.21.
 
     Args:
-        Sensors at every instant, shape (n, 4); sensors and segments in the start pose, shape (4,) or (n, 4).
-
-    Returns:
-        Shape (n, 4).
+        q_world_from_sensor_A: Sensor on the arm at every instant, shape (n, 4).
+        q_world_from_sensor_F: Sensor on the forearm at every instant, shape (n, 4).
+        q_world_from_sensor_A0: Sensor on the arm in the start pose, shape (4,) or (n, 4).
+        q_world_from_sensor_F0: Sensor on the forearm in the start pose, shape (4,) or (n, 4).
+        q_world_from_segment_A0: Arm in the start pose, shape (4,) or (n, 4).
+        q_world_from_segment_F0: Forearm in the start pose, shape (4,) or (n, 4).
     """
     arm = rotation.multiply(
-        q_world_from_sensor_A, rotation.multiply(rotation.conjugate(q_world_from_sensor_A0), q_world_from_segment_A0)
+        q_world_from_sensor_A,
+        rotation.multiply(rotation.conjugate(q_world_from_sensor_A0), q_world_from_segment_A0),
     )
     forearm = rotation.multiply(
-        q_world_from_sensor_F, rotation.multiply(rotation.conjugate(q_world_from_sensor_F0), q_world_from_segment_F0)
+        q_world_from_sensor_F,
+        rotation.multiply(rotation.conjugate(q_world_from_sensor_F0), q_world_from_segment_F0),
     )
     return joint_rotation(arm, forearm)
 
 
 def middle_angle_error(flexion: np.ndarray, misalignment: np.ndarray) -> np.ndarray:
-    """asin(sin f cos d) - f [rad]: a flexion f about the middle axis of a sequence of three different axes, read by a proximal
-    segment that is turned by d about the axis of one of the others; f within ±90 degrees, shapes broadcast.
+    """asin(sin f cos d) - f [rad]: a flexion f about the middle axis of a sequence of three
+    different axes, read by a proximal segment that is turned by d about the axis of one of the
+    others; f within ±90 degrees, shapes broadcast.
     """
     return np.asarray(np.arcsin(np.sin(flexion) * np.cos(misalignment)) - flexion)
 
@@ -80,16 +96,22 @@ def misalignment_errors(
     misalignment: np.ndarray,
     flexion_about: AxisName = "Y",
 ) -> np.ndarray:
-    """Errors of all three angles when the proximal segment is misaligned and the distal one flexes, by quaternions (eq. 2.18).
+    """Errors of all three angles when the proximal segment is misaligned and the distal one flexes,
+    by quaternions (eq. 2.18).
 
-    The segments start level and agree; the proximal one is taken to be turned by the misalignment, and stays where it is.
+    The segments start level and agree; the proximal one is taken to be turned by the misalignment,
+    and stays where it is.
 
     Args:
-        definition: An Euler sequence, or any definition. about: Axis of the misalignment. flexion: Shape (f,) [rad].
-        misalignment: Shape (d,) [rad]. flexion_about: Axis of the flexion in the segments.
+        definition: An Euler sequence, or any definition.
+        about: Axis of the misalignment.
+        flexion: Shape (f,) [rad].
+        misalignment: Shape (d,) [rad].
+        flexion_about: Axis of the flexion in the segments.
 
     Returns:
-        Estimated less true angles, in ±180 degrees, shape (f, d, 3) [rad]; NaN where one is not defined.
+        Estimated less true angles, in ±180 degrees, shape (f, d, 3) [rad]; NaN where one is not
+        defined.
     """
     turned, bent = _grid(flexion, misalignment)
     level = np.tile(rotation.IDENTITY, (len(bent), 1))
@@ -108,9 +130,11 @@ def sensor_errors(
     flexion_about: AxisName = "Y",
     which: Literal["proximal", "distal"] = "proximal",
 ) -> np.ndarray:
-    """Errors of all three angles when one sensor's orientation is wrong by yaw (Z), pitch (Y) or roll (X) (eqs 2.19, 2.21).
+    """Errors of all three angles when one sensor's orientation is wrong by yaw (Z), pitch (Y) or
+    roll (X) (eqs 2.19, 2.21).
 
-    The start pose is free of errors. Arguments and result as for `misalignment_errors`, with the sensor's error [rad].
+    The start pose is free of errors. Arguments and result as for `misalignment_errors`, with the
+    sensor's error [rad].
     """
     wrong, bent = _grid(flexion, error)
     level = np.tile(rotation.IDENTITY, (len(bent), 1))
@@ -127,16 +151,19 @@ def sensor_errors(
 
 
 def flexion_index(definition: str | FlexionAngle, flexion_about: AxisName = "Y") -> int:
-    """Which of the three angles is the flexion about an axis: what a definition says, or the place of the axis in a sequence.
+    """Which of the three angles is the flexion about an axis: what a definition says, or the place
+    of the axis in a sequence.
 
     Raises:
-        InputError: The axis stands not once in the sequence, so that no single angle is the flexion.
+        InputError: The axis stands not once in the sequence, so that no single angle is the
+            flexion.
     """
     if isinstance(definition, FlexionAngle):
         return INDEX[definition.flexion]
     if definition.count(flexion_about) != 1:
         raise InputError(
-            f"a flexion about {flexion_about} is no single angle of {definition}: the axis stands there "
+            f"a flexion about {flexion_about} is no single angle of {definition}: the axis stands "
+            "there "
             f"{definition.count(flexion_about)} times"
         )
     return definition.index(flexion_about)
@@ -148,8 +175,12 @@ def _grid(flexion: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return wrong.ravel().astype(float), bent.ravel().astype(float)
 
 
-def _angle_errors(definition: str | FlexionAngle, estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Shape (n, 3) [rad], with the sign of the definition; NaN where an angle of either is not defined (eqs 2.24 to 2.26)."""
+def _angle_errors(
+    definition: str | FlexionAngle, estimated: np.ndarray, true: np.ndarray
+) -> np.ndarray:
+    """Shape (n, 3) [rad], with the sign of the definition; NaN where an angle of either is not
+    defined (eqs 2.24 to 2.26).
+    """
     decomposition = decomposition_of(definition)
     found, wanted = decomposition.angles(estimated), decomposition.angles(true)
     defined = np.minimum(decomposition.margins(found), decomposition.margins(wanted)) > LEAST_MARGIN

@@ -1,4 +1,6 @@
-"""Random processes of inertial sensors, drawn in a stream: the same numbers come out however the stream is cut into pieces."""
+"""Random processes of inertial sensors, drawn in a stream: the same numbers come out however the
+stream is cut into pieces.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ from scipy.signal import lfilter
 
 
 def random_stream(seed: int, *labels: str) -> np.random.Generator:
-    """An independent generator for one purpose, named by labels: adding a purpose changes no other's numbers."""
+    """An independent generator for one purpose, named by labels: adding a purpose changes no
+    other's numbers.
+    """
     digest = hashlib.sha256("\0".join(labels).encode()).digest()
     key = tuple(int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4))
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
@@ -19,11 +23,21 @@ class GaussMarkov:
     """First-order Gauss-Markov process, stationary from the start (Maybeck 1979, section 4.11).
 
     Args:
-        sd: Standard deviation, in any unit. time_constant: [s]. interval: Sampling interval [s]. columns: Independent copies.
+        sd: Standard deviation, in any unit.
+        time_constant: [s].
+        interval: Sampling interval [s].
+        columns: Independent copies.
         rng: Source of randomness.
     """
 
-    def __init__(self, sd: float, time_constant: float, interval: float, columns: int, rng: np.random.Generator):
+    def __init__(
+        self,
+        sd: float,
+        time_constant: float,
+        interval: float,
+        columns: int,
+        rng: np.random.Generator,
+    ):
         self.decay = float(np.exp(-interval / time_constant))
         self.step = sd * np.sqrt(1 - self.decay**2)
         self.rng, self.columns, self.active = rng, columns, sd > 0
@@ -42,7 +56,10 @@ class RandomWalk:
     """Sum of white noise; sd grows with the square root of time.
 
     Args:
-        density: Standard deviation after one second, in any unit. interval: Sampling interval [s]. columns, rng: As above.
+        density: Standard deviation after one second, in any unit.
+        interval: Sampling interval [s].
+        columns: As above.
+        rng: As above.
     """
 
     def __init__(self, density: float, interval: float, columns: int, rng: np.random.Generator):

@@ -1,4 +1,6 @@
-"""Least-squares polynomials in one and two variables with what is commonly said of them: R², RMSE, confidence intervals."""
+"""Least-squares polynomials in one and two variables with what is commonly said of them: R², RMSE,
+confidence intervals.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +17,15 @@ class PolynomialFit:
     """A polynomial and how well it fits.
 
     Attributes:
-        fit: Coefficients by name with covariance and residuals. exponents: Of each term, shape (p, variables).
-        r_squared, adjusted_r_squared: Part of the variance about the mean that is explained; the second allows for the number
-        of coefficients. rmse: sqrt(SSE / (n - p)), in the unit of y. centre, scale: Each variable enters as (x - centre) /
-        scale, shape (variables,).
+        fit: Coefficients by name with covariance and residuals.
+        exponents: Of each term, shape (p, variables).
+        r_squared: Part of the variance about the mean that is explained; the second allows for the
+            number of coefficients.
+        adjusted_r_squared: Part of the variance about the mean that is explained; the second allows
+            for the number of coefficients.
+        rmse: sqrt(SSE / (n - p)), in the unit of y.
+        centre: Each variable enters as (x - centre) / scale, shape (variables,).
+        scale: Each variable enters as (x - centre) / scale, shape (variables,).
     """
 
     fit: Fit
@@ -40,9 +47,17 @@ class PolynomialFit:
 
     def at(self, *variables: np.ndarray) -> np.ndarray:
         """The polynomial's values, of the variables' common shape."""
-        normed = [(np.asarray(x, float) - m) / s for x, m, s in zip(variables, self.centre, self.scale, strict=True)]
-        terms = [np.prod([x**k for x, k in zip(normed, powers, strict=True)], axis=0) for powers in self.exponents]
-        return np.asarray(sum(value * term for value, term in zip(self.fit.values, terms, strict=True)))
+        normed = [
+            (np.asarray(x, float) - m) / s
+            for x, m, s in zip(variables, self.centre, self.scale, strict=True)
+        ]
+        terms = [
+            np.prod([x**k for x, k in zip(normed, powers, strict=True)], axis=0)
+            for powers in self.exponents
+        ]
+        return np.asarray(
+            sum(value * term for value, term in zip(self.fit.values, terms, strict=True))
+        )
 
 
 def fit_quadratic(x: np.ndarray, y: np.ndarray) -> PolynomialFit:
@@ -52,22 +67,40 @@ def fit_quadratic(x: np.ndarray, y: np.ndarray) -> PolynomialFit:
         InputError: Fewer than four points, or fewer than three different x.
     """
     x = np.asarray(x, float)
-    return _fit([x], np.asarray(y, float), np.array([[2], [1], [0]]), ("a", "b", "c"), np.zeros(1), np.ones(1))
+    return _fit(
+        [x],
+        np.asarray(y, float),
+        np.array([[2], [1], [0]]),
+        ("a", "b", "c"),
+        np.zeros(1),
+        np.ones(1),
+    )
 
 
-def fit_surface(x: np.ndarray, y: np.ndarray, z: np.ndarray, degrees: tuple[int, int]) -> PolynomialFit:
-    """Fit z = Σ p_ij X^i Y^j with i up to degrees[0], j up to degrees[1] and i + j up to the larger of both.
+def fit_surface(
+    x: np.ndarray, y: np.ndarray, z: np.ndarray, degrees: tuple[int, int]
+) -> PolynomialFit:
+    """Fit z = Σ p_ij X^i Y^j with i up to degrees[0], j up to degrees[1] and i + j up to the larger
+    of both.
 
-    X and Y are x and y less their mean over the points, by their standard deviation (n - 1); coefficients are called p00, ...
+    X and Y are x and y less their mean over the points, by their standard deviation (n - 1);
+    coefficients are called p00, ...
 
     Args:
-        x, y, z: Of the points, shape (n,).
+        x: Of the points, shape (n,).
+        y: Of the points, shape (n,).
+        z: Of the points, shape (n,).
 
     Raises:
         InputError: The points are fewer than the coefficients or do not determine them.
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
-    exponents = [(i, j) for i in range(degrees[0] + 1) for j in range(degrees[1] + 1) if i + j <= max(degrees)]
+    exponents = [
+        (i, j)
+        for i in range(degrees[0] + 1)
+        for j in range(degrees[1] + 1)
+        if i + j <= max(degrees)
+    ]
     names = tuple(f"p{i}{j}" for i, j in exponents)
     centre, scale = np.array([x.mean(), y.mean()]), np.array([x.std(ddof=1), y.std(ddof=1)])
     return _fit([x, y], np.asarray(z, float), np.array(exponents), names, centre, scale)
@@ -83,9 +116,18 @@ def _fit(
 ) -> PolynomialFit:
     n, p = len(y), len(names)
     normed = [(x - m) / s for x, m, s in zip(variables, centre, scale, strict=True)]
-    design = np.stack([np.prod([x**k for x, k in zip(normed, powers, strict=True)], axis=0) for powers in exponents], axis=1)
+    design = np.stack(
+        [
+            np.prod([x**k for x, k in zip(normed, powers, strict=True)], axis=0)
+            for powers in exponents
+        ],
+        axis=1,
+    )
     if n <= p or np.linalg.matrix_rank(design) < p:
-        raise InputError(f"{n} points do not determine the {p} coefficients {', '.join(names)} and their uncertainty")
+        raise InputError(
+            f"{n} points do not determine the {p} coefficients {', '.join(names)} and their "
+            "uncertainty"
+        )
     length = np.linalg.norm(design, axis=0)
     u, singular, vt = np.linalg.svd(design / length, full_matrices=False)
     values = (vt.T / singular) @ (u.T @ y) / length
@@ -93,6 +135,8 @@ def _fit(
     sse, total = float(residuals @ residuals), float(np.sum((y - y.mean()) ** 2))
     covariance = sse / (n - p) * ((vt.T / singular**2) @ vt) / np.outer(length, length)
     r_squared = 1 - sse / total if total > 0 else float("nan")
-    fit = Fit(names, ("",) * p, values, covariance, n - p, float(singular[0] / singular[-1]), residuals)
+    fit = Fit(
+        names, ("",) * p, values, covariance, n - p, float(singular[0] / singular[-1]), residuals
+    )
     adjusted = 1 - (1 - r_squared) * (n - 1) / (n - p)
     return PolynomialFit(fit, exponents, r_squared, adjusted, (sse / (n - p)) ** 0.5, centre, scale)

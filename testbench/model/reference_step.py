@@ -14,27 +14,45 @@ SHORTEST_DWELL_NS = NANOSECONDS // 5
 
 
 def reference_step(steps: Sequence[PlannedStep]) -> PlannedStep | None:
-    """The first dwell of the reference section, or the first dwell of all where there is no such section; None without any."""
-    dwells = [step for step in steps if step.kind != "sweep" and step.end_ns - step.settled_ns >= SHORTEST_DWELL_NS]
-    return next((step for step in dwells if step.role == "reference"), dwells[0] if dwells else None)
+    """The first dwell of the reference section, or the first dwell of all where there is no such
+    section; None without any.
+    """
+    dwells = [
+        step
+        for step in steps
+        if step.kind != "sweep" and step.end_ns - step.settled_ns >= SHORTEST_DWELL_NS
+    ]
+    return next(
+        (step for step in dwells if step.role == "reference"), dwells[0] if dwells else None
+    )
 
 
 def aligning_part(step: PlannedStep) -> tuple[int, int]:
-    """Begin and end of the part of the dwell that is averaged, host time [ns]: its second half, when filters have settled."""
+    """Begin and end of the part of the dwell that is averaged, host time [ns]: its second half,
+    when filters have settled.
+    """
     return (step.settled_ns + step.end_ns) // 2, step.end_ns
 
 
 def before_judging(steps: Sequence[PlannedStep], time_ns: np.ndarray) -> np.ndarray:
-    """Samples before the first judged step, or all of a recording that has no such part, shape (n,), bool."""
+    """Samples before the first judged step, or all of a recording that has no such part, shape
+    (n,), bool.
+    """
     judged = [step.start_ns for step in steps if step.role == "evaluation"]
-    return time_ns < min(judged) if judged and min(judged) > time_ns[0] else np.ones(len(time_ns), dtype=bool)
+    return (
+        time_ns < min(judged)
+        if judged and min(judged) > time_ns[0]
+        else np.ones(len(time_ns), dtype=bool)
+    )
 
 
 def aligned_instant(steps: Sequence[PlannedStep], align: str, time_ns: np.ndarray) -> int:
     """The middle of what a method of alignment averages over, host time [ns].
 
     Args:
-        steps: Of the session. align: The method, which is not "none". time_ns: Of the samples, increasing, shape (n,).
+        steps: Of the session.
+        align: The method, which is not "none".
+        time_ns: Of the samples, increasing, shape (n,).
     """
     step = reference_step(steps)
     if align in ("heading", "reference_pose") and step is not None:
@@ -51,5 +69,12 @@ def reference_warning(steps: Sequence[PlannedStep], align: str) -> str | None:
         return None
     if step is not None and step.role == "reference":
         return None
-    where = "nowhere, for nothing dwells" if step is None else f"in '{step.name}', of section {step.section}"
-    return f"align: {align} finds no section of the role reference with a dwell of 0.2 s: every sensor is aligned {where}"
+    where = (
+        "nowhere, for nothing dwells"
+        if step is None
+        else f"in '{step.name}', of section {step.section}"
+    )
+    return (
+        f"align: {align} finds no section of the role reference with a dwell of 0.2 s: every "
+        f"sensor is aligned {where}"
+    )

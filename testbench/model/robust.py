@@ -9,9 +9,13 @@ import numpy as np
 FEWEST = 5
 """Of fewer values the far one itself moves the upper quartile."""
 FAR = 3.0
-"""Quartile ranges above the upper quartile: Tukey's outer fence (Exploratory Data Analysis, 1977, section 2D)."""
+"""Quartile ranges above the upper quartile: Tukey's outer fence (Exploratory Data Analysis, 1977,
+section 2D).
+"""
 LEAST_DEG = 1.0
-"""And at least so far above the median, or among filters that agree every digit would be an outlier [deg]."""
+"""And at least so far above the median, or among filters that agree every digit would be an outlier
+[deg].
+"""
 
 
 def outer_fence(values: Mapping[str, float]) -> float:

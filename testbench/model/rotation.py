@@ -1,7 +1,8 @@
 """Rotations: unit quaternions w, x, y, z (Hamilton), vectorised over any leading axes.
 
 `q_target_from_source` turns coordinates: x_target = rotate(q_target_from_source, x_source), and
-multiply(q_a_from_b, q_b_from_c) is q_a_from_c. Euler angles are intrinsic, their sequence spelt in upper case as in SciPy.
+multiply(q_a_from_b, q_b_from_c) is q_a_from_c. Euler angles are intrinsic, their sequence spelt in
+upper case as in SciPy.
 """
 
 from __future__ import annotations
@@ -21,12 +22,16 @@ def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     shape = np.broadcast_shapes(p.shape, q.shape)
     if p.ndim > 1 and q.ndim > 1 and p.shape != q.shape:
         p, q = np.broadcast_to(p, shape), np.broadcast_to(q, shape)
-    return _products(np.ascontiguousarray(p).reshape(-1, 4), np.ascontiguousarray(q).reshape(-1, 4)).reshape(shape)
+    return _products(
+        np.ascontiguousarray(p).reshape(-1, 4), np.ascontiguousarray(q).reshape(-1, 4)
+    ).reshape(shape)
 
 
 @njit(cache=True)
 def _products(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Row by row, shapes (n, 4) and (n, 4), where either may be a single row for all, shape (1, 4)."""
+    """Row by row, shapes (n, 4) and (n, 4), where either may be a single row for all, shape (1,
+    4).
+    """
     n = max(len(p), len(q)) if len(p) and len(q) else 0
     products = np.empty((n, 4))
     for row in range(n):
@@ -62,7 +67,9 @@ def normalise(q: np.ndarray) -> np.ndarray:
 
 
 def lengths(v: np.ndarray) -> np.ndarray:
-    """Lengths of vectors of few parts, shape (..., k) to (...): as np.linalg.norm, in half its time."""
+    """Lengths of vectors of few parts, shape (..., k) to (...): as np.linalg.norm, in half its
+    time.
+    """
     v = np.asarray(v, float)
     return np.asarray(np.sqrt(np.einsum("...i,...i->...", v, v)))
 
@@ -91,7 +98,9 @@ def from_matrix(matrix: np.ndarray) -> np.ndarray:
 
 
 def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
-    """The rotation R that maximises trace(R' matrix), shape (3, 3): the solution of Wahba's problem (Markley 1988)."""
+    """The rotation R that maximises trace(R' matrix), shape (3, 3): the solution of Wahba's problem
+    (Markley 1988).
+    """
     u, _, vt = np.linalg.svd(matrix)
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
@@ -104,7 +113,9 @@ def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
 
 
 def to_rotation_vector(q: np.ndarray) -> np.ndarray:
-    """Rotation vectors [rad] of length up to pi, shape (..., 4) to (..., 3); exact for small angles."""
+    """Rotation vectors [rad] of length up to pi, shape (..., 4) to (..., 3); exact for small
+    angles.
+    """
     q = np.asarray(q, float)
     return _rotation_vectors(np.ascontiguousarray(q).reshape(-1, 4)).reshape(*q.shape[:-1], 3)
 
@@ -114,13 +125,19 @@ def _rotation_vectors(q: np.ndarray) -> np.ndarray:
     """Row by row, shapes (n, 4) to (n, 3)."""
     vector = np.empty((len(q), 3))
     for row in range(len(q)):
-        vector[row, 0], vector[row, 1], vector[row, 2] = _vector(q[row, 0], q[row, 1], q[row, 2], q[row, 3])
+        vector[row, 0], vector[row, 1], vector[row, 2] = _vector(
+            q[row, 0], q[row, 1], q[row, 2], q[row, 3]
+        )
     return vector
 
 
 def turn_between(q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
-    """Rotation vectors [rad], in the outer frame, of q_to conj(q_from), shapes (n, 4) and (n, 4) to (n, 3); one pass."""
-    return _turns(np.ascontiguousarray(q_from, dtype=float), np.ascontiguousarray(q_to, dtype=float))
+    """Rotation vectors [rad], in the outer frame, of q_to conj(q_from), shapes (n, 4) and (n, 4) to
+    (n, 3); one pass.
+    """
+    return _turns(
+        np.ascontiguousarray(q_from, dtype=float), np.ascontiguousarray(q_to, dtype=float)
+    )
 
 
 @njit(cache=True)
@@ -128,7 +145,16 @@ def _turns(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Row by row, shapes (n, 4) and (n, 4) to (n, 3)."""
     vector = np.empty((len(p), 3))
     for row in range(len(p)):
-        w, x, y, z = product(q[row, 0], q[row, 1], q[row, 2], q[row, 3], p[row, 0], -p[row, 1], -p[row, 2], -p[row, 3])
+        w, x, y, z = product(
+            q[row, 0],
+            q[row, 1],
+            q[row, 2],
+            q[row, 3],
+            p[row, 0],
+            -p[row, 1],
+            -p[row, 2],
+            -p[row, 3],
+        )
         vector[row, 0], vector[row, 1], vector[row, 2] = _vector(w, x, y, z)
     return vector
 
@@ -153,8 +179,9 @@ def from_euler(sequence: str, angles: np.ndarray) -> np.ndarray:
 def to_euler(sequence: str, q: np.ndarray) -> np.ndarray:
     """Intrinsic Euler angles [rad], shape (..., 4) to (..., 3).
 
-    The middle angle lies in [0, pi] for sequences such as ZXZ and in [-pi/2, pi/2] for sequences such as XYZ. In gimbal
-    lock only the sum or difference of the outer angles exists; the third is then set to zero (see `gimbal_margin`).
+    The middle angle lies in [0, pi] for sequences such as ZXZ and in [-pi/2, pi/2] for sequences
+    such as XYZ. In gimbal lock only the sum or difference of the outer angles exists; the third is
+    then set to zero (see `gimbal_margin`).
     """
     q = np.asarray(q, float)
     with warnings.catch_warnings():
@@ -185,13 +212,17 @@ def angle(q: np.ndarray) -> np.ndarray:
 
 
 def heading_angle(q_world_error: np.ndarray) -> np.ndarray:
-    """Signed angle [rad] in [-pi, pi) of the rotation about the vertical nearest to a rotation, shape (..., 4) to (...)."""
+    """Signed angle [rad] in [-pi, pi) of the rotation about the vertical nearest to a rotation,
+    shape (..., 4) to (...).
+    """
     q = np.asarray(q_world_error, float)
     return np.asarray(wrap(2.0 * np.arctan2(q[..., 3], q[..., 0])))
 
 
 def inclination_angle(q_world_error: np.ndarray) -> np.ndarray:
-    """Angle [rad] that remains of a rotation once its heading is taken away (Laidig & Seel 2023, VQF), (..., 4) to (...)."""
+    """Angle [rad] that remains of a rotation once its heading is taken away (Laidig & Seel 2023,
+    VQF), (..., 4) to (...).
+    """
     q = np.asarray(q_world_error, float)
     level, upright = q[..., 1] ** 2 + q[..., 2] ** 2, q[..., 0] ** 2 + q[..., 3] ** 2
     return np.asarray(2.0 * np.arctan2(np.sqrt(level), np.sqrt(upright)))
@@ -203,7 +234,9 @@ def wrap(angle_rad: np.ndarray) -> np.ndarray:
 
 
 def mean(q: np.ndarray) -> np.ndarray:
-    """Mean of quaternions of either sign, shape (n, 4) to (4,): the largest eigenvector of sum q q' (Markley et al. 2007)."""
+    """Mean of quaternions of either sign, shape (n, 4) to (4,): the largest eigenvector of sum q q'
+    (Markley et al. 2007).
+    """
     q = np.asarray(q, float)
     _, vectors = np.linalg.eigh(q.T @ q)
     result = vectors[:, -1]
@@ -214,7 +247,9 @@ def interpolate(times: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Spherical linear interpolation, held at the ends.
 
     Args:
-        times: Increasing, shape (n,). q: Shape (n, 4), of either sign. at: Shape (m,), same unit as times.
+        times: Increasing, shape (n,).
+        q: Shape (n, 4), of either sign.
+        at: Shape (m,), same unit as times.
 
     Returns:
         Shape (m, 4).

@@ -1,4 +1,6 @@
-"""TRIAD (Black 1964; Shuster & Oh 1981): an orthogonal triad from two vectors that do not lie in one line."""
+"""TRIAD (Black 1964; Shuster & Oh 1981): an orthogonal triad from two vectors that do not lie in
+one line.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,12 @@ LEAST_SINE = 1e-6
 
 
 def triad(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """W = [w1 w2 w3] with w1 = b1, w2 = b1 × b2 / |b1 × b2|, w3 = b1 × w2, of the unit vectors b1 and b2.
+    """W = [w1 w2 w3] with w1 = b1, w2 = b1 × b2 / |b1 × b2|, w3 = b1 × w2, of the unit vectors b1
+    and b2.
 
     Args:
-        first: Trusted wholly, such as gravity, shape (..., 3), of any length. second: Such as the magnetic field, (..., 3).
+        first: Trusted wholly, such as gravity, shape (..., 3), of any length.
+        second: Such as the magnetic field, (..., 3).
 
     Returns:
         Its columns are w1, w2, w3, shape (..., 3, 3); with w3 = w1 × w2 it is a rotation.
@@ -32,15 +36,22 @@ def triad(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def rotation_between_triads(
-    first_proximal: np.ndarray, second_proximal: np.ndarray, first_distal: np.ndarray, second_distal: np.ndarray
+    first_proximal: np.ndarray,
+    second_proximal: np.ndarray,
+    first_distal: np.ndarray,
+    second_distal: np.ndarray,
 ) -> np.ndarray:
-    """q_proximal_from_distal of two sensors that see the same two directions: TRIAD to TRIAD, without any earth frame.
+    """q_proximal_from_distal of two sensors that see the same two directions: TRIAD to TRIAD,
+    without any earth frame.
 
-    With the triads as columns it is W_proximal W_distal' (Castellanos Alonso 2023 writes them as rows: W_A' W_F). It is the
-    same as the difference of the two sensors' orientations by TRIAD.
+    With the triads as columns it is W_proximal W_distal' (Castellanos Alonso 2023 writes them as
+    rows: W_A' W_F). It is the same as the difference of the two sensors' orientations by TRIAD.
 
     Args:
-        first_proximal, second_proximal, first_distal, second_distal: Gravity and field in each sensor, shape (..., 3).
+        first_proximal: Gravity and field in each sensor, shape (..., 3).
+        second_proximal: Gravity and field in each sensor, shape (..., 3).
+        first_distal: Gravity and field in each sensor, shape (..., 3).
+        second_distal: Gravity and field in each sensor, shape (..., 3).
 
     Returns:
         Shape (..., 4).

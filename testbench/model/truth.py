@@ -11,7 +11,9 @@ from testbench.model import rotation
 from testbench.records.samples import Truth
 
 JUMP_FACTOR, LEAST_JUMP = 3.0, np.radians(5.0)
-"""A truth that turns this many times faster than the sensor ever does, and by at least this angle, has jumped [rad]."""
+"""A truth that turns this many times faster than the sensor ever does, and by at least this angle,
+has jumped [rad].
+"""
 WIDEST_GAP_NS = 200_000_000
 """Truth is interpolated over gaps up to this long; beyond it nobody knows [ns]."""
 
@@ -24,16 +26,23 @@ def truth_at(truth: Truth, time_ns: np.ndarray) -> np.ndarray:
         return result
     times = truth.host_time_ns[known]
     index = np.clip(np.searchsorted(times, time_ns, side="right"), 1, len(times) - 1)
-    inside = (time_ns >= times[0]) & (time_ns <= times[-1]) & (times[index] - times[index - 1] <= WIDEST_GAP_NS)
+    inside = (
+        (time_ns >= times[0])
+        & (time_ns <= times[-1])
+        & (times[index] - times[index - 1] <= WIDEST_GAP_NS)
+    )
     result[inside] = rotation.interpolate(times, truth.q_world_from_sensor[known], time_ns[inside])
     return result
 
 
 def without_jumps(truth: Truth, fastest: Callable[[], float]) -> tuple[Truth, int]:
-    """The truth with its jumps blanked out: single orientations that leave and come back faster than the sensor ever turned.
+    """The truth with its jumps blanked out: single orientations that leave and come back faster
+    than the sensor ever turned.
 
     Args:
-        truth: As recorded. fastest: Gives the sensor's largest angular rate [rad/s]; asked where there may be a jump only.
+        truth: As recorded.
+        fastest: Gives the sensor's largest angular rate [rad/s]; asked where there may be a jump
+            only.
 
     Returns:
         The truth, NaN on either side of a jump, and the number of orientations blanked.

@@ -1,4 +1,6 @@
-"""What must hold of a timed motion before anything moves: joint limits, clearance, sensor ranges."""
+"""What must hold of a timed motion before anything moves: joint limits, clearance, sensor
+ranges.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from testbench.records.robot import Robot
 from testbench.records.trajectory import Trajectory
 
 SWEPT_STEP_RAD = math.radians(1.0)
-"""Joint motion, summed over the joints, between two configurations at which clearance is computed."""
+"""Joint motion, summed over the joints, between two configurations at which clearance is
+computed.
+"""
 TOLERANCE = 1e-6
 """Relative excess over a limit that is put down to rounding."""
 CHUNK = 50_000
@@ -25,7 +29,9 @@ MOST_KNOWN = 200_000
 """Configurations remembered as looked at; bounds the memory."""
 
 
-def check_plan(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: list[PlannedStep]) -> PlanCheck:
+def check_plan(
+    robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: list[PlannedStep]
+) -> PlanCheck:
     """Check a motion, or refuse it.
 
     Raises:
@@ -36,7 +42,10 @@ def check_plan(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: 
     locate = _Locator(steps)
     kinematics = Kinematics(robot)
     limits, clearance = _Limits(robot, locate), _Clearance(kinematics, locate)
-    sensors = [_SensorRange(name, sensor, kinematics, locate) for name, sensor in protocol.spec.sensors.items()]
+    sensors = [
+        _SensorRange(name, sensor, kinematics, locate)
+        for name, sensor in protocol.spec.sensors.items()
+    ]
     count = 0
     for chunk in trajectory.sample_moving(round(NANOSECONDS / robot.spec.rates.control_hz), CHUNK):
         count += len(chunk)
@@ -44,11 +53,15 @@ def check_plan(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: 
         if clearance.contact is None:
             limits.look(chunk, q, v, a)
         clearance.look(chunk, q)
-        for sensor in sensors if clearance.contact is None else []:  # after a contact only the worst one is looked for
+        for sensor in (
+            sensors if clearance.contact is None else []
+        ):  # after a contact only the worst one is looked for
             sensor.look(chunk, q, v, a)
     clearance.refuse_contact()
     uses = [sensor.use() for sensor in sensors]
-    return PlanCheck(trajectory.duration, len(steps), limits.uses(), uses, clearance.smallest, count)
+    return PlanCheck(
+        trajectory.duration, len(steps), limits.uses(), uses, clearance.smallest, count
+    )
 
 
 class _Locator:
@@ -78,32 +91,69 @@ class _Limits:
     def look(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
         low, high = self.robot.position_limits.T
         self._compare("position", "deg", times, q, low, high)
-        self._compare("velocity", "deg/s", times, v, -self.robot.velocity_limits, self.robot.velocity_limits)
-        self._compare("acceleration", "deg/s^2", times, a, -self.robot.acceleration_limits, self.robot.acceleration_limits)
-        self.lowest, self.highest = np.minimum(self.lowest, q.min(axis=0)), np.maximum(self.highest, q.max(axis=0))
+        self._compare(
+            "velocity", "deg/s", times, v, -self.robot.velocity_limits, self.robot.velocity_limits
+        )
+        self._compare(
+            "acceleration",
+            "deg/s^2",
+            times,
+            a,
+            -self.robot.acceleration_limits,
+            self.robot.acceleration_limits,
+        )
+        self.lowest, self.highest = (
+            np.minimum(self.lowest, q.min(axis=0)),
+            np.maximum(self.highest, q.max(axis=0)),
+        )
         self.speed = np.maximum(self.speed, np.abs(v).max(axis=0))
         self.acceleration = np.maximum(self.acceleration, np.abs(a).max(axis=0))
 
     def _compare(
-        self, quantity: str, unit: str, times: np.ndarray, values: np.ndarray, low: np.ndarray, high: np.ndarray
+        self,
+        quantity: str,
+        unit: str,
+        times: np.ndarray,
+        values: np.ndarray,
+        low: np.ndarray,
+        high: np.ndarray,
     ) -> None:
-        broken = (values > high + TOLERANCE * np.abs(high)) | (values < low - TOLERANCE * np.abs(low))
+        broken = (values > high + TOLERANCE * np.abs(high)) | (
+            values < low - TOLERANCE * np.abs(low)
+        )
         if not broken.any():
             return
         row = int(np.argmax(broken.any(axis=1)))
         column = int(np.argmax(broken[row]))
         value, time = values[row, column], int(times[row])
         joint, step = self.robot.joint_names[column], self.locate.step(time)
-        above, end = value > high[column], max(int(np.searchsorted(times, step.end_ns, side="right")), row + 1)
+        above, end = (
+            value > high[column],
+            max(int(np.searchsorted(times, step.end_ns, side="right")), row + 1),
+        )
         limit, farthest = (high[column], np.max) if above else (low[column], np.min)
-        first, bound, onwards = np.degrees([value, limit, farthest(values[row:end, column])]).tolist()
-        error = LimitError(joint, quantity, first, bound, unit, time / NANOSECONDS, step.name, onwards)
+        first, bound, onwards = np.degrees(
+            [value, limit, farthest(values[row:end, column])]
+        ).tolist()
+        error = LimitError(
+            joint, quantity, first, bound, unit, time / NANOSECONDS, step.name, onwards
+        )
         raise self.locate.placed(error, time)
 
     def uses(self) -> list[JointUse]:
-        low, high, speed, acceleration = np.degrees([self.lowest, self.highest, self.speed, self.acceleration]).tolist()
+        low, high, speed, acceleration = np.degrees(
+            [self.lowest, self.highest, self.speed, self.acceleration]
+        ).tolist()
         return [
-            JointUse(j.name, low[i], high[i], speed[i], j.velocity_deg_s, acceleration[i], j.acceleration_deg_s2)
+            JointUse(
+                j.name,
+                low[i],
+                high[i],
+                speed[i],
+                j.velocity_deg_s,
+                acceleration[i],
+                j.acceleration_deg_s2,
+            )
             for i, j in enumerate(self.robot.spec.joints)
         ]
 
@@ -123,7 +173,9 @@ class _Clearance:
 
     def look(self, times: np.ndarray, q: np.ndarray) -> None:
         before = q[:1] if self._last is None else self._last
-        travelled = self._travelled + np.cumsum(np.abs(np.diff(q, axis=0, prepend=before)).sum(axis=1))
+        travelled = self._travelled + np.cumsum(
+            np.abs(np.diff(q, axis=0, prepend=before)).sum(axis=1)
+        )
         marks = np.floor(travelled / SWEPT_STEP_RAD)
         due = np.diff(marks, prepend=np.floor(self._travelled / SWEPT_STEP_RAD)) > 0
         due[0] = due[-1] = True
@@ -146,15 +198,21 @@ class _Clearance:
             self.contact = Contact(nearest.first, nearest.second, nearest.distance, seconds, step)
             self._contact_ns = time
         if self.smallest is None or nearest.distance * 1000 < self.smallest.distance_mm:
-            self.smallest = Clearance(nearest.first, nearest.second, nearest.distance * 1000, seconds, step)
+            self.smallest = Clearance(
+                nearest.first, nearest.second, nearest.distance * 1000, seconds, step
+            )
 
     def refuse_contact(self) -> None:
         """Refuse a motion in which bodies come too near: where they do so first, and where most."""
         if self.contact is None or self.smallest is None:
             return
         worst = self.smallest
-        nearest = Contact(worst.first, worst.second, worst.distance_mm / 1000, worst.time_s, worst.step)
-        raise self.locate.placed(CollisionError(self.contact, self.margin, nearest), self._contact_ns)
+        nearest = Contact(
+            worst.first, worst.second, worst.distance_mm / 1000, worst.time_s, worst.step
+        )
+        raise self.locate.placed(
+            CollisionError(self.contact, self.margin, nearest), self._contact_ns
+        )
 
 
 class _SensorRange:
@@ -164,7 +222,10 @@ class _SensorRange:
         self.name, self.sensor, self.kinematics, self.locate = name, sensor, kinematics, locate
         self.offset = Pose.from_placement(sensor.mounting)
         parameters = sensor.imu()
-        self.rate_range, self.force_range = parameters.gyroscope.triad().range, parameters.accelerometer.triad().range
+        self.rate_range, self.force_range = (
+            parameters.gyroscope.triad().range,
+            parameters.accelerometer.triad().range,
+        )
         self.rate = self.force = 0.0
 
     def look(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
@@ -173,16 +234,35 @@ class _SensorRange:
         force = np.abs(motion.specific_force_in_frame(self.kinematics.robot.gravity)).max(axis=1)
         self._compare("angular rate", "deg/s", math.degrees(1), times, rate, self.rate_range)
         self._compare("specific force", "m/s^2", 1.0, times, force, self.force_range)
-        self.rate, self.force = max(self.rate, float(rate.max())), max(self.force, float(force.max()))
+        self.rate, self.force = (
+            max(self.rate, float(rate.max())),
+            max(self.force, float(force.max())),
+        )
 
-    def _compare(self, quantity: str, unit: str, scale: float, times: np.ndarray, values: np.ndarray, limit: float) -> None:
+    def _compare(
+        self,
+        quantity: str,
+        unit: str,
+        scale: float,
+        times: np.ndarray,
+        values: np.ndarray,
+        limit: float,
+    ) -> None:
         beyond = np.flatnonzero(values > limit)
         if not len(beyond):
             return
         time = int(times[beyond[0]])
         peak, step = float(values.max()) * scale, self.locate.step(time).name
-        error = SensorRangeError(self.name, quantity, peak, limit * scale, unit, time / NANOSECONDS, step)
+        error = SensorRangeError(
+            self.name, quantity, peak, limit * scale, unit, time / NANOSECONDS, step
+        )
         raise self.locate.placed(error, time)
 
     def use(self) -> SensorUse:
-        return SensorUse(self.name, math.degrees(self.rate), math.degrees(self.rate_range), self.force, self.force_range)
+        return SensorUse(
+            self.name,
+            math.degrees(self.rate),
+            math.degrees(self.rate_range),
+            self.force,
+            self.force_range,
+        )

@@ -1,4 +1,6 @@
-"""Whole cycles of periodic sweeps: how long one lasts where several joints move, and which are free of the fades."""
+"""Whole cycles of periodic sweeps: how long one lasts where several joints move, and which are free
+of the fades.
+"""
 
 from __future__ import annotations
 
@@ -10,20 +12,26 @@ from testbench.planning.expansion import FourierCommand, SineCommand, TrapezoidC
 from testbench.records.plan import PlannedCycles
 
 HIGHEST_RATIO = 1000
-"""Largest denominator of a ratio of frequencies: with larger ones no sweep is long enough for a common cycle."""
+"""Largest denominator of a ratio of frequencies: with larger ones no sweep is long enough for a
+common cycle.
+"""
 LEAST_AGREEMENT = 1e-9
-"""Relative difference at which a ratio of frequencies counts as that fraction: rounding of what a file says."""
+"""Relative difference at which a ratio of frequencies counts as that fraction: rounding of what a
+file says.
+"""
 ROUNDING = 1e-6
 """Part of a cycle by which a border may lie beside a whole number of them."""
 
 
 def planned_cycles(
     sweeps: Sequence[SineCommand | FourierCommand | TrapezoidCommand], motion_s: float
-) -> PlannedCycles | None:  # fmt: skip
-    """The whole cycles of a sweep at full amplitude; None where there is not one, or no joint moves.
+) -> PlannedCycles | None:
+    """The whole cycles of a sweep at full amplitude; None where there is not one, or no joint
+    moves.
 
     Args:
-        sweeps: Of all joints of one step, which start together. motion_s: How long the sweep lasts.
+        sweeps: Of all joints of one step, which start together.
+        motion_s: How long the sweep lasts.
     """
     moving = [sweep for sweep in sweeps if _moves(sweep)]
     there_and_back = [sweep for sweep in moving if isinstance(sweep, TrapezoidCommand)]
@@ -42,14 +50,20 @@ def planned_cycles(
 
 
 def common_frequency(frequencies: Sequence[float]) -> float | None:
-    """The highest frequency of which all are whole multiples [Hz]; None where their ratios are no fractions.
+    """The highest frequency of which all are whole multiples [Hz]; None where their ratios are no
+    fractions.
 
     Args:
         frequencies: At least one, above 0 [Hz].
     """
     lowest = min(frequencies)
-    ratios = [Fraction(frequency / lowest).limit_denominator(HIGHEST_RATIO) for frequency in frequencies]
-    if any(abs(float(ratio) * lowest / own - 1) > LEAST_AGREEMENT for ratio, own in zip(ratios, frequencies, strict=True)):
+    ratios = [
+        Fraction(frequency / lowest).limit_denominator(HIGHEST_RATIO) for frequency in frequencies
+    ]
+    if any(
+        abs(float(ratio) * lowest / own - 1) > LEAST_AGREEMENT
+        for ratio, own in zip(ratios, frequencies, strict=True)
+    ):
         return None
     return lowest / math.lcm(*(ratio.denominator for ratio in ratios))
 

@@ -25,8 +25,14 @@ def protocol_text(
     """The YAML of a protocol that makes the poses and turns of a design.
 
     Args:
-        name, purpose: Of the protocol. robot: Its arm. sensor_name, sensor: What is calibrated. design: Poses and turns.
-        notes: Lines of comment for the head of the file. via_home: Poses that are reached by way of home.
+        name: Of the protocol.
+        purpose: Of the protocol.
+        robot: Its arm.
+        sensor_name: What is calibrated.
+        sensor: What is calibrated.
+        design: Poses and turns.
+        notes: Lines of comment for the head of the file.
+        via_home: Poses that are reached by way of home.
     """
     lines = ["# yaml-language-server: $schema=schema.json", *(f"# {note}" for note in notes)]
     head = {
@@ -52,8 +58,14 @@ def protocol_text(
         lines.append(f"      - {{name: pose {k + 1}, move_to_deg: [{angles}], dwell_s: dwell_s}}")
         for turn in design.turns:
             if turn.pose == k:
-                shape = f"amplitude_deg: {math.degrees(turn.amplitude):g}, rate_deg_s: {math.degrees(turn.rate):g}"
+                shape = (
+                    f"amplitude_deg: {math.degrees(turn.amplitude):g}, rate_deg_s: "
+                    f"{math.degrees(turn.rate):g}"
+                )
                 joint = robot.joint_names[turn.joint]
-                lines.append(f"      - {{name: turn {joint}, sweep: {{{joint}: {{trapezoid: {{{shape}}}}}}}, dwell_s: 1}}")
+                lines.append(
+                    f"      - {{name: turn {joint}, sweep: {{{joint}: {{trapezoid: "
+                    f"{{{shape}}}}}}}, dwell_s: 1}}"
+                )
     lines += ["", "estimate: {filters: [vqf_6d], align: heading}", ""]
     return "\n".join(lines)

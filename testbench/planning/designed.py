@@ -1,4 +1,6 @@
-"""A designed calibration from its wishes to its checked protocol file, with the gain over another protocol."""
+"""A designed calibration from its wishes to its checked protocol file, with the gain over another
+protocol.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,13 @@ import numpy as np
 from testbench.exceptions import CollisionError, InputError, NotFoundError
 from testbench.model.calibration_information import pose_information
 from testbench.planning.design_protocol import protocol_text
-from testbench.planning.experiment_design import ACCELEROMETER_SIZE, ARM_DIRECTION, Design, Designer, Wanted
+from testbench.planning.experiment_design import (
+    ACCELEROMETER_SIZE,
+    ARM_DIRECTION,
+    Design,
+    Designer,
+    Wanted,
+)
 from testbench.planning.optimal_design import efficiency
 from testbench.planning.planner import find_robot, plan
 from testbench.records.plan import Plan
@@ -24,12 +32,16 @@ from testbench.records.robot import Robot, load_robot
 from testbench.records.strict import NAME_PATTERN
 
 MOST_DETOURS = 20
-LEFT_OUT = "The moves between poses turn the gyroscope too; they are left out of what is predicted for it."
+LEFT_OUT = (
+    "The moves between poses turn the gyroscope too; they are left out of what is predicted for it."
+)
 
 
 @dataclass(frozen=True)
 class PredictedRow:
-    """Predicted standard uncertainty by the protocol compared with and by the design; None where undetermined."""
+    """Predicted standard uncertainty by the protocol compared with and by the design; None where
+    undetermined.
+    """
 
     parameter: str
     unit: str
@@ -43,10 +55,13 @@ class DesignedProtocol:
     """What came out.
 
     Attributes:
-        plan: Checked. compared: Name of the protocol compared with. compared_on: Name of the arm that makes it.
-        rows: The table, each protocol as it is. efficiency: By how much the accelerometer's variances fall at as many visits
-        and as much time at rest; None where the other protocol does not determine them. sentence: The same in words, with what
-        it rests on.
+        plan: Checked.
+        compared: Name of the protocol compared with.
+        compared_on: Name of the arm that makes it.
+        rows: The table, each protocol as it is.
+        efficiency: By how much the accelerometer's variances fall at as many visits and as much
+            time at rest; None where the other protocol does not determine them.
+        sentence: The same in words, with what it rests on.
     """
 
     plan: Plan
@@ -67,11 +82,16 @@ class _NoWay(Exception):
 def design_protocol(
     out: Path, robot_name: str, like: str, sensor_name: str | None, link: str | None, wanted: Wanted
 ) -> DesignedProtocol:
-    """Design, compare, check and write a calibration protocol; see `pipeline.design_calibration`."""
+    """Design, compare, check and write a calibration protocol; see
+    `pipeline.design_calibration`.
+    """
     if out.suffix not in {".yaml", ".yml"}:
         raise InputError(f"{out}: a protocol is a .yaml file")
     if not re.match(NAME_PATTERN, out.stem):
-        raise InputError(f"{out}: the protocol is called after its file, by a letter, then up to 63 letters, digits and _")
+        raise InputError(
+            f"{out}: the protocol is called after its file, by a letter, then up to 63 letters, "
+            "digits and _"
+        )
     if out.exists():
         raise InputError(f"{out} exists already; nothing was written")
     if not out.parent.is_dir():
@@ -79,7 +99,10 @@ def design_protocol(
     protocol = load_protocol(like)
     sensors = protocol.spec.sensors
     if sensor_name is None and len(sensors) > 1:
-        raise InputError(f"the protocol {like} has several sensors ({', '.join(sensors)}); say which with --sensor")
+        raise InputError(
+            f"the protocol {like} has several sensors ({', '.join(sensors)}); say which with "
+            "--sensor"
+        )
     name = sensor_name or next(iter(sensors))
     if name not in sensors:
         raise NotFoundError("sensor", name, list(sensors))
@@ -88,18 +111,30 @@ def design_protocol(
     designer = Designer(robot, sensor)
     before, q, dwell = _compared(protocol, robot, sensors[name])
     chosen = f"{wanted.poses} poses and {wanted.turns} turns"
-    purpose = f"{chosen} chosen to leave the calibration least uncertain ({wanted.criterion}-optimal)"
+    purpose = (
+        f"{chosen} chosen to leave the calibration least uncertain ({wanted.criterion}-optimal)"
+    )
     without: set[tuple[float, ...]] = set()
     while True:
         design = designer.design(wanted, without)
         lost = [name for name, sd in design.accelerometer.items() if not np.isfinite(sd)]
         if lost:
-            raise InputError(f"poses of these joints leave {', '.join(lost)} undetermined; let other joints move with --joints")
+            raise InputError(
+                f"poses of these joints leave {', '.join(lost)} undetermined; let other joints "
+                "move with --joints"
+            )
         gain = _gain(before, q, dwell, designer, design, wanted)
-        sentence = _sentence(gain, like if before.robot.name == robot.name else f"{like} on {before.robot.name}", wanted)
+        sentence = _sentence(
+            gain,
+            like if before.robot.name == robot.name else f"{like} on {before.robot.name}",
+            wanted,
+        )
         notes = [f"Designed for {robot.name}: {sentence}", LEFT_OUT]
         if link is not None:
-            notes.append(f"The mounting is that of {like}, in the link {link}: correct it to where the sensor sits.")
+            notes.append(
+                f"The mounting is that of {like}, in the link {link}: correct it to where the "
+                "sensor sits."
+            )
         text = partial(protocol_text, out.stem, purpose, robot, name, sensor, design, notes)
         try:
             via_home, checked = _checked(text, len(design.q))
@@ -107,14 +142,20 @@ def design_protocol(
         except _NoWay as found:
             without.add(tuple(design.q[found.pose]))
             if len(without) > MOST_DETOURS:
-                raise InputError(f"no clear way was found: {found.error}; let other joints move with --joints") from None
+                raise InputError(
+                    f"no clear way was found: {found.error}; let other joints move with --joints"
+                ) from None
     out.write_text(text(via_home), encoding="utf-8")
     rows = _rows(before.judged(q, [], dwell), design)
     return DesignedProtocol(checked, like, before.robot.name, rows, gain, sentence)
 
 
-def _compared(protocol: Protocol, robot: Robot, sensor: Sensor) -> tuple[Designer, np.ndarray, float]:
-    """The static poses to compare with and their dwell [s]: on this arm if it can make them, else on the protocol's own."""
+def _compared(
+    protocol: Protocol, robot: Robot, sensor: Sensor
+) -> tuple[Designer, np.ndarray, float]:
+    """The static poses to compare with and their dwell [s]: on this arm if it can make them, else
+    on the protocol's own.
+    """
     own = find_robot(protocol, None)
     try:
         planned = plan(protocol, robot)
@@ -141,22 +182,39 @@ def _checked(text: Callable[[set[int]], str], poses: int) -> tuple[set[int], Pla
                 if leaving:
                     raise _NoWay(leaving[0] - 1, error) from None
                 if not blocked:
-                    raise InputError(f"no clear way was found: {error}; let other joints move with --joints") from None
+                    raise InputError(
+                        f"no clear way was found: {error}; let other joints move with --joints"
+                    ) from None
                 if blocked[0] in via_home or blocked[0] == 0:
                     raise _NoWay(blocked[0], error) from None
                 via_home.add(blocked[0])
-    raise InputError(f"no clear way through {poses} poses was found in {MOST_DETOURS} tries; ask for fewer")
+    raise InputError(
+        f"no clear way through {poses} poses was found in {MOST_DETOURS} tries; ask for fewer"
+    )
 
 
-def _gain(compared: Designer, q: np.ndarray, dwell: float, designer: Designer, design: Design, wanted: Wanted) -> float | None:
-    """Ratio of the accelerometer's variances at as many visits and as much time at rest; None where it is not determined.
+def _gain(
+    compared: Designer,
+    q: np.ndarray,
+    dwell: float,
+    designer: Designer,
+    design: Design,
+    wanted: Wanted,
+) -> float | None:
+    """Ratio of the accelerometer's variances at as many visits and as much time at rest; None where
+    it is not determined.
 
-    What does not average out over a rest, in-run bias and the arm's direction, is drawn anew for each visit: a protocol of
-    fewer poses is compared as if it came back to them until both have paid as many visits.
+    What does not average out over a rest, in-run bias and the arm's direction, is drawn anew for
+    each visit: a protocol of fewer poses is compared as if it came back to them until both have
+    paid as many visits.
     """
     share = len(q) * dwell / len(design.q)
-    before = pose_information(compared.force(q), compared.noise(share)).sum(axis=0) * (len(design.q) / len(q))
-    if np.linalg.matrix_rank(before * np.outer(ACCELEROMETER_SIZE, ACCELEROMETER_SIZE), tol=1e-6) < len(before):
+    before = pose_information(compared.force(q), compared.noise(share)).sum(axis=0) * (
+        len(design.q) / len(q)
+    )
+    if np.linalg.matrix_rank(
+        before * np.outer(ACCELEROMETER_SIZE, ACCELEROMETER_SIZE), tol=1e-6
+    ) < len(before):
         return None
     after = pose_information(designer.force(design.q), designer.noise(share)).sum(axis=0)
     return efficiency(after, before, ACCELEROMETER_SIZE, wanted.criterion)
@@ -167,7 +225,8 @@ def _sentence(gain: float | None, like: str, wanted: Wanted) -> str:
         return f"{like} does not determine the accelerometer; this design does"
     kind = "geometric mean" if wanted.criterion == "D" else "sum"
     return (
-        f"the {kind} of the accelerometer's variances falls {gain:.2f} times against {like} with as many visits and as much "
+        f"the {kind} of the accelerometer's variances falls {gain:.2f} times against {like} with "
+        "as many visits and as much "
         f"time at rest, with the arm's direction known to {np.degrees(ARM_DIRECTION):g} deg in each"
     )
 
@@ -177,10 +236,19 @@ def _rows(compared: Design, design: Design) -> list[PredictedRow]:
         return value if np.isfinite(value) else None
 
     rows = []
-    for before, after in ((compared.accelerometer, design.accelerometer), (compared.gyroscope, design.gyroscope)):
+    for before, after in (
+        (compared.accelerometer, design.accelerometer),
+        (compared.gyroscope, design.gyroscope),
+    ):
         for name in before:
-            unit = "m/s^2" if name.startswith("acc_bias") else "rad/s" if name == "gyr_bias" else "1"
+            unit = (
+                "m/s^2" if name.startswith("acc_bias") else "rad/s" if name == "gyr_bias" else "1"
+            )
             unit = "rad/s/(m/s^2)" if name.startswith("gyr_g") else unit
-            ratio = before[name] / after[name] if np.isfinite(before[name]) and np.isfinite(after[name]) else None
+            ratio = (
+                before[name] / after[name]
+                if np.isfinite(before[name]) and np.isfinite(after[name])
+                else None
+            )
             rows.append(PredictedRow(name, unit, finite(before[name]), finite(after[name]), ratio))
     return rows

@@ -1,4 +1,6 @@
-"""Unroll a protocol: loops, includes and expressions become a flat list of commands with numbers."""
+"""Unroll a protocol: loops, includes and expressions become a flat list of commands with
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ class SineCommand:
 
 @dataclass(frozen=True)
 class FourierCommand:
-    """Numbers of a Fourier sweep of one joint: [rad], [rad], [Hz], cycles, cycles; the base frequency first."""
+    """Numbers of a Fourier sweep of one joint: [rad], [rad], [Hz], cycles, cycles; the base
+    frequency first.
+    """
 
     joint: int
     amplitudes: tuple[float, ...]
@@ -68,9 +72,14 @@ class Command:
     """One step with all its numbers.
 
     Attributes:
-        section, role, name, variables: As in PlannedStep. target: Joint angles to move to [rad]; NaN where the joint stays;
-        None for no move. sweeps: Motion of the joints that sweep. dwell: [s]. motion: Scaling of the limits.
-        where: (document, path) for error messages.
+        section: As in PlannedStep.
+        role: As in PlannedStep.
+        name: As in PlannedStep.
+        variables: As in PlannedStep.
+        target: Joint angles to move to [rad]; NaN where the joint stays; None for no move.
+        sweeps: Motion of the joints that sweep.
+        dwell: [s].
+        motion: Scaling of the limits. where: (document, path) for error messages.
     """
 
     section: str
@@ -95,18 +104,25 @@ def expand(protocol: Protocol, robot: Robot) -> list[Command]:
     """Every command of a protocol, in order.
 
     Raises:
-        FileProblems: An expression, joint name or number of joint angles is wrong, or the protocol is too large.
+        FileProblems: An expression, joint name or number of joint angles is wrong, or the protocol
+            is too large.
     """
     commands: list[Command] = []
     for command in _expand_protocol(protocol, robot):
         commands.append(command)
         if len(commands) > MOST_COMMANDS:
-            raise protocol.document.problem(f"the protocol has more than {MOST_COMMANDS} steps", "sections")
+            raise protocol.document.problem(
+                f"the protocol has more than {MOST_COMMANDS} steps", "sections"
+            )
     return commands
 
 
-def _expand_protocol(protocol: Protocol, robot: Robot, including: Section | None = None) -> Iterator[Command]:
-    """The commands of a protocol; those of an included one bear the name, role and motion of the section that includes it."""
+def _expand_protocol(
+    protocol: Protocol, robot: Robot, including: Section | None = None
+) -> Iterator[Command]:
+    """The commands of a protocol; those of an included one bear the name, role and motion of the
+    section that includes it.
+    """
     values = {name: protocol.spec.values(name) for name in protocol.spec.variables}
     for i, section in enumerate(protocol.spec.sections):
         if including is not None:
@@ -123,7 +139,9 @@ def _expand_protocol(protocol: Protocol, robot: Robot, including: Section | None
 class _Expander:
     """Unrolls the steps of one section."""
 
-    def __init__(self, protocol: Protocol, robot: Robot, section: Section, values: dict[str, list[float]]):
+    def __init__(
+        self, protocol: Protocol, robot: Robot, section: Section, values: dict[str, list[float]]
+    ):
         self.protocol, self.robot, self.section, self.values = protocol, robot, section, values
         self.constants = {name: several[0] for name, several in values.items() if len(several) == 1}
 
@@ -131,7 +149,9 @@ class _Expander:
         """The commands of the section, which is number `index` of its file."""
         steps = self.section.steps or []
         motion = self.section.motion or self.protocol.spec.motion
-        yield from self._loop(self.section.for_each, steps, self.constants, {}, motion, ("sections", index, "steps"))
+        yield from self._loop(
+            self.section.for_each, steps, self.constants, {}, motion, ("sections", index, "steps")
+        )
 
     def _loop(
         self,
@@ -144,19 +164,30 @@ class _Expander:
     ) -> Iterator[Command]:
         values = [self.values[name] for name in loop]
         if math.prod(len(several) for several in values) * len(steps) > MOST_COMMANDS:
-            raise self._error(f"the loop over {', '.join(loop)} repeats its steps more than {MOST_COMMANDS} times", *path)
+            raise self._error(
+                f"the loop over {', '.join(loop)} repeats its steps more than {MOST_COMMANDS} "
+                "times",
+                *path,
+            )
         for combination in itertools.product(*values):
             looped = dict(zip(loop, combination, strict=True))
             for k, step in enumerate(steps):
                 inner = step.motion or motion
                 here, all_shown = variables | looped, shown | looped
                 if step.steps is not None:
-                    yield from self._loop(step.for_each or [], step.steps, here, all_shown, inner, (*path, k, "steps"))
+                    yield from self._loop(
+                        step.for_each or [], step.steps, here, all_shown, inner, (*path, k, "steps")
+                    )
                 else:
                     yield self._command(step, here, all_shown, inner, (*path, k))
 
     def _command(
-        self, step: Step, variables: dict[str, float], shown: dict[str, float], motion: Motion, path: tuple[Any, ...]
+        self,
+        step: Step,
+        variables: dict[str, float],
+        shown: dict[str, float],
+        motion: Motion,
+        path: tuple[Any, ...],
     ) -> Command:
         def number(
             expression: float | str | None,
@@ -165,8 +196,14 @@ class _Expander:
             above: float | None = None,
             highest: float | None = None,
         ) -> float:
-            value = self._evaluate(expression if expression is not None else 0.0, variables, *path, *where)
-            shown = f"{value:g}" if not isinstance(expression, str) else f"'{expression}' is {value:g}; it"
+            value = self._evaluate(
+                expression if expression is not None else 0.0, variables, *path, *where
+            )
+            shown = (
+                f"{value:g}"
+                if not isinstance(expression, str)
+                else f"'{expression}' is {value:g}; it"
+            )
             if lowest is not None and value < lowest:
                 raise self._error(f"{shown} must be at least {lowest:g}", *path, *where)
             if above is not None and value <= above:
@@ -176,33 +213,55 @@ class _Expander:
             return value
 
         target = self._target(step, number, path)
-        sweeps = tuple(self._sweep(joint, sweep, number, path) for joint, sweep in (step.sweep or {}).items())
+        sweeps = tuple(
+            self._sweep(joint, sweep, number, path) for joint, sweep in (step.sweep or {}).items()
+        )
         dwell = number(step.dwell_s, "dwell_s", lowest=0.0, highest=LONGEST_DURATION_S)
-        name = step.name or ", ".join([self.section.name, *[f"{key} {value:g}" for key, value in shown.items()]])
+        name = step.name or ", ".join(
+            [self.section.name, *[f"{key} {value:g}" for key, value in shown.items()]]
+        )
         role = self.section.role
-        return Command(self.section.name, role, name, shown, target, sweeps, dwell, motion, self.protocol, path)
+        return Command(
+            self.section.name, role, name, shown, target, sweeps, dwell, motion, self.protocol, path
+        )
 
-    def _target(self, step: Step, number: Callable[..., float], path: tuple[Any, ...]) -> np.ndarray | None:
+    def _target(
+        self, step: Step, number: Callable[..., float], path: tuple[Any, ...]
+    ) -> np.ndarray | None:
         if step.move_to == "home":
             return self.robot.home
         names = self.robot.joint_names
         if isinstance(step.move_to_deg, list):
             if len(step.move_to_deg) != len(names):
-                message = f"{len(step.move_to_deg)} joint angles given; {self.robot.name} has {len(names)}: {', '.join(names)}"
+                message = (
+                    f"{len(step.move_to_deg)} joint angles given; {self.robot.name} has "
+                    f"{len(names)}: {', '.join(names)}"
+                )
                 raise self._error(message, *path, "move_to_deg")
-            return np.radians([number(value, "move_to_deg", i, **_ANGLE) for i, value in enumerate(step.move_to_deg)])
+            return np.radians(
+                [
+                    number(value, "move_to_deg", i, **_ANGLE)
+                    for i, value in enumerate(step.move_to_deg)
+                ]
+            )
         if step.move_to_deg is not None:
             target = np.full(len(names), np.nan)
             for name, value in step.move_to_deg.items():
                 where = ("move_to_deg", name)
-                target[self._joint(name, *path, *where)] = np.radians(number(value, *where, **_ANGLE))
+                target[self._joint(name, *path, *where)] = np.radians(
+                    number(value, *where, **_ANGLE)
+                )
             return target
         return None
 
     def _sweep(
         self, joint: str, sweep: Sweep, number: Callable[..., float], path: tuple[Any, ...]
     ) -> SineCommand | FourierCommand | TrapezoidCommand:
-        where: tuple[Any, ...] = ("sweep", joint, "sine" if sweep.sine else "fourier" if sweep.fourier else "trapezoid")
+        where: tuple[Any, ...] = (
+            "sweep",
+            joint,
+            "sine" if sweep.sine else "fourier" if sweep.fourier else "trapezoid",
+        )
         column = self._joint(joint, *path, *where[:2])
 
         def whole(expression: float | str, key: str) -> int:
@@ -214,7 +273,10 @@ class _Expander:
         def last(seconds: float) -> None:
             if seconds > LONGEST_SWEEP_S:
                 raise self._error(
-                    f"the sweep would last {seconds:.6g} s, more than the {LONGEST_SWEEP_S:g} s allowed", *path, *where
+                    f"the sweep would last {seconds:.6g} s, more than the {LONGEST_SWEEP_S:g} s "
+                    "allowed",
+                    *path,
+                    *where,
                 )
 
         if sweep.sine is not None:
@@ -222,9 +284,17 @@ class _Expander:
             command = SineCommand(
                 joint=column,
                 amplitude=np.radians(number(sine.amplitude_deg, *where, "amplitude_deg", **_ANGLE)),
-                frequency=number(sine.frequency_hz, *where, "frequency_hz", above=0.0, highest=HIGHEST_FREQUENCY_HZ),
+                frequency=number(
+                    sine.frequency_hz,
+                    *where,
+                    "frequency_hz",
+                    above=0.0,
+                    highest=HIGHEST_FREQUENCY_HZ,
+                ),
                 cycles=whole(sine.cycles, "cycles"),
-                ramp_cycles=number(sine.ramp_cycles, *where, "ramp_cycles", lowest=0.5, highest=MOST_CYCLES),
+                ramp_cycles=number(
+                    sine.ramp_cycles, *where, "ramp_cycles", lowest=0.5, highest=MOST_CYCLES
+                ),
                 phase=np.radians(number(sine.phase_deg, *where, "phase_deg", **_ANGLE)),
             )
             last((command.cycles + 2 * command.ramp_cycles) / command.frequency)
@@ -232,7 +302,10 @@ class _Expander:
         if sweep.fourier is not None:
             series = sweep.fourier
             angles = [
-                [np.radians(number(value, *where, key, k, **_ANGLE)) for k, value in enumerate(getattr(series, key))]
+                [
+                    np.radians(number(value, *where, key, k, **_ANGLE))
+                    for k, value in enumerate(getattr(series, key))
+                ]
                 for key in ("amplitudes_deg", "phases_deg")
             ]
             highest = HIGHEST_FREQUENCY_HZ / len(angles[0])
@@ -240,22 +313,37 @@ class _Expander:
                 joint=column,
                 amplitudes=tuple(angles[0]),
                 phases=tuple(angles[1]),
-                frequency=number(series.frequency_hz, *where, "frequency_hz", above=0.0, highest=highest),
+                frequency=number(
+                    series.frequency_hz, *where, "frequency_hz", above=0.0, highest=highest
+                ),
                 cycles=whole(series.cycles, "cycles"),
-                ramp_cycles=number(series.ramp_cycles, *where, "ramp_cycles", lowest=0.5, highest=MOST_CYCLES),
+                ramp_cycles=number(
+                    series.ramp_cycles, *where, "ramp_cycles", lowest=0.5, highest=MOST_CYCLES
+                ),
             )
-            last((sum_of_harmonics.cycles + 2 * sum_of_harmonics.ramp_cycles) / sum_of_harmonics.frequency)
+            last(
+                (sum_of_harmonics.cycles + 2 * sum_of_harmonics.ramp_cycles)
+                / sum_of_harmonics.frequency
+            )
             return sum_of_harmonics
         assert sweep.trapezoid is not None  # Sweep holds one of the three
         trapezoid = sweep.trapezoid
         there_and_back = TrapezoidCommand(
             joint=column,
-            amplitude=np.radians(number(trapezoid.amplitude_deg, *where, "amplitude_deg", **_ANGLE)),
-            rate=np.radians(number(trapezoid.rate_deg_s, *where, "rate_deg_s", above=0.0, highest=LARGEST_ANGLE_DEG)),
+            amplitude=np.radians(
+                number(trapezoid.amplitude_deg, *where, "amplitude_deg", **_ANGLE)
+            ),
+            rate=np.radians(
+                number(
+                    trapezoid.rate_deg_s, *where, "rate_deg_s", above=0.0, highest=LARGEST_ANGLE_DEG
+                )
+            ),
             cycles=whole(trapezoid.cycles, "cycles"),
             hold=number(trapezoid.hold_s, *where, "hold_s", lowest=0.0),
         )
-        rise = abs(there_and_back.amplitude) / there_and_back.rate if there_and_back.rate else math.inf
+        rise = (
+            abs(there_and_back.amplitude) / there_and_back.rate if there_and_back.rate else math.inf
+        )
         last(2 * there_and_back.cycles * (rise + there_and_back.hold))
         return there_and_back
 
@@ -264,14 +352,20 @@ class _Expander:
             return evaluate_expression(expression, variables)
         except UnknownVariable as error:
             count = len(self.values.get(error.name, []))
-            message = f"the variable '{error.name}' has {count} values; name it in a for_each around this step"
+            message = (
+                f"the variable '{error.name}' has {count} values; name it in a for_each "
+                "around this step"
+            )
             raise self._error(message if count else str(error), *where) from None
         except ExpressionError as error:
             raise self._error(str(error), *where) from None
 
     def _joint(self, name: str, *where: Any) -> int:
         if name not in self.robot.joint_names:
-            raise self._error(str(NotFoundError(f"joint of {self.robot.name}", name, self.robot.joint_names)), *where)
+            raise self._error(
+                str(NotFoundError(f"joint of {self.robot.name}", name, self.robot.joint_names)),
+                *where,
+            )
         return self.robot.joint_names.index(name)
 
     def _error(self, message: str, *where: Any) -> FileProblems:

@@ -1,8 +1,9 @@
-"""Design of a calibration: the poses and turns of an arm that leave the least uncertainty, written as a protocol.
+"""Design of a calibration: the poses and turns of an arm that leave the least uncertainty, written
+as a protocol.
 
-Candidates are drawn within the joint limits and kept where the arm is clear of itself and the floor; those that tell most about
-the sensor are chosen (`optimal_design`) and put into an order of little travel. The protocol is planned like any other, so that
-what comes out is checked.
+Candidates are drawn within the joint limits and kept where the arm is clear of itself and the
+floor; those that tell most about the sensor are chosen (`optimal_design`) and put into an order of
+little travel. The protocol is planned like any other, so that what comes out is checked.
 """
 
 from __future__ import annotations
@@ -34,9 +35,13 @@ LARGEST_SWING = np.pi
 """Candidates lie within half a turn of the home pose [rad]."""
 TURN_SAMPLES = 19
 BLOCKED_S = 1e3
-"""Added to the travel between poses whose straight path is not clear, so that the tour goes another way [s]."""
+"""Added to the travel between poses whose straight path is not clear, so that the tour goes another
+way [s].
+"""
 ARM_DIRECTION = np.radians(0.03)
-"""Standard deviation of the arm's orientation at a pose [rad]: settling and repeatability of a collaborative arm."""
+"""Standard deviation of the arm's orientation at a pose [rad]: settling and repeatability of a
+collaborative arm.
+"""
 MOST_ORDERS = 60
 
 RESPONSE_SIZE, CROSS_SIZE, BIAS_SIZE = 0.03, 0.03, 0.4
@@ -52,7 +57,10 @@ class Turn:
     """A turn of one joint and back, at a pose.
 
     Attributes:
-        pose: Index of the pose. joint: Index of the joint. amplitude: Signed [rad]. rate: [rad/s].
+        pose: Index of the pose.
+        joint: Index of the joint.
+        amplitude: Signed [rad].
+        rate: [rad/s].
     """
 
     pose: int
@@ -66,8 +74,11 @@ class Design:
     """A designed calibration.
 
     Attributes:
-        q: Joint angles of the poses in their order, shape (n, n_joints) [rad]. turns: At those poses. dwell: At each pose [s].
-        accelerometer: Predicted standard uncertainty by `ACCELEROMETER`. gyroscope: By `GYROSCOPE_AXIS`.
+        q: Joint angles of the poses in their order, shape (n, n_joints) [rad].
+        turns: At those poses.
+        dwell: At each pose [s].
+        accelerometer: Predicted standard uncertainty by `ACCELEROMETER`.
+        gyroscope: By `GYROSCOPE_AXIS`.
     """
 
     q: np.ndarray
@@ -82,8 +93,13 @@ class Wanted:
     """What to design.
 
     Attributes:
-        poses, turns: How many. joints: Names of those that may move; the last three that carry the sensor if None.
-        criterion: "D" or "A". dwell: At each pose [s]. amplitude: Of a turn [rad]. speed: As a fraction of the joint's limit.
+        poses: How many.
+        turns: How many.
+        joints: Names of those that may move; the last three that carry the sensor if None.
+        criterion: "D" or "A".
+        dwell: At each pose [s].
+        amplitude: Of a turn [rad].
+        speed: As a fraction of the joint's limit.
         seed: Of the candidates.
     """
 
@@ -101,7 +117,8 @@ class Designer:
     """Designs calibrations of one sensor on one arm.
 
     Args:
-        robot: The arm. sensor: Where it sits, and its data sheet.
+        robot: The arm.
+        sensor: Where it sits, and its data sheet.
 
     Raises:
         InputError: The arm has no such link; names the one that its last joint moves.
@@ -113,7 +130,9 @@ class Designer:
         try:
             self.kinematics.check_link(sensor.link)
         except NotFoundError as error:
-            raise InputError(f"{error}; say which carries the sensor with --link, such as {self._last_moved()}") from None
+            raise InputError(
+                f"{error}; say which carries the sensor with --link, such as {self._last_moved()}"
+            ) from None
         self.collision = CollisionModel(self.kinematics)
         self.margin = robot.spec.collision.margin_mm / 1000
         self.offset = Pose.from_placement(sensor.mounting)
@@ -128,13 +147,14 @@ class Designer:
             float(ARM_DIRECTION),
             float(np.max(gyr.noise_density)),
             gyr.bias_instability,
-        )  # fmt: skip
+        )
 
     def design(self, wanted: Wanted, without: Collection[tuple[float, ...]] = ()) -> Design:
         """The poses and turns that tell most.
 
         Args:
-            wanted: How many, and how. without: Poses that are not to be chosen [rad].
+            wanted: How many, and how.
+            without: Poses that are not to be chosen [rad].
 
         Raises:
             InputError: A joint does not carry the sensor, or too few poses are clear of collisions.
@@ -149,25 +169,34 @@ class Designer:
             )
         noise = self.noise(wanted.dwell)
         force = self.force(candidates)
-        chosen = choose(pose_information(force, noise), wanted.poses, ACCELEROMETER_SIZE, wanted.criterion)
+        chosen = choose(
+            pose_information(force, noise), wanted.poses, ACCELEROMETER_SIZE, wanted.criterion
+        )
         q = candidates[chosen]
         turns = self._turns(q, columns, wanted, noise)
         order = self._order(q)
         place = {int(old): new for new, old in enumerate(order)}
-        turns = sorted((replace(turn, pose=place[turn.pose]) for turn in turns), key=lambda turn: (turn.pose, turn.joint))
+        turns = sorted(
+            (replace(turn, pose=place[turn.pose]) for turn in turns),
+            key=lambda turn: (turn.pose, turn.joint),
+        )
         return self.judged(q[order], turns, wanted.dwell)
 
     def judged(self, q: np.ndarray, turns: list[Turn], dwell: float) -> Design:
         """The predicted uncertainty of poses and turns.
 
         Args:
-            q: Shape (n, n_joints) [rad]. turns: At those poses. dwell: At each [s].
+            q: Shape (n, n_joints) [rad].
+            turns: At those poses.
+            dwell: At each [s].
         """
         noise, force = self.noise(dwell), self.force(q)
         acc = predicted_sd(pose_information(force, noise).sum(axis=0), ACCELEROMETER_SIZE)
         information = rest_information(force, dwell, noise).sum(axis=0)
         if turns:
-            information = information + turn_information(*self._turn_arrays(q, turns), noise).sum(axis=0)
+            information = information + turn_information(*self._turn_arrays(q, turns), noise).sum(
+                axis=0
+            )
         gyr = predicted_sd(information, GYROSCOPE_SIZE)
         return Design(
             q,
@@ -178,11 +207,18 @@ class Designer:
         )
 
     def poses_of(self, plan: Plan) -> tuple[np.ndarray, float]:
-        """The static calibration poses of a plan, shape (n, n_joints) [rad], and their shortest dwell [s]."""
-        steps = [s for s in plan.steps if s.role == "calibration" and s.kind != "sweep" and s.end_ns > s.settled_ns]
+        """The static calibration poses of a plan, shape (n, n_joints) [rad], and their shortest
+        dwell [s].
+        """
+        steps = [
+            s
+            for s in plan.steps
+            if s.role == "calibration" and s.kind != "sweep" and s.end_ns > s.settled_ns
+        ]
         if not steps:
             raise InputError(
-                f"the protocol {plan.protocol.spec.name} has no static pose in a calibration section to compare with"
+                f"the protocol {plan.protocol.spec.name} has no static pose in a calibration "
+                "section to compare with"
             )
         q, _, _ = plan.trajectory.at(np.array([step.settled_ns for step in steps]))
         return q, min(step.end_ns - step.settled_ns for step in steps) / 1e9
@@ -216,11 +252,16 @@ class Designer:
 
     def _candidates(self, columns: list[int], seed: int) -> np.ndarray:
         home, limits = self.robot.home, self.robot.position_limits
-        low, high = np.maximum(limits[:, 0], home - LARGEST_SWING), np.minimum(limits[:, 1], home + LARGEST_SWING)
+        low, high = (
+            np.maximum(limits[:, 0], home - LARGEST_SWING),
+            np.minimum(limits[:, 1], home + LARGEST_SWING),
+        )
         rng = np.random.default_rng(seed)
         q = np.tile(home, (2 * CANDIDATES, 1))
         drawn = np.degrees(rng.uniform(low[columns], high[columns], (2 * CANDIDATES, len(columns))))
-        drawn[:CANDIDATES] = 45 * np.round(drawn[:CANDIDATES] / 45)  # faces and edges of a cube are among the best
+        drawn[:CANDIDATES] = 45 * np.round(
+            drawn[:CANDIDATES] / 45
+        )  # faces and edges of a cube are among the best
         q[:, columns] = np.radians(np.round(drawn))  # whole degrees read well
         q = np.unique(q[((q >= limits[:, 0]) & (q <= limits[:, 1])).all(axis=1)], axis=0)
         return q[[self._clear(row) for row in q]]
@@ -231,9 +272,13 @@ class Designer:
 
     def force(self, q: np.ndarray) -> np.ndarray:
         """Specific force in the sensor at rest, shape (n, 3) [m/s^2]."""
-        return self.kinematics.frame_motion(self.sensor.link, q, offset=self.offset).specific_force_in_frame(self.robot.gravity)
+        return self.kinematics.frame_motion(
+            self.sensor.link, q, offset=self.offset
+        ).specific_force_in_frame(self.robot.gravity)
 
-    def _turns(self, q: np.ndarray, columns: list[int], wanted: Wanted, noise: ObservationNoise) -> list[Turn]:
+    def _turns(
+        self, q: np.ndarray, columns: list[int], wanted: Wanted, noise: ObservationNoise
+    ) -> list[Turn]:
         limits, speeds = self.robot.position_limits, self.robot.velocity_limits
         rate_range = self.sensor.imu().gyroscope.triad().range
         moving = [j for j in range(q.shape[1]) if self._carries(j)]
@@ -243,25 +288,32 @@ class Designer:
                 rate = min(wanted.speed * speeds[joint], 0.8 * rate_range)
                 for amplitude in (wanted.amplitude, -wanted.amplitude):
                     end = row[joint] + amplitude
-                    if limits[joint, 0] <= end <= limits[joint, 1] and self._sweep_is_clear(row, joint, amplitude):
+                    if limits[joint, 0] <= end <= limits[joint, 1] and self._sweep_is_clear(
+                        row, joint, amplitude
+                    ):
                         candidates.append(Turn(pose, joint, amplitude, float(rate)))
         if not wanted.turns:
             return []
         if len(candidates) < 3:
             raise InputError(
-                "hardly a turn from these poses is clear of collisions; ask for a smaller amplitude with --turn-deg"
+                "hardly a turn from these poses is clear of collisions; ask for a smaller "
+                "amplitude with --turn-deg"
             )
         information = turn_information(*self._turn_arrays(q, candidates), noise)
         rests = rest_information(self.force(q), wanted.dwell, noise).sum(axis=0)
         chosen = choose(information, wanted.turns, GYROSCOPE_SIZE, wanted.criterion, rests)
-        return [candidates[i] for i in sorted(set(chosen))] + [candidates[i] for i in _repeats(chosen)]
+        return [candidates[i] for i in sorted(set(chosen))] + [
+            candidates[i] for i in _repeats(chosen)
+        ]
 
     def _sweep_is_clear(self, q: np.ndarray, joint: int, amplitude: float) -> bool:
         path = np.tile(q, (TURN_SAMPLES, 1))
         path[:, joint] += np.linspace(0, amplitude, TURN_SAMPLES)
         return all(self._clear(row) for row in path)
 
-    def _turn_arrays(self, q: np.ndarray, turns: list[Turn]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _turn_arrays(
+        self, q: np.ndarray, turns: list[Turn]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rotation vectors (m, 3), durations (m,) and mean forces (m, 3) of turns one way."""
         rotation_vectors, durations, forces = [], [], []
         for turn in turns:
@@ -277,12 +329,16 @@ class Designer:
         return np.array(rotation_vectors), np.array(durations), np.array(forces)
 
     def _order(self, q: np.ndarray) -> list[int]:
-        """A tour of little travel from home: nearest neighbour, then exchanges of two legs (Croes 1958)."""
+        """A tour of little travel from home: nearest neighbour, then exchanges of two legs (Croes
+        1958).
+        """
         points = np.vstack([self.robot.home, q])
         time = np.max(np.abs(points[:, None] - points[None]) / self.robot.velocity_limits, axis=2)
         for i in range(len(points)):
             for k in range(i):
-                path = points[i] + np.linspace(0, 1, TURN_SAMPLES)[:, None] * (points[k] - points[i])
+                path = points[i] + np.linspace(0, 1, TURN_SAMPLES)[:, None] * (
+                    points[k] - points[i]
+                )
                 if not all(self._clear(row) for row in path):
                     time[i, k] = time[k, i] = time[i, k] + BLOCKED_S
         tour = [0]

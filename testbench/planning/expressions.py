@@ -1,4 +1,6 @@
-"""Arithmetic on a protocol's variables: + - * / ( ), a handful of functions, and nothing else. Never `eval`."""
+"""Arithmetic on a protocol's variables: + - * / ( ), a handful of functions, and nothing else.
+Never `eval`.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,13 @@ from testbench.exceptions import ExpressionError
 LONGEST = 200
 DEEPEST = 100
 
-FUNCTIONS: dict[str, Callable[..., float]] = {"abs": abs, "min": min, "max": max, "round": round, "sqrt": math.sqrt}
+FUNCTIONS: dict[str, Callable[..., float]] = {
+    "abs": abs,
+    "min": min,
+    "max": max,
+    "round": round,
+    "sqrt": math.sqrt,
+}
 CONSTANTS = {"pi": math.pi}
 _MANY = {"min", "max"}  # the others take one argument
 _BINARY: dict[type[ast.operator], Callable[[float, float], float]] = {
@@ -24,7 +32,10 @@ _BINARY: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
-_UNARY: dict[type[ast.unaryop], Callable[[float], float]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+_UNARY: dict[type[ast.unaryop], Callable[[float], float]] = {
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
 _ALLOWED = re.compile(r"[A-Za-z0-9_+\-*/(),. ]+")
 
 
@@ -44,7 +55,8 @@ def evaluate_expression(expression: float | str, variables: Mapping[str, float])
     """The value of a number or of an expression such as "180 + misalignment_deg".
 
     Args:
-        expression: A number, or arithmetic with + - * / and parentheses on numbers, variables, pi, abs, min, max, round, sqrt.
+        expression: A number, or arithmetic with + - * / and parentheses on numbers, variables, pi,
+            abs, min, max, round, sqrt.
         variables: The names that may be used, and their values.
 
     Raises:
@@ -68,10 +80,13 @@ def evaluate_expression(expression: float | str, variables: Mapping[str, float])
 def _parse(expression: str) -> ast.expr:
     """The syntax tree of an expression, which may still hold more than arithmetic.
 
-    Text with a character that arithmetic does not need (quotes, brackets, =, :, @, line ends) never reaches the parser.
+    Text with a character that arithmetic does not need (quotes, brackets, =, :, @, line ends) never
+    reaches the parser.
     """
     if len(expression) > LONGEST:
-        raise ExpressionError(f"an expression of {len(expression)} characters is longer than the {LONGEST} allowed")
+        raise ExpressionError(
+            f"an expression of {len(expression)} characters is longer than the {LONGEST} allowed"
+        )
     try:
         if not _ALLOWED.fullmatch(expression):
             raise SyntaxError
@@ -80,7 +95,8 @@ def _parse(expression: str) -> ast.expr:
             return ast.parse(expression.strip(), mode="eval").body
     except (SyntaxError, Warning, ValueError, MemoryError, RecursionError):
         raise ExpressionError(
-            f"'{expression}' is not arithmetic; allowed: numbers, variables, + - * / ( ) and {', '.join(FUNCTIONS)}"
+            f"'{expression}' is not arithmetic; allowed: numbers, variables, + - * / ( ) and "
+            f"{', '.join(FUNCTIONS)}"
         ) from None
 
 
@@ -98,13 +114,20 @@ def _value(node: ast.expr, variables: Mapping[str, float], expression: str, dept
             raise UnknownVariable(name, expression, [*variables, *CONSTANTS])
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             return _BINARY[type(op)](
-                _value(left, variables, expression, depth + 1), _value(right, variables, expression, depth + 1)
+                _value(left, variables, expression, depth + 1),
+                _value(right, variables, expression, depth + 1),
             )
         case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
             return _UNARY[type(op)](_value(operand, variables, expression, depth + 1))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             many = name in _MANY
             if len(arguments) < 2 if many else len(arguments) != 1:
-                raise ExpressionError(f"'{expression}': {name} takes {'two or more values' if many else 'one value'}")
-            return FUNCTIONS[name](*[_value(argument, variables, expression, depth + 1) for argument in arguments])
-    raise ExpressionError(f"'{expression}' uses more than arithmetic; allowed: + - * / ( ) and {', '.join(FUNCTIONS)}")
+                raise ExpressionError(
+                    f"'{expression}': {name} takes {'two or more values' if many else 'one value'}"
+                )
+            return FUNCTIONS[name](
+                *[_value(argument, variables, expression, depth + 1) for argument in arguments]
+            )
+    raise ExpressionError(
+        f"'{expression}' uses more than arithmetic; allowed: + - * / ( ) and {', '.join(FUNCTIONS)}"
+    )

@@ -1,4 +1,6 @@
-"""The range of each joint definition's true angle where it will be judged, beside what it is compared with."""
+"""The range of each joint definition's true angle where it will be judged, beside what it is
+compared with.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,12 @@ from testbench.records.robot import Robot
 from testbench.records.trajectory import Trajectory
 
 
-def flexion_ranges(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: list[PlannedStep]) -> list[FlexionUse]:
-    """Of every definition of every joint: at the end of each judged pose, and all along each judged sweep, as planned."""
+def flexion_ranges(
+    robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: list[PlannedStep]
+) -> list[FlexionUse]:
+    """Of every definition of every joint: at the end of each judged pose, and all along each judged
+    sweep, as planned.
+    """
     judged = [step for step in steps if step.role == "evaluation"]
     judged = judged or [step for step in steps if step.role != "calibration"] or steps
     moments = moments_of(judged)
@@ -25,15 +31,25 @@ def flexion_ranges(robot: Robot, protocol: Protocol, trajectory: Trajectory, ste
         return []
     kinematics, q = Kinematics(robot), trajectory.at(np.array([time for _, time in moments]))[0]
     moving = np.array([step.kind == "sweep" for step, _ in moments])
-    kinds: list[tuple[Literal["poses", "sweeps"], np.ndarray]] = [("poses", ~moving), ("sweeps", moving)]
+    kinds: list[tuple[Literal["poses", "sweeps"], np.ndarray]] = [
+        ("poses", ~moving),
+        ("sweeps", moving),
+    ]
     begins = [i for i, (step, _) in enumerate(moments) if i == 0 or step is not moments[i - 1][0]]
     result = []
     for name, joint in protocol.spec.joints.items():
         proximal, distal = (
             kinematics.frame_motion(sensor.link, q, offset=segment_pose(sensor)).q_world_from_frame
-            for sensor in (protocol.spec.sensors[joint.proximal], protocol.spec.sensors[joint.distal])
+            for sensor in (
+                protocol.spec.sensors[joint.proximal],
+                protocol.spec.sensors[joint.distal],
+            )
         )
-        arm = None if joint.reference_joint is None else q[:, robot.joint_names.index(joint.reference_joint)]
+        arm = (
+            None
+            if joint.reference_joint is None
+            else q[:, robot.joint_names.index(joint.reference_joint)]
+        )
         for definition in joint.definitions():
             angle = flexion_of(definition, joint_angles(proximal, distal, definition))
             if arm is not None:
@@ -43,14 +59,22 @@ def flexion_ranges(robot: Robot, protocol: Protocol, trajectory: Trajectory, ste
             for kind, rows in kinds:
                 if rows.any():
                     use = FlexionUse(name, definition.label, kind, *_range_deg(angle[rows]))
-                    use = use if arm is None else replace(use, arm=joint.reference_joint, arm_deg=_range_deg(arm[rows]))
+                    use = (
+                        use
+                        if arm is None
+                        else replace(use, arm=joint.reference_joint, arm_deg=_range_deg(arm[rows]))
+                    )
                     result.append(_with_commanded(use, joint.flexion_variable, judged))
     return result
 
 
 def _with_commanded(use: FlexionUse, variable: str, judged: list[PlannedStep]) -> FlexionUse:
     """With what its steps are commanded by, where the protocol has that variable."""
-    steps = [step for step in judged if (step.kind == "sweep") == (use.kind == "sweeps") and variable in step.variables]
+    steps = [
+        step
+        for step in judged
+        if (step.kind == "sweep") == (use.kind == "sweeps") and variable in step.variables
+    ]
     values = [float(step.variables[variable]) for step in steps]
     return replace(use, variable=variable, commanded=(min(values), max(values))) if values else use
 

@@ -1,7 +1,8 @@
 """Timing of motion: the one door to ruckig.
 
-Moves go from rest to rest, jerk-limited and as fast as the scaled limits allow, every joint arriving together. Ruckig's
-intermediate waypoints would call a cloud service and are not used; moves are chained.
+Moves go from rest to rest, jerk-limited and as fast as the scaled limits allow, every joint
+arriving together. Ruckig's intermediate waypoints would call a cloud service and are not used;
+moves are chained.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from testbench.records.robot import Robot
 from testbench.records.trajectory import Trajectory
 
 KNOTS_A_CYCLE, SINE_KNOT_S = 50, 0.004
-"""Knots of a sine a cycle of its fastest harmonic, and their least spacing; the quintic between so many follows a sine to 1e-9
-of its amplitude. Hours of slow sweeps stay small."""
+"""Knots of a sine a cycle of its fastest harmonic, and their least spacing; the quintic between so
+many follows a sine to 1e-9 of its amplitude. Hours of slow sweeps stay small.
+"""
 
 
 ATTEMPTS, JERK_STEP = 10, 1e-3
@@ -62,7 +64,9 @@ class MotionBuilder:
         return start, settled, self.now_ns
 
     def move(self, target: np.ndarray, motion: Motion, speed: np.ndarray | None = None) -> None:
-        """Append a move to `target` [rad], rest to rest; `speed` [rad/s] replaces the scaled velocity limits."""
+        """Append a move to `target` [rad], rest to rest; `speed` [rad/s] replaces the scaled
+        velocity limits.
+        """
         if np.array_equal(target, self.q):
             return
         path = self._fastest(target, motion, speed)
@@ -70,15 +74,19 @@ class MotionBuilder:
         switches = np.concatenate([np.cumsum(profile.t) for profile in path.profiles[0]])
         times = np.unique(np.round(switches * NANOSECONDS).astype(np.int64))
         times = times[(times > 0) & (times < duration_ns)]
-        states = np.array([path.at_time(t / NANOSECONDS) for t in times]).reshape(-1, 3, len(self.q))
+        states = np.array([path.at_time(t / NANOSECONDS) for t in times]).reshape(
+            -1, 3, len(self.q)
+        )
         self._append(times, states)
         self._rest(duration_ns, target)
 
-    def _fastest(self, target: np.ndarray, motion: Motion, speed: np.ndarray | None) -> ruckig.Trajectory:
+    def _fastest(
+        self, target: np.ndarray, motion: Motion, speed: np.ndarray | None
+    ) -> ruckig.Trajectory:
         """Ruckig's time-optimal move.
 
-        Ruckig fails on some moves whose profile lies exactly between two of its shapes; a slightly smaller jerk takes them off
-        the border.
+        Ruckig fails on some moves whose profile lies exactly between two of its shapes; a slightly
+        smaller jerk takes them off the border.
         """
         limits = self.robot.velocity_limits * motion.speed
         inputs = ruckig.InputParameter(len(self.q))
@@ -87,14 +95,18 @@ class MotionBuilder:
         inputs.max_acceleration = (self.robot.acceleration_limits * motion.acceleration).tolist()
         failure = ""
         for attempt in range(ATTEMPTS):
-            inputs.max_jerk = (self.robot.jerk_limits * motion.jerk * (1 - JERK_STEP * attempt)).tolist()
+            inputs.max_jerk = (
+                self.robot.jerk_limits * motion.jerk * (1 - JERK_STEP * attempt)
+            ).tolist()
             path = ruckig.Trajectory(len(self.q))
             try:
                 result = self._ruckig.calculate(inputs, path)
             except ruckig.RuckigError as error:
                 failure = str(error).strip().splitlines()[0]
                 continue
-            except ValueError:  # ruckig 0.19 answers -101 (its trajectory would last too long), which its Python does not know
+            # ruckig 0.19 answers -101 (its trajectory would last too long), which its Python does
+            # not know
+            except ValueError:
                 failure = "it would last too long for ruckig"
                 continue
             if result in (ruckig.Result.Working, ruckig.Result.Finished):
@@ -110,7 +122,9 @@ class MotionBuilder:
 
     def trajectory(self) -> Trajectory:
         """All that was appended."""
-        q, v, a = (np.concatenate([states[:, order] for states in self._states]) for order in range(3))
+        q, v, a = (
+            np.concatenate([states[:, order] for states in self._states]) for order in range(3)
+        )
         return Trajectory(np.concatenate(self._time), q, v, a)
 
     def _append(self, times: np.ndarray, states: np.ndarray) -> None:
@@ -128,7 +142,9 @@ class MotionBuilder:
         trapezoids = [sweep for sweep in command.sweeps if isinstance(sweep, TrapezoidCommand)]
         waves = [sweep for sweep in command.sweeps if not isinstance(sweep, TrapezoidCommand)]
         if trapezoids and (waves or len(trapezoids) > 1):
-            raise PlanError("a trapezoid sweeps one joint alone; only sines and Fourier series can run together")
+            raise PlanError(
+                "a trapezoid sweeps one joint alone; only sines and Fourier series can run together"
+            )
         for trapezoid in trapezoids:
             self._trapezoid(trapezoid, command.motion)
         if waves:
@@ -140,7 +156,8 @@ class MotionBuilder:
         limit = self.robot.velocity_limits[sweep.joint] * motion.speed
         if sweep.rate > limit:
             raise PlanError(
-                f"joint {self.robot.joint_names[sweep.joint]}: a rate of {math.degrees(sweep.rate):.2f} deg/s exceeds "
+                f"joint {self.robot.joint_names[sweep.joint]}: a rate of "
+                f"{math.degrees(sweep.rate):.2f} deg/s exceeds "
                 f"{math.degrees(limit):.2f} deg/s (limit times motion.speed)"
             )
         speed[sweep.joint] = sweep.rate
@@ -150,7 +167,9 @@ class MotionBuilder:
                 self.hold(sweep.hold)
 
     def _waves(self, sweeps: list[SineCommand | FourierCommand]) -> None:
-        """Sines and Fourier series under their fades; the longest decides the duration, the others rest at their end."""
+        """Sines and Fourier series under their fades; the longest decides the duration, the others
+        rest at their end.
+        """
         durations = [(sweep.cycles + 2 * sweep.ramp_cycles) / sweep.frequency for sweep in sweeps]
         total_ns = round(max(durations) * NANOSECONDS)
         times = _knots(sweeps, durations, total_ns)
@@ -158,7 +177,11 @@ class MotionBuilder:
         states[:, 0] = self.q
         for sweep, duration in zip(sweeps, durations, strict=True):
             t = times / NANOSECONDS
-            state = faded_sine(t, sweep, duration) if isinstance(sweep, SineCommand) else faded_series(t, sweep, duration)
+            state = (
+                faded_sine(t, sweep, duration)
+                if isinstance(sweep, SineCommand)
+                else faded_series(t, sweep, duration)
+            )
             inside = t < duration
             for order in range(3):
                 states[inside, order, sweep.joint] += state[order][inside]
@@ -166,18 +189,30 @@ class MotionBuilder:
         self._rest(total_ns, self.q)
 
 
-def _knots(sweeps: list[SineCommand | FourierCommand], durations: list[float], total_ns: int) -> np.ndarray:
-    """Times of the knots within waves [ns], shape (n,): evenly between the ends of their fades, where their jerk jumps."""
-    fastest = max(s.frequency * (1 if isinstance(s, SineCommand) else len(s.amplitudes)) for s in sweeps)
+def _knots(
+    sweeps: list[SineCommand | FourierCommand], durations: list[float], total_ns: int
+) -> np.ndarray:
+    """Times of the knots within waves [ns], shape (n,): evenly between the ends of their fades,
+    where their jerk jumps.
+    """
+    fastest = max(
+        s.frequency * (1 if isinstance(s, SineCommand) else len(s.amplitudes)) for s in sweeps
+    )
     spacing = max(1 / (KNOTS_A_CYCLE * fastest), SINE_KNOT_S)
-    ends = [time for s, duration in zip(sweeps, durations, strict=True) for time in _fade_ends(s, duration)]
+    ends = [
+        time
+        for s, duration in zip(sweeps, durations, strict=True)
+        for time in _fade_ends(s, duration)
+    ]
     edges = [0.0]
     for time in sorted(ends):
         if edges[-1] + SINE_KNOT_S <= time <= total_ns / NANOSECONDS - SINE_KNOT_S:
             edges.append(time)
     edges.append(total_ns / NANOSECONDS)
     spans = itertools.pairwise(edges)
-    parts = [np.linspace(a, b, max(math.ceil((b - a) / spacing - 1e-6), 2) + 1)[:-1] for a, b in spans]
+    parts = [
+        np.linspace(a, b, max(math.ceil((b - a) / spacing - 1e-6), 2) + 1)[:-1] for a, b in spans
+    ]
     return np.unique(np.round(np.concatenate(parts) * NANOSECONDS).astype(np.int64))[1:]
 
 
@@ -186,11 +221,15 @@ def _fade_ends(sweep: SineCommand | FourierCommand, duration: float) -> tuple[fl
     return ramp, duration - ramp, duration
 
 
-def faded_sine(t: np.ndarray, sweep: SineCommand, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def faded_sine(
+    t: np.ndarray, sweep: SineCommand, duration: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angle, rate and acceleration of a sine under a fade that starts and ends at rest.
 
     Args:
-        t: Shape (n,) [s], from 0 to duration. sweep: The sine. duration: [s].
+        t: Shape (n,) [s], from 0 to duration.
+        sweep: The sine.
+        duration: [s].
 
     Returns:
         Offset from the centre [rad], [rad/s], [rad/s^2], each of shape (n,).
@@ -204,8 +243,12 @@ def faded_sine(t: np.ndarray, sweep: SineCommand, duration: float) -> tuple[np.n
     return q, v, a
 
 
-def faded_series(t: np.ndarray, sweep: FourierCommand, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angle, rate and acceleration of a Fourier series under the same fade; arguments and result as for `faded_sine`."""
+def faded_series(
+    t: np.ndarray, sweep: FourierCommand, duration: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angle, rate and acceleration of a Fourier series under the same fade; arguments and result as
+    for `faded_sine`.
+    """
     w, dw, ddw = _fade(t, sweep.ramp_cycles / sweep.frequency, duration)
     omega = 2 * np.pi * sweep.frequency * np.arange(1, len(sweep.amplitudes) + 1)
     angle = np.outer(t, omega) + np.array(sweep.phases)
@@ -215,7 +258,9 @@ def faded_series(t: np.ndarray, sweep: FourierCommand, duration: float) -> tuple
 
 
 def _fade(t: np.ndarray, ramp: float, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A quintic smoothstep up over `ramp` [s] and down again before `duration`, with its derivatives, shapes (n,)."""
+    """A quintic smoothstep up over `ramp` [s] and down again before `duration`, with its
+    derivatives, shapes (n,).
+    """
     rising = t <= duration / 2
     u = np.clip(np.where(rising, t, duration - t) / ramp, 0.0, 1.0)
     sign = np.where(rising, 1.0, -1.0)

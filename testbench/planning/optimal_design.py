@@ -1,7 +1,9 @@
-"""Choice of the observations that tell most: D- or A-optimal designs by greedy choice and exchange, from several starts.
+"""Choice of the observations that tell most: D- or A-optimal designs by greedy choice and exchange,
+from several starts.
 
-D maximises the determinant of the information, so the volume of the confidence ellipsoid is least; A minimises the sum of the
-variances in units of what is known beforehand (Fedorov, Theory of Optimal Experiments, 1972; Pukelsheim 2006, chapter 6).
+D maximises the determinant of the information, so the volume of the confidence ellipsoid is least;
+A minimises the sum of the variances in units of what is known beforehand (Fedorov, Theory of
+Optimal Experiments, 1972; Pukelsheim 2006, chapter 6).
 """
 
 from __future__ import annotations
@@ -16,14 +18,22 @@ LEAST_GAIN = 1e-6
 
 
 def choose(
-    information: np.ndarray, count: int, size: np.ndarray, criterion: Criterion, start: np.ndarray | None = None, seed: int = 0
+    information: np.ndarray,
+    count: int,
+    size: np.ndarray,
+    criterion: Criterion,
+    start: np.ndarray | None = None,
+    seed: int = 0,
 ) -> list[int]:
     """Observations to make.
 
     Args:
-        information: Of each candidate, shape (k, p, p). count: How many to choose; a candidate may be chosen again.
-        size: What is known of each parameter beforehand, a standard deviation, shape (p,). criterion: "D" or "A".
-        start: Information that is there already, shape (p, p). seed: Of the random starts beside the greedy one.
+        information: Of each candidate, shape (k, p, p).
+        count: How many to choose; a candidate may be chosen again.
+        size: What is known of each parameter beforehand, a standard deviation, shape (p,).
+        criterion: "D" or "A".
+        start: Information that is there already, shape (p, p).
+        seed: Of the random starts beside the greedy one.
 
     Returns:
         Indices, ascending.
@@ -43,15 +53,23 @@ def choose(
 
 
 def merit(information: np.ndarray, criterion: Criterion) -> float:
-    """Larger is better: the log determinant, or minus the log of the sum of variances; of shape (p, p)."""
+    """Larger is better: the log determinant, or minus the log of the sum of variances; of shape (p,
+    p).
+    """
     return float(_merit(information[None], criterion)[0])
 
 
-def efficiency(information: np.ndarray, reference: np.ndarray, size: np.ndarray, criterion: Criterion) -> float:
-    """How many times more a design tells than another, per observation made so often: the ratio of their variances.
+def efficiency(
+    information: np.ndarray, reference: np.ndarray, size: np.ndarray, criterion: Criterion
+) -> float:
+    """How many times more a design tells than another, per observation made so often: the ratio of
+    their variances.
 
     Args:
-        information, reference: Shape (p, p), both of full rank. size: Shape (p,). criterion: "D" or "A".
+        information: Shape (p, p), both of full rank.
+        reference: Shape (p, p), both of full rank.
+        size: Shape (p,).
+        criterion: "D" or "A".
     """
     scale = np.outer(size, size)
     gain = merit(information * scale, criterion) - merit(reference * scale, criterion)
@@ -67,8 +85,12 @@ def _greedy(scaled: np.ndarray, known: np.ndarray, count: int, criterion: Criter
     return chosen
 
 
-def _exchange(scaled: np.ndarray, known: np.ndarray, design: list[int], criterion: Criterion) -> list[int]:
-    """Replace one observation at a time by the best there is, until none is better (Fedorov's exchange)."""
+def _exchange(
+    scaled: np.ndarray, known: np.ndarray, design: list[int], criterion: Criterion
+) -> list[int]:
+    """Replace one observation at a time by the best there is, until none is better (Fedorov's
+    exchange).
+    """
     chosen = list(design)
     total = known + scaled[chosen].sum(axis=0)
     for _ in range(MOST_PASSES):

@@ -26,7 +26,9 @@ from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import Robot, load_robot
 
 FARTHEST_CENTRE_MM = 500.0
-"""Of a tool that carries sensors: the reach of the smallest arm (UR3e, user manual). Farther is a slip of the unit."""
+"""Of a tool that carries sensors: the reach of the smallest arm (UR3e, user manual). Farther is a
+slip of the unit.
+"""
 
 
 def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = None) -> Plan:
@@ -59,10 +61,14 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
             error.place, error.doubts = command.place, tuple(unit_warnings(protocol, commands))
             raise
         if end > LONGEST_DURATION_S * 1e9:
-            raise protocol.document.problem(f"the motion lasts longer than the {LONGEST_DURATION_S:g} s allowed", "sections")
+            raise protocol.document.problem(
+                f"the motion lasts longer than the {LONGEST_DURATION_S:g} s allowed", "sections"
+            )
         steps.append(_planned(index, command, start, settled, end))
     if builder.now_ns == 0:
-        raise protocol.document.problem("nothing moves and nothing dwells: the protocol lasts no time", "sections")
+        raise protocol.document.problem(
+            "nothing moves and nothing dwells: the protocol lasts no time", "sections"
+        )
     _check_settling(protocol, steps)
     trajectory = builder.trajectory()
     doubts = unit_warnings(protocol, commands)
@@ -84,7 +90,9 @@ def _planned(index: int, command: Command, start: int, settled: int, end: int) -
     kind: Any = "sweep" if command.sweeps else "hold" if settled == start else "move"
     cycles = planned_cycles(command.sweeps, (settled - start) / NANOSECONDS)
     names = (command.section, command.role, command.name)
-    return PlannedStep(index, *names, kind, dict(command.variables), start, settled, end, command.place, cycles)
+    return PlannedStep(
+        index, *names, kind, dict(command.variables), start, settled, end, command.place, cycles
+    )
 
 
 def find_robot(protocol: Protocol, robot: str | Path | None) -> Robot:
@@ -94,7 +102,9 @@ def find_robot(protocol: Protocol, robot: str | Path | None) -> Robot:
     name = protocol.spec.robot
     beside = protocol.document.file.parent / name
     try:
-        return load_robot(beside if beside.exists() or name.endswith((".yaml", ".yml", ".urdf")) else name)
+        return load_robot(
+            beside if beside.exists() or name.endswith((".yaml", ".yml", ".urdf")) else name
+        )
     except FileProblems:
         raise  # it names the robot file and its line
     except InputError as error:
@@ -108,7 +118,8 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
         (sensor.link, ("sensors", name, "link")) for name, sensor in protocol.spec.sensors.items()
     ]
     named += [
-        (dipole.link, ("environment", "dipoles", i, "link")) for i, dipole in enumerate(protocol.spec.environment.dipoles)
+        (dipole.link, ("environment", "dipoles", i, "link"))
+        for i, dipole in enumerate(protocol.spec.environment.dipoles)
     ]
     for link, where in named:
         try:
@@ -119,10 +130,14 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
         try:
             kinematics.check_link(dipole.link)
         except NotFoundError as error:
-            raise InputError(f"the robot file of {robot.name}, magnetism, dipole '{dipole.name}': {error}") from None
+            raise InputError(
+                f"the robot file of {robot.name}, magnetism, dipole '{dipole.name}': {error}"
+            ) from None
     for name, joint in protocol.spec.joints.items():
         if joint.reference_joint is not None and joint.reference_joint not in robot.joint_names:
-            unknown = NotFoundError(f"joint of {robot.name}", joint.reference_joint, robot.joint_names)
+            unknown = NotFoundError(
+                f"joint of {robot.name}", joint.reference_joint, robot.joint_names
+            )
             raise protocol.document.problem(str(unknown), "joints", name, "reference_joint")
     chain = protocol.spec.estimate.chain
     for i, name in enumerate(chain.joints if chain is not None else []):
@@ -137,23 +152,31 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
 
 
 def _check_tool(protocol: Protocol, robot: Robot) -> None:
-    """The weight on the flange must be one that the arm may carry, with its centre where a tool can have it."""
+    """The weight on the flange must be one that the arm may carry, with its centre where a tool can
+    have it.
+    """
     tool, payload = protocol.spec.arm.tool, robot.spec.payload_kg
     if tool is None:
         return
     if payload is not None and tool.mass_kg > payload:
         message = (
-            f"the tool of {tool.mass_kg:g} kg is heavier than the {payload:g} kg that the maker of the {robot.name} allows"
+            f"the tool of {tool.mass_kg:g} kg is heavier than the {payload:g} kg that the "
+            f"maker of the {robot.name} allows"
         )
         raise protocol.document.problem(message, "arm", "tool", "mass_kg")
     distance = math.hypot(*tool.centre_mm)
     if distance > FARTHEST_CENTRE_MM:
-        message = f"the tool's centre of mass is {distance:g} mm from the flange; at most {FARTHEST_CENTRE_MM:g} mm are allowed"
+        message = (
+            f"the tool's centre of mass is {distance:g} mm from the flange; at most "
+            f"{FARTHEST_CENTRE_MM:g} mm are allowed"
+        )
         raise protocol.document.problem(message, "arm", "tool", "centre_mm")
 
 
 def _check_settling(protocol: Protocol, steps: list[PlannedStep]) -> None:
-    """What `settling_s` leaves out at either end of a step must leave something to judge of each section of the chain."""
+    """What `settling_s` leaves out at either end of a step must leave something to judge of each
+    section of the chain.
+    """
     chain = protocol.spec.estimate.chain
     if chain is None or chain.settling_s == 0:
         return
@@ -167,7 +190,9 @@ def _check_settling(protocol: Protocol, steps: list[PlannedStep]) -> None:
         longest = max(spans, default=0) / NANOSECONDS
         if spans and longest <= 2 * chain.settling_s:
             message = (
-                f"settling_s leaves out {chain.settling_s:g} s at either end of each step, and the longest of section "
-                f"'{section}' lasts {longest:.1f} s: nothing would be judged; it must be below {longest / 2:.1f} s"
+                f"settling_s leaves out {chain.settling_s:g} s at either end of each step, and the "
+                "longest of section "
+                f"'{section}' lasts {longest:.1f} s: nothing would be judged; it must be below "
+                f"{longest / 2:.1f} s"
             )
             raise protocol.document.problem(message, "estimate", "chain", "settling_s")

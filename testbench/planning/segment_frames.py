@@ -1,4 +1,6 @@
-"""Does the flexion of a joint definition follow what it is judged by? URDFs of one arm label their link axes differently."""
+"""Does the flexion of a joint definition follow what it is judged by? URDFs of one arm label their
+link axes differently.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.model import rotation
-from testbench.model.joint_angle import INDEX, decomposition_of, flexion_of, joint_angles, segment_pose
+from testbench.model.joint_angle import (
+    INDEX,
+    decomposition_of,
+    flexion_of,
+    joint_angles,
+    segment_pose,
+)
 from testbench.model.kinematics import Kinematics
 from testbench.records.joint_definition import FlexionAngle
 from testbench.records.plan import PlannedStep
@@ -17,31 +25,39 @@ from testbench.records.robot import Robot
 from testbench.records.trajectory import Trajectory
 
 MOST_SEQUENCE_ERROR_DEG = 15.0
-"""The error that an Euler sequence alone makes in the published study stays below 9 deg at 20 deg of misalignment."""
+"""The error that an Euler sequence alone makes in the published study stays below 9 deg at 20 deg
+of misalignment.
+"""
 LEAST_SLOPE = 0.5
-"""A flexion that changes by less than this part of the true one does not follow it: a sequence that does not fit the motion
-still changes by cos d of it, 0.94 at a misalignment d of 20 deg."""
+"""A flexion that changes by less than this part of the true one does not follow it: a sequence that
+does not fit the motion still changes by cos d of it, 0.94 at a misalignment d of 20 deg.
+"""
 LEAST_SPAN_DEG = 1.0
 """Flexion that changes by less has no slope."""
 LEAST_MARGIN_DEG = 5.0
-"""Nearer to a singularity than this an angle magnifies every error more than eleven times (1 / sin)."""
+"""Nearer to a singularity than this an angle magnifies every error more than eleven times (1 /
+sin).
+"""
 SUGGESTED_WITHIN_DEG = 5.0
 """Another angle or sign is suggested where it would be this near."""
 SWEEP_SAMPLES = 101
 """Instants of a sweep that are looked at, its ends included."""
 
 
-def segment_frame_warnings(robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: list[PlannedStep]) -> list[str]:
+def segment_frame_warnings(
+    robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: list[PlannedStep]
+) -> list[str]:
     """Joint definitions whose flexion is not what it is compared with, or is lost in a singularity.
 
-    Every definition of a joint is held against the true flexion: the arm's joint where one is named, else the angle of the
-    joint's own definition. The true flexion is held against the commanded one, over which results are tabled. The median over
-    poses and instants of sweeps is asked for, so that an Euler sequence that fails at large angles may still be studied, and
+    Every definition of a joint is held against the true flexion: the arm's joint where one is
+    named, else the angle of the joint's own definition. The true flexion is held against the
+    commanded one, over which results are tabled. The median over poses and instants of sweeps is
+    asked for, so that an Euler sequence that fails at large angles may still be studied, and
     besides whether the angle changes along at all. For singularities the worst pose is asked for.
 
     Returns:
-        A sentence for each that is off by more than any Euler sequence could be, and for each whose flexion is not defined in
-        one of the poses.
+        A sentence for each that is off by more than any Euler sequence could be, and for each whose
+        flexion is not defined in one of the poses.
     """
     judged = [step for step in steps if step.role == "evaluation"]
     if not judged:
@@ -53,19 +69,32 @@ def segment_frame_warnings(robot: Robot, protocol: Protocol, trajectory: Traject
     for name, joint in protocol.spec.joints.items():
         proximal, distal = (
             kinematics.frame_motion(sensor.link, q, offset=segment_pose(sensor)).q_world_from_frame
-            for sensor in (protocol.spec.sensors[joint.proximal], protocol.spec.sensors[joint.distal])
+            for sensor in (
+                protocol.spec.sensors[joint.proximal],
+                protocol.spec.sensors[joint.distal],
+            )
         )
-        own = [_Read(definition, joint_angles(proximal, distal, definition)) for definition in joint.definitions()]
+        own = [
+            _Read(definition, joint_angles(proximal, distal, definition))
+            for definition in joint.definitions()
+        ]
         at_rest = posed if posed.any() else ~posed
         warnings += [sentence for read in own for sentence in read.lost(name, at_rest)]
         if joint.reference_joint is None:
             true, called, compared = own[0].flexion, f"the true one, {joint.label},", own[1:]
         else:
-            true, called, compared = q[:, robot.joint_names.index(joint.reference_joint)], joint.reference_joint, own
+            true, called, compared = (
+                q[:, robot.joint_names.index(joint.reference_joint)],
+                joint.reference_joint,
+                own,
+            )
         warnings += _commanded(name, joint, [step for step, _ in moments], posed, true, own[0])
         for read in compared:
             frames = f"its segment frames (rotation_deg) do not fit the link frames of {robot.name}"
-            what = f"joint '{name}': in the middle of the poses the {read.definition.label} flexion of the segments differs"
+            what = (
+                f"joint '{name}': in the middle of the poses the {read.definition.label} "
+                "flexion of the segments differs"
+            )
             warnings += read.differs(what, true, called, frames)
     return warnings
 
@@ -75,26 +104,48 @@ def moments_of(judged: list[PlannedStep]) -> list[tuple[PlannedStep, int]]:
     moments = []
     for step in judged:
         ends = step.start_ns, step.settled_ns
-        times = np.linspace(*ends, SWEEP_SAMPLES).astype(np.int64).tolist() if step.kind == "sweep" else [step.end_ns]
+        times = (
+            np.linspace(*ends, SWEEP_SAMPLES).astype(np.int64).tolist()
+            if step.kind == "sweep"
+            else [step.end_ns]
+        )
         moments += [(step, int(time)) for time in times]
     return moments
 
 
 def _commanded(
-    name: str, joint: JointDefinition, steps: list[PlannedStep], posed: np.ndarray, true: np.ndarray, own: _Read
+    name: str,
+    joint: JointDefinition,
+    steps: list[PlannedStep],
+    posed: np.ndarray,
+    true: np.ndarray,
+    own: _Read,
 ) -> list[str]:
     """Whether the true flexion of the poses is the one that the protocol calls commanded."""
     variable = joint.flexion_variable
-    rows = np.array([i for i, step in enumerate(steps) if posed[i] and variable in step.variables], dtype=int)
+    rows = np.array(
+        [i for i, step in enumerate(steps) if posed[i] and variable in step.variables], dtype=int
+    )
     if not len(rows):
         return []
     commanded = np.radians([steps[i].variables[variable] for i in rows])
-    tabled = "errors are tabled and drawn over the commanded one, so name the right variable as flexion_variable, or mend the "
+    tabled = (
+        "errors are tabled and drawn over the commanded one, so name the right variable as "
+        "flexion_variable, or mend the "
+    )
     if joint.reference_joint is not None:
-        what = f"joint '{name}': in the middle of the poses the true flexion, {joint.reference_joint}, differs"
+        what = (
+            f"joint '{name}': in the middle of the poses the true flexion, "
+            f"{joint.reference_joint}, differs"
+        )
         return _differs(what, true[rows], commanded, variable, tabled + "reference_joint", [])
-    what = f"joint '{name}': in the middle of the poses the true flexion, {joint.label} of the segments, differs"
-    return own.at(rows).differs(what, commanded, variable, tabled + "definition and the segment frames (rotation_deg)")
+    what = (
+        f"joint '{name}': in the middle of the poses the true flexion, {joint.label} of the "
+        "segments, differs"
+    )
+    return own.at(rows).differs(
+        what, commanded, variable, tabled + "definition and the segment frames (rotation_deg)"
+    )
 
 
 @dataclass(frozen=True)
@@ -114,17 +165,31 @@ class _Read:
     def lost(self, name: str, rows: np.ndarray) -> list[str]:
         """Whether the flexion is nearly undefined somewhere."""
         d = self.definition
-        margin = math.degrees(float(decomposition_of(d).margins(self.angles[rows])[:, INDEX[d.flexion]].min()))
+        margin = math.degrees(
+            float(decomposition_of(d).margins(self.angles[rows])[:, INDEX[d.flexion]].min())
+        )
         if margin >= LEAST_MARGIN_DEG:
             return []
-        flexion = f"joint '{name}': the {d.flexion} angle of {d.label} is its flexion, and in one of the poses it is"
-        return [f"{flexion} {margin:.1f} deg from where that angle is not defined; its error there says nothing"]
+        flexion = (
+            f"joint '{name}': the {d.flexion} angle of {d.label} is its flexion, and in one "
+            "of the poses it is"
+        )
+        return [
+            (
+                f"{flexion} {margin:.1f} deg from where that angle is not defined; its error there "
+                "says nothing"
+            )
+        ]
 
     def differs(self, what: str, true: np.ndarray, called: str, otherwise: str) -> list[str]:
-        """Whether the flexion is not the true one; `otherwise` says what to do where no other angle or sign fits."""
+        """Whether the flexion is not the true one; `otherwise` says what to do where no other angle
+        or sign fits.
+        """
         d, angles = self.definition, self.angles
         choices = [angles]
-        if d.continuous:  # followed over time it may be on another branch: the nearest of all triples of the same rotation
+        # followed over time it may be on another branch: the nearest of all triples of the same
+        # rotation
+        if d.continuous:
             choices += list(decomposition_of(d).alternatives(angles))
         others = []
         for flexion, column in INDEX.items():
@@ -148,9 +213,16 @@ def _nearest(choices: list[np.ndarray], true: np.ndarray) -> np.ndarray:
 
 
 def _differs(
-    what: str, read: np.ndarray, true: np.ndarray, called: str, otherwise: str, others: list[tuple[str, np.ndarray]]
+    what: str,
+    read: np.ndarray,
+    true: np.ndarray,
+    called: str,
+    otherwise: str,
+    others: list[tuple[str, np.ndarray]],
 ) -> list[str]:
-    """A sentence where an angle is off or does not follow, with the nearest of the others if that fits."""
+    """A sentence where an angle is off or does not follow, with the nearest of the others if that
+    fits.
+    """
     off, slope = _off_deg(read, true), _slope(read, true)
     if off <= MOST_SEQUENCE_ERROR_DEG and (slope is None or slope >= LEAST_SLOPE):
         return []
@@ -158,8 +230,15 @@ def _differs(
     if slope is not None and slope <= -LEAST_SLOPE:
         said += " and runs against it"
     elif slope is not None and slope < LEAST_SLOPE:
-        said += f" and does not follow it: over {_span_deg(true):.1f} deg of that it changes by {_span_deg(read):.1f} deg"
-    fitting = [(_off_deg(angle, true), words) for words, angle in others if (_slope(angle, true) or 0.0) >= LEAST_SLOPE]
+        said += (
+            f" and does not follow it: over {_span_deg(true):.1f} deg of that it changes by "
+            f"{_span_deg(read):.1f} deg"
+        )
+    fitting = [
+        (_off_deg(angle, true), words)
+        for words, angle in others
+        if (_slope(angle, true) or 0.0) >= LEAST_SLOPE
+    ]
     nearest, words = min(fitting, default=(math.inf, ""))
     return [f"{said}; {words if nearest <= min(SUGGESTED_WITHIN_DEG, off / 2) else otherwise}"]
 
@@ -170,7 +249,9 @@ def _off_deg(read: np.ndarray, true: np.ndarray) -> float:
 
 
 def _slope(read: np.ndarray, true: np.ndarray) -> float | None:
-    """Change of an angle with the true one, by least squares; None where the true one hardly changes."""
+    """Change of an angle with the true one, by least squares; None where the true one hardly
+    changes.
+    """
     if np.ptp(true) < math.radians(LEAST_SPAN_DEG):
         return None
     centred = true - true.mean()

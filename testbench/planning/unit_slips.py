@@ -1,4 +1,6 @@
-"""Numbers that look as if another unit was meant: radians where degrees are, metres where millimetres are."""
+"""Numbers that look as if another unit was meant: radians where degrees are, metres where
+millimetres are.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,13 @@ TYPED_TO = 0.005
 """How near a typed number comes to a part of pi: 1.57 and 3.14 count [1]."""
 WHOLE_TURN = 2 * np.pi + TYPED_TO
 FEWEST_IN_A_POSE = 2
-"""One pose among others in degrees is doubted where so many of its angles, and no other but 0, are quarters of pi."""
+"""One pose among others in degrees is doubted where so many of its angles, and no other but 0, are
+quarters of pi.
+"""
 LEAST_POSITION_MM = 1.0
-"""A part whose coordinates are all smaller sits in the middle of its link, where no sensor is mounted [mm]."""
+"""A part whose coordinates are all smaller sits in the middle of its link, where no sensor is
+mounted [mm].
+"""
 
 
 def unit_warnings(protocol: Protocol, commands: Sequence[Command]) -> list[str]:
@@ -24,20 +30,36 @@ def unit_warnings(protocol: Protocol, commands: Sequence[Command]) -> list[str]:
 
 
 def _radians(commands: Sequence[Command]) -> list[str]:
-    """Poses, and variables called `..._deg`, whose angles stay within 2 pi degrees and are quarters of pi.
+    """Poses, and variables called `..._deg`, whose angles stay within 2 pi degrees and are quarters
+    of pi.
 
-    Where no pose of the protocol goes beyond 2 pi one such angle is enough; a variable is doubted by its largest value.
+    Where no pose of the protocol goes beyond 2 pi one such angle is enough; a variable is doubted
+    by its largest value.
     """
     moves = [command for command in commands if command.target is not None]
-    angles = [np.degrees(command.target[np.isfinite(command.target)]) for command in moves if command.target is not None]
+    angles = [
+        np.degrees(command.target[np.isfinite(command.target)])
+        for command in moves
+        if command.target is not None
+    ]
     small = not angles or max(float(np.abs(pose).max(initial=0.0)) for pose in angles) <= WHOLE_TURN
     for command, pose in zip(moves, angles, strict=True):
         typed = _quarters(pose)
         alone = typed.sum() >= FEWEST_IN_A_POSE and bool(np.all(typed | (pose == 0)))
         if typed.any() and (small or alone):
-            where = "no angle of the protocol is beyond 2 pi" if small else "so are all its angles but 0"
+            where = (
+                "no angle of the protocol is beyond 2 pi"
+                if small
+                else "so are all its angles but 0"
+            )
             number = float(pose[int(np.argmax(typed))])
-            return [f"move_to_deg of step '{command.name}' {_looks(number)}, and {where}); it is taken in degrees"]
+            return [
+                (
+                    f"move_to_deg of step '{command.name}' {_looks(number)}, and {where}); it is "
+                    "taken "
+                    "in degrees"
+                )
+            ]
     values: dict[str, set[float]] = {}
     for command in commands:
         for name, value in command.variables.items():
@@ -46,7 +68,10 @@ def _radians(commands: Sequence[Command]) -> list[str]:
     for name, own in values.items():
         largest = max(own, key=abs)
         if name.endswith("_deg") and len(own) > 1 and _quarters(np.array([largest]))[0]:
-            warnings.append(f"variable '{name}' {_looks(largest)}, and it goes no further); it is taken in degrees")
+            warnings.append(
+                f"variable '{name}' {_looks(largest)}, and it goes no further); it is taken in "
+                "degrees"
+            )
     return warnings
 
 
@@ -67,9 +92,12 @@ def _metres(protocol: Protocol) -> list[str]:
     for name, sensor in protocol.spec.sensors.items():
         position = sensor.mounting.position_mm
         if any(position) and max(abs(value) for value in position) < LEAST_POSITION_MM:
-            given, meant = (", ".join(f"{scale * value:g}" for value in position) for scale in (1, 1000))
+            given, meant = (
+                ", ".join(f"{scale * value:g}" for value in position) for scale in (1, 1000)
+            )
             warnings.append(
-                f"sensor '{name}': position_mm [{given}] looks like metres, for all of it is below {LEAST_POSITION_MM:g} mm; "
+                f"sensor '{name}': position_mm [{given}] looks like metres, for all of it is below "
+                f"{LEAST_POSITION_MM:g} mm; "
                 f"did you mean [{meant}]?"
             )
     return warnings

@@ -1,4 +1,6 @@
-"""An arm's own kinematics: the corrections of its DH parameters, which its maker measured and its controller keeps."""
+"""An arm's own kinematics: the corrections of its DH parameters, which its maker measured and its
+controller keeps.
+"""
 
 from __future__ import annotations
 
@@ -25,19 +27,24 @@ class DhTable(StrictModel):
 class ArmCalibration(StrictModel):
     """The content of a calibration.yaml.
 
-    The corrections are those of the controller's file calibration.conf (delta_theta, delta_d, delta_a, delta_alpha), which are
-    added to the nominal parameters of the same convention (Universal Robots, DH parameters).
+    The corrections are those of the controller's file calibration.conf (delta_theta, delta_d,
+    delta_a, delta_alpha), which are added to the nominal parameters of the same convention
+    (Universal Robots, DH parameters).
     """
 
     robot: str = Field(description="Name of the robot it belongs to.")
-    serial: str | None = Field(default=None, description="Serial number of the arm; compared at connection where it is given.")
+    serial: str | None = Field(
+        default=None,
+        description="Serial number of the arm; compared at connection where it is given.",
+    )
     corrections: DhTable = Field(description="Added to the nominal parameters.")
 
     @model_validator(mode="after")
     def _flange_is_a_rotation_and_a_shift(self) -> ArmCalibration:
         if self.corrections.a_m[5] != 0 or self.corrections.alpha_rad[5] != 0:
             raise ValueError(
-                "corrections of a_m and alpha_rad of the last joint must be 0: they would move the flange off its axis"
+                "corrections of a_m and alpha_rad of the last joint must be 0: they would move the "
+                "flange off its axis"
             )
         return self
 

@@ -1,4 +1,6 @@
-"""Calibration: the corrections of one sensor, dated and with their uncertainty; a YAML file that a later session can use."""
+"""Calibration: the corrections of one sensor, dated and with their uncertainty; a YAML file that a
+later session can use.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +13,21 @@ from testbench.records.fit import Fit
 
 @dataclass(frozen=True)
 class TriadCalibration:
-    """Corrections of three sensing axes: corrected = matrix (raw - bias - drift (T - reference) - g_matrix force).
+    """Corrections of three sensing axes: corrected = matrix (raw - bias - drift (T - reference) -
+    g_matrix force).
 
     Attributes:
-        method: As `testbench calibrate` spells it. matrix: Shape (3, 3) [1]. bias: Shape (3,) [m/s^2, rad/s or uT].
-        g_matrix: Response of a gyroscope to specific force, shape (3, 3) [rad/s/(m/s^2)]; zero for other triads.
-        drift: Change of the bias with temperature, shape (3,) [unit/K]. reference: Temperature the bias holds at [deg C].
-        fits: The parameters as the method states them, with covariance; several where it works in steps.
-        validation: Held-out figures by name, with the unit in the name, e.g. "gravity_norm_rms_mm_s2".
+        method: As `testbench calibrate` spells it.
+        matrix: Shape (3, 3) [1].
+        bias: Shape (3,) [m/s^2, rad/s or uT].
+        g_matrix: Response of a gyroscope to specific force, shape (3, 3) [rad/s/(m/s^2)]; zero for
+            other triads.
+        drift: Change of the bias with temperature, shape (3,) [unit/K].
+        reference: Temperature the bias holds at [deg C].
+        fits: The parameters as the method states them, with covariance; several where it works in
+            steps.
+        validation: Held-out figures by name, with the unit in the name, e.g.
+            "gravity_norm_rms_mm_s2".
         remarks: What a user must know of it, as sentences.
     """
 
@@ -32,12 +41,18 @@ class TriadCalibration:
     validation: dict[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
-    def apply(self, raw: np.ndarray, force: np.ndarray | None = None, temperature: np.ndarray | None = None) -> np.ndarray:
+    def apply(
+        self,
+        raw: np.ndarray,
+        force: np.ndarray | None = None,
+        temperature: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Corrected readings, shape (n, 3).
 
         Args:
-            raw: Shape (n, 3). force: Specific force for the g-sensitivity, shape (n, 3) [m/s^2]. temperature: Shape (n,)
-            [deg C].
+            raw: Shape (n, 3).
+            force: Specific force for the g-sensitivity, shape (n, 3) [m/s^2].
+            temperature: Shape (n,) [deg C].
         """
         bias = np.broadcast_to(self.bias, raw.shape)
         if temperature is not None and self.reference is not None and self.drift.any():
@@ -52,7 +67,8 @@ class MountingCalibration:
     """How a sensor really sits against its mounting as believed.
 
     Attributes:
-        method: As `testbench calibrate` spells it, or from which method of a triad. R_believed_from_sensor: Shape (3, 3).
+        method: As `testbench calibrate` spells it, or from which method of a triad.
+        R_believed_from_sensor: Shape (3, 3).
         fit: Its rotation vector [rad].
         remarks: What a user must know of it, as sentences.
     """

@@ -1,4 +1,6 @@
-"""Calibration files: the corrections of one sensor, dated, as YAML; and the folder of many that a session is corrected from."""
+"""Calibration files: the corrections of one sensor, dated, as YAML; and the folder of many that a
+session is corrected from.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ SCHEMA_VERSION = 1
 SUFFIXES = (".yaml", ".yml")
 TRIADS = ("accelerometer", "gyroscope", "magnetometer")
 MOST_SCALE = 2.0
-"""A correction beyond this, or below its inverse, is no calibration but a wrong unit or a slip of the pen."""
+"""A correction beyond this, or below its inverse, is no calibration but a wrong unit or a slip of
+the pen.
+"""
 UNITS = {"accelerometer": "m_s2", "gyroscope": "rad_s", "magnetometer": "uT"}
 
 Rows = Annotated[list[Angles3], Field(min_length=3, max_length=3)]
@@ -40,9 +44,13 @@ class FitEntry(StrictModel):
     names: list[str] = Field(min_length=1, max_length=200, description="Of the parameters.")
     units: list[str] = Field(description="Of each.")
     values: list[float] = Field(description="In its unit.")
-    sd: list[float] = Field(description="Standard uncertainty of each; the root of the diagonal of the covariance.")
+    sd: list[float] = Field(
+        description="Standard uncertainty of each; the root of the diagonal of the covariance."
+    )
     covariance: list[list[float]] = Field(description="In the product of the units.")
-    dof: float | None = Field(default=None, description="Degrees of freedom of the uncertainties; null: infinite.")
+    dof: float | None = Field(
+        default=None, description="Degrees of freedom of the uncertainties; null: infinite."
+    )
     condition: float | None = Field(default=None, description="Condition number of the design.")
     residual_rms: float | None = Field(default=None, description="What the fit leaves.")
     residual_unit: str = Field(default="", description="Its unit.")
@@ -51,20 +59,31 @@ class FitEntry(StrictModel):
         """The fit; of its residuals only the RMS was kept."""
         residuals = np.zeros(0) if self.residual_rms is None else np.array([self.residual_rms])
         return Fit(
-            tuple(self.names), tuple(self.units), np.array(self.values), np.array(self.covariance),
-            float("inf") if self.dof is None else self.dof, float("nan") if self.condition is None else self.condition,
-            residuals, self.residual_unit,
-        )  # fmt: skip
+            tuple(self.names),
+            tuple(self.units),
+            np.array(self.values),
+            np.array(self.covariance),
+            float("inf") if self.dof is None else self.dof,
+            float("nan") if self.condition is None else self.condition,
+            residuals,
+            self.residual_unit,
+        )
 
 
 class _TriadEntry(StrictModel):
-    """Corrections of three axes: corrected = matrix (raw - bias - drift (T - reference) - g_matrix force)."""
+    """Corrections of three axes: corrected = matrix (raw - bias - drift (T - reference) - g_matrix
+    force).
+    """
 
     method: str = Field(min_length=1, description="As `testbench calibrate` spells it.")
     matrix: Rows = Field(description="3 by 3, rows.")
-    reference_deg_c: float | None = Field(default=None, description="Temperature that the bias holds at [deg C].")
+    reference_deg_c: float | None = Field(
+        default=None, description="Temperature that the bias holds at [deg C]."
+    )
     fits: list[FitEntry] = Field(default=[], description="What was fitted, in steps.")
-    validation: dict[str, float] = Field(default={}, description="Held-out figures, with the unit in the name.")
+    validation: dict[str, float] = Field(
+        default={}, description="Held-out figures, with the unit in the name."
+    )
     remarks: list[str] = Field(default=[], description="What a user must know.")
 
 
@@ -72,28 +91,39 @@ class AccelerometerEntry(_TriadEntry):
     """Corrections of an accelerometer."""
 
     bias_m_s2: Angles3 = Field(description="[m/s^2].")
-    drift_m_s2_k: Angles3 = Field(default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [m/s^2/K].")
+    drift_m_s2_k: Angles3 = Field(
+        default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [m/s^2/K]."
+    )
 
 
 class GyroscopeEntry(_TriadEntry):
     """Corrections of a gyroscope."""
 
     bias_rad_s: Angles3 = Field(description="[rad/s].")
-    drift_rad_s_k: Angles3 = Field(default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [rad/s/K].")
-    g_matrix_rad_s_per_m_s2: Rows | None = Field(default=None, description="Response to specific force; null: none.")
+    drift_rad_s_k: Angles3 = Field(
+        default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [rad/s/K]."
+    )
+    g_matrix_rad_s_per_m_s2: Rows | None = Field(
+        default=None, description="Response to specific force; null: none."
+    )
 
 
 class MagnetometerEntry(_TriadEntry):
     """Corrections of a magnetometer."""
 
     bias_uT: Angles3 = Field(description="Hard iron [uT].")
-    drift_uT_k: Angles3 = Field(default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [uT/K].")
+    drift_uT_k: Angles3 = Field(
+        default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [uT/K]."
+    )
 
 
 class MountingEntry(StrictModel):
     """How the sensor really sits against its mounting as believed."""
 
-    method: str = Field(min_length=1, description="As `testbench calibrate` spells it, or from which method of a triad.")
+    method: str = Field(
+        min_length=1,
+        description="As `testbench calibrate` spells it, or from which method of a triad.",
+    )
     matrix: Rows = Field(description="R_believed_from_sensor, 3 by 3, rows; a rotation.")
     rotation_deg: Angles3 = Field(description="The same as a rotation vector, for people [deg].")
     fit: FitEntry = Field(description="The same in rad, with its covariance.")
@@ -105,15 +135,25 @@ class CalibrationEntry(StrictModel):
 
     schema_version: Literal[1] = Field(description="1.")
     sensor: Name = Field(description="Name of the sensor in the session it was made from.")
-    device: str | None = Field(default=None, description="The device's own tag or serial number, where it has one.")
-    calibrated_utc: Annotated[str, AfterValidator(_utc)] = Field(description="When that session was recorded, ISO 8601.")
+    device: str | None = Field(
+        default=None, description="The device's own tag or serial number, where it has one."
+    )
+    calibrated_utc: Annotated[str, AfterValidator(_utc)] = Field(
+        description="When that session was recorded, ISO 8601."
+    )
     session: str = Field(description="Name of that session.")
     fingerprint: str = Field(description="SHA-256 of its manifest.")
     software: str = Field(description="Version that made it.")
-    temperature_deg_c: float | None = Field(default=None, description="Mean temperature of the part; null: not recorded.")
-    accelerometer: AccelerometerEntry | None = Field(default=None, description="null: not calibrated.")
+    temperature_deg_c: float | None = Field(
+        default=None, description="Mean temperature of the part; null: not recorded."
+    )
+    accelerometer: AccelerometerEntry | None = Field(
+        default=None, description="null: not calibrated."
+    )
     gyroscope: GyroscopeEntry | None = Field(default=None, description="null: not calibrated.")
-    magnetometer: MagnetometerEntry | None = Field(default=None, description="null: not calibrated.")
+    magnetometer: MagnetometerEntry | None = Field(
+        default=None, description="null: not calibrated."
+    )
     mounting: MountingEntry | None = Field(default=None, description="null: as believed.")
 
 
@@ -122,9 +162,16 @@ class SensorCalibration:
     """The corrections of one sensor.
 
     Attributes:
-        sensor, device, session, fingerprint, software: As in the file. calibrated: When, with its zone.
-        temperature: Of the part [deg C], or None. triads: By "accelerometer", "gyroscope", "magnetometer"; those calibrated.
-        file: Where it was read from, or None. mounting: Of the corrected triads, or None for as believed.
+        sensor: As in the file.
+        device: As in the file.
+        session: As in the file.
+        fingerprint: As in the file.
+        software: As in the file.
+        calibrated: When, with its zone.
+        temperature: Of the part [deg C], or None.
+        triads: By "accelerometer", "gyroscope", "magnetometer"; those calibrated.
+        file: Where it was read from, or None.
+        mounting: Of the corrected triads, or None for as believed.
     """
 
     sensor: str
@@ -139,17 +186,25 @@ class SensorCalibration:
     mounting: MountingCalibration | None = None
 
     def apply(
-        self, gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray | None, temperature: np.ndarray | None = None
+        self,
+        gyr: np.ndarray,
+        acc: np.ndarray,
+        mag: np.ndarray | None,
+        temperature: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Corrected angular rate [rad/s], specific force [m/s^2] and field [uT], shapes (n, 3).
 
-        The response of the gyroscope to force is that to the corrected force. `temperature` is that of the part, shape (n,)
-        [deg C]; without it, drifts with temperature are left in.
+        The response of the gyroscope to force is that to the corrected force. `temperature` is that
+        of the part, shape (n,) [deg C]; without it, drifts with temperature are left in.
         """
         accelerometer, gyroscope, magnetometer = (self.triads.get(triad) for triad in TRIADS)
         force = acc if accelerometer is None else accelerometer.apply(acc, temperature=temperature)
         rate = gyr if gyroscope is None else gyroscope.apply(gyr, force, temperature)
-        field = mag if magnetometer is None or mag is None else magnetometer.apply(mag, temperature=temperature)
+        field = (
+            mag
+            if magnetometer is None or mag is None
+            else magnetometer.apply(mag, temperature=temperature)
+        )
         if self.mounting is None:
             return rate, force, field
         R = self.mounting.R_believed_from_sensor
@@ -160,7 +215,12 @@ class SensorCalibration:
         methods = {triad: found.method for triad, found in self.triads.items()}
         methods |= {} if self.mounting is None else {"mounting": self.mounting.method}
         file = str(self.file) if self.file else None
-        return {"file": file, "calibrated_utc": self.calibrated.isoformat(), "session": self.session, "methods": methods}
+        return {
+            "file": file,
+            "calibrated_utc": self.calibrated.isoformat(),
+            "session": self.session,
+            "methods": methods,
+        }
 
 
 def save_calibration(file: Path, calibration: SensorCalibration) -> None:
@@ -209,51 +269,88 @@ def load_calibration(file: Path) -> SensorCalibration:
     """
     document = load_yaml(file, CalibrationEntry)
     entry = document.value
-    placed = [((triad, "fits", i), fit) for triad in TRIADS for i, fit in enumerate(getattr(getattr(entry, triad), "fits", []))]
+    placed = [
+        ((triad, "fits", i), fit)
+        for triad in TRIADS
+        for i, fit in enumerate(getattr(getattr(entry, triad), "fits", []))
+    ]
     placed += [] if entry.mounting is None else [(("mounting", "fit", 0), entry.mounting.fit)]
     for place, fit in placed:
         p = len(fit.names)
-        sizes: list[int] = [len(part) for part in (fit.units, fit.values, fit.sd, fit.covariance, *fit.covariance)]
+        sizes: list[int] = [
+            len(part) for part in (fit.units, fit.values, fit.sd, fit.covariance, *fit.covariance)
+        ]
         if any(size != p for size in sizes):
-            raise document.problem(f"names, units, values, sd and covariance must all be of size {p}", *place)
+            raise document.problem(
+                f"names, units, values, sd and covariance must all be of size {p}", *place
+            )
     for triad in TRIADS:
         found = getattr(entry, triad)
         if found is not None:
             strength = np.linalg.svd(np.array(found.matrix), compute_uv=False)
-            if np.linalg.det(np.array(found.matrix)) <= 0 or strength[0] > MOST_SCALE or strength[-1] < 1 / MOST_SCALE:
-                sentence = f"no sensor's correction mirrors its axes or scales them by more than {MOST_SCALE:g}"
+            if (
+                np.linalg.det(np.array(found.matrix)) <= 0
+                or strength[0] > MOST_SCALE
+                or strength[-1] < 1 / MOST_SCALE
+            ):
+                sentence = (
+                    "no sensor's correction mirrors its axes or scales them by more than "
+                    f"{MOST_SCALE:g}"
+                )
                 raise document.problem(
-                    f"this matrix scales by {strength[-1]:.3g} to {strength[0]:.3g}; {sentence}", triad, "matrix"
+                    f"this matrix scales by {strength[-1]:.3g} to {strength[0]:.3g}; {sentence}",
+                    triad,
+                    "matrix",
                 )
     if entry.mounting is not None:
         R = np.array(entry.mounting.matrix)
         if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
             raise document.problem("the matrix is no rotation", "mounting", "matrix")
     return SensorCalibration(
-        entry.sensor, entry.device, datetime.fromisoformat(entry.calibrated_utc), entry.session, entry.fingerprint,
-        entry.software, entry.temperature_deg_c,
-        {triad: _triad(triad, found) for triad in TRIADS if (found := getattr(entry, triad)) is not None}, file,
+        entry.sensor,
+        entry.device,
+        datetime.fromisoformat(entry.calibrated_utc),
+        entry.session,
+        entry.fingerprint,
+        entry.software,
+        entry.temperature_deg_c,
+        {
+            triad: _triad(triad, found)
+            for triad in TRIADS
+            if (found := getattr(entry, triad)) is not None
+        },
+        file,
         None if entry.mounting is None else _mounting(entry.mounting),
-    )  # fmt: skip
+    )
 
 
 def find_calibration(
     calibrations: list[SensorCalibration], sensor: str, device: str | None, at: datetime | None
 ) -> SensorCalibration | None:
-    """The one nearest in time: of the same device where both name theirs, else of the same sensor name; None without any.
+    """The one nearest in time: of the same device where both name theirs, else of the same sensor
+    name; None without any.
 
     Args:
-        calibrations: To choose from. sensor, device: Of the session. at: When it was recorded; None where nobody knows.
+        calibrations: To choose from.
+        sensor: Of the session.
+        device: Of the session.
+        at: When it was recorded; None where nobody knows.
 
     Raises:
         InputError: Several fit, and without a date none is nearest.
     """
-    same = [c for c in calibrations if (c.device == device if c.device and device else c.sensor == sensor)]
+    same = [
+        c
+        for c in calibrations
+        if (c.device == device if c.device and device else c.sensor == sensor)
+    ]
     if at is None:
         if len(same) > 1:
             raise InputError(
-                f"the date of this recording is unknown, so that none of the {len(same)} stored calibrations of sensor "
-                f"'{sensor}' is the nearest in time; name one file of them with --calibration, or import the recording again "
+                f"the date of this recording is unknown, so that none of the {len(same)} stored "
+                "calibrations of sensor "
+                f"'{sensor}' is the nearest in time; name one file of them with --calibration, or "
+                "import the recording again "
                 "with --recorded-at"
             )
         return same[0] if same else None
@@ -264,10 +361,13 @@ def load_calibrations(path: Path) -> list[SensorCalibration]:
     """One file, or every calibration of a folder.
 
     Raises:
-        InputError: Nothing there. FileProblems: A file is malformed.
+        InputError: Nothing there.
+        FileProblems: A file is malformed.
     """
     if path.is_dir():
-        files = sorted(file for file in path.iterdir() if file.suffix in SUFFIXES and file.is_file())
+        files = sorted(
+            file for file in path.iterdir() if file.suffix in SUFFIXES and file.is_file()
+        )
         if not files:
             raise InputError(f"{path} holds no calibration (*.yaml)")
         return [load_calibration(file) for file in files]
@@ -278,7 +378,11 @@ def load_calibrations(path: Path) -> list[SensorCalibration]:
 
 def _entry(triad: str, found: TriadCalibration) -> dict[str, Any]:
     unit = UNITS[triad]
-    entry: dict[str, Any] = {"method": found.method, "matrix": found.matrix.tolist(), f"bias_{unit}": found.bias.tolist()}
+    entry: dict[str, Any] = {
+        "method": found.method,
+        "matrix": found.matrix.tolist(),
+        f"bias_{unit}": found.bias.tolist(),
+    }
     if found.g_matrix.any():
         entry["g_matrix_rad_s_per_m_s2"] = found.g_matrix.tolist()
     if found.drift.any():
@@ -311,14 +415,22 @@ def _triad(triad: str, entry: Any) -> TriadCalibration:
     unit = UNITS[triad]
     g_matrix = getattr(entry, "g_matrix_rad_s_per_m_s2", None)
     return TriadCalibration(
-        entry.method, np.array(entry.matrix), np.array(getattr(entry, f"bias_{unit}")),
-        np.zeros((3, 3)) if g_matrix is None else np.array(g_matrix), np.array(getattr(entry, f"drift_{unit}_k")),
-        entry.reference_deg_c, tuple(fit.fit() for fit in entry.fits), dict(entry.validation), tuple(entry.remarks),
-    )  # fmt: skip
+        entry.method,
+        np.array(entry.matrix),
+        np.array(getattr(entry, f"bias_{unit}")),
+        np.zeros((3, 3)) if g_matrix is None else np.array(g_matrix),
+        np.array(getattr(entry, f"drift_{unit}_k")),
+        entry.reference_deg_c,
+        tuple(fit.fit() for fit in entry.fits),
+        dict(entry.validation),
+        tuple(entry.remarks),
+    )
 
 
 def _mounting(entry: MountingEntry) -> MountingCalibration:
-    return MountingCalibration(entry.method, np.array(entry.matrix), entry.fit.fit(), tuple(entry.remarks))
+    return MountingCalibration(
+        entry.method, np.array(entry.matrix), entry.fit.fit(), tuple(entry.remarks)
+    )
 
 
 class _Dumper(yaml.SafeDumper):

@@ -1,4 +1,6 @@
-"""What a calibration came to, with the evidence that its report shows; only the calibration itself is kept as a file."""
+"""What a calibration came to, with the evidence that its report shows; only the calibration itself
+is kept as a file.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,12 @@ class CalibrationPoses:
     """The rests that an accelerometer was calibrated from.
 
     Attributes:
-        start, end: Host times, shape (k,) [s]. raw, corrected: Mean readings, shape (k, 3) [m/s^2]. expected: By the arm, shape
-        (k, 3) [m/s^2], or None. sd: Of single readings before and after the correction, pooled over the rests, shape (2, 3).
+        start: Host times, shape (k,) [s].
+        end: Host times, shape (k,) [s].
+        raw: Mean readings, shape (k, 3) [m/s^2].
+        corrected: Mean readings, shape (k, 3) [m/s^2].
+        expected: By the arm, shape (k, 3) [m/s^2], or None.
+        sd: Of single readings before and after the correction, pooled over the rests, shape (2, 3).
     """
 
     start: np.ndarray
@@ -31,9 +37,14 @@ class Agreement:
     """How far two ways to find rests agree.
 
     Attributes:
-        first, second: Their names. counts: Intervals of each. matched: Rests that both found.
+        first: Their names.
+        second: Their names.
+        counts: Intervals of each.
+        matched: Rests that both found.
         iou: Samples at rest by both over samples at rest by either; NaN where neither found any.
-        start_later_s, end_later_s: How much later the second has a rest begin and end, mean over matched ones [s].
+        start_later_s: How much later the second has a rest begin and end, mean over matched ones
+            [s].
+        end_later_s: How much later the second has a rest begin and end, mean over matched ones [s].
         border_abs_s: Mean size of those differences [s].
     """
 
@@ -52,8 +63,11 @@ class CalibrationResult:
     """A calibration and what it was made from.
 
     Attributes:
-        calibration: For the file. poses: Of the accelerometer. segmentation: By which witness the rests were taken.
-        agreements: How far the witnesses agree. held_out: Where the held-out figures come from, a phrase.
+        calibration: For the file.
+        poses: Of the accelerometer.
+        segmentation: By which witness the rests were taken.
+        agreements: How far the witnesses agree.
+        held_out: Where the held-out figures come from, a phrase.
         remarks: What was left out, and why.
     """
 

@@ -19,10 +19,17 @@ class ChainEstimate:
     """Joints of one section by one state of the filter.
 
     Attributes:
-        section, state: What it is. sensors: Those used. joints: Those estimated, m of them. host_time_ns: Shape (n,), int64.
-        mean, sd: Angles, rates and accelerations with standard uncertainties, shape (n, 3, m) [rad], [rad/s], [rad/s^2].
-        facts: What was found on the way: liveliness (unit in the key), base frequency with uncertainty [Hz], mean normalised
-        innovation squared [1], whether it was smoothed.
+        section: What it is.
+        state: What it is.
+        sensors: Those used.
+        joints: Those estimated, m of them.
+        host_time_ns: Shape (n,), int64.
+        mean: Angles, rates and accelerations with standard uncertainties, shape (n, 3, m) [rad],
+            [rad/s], [rad/s^2].
+        sd: Angles, rates and accelerations with standard uncertainties, shape (n, 3, m) [rad],
+            [rad/s], [rad/s^2].
+        facts: What was found on the way: liveliness (unit in the key), base frequency with
+            uncertainty [Hz], mean normalised innovation squared [1], whether it was smoothed.
     """
 
     section: str
@@ -44,7 +51,11 @@ class ChainEstimate:
         columns = {"host_time_ns": self.host_time_ns}
         for order, (mean, sd) in enumerate(self._columns(self.joints)):
             columns |= split(mean, self.mean[:, order]) | split(sd, self.sd[:, order])
-        write_parquet(folder / f"{self.key}.parquet", columns, {"content": "joints by the chain filter, with uncertainties"})
+        write_parquet(
+            folder / f"{self.key}.parquet",
+            columns,
+            {"content": "joints by the chain filter, with uncertainties"},
+        )
         kept = ("section", "state", "sensors", "joints", "facts")
         return {key: getattr(self, key) for key in kept}
 
@@ -59,6 +70,9 @@ class ChainEstimate:
     @staticmethod
     def _columns(joints: list[str]) -> list[tuple[list[str], list[str]]]:
         return [
-            ([f"{name}_{joint}{unit}" for joint in joints], [f"{name}_sd_{joint}{unit}" for joint in joints])
+            (
+                [f"{name}_{joint}{unit}" for joint in joints],
+                [f"{name}_sd_{joint}{unit}" for joint in joints],
+            )
             for name, unit in ORDERS
         ]

@@ -1,4 +1,6 @@
-"""Estimate: what sensors, filters and joint angles say, on the host's clock and in the world frame; derived, may be rebuilt."""
+"""Estimate: what sensors, filters and joint angles say, on the host's clock and in the world frame;
+derived, may be rebuilt.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,13 @@ from testbench.exceptions import SessionError
 from testbench.records.chain import ChainEstimate
 from testbench.records.replacing import replaced_folder
 from testbench.records.samples import QUATERNION, join, names, split
-from testbench.records.storage import read_json, read_parquet, read_stacked, write_json, write_parquet
+from testbench.records.storage import (
+    read_json,
+    read_parquet,
+    read_stacked,
+    write_json,
+    write_parquet,
+)
 from testbench.records.tuning import UsedTuning
 
 SCHEMA_VERSION = 1
@@ -24,9 +32,14 @@ class ClockFit:
     """A sensor's clock against the host's: device time = host time * (1 + drift) + offset.
 
     Attributes:
-        offset_s, drift_ppm: The fit. offset_sd_s, drift_sd_ppm: Standard uncertainties. residual_deg_s: RMS difference of the
-        angular-rate magnitudes after the fit. angle_error_deg: Angle that the uncertainty of the time means at the peak rate.
-        method: "angular_rate", or "none" where the sensor is on the host's clock or there is no truth to fit to.
+        offset_s: The fit.
+        drift_ppm: The fit.
+        offset_sd_s: Standard uncertainties.
+        drift_sd_ppm: Standard uncertainties.
+        residual_deg_s: RMS difference of the angular-rate magnitudes after the fit.
+        angle_error_deg: Angle that the uncertainty of the time means at the peak rate.
+        method: "angular_rate", or "none" where the sensor is on the host's clock or there is no
+            truth to fit to.
     """
 
     offset_s: float = 0.0
@@ -45,13 +58,18 @@ class ClockFit:
 
 @dataclass(frozen=True)
 class FrameFit:
-    """How a filter's earth frame and the sensor's mounting were brought to the world and to the segment.
+    """How a filter's earth frame and the sensor's mounting were brought to the world and to the
+    segment.
 
     Attributes:
-        heading_deg: Heading of the filter's earth frame seen from the world: q_world_from_earth turns by it about the vertical.
-        tilt_deg: Remaining rotation of the levelled earth against the world, as a rotation vector; only "motion" solves for it.
-        mounting_deg: How the sensor sits against its mounting as believed, as the rotation vector of q_believed_from_sensor.
-        mounting_sd_deg: Standard uncertainty about each axis. observability: RMS sine of the motion about the least moved axis.
+        heading_deg: Heading of the filter's earth frame seen from the world: q_world_from_earth
+            turns by it about the vertical.
+        tilt_deg: Remaining rotation of the levelled earth against the world, as a rotation vector;
+            only "motion" solves for it.
+        mounting_deg: How the sensor sits against its mounting as believed, as the rotation vector
+            of q_believed_from_sensor.
+        mounting_sd_deg: Standard uncertainty about each axis.
+        observability: RMS sine of the motion about the least moved axis.
         method: As in the protocol.
     """
 
@@ -67,14 +85,21 @@ class FrameFit:
 class CalibrationFit:
     """Corrections of a sensor, in the axes of the mounting as believed.
 
-    acc = acc_matrix (acc_raw - acc_bias); gyr = R (gyr_raw - gyr_bias - gyr_g_matrix acc_raw); mag = R mag_raw, with R =
-    R_believed_from_sensor: what turns one triad of a part turns them all.
+    acc = acc_matrix (acc_raw - acc_bias); gyr = R (gyr_raw - gyr_bias - gyr_g_matrix acc_raw); mag
+    = R mag_raw, with R = R_believed_from_sensor: what turns one triad of a part turns them all.
 
     Attributes:
-        acc_matrix: Shape (3, 3). acc_bias: [m/s^2]. acc_bias_sd: Standard uncertainty [m/s^2]. gyr_bias, gyr_bias_sd: [rad/s].
+        acc_matrix: Shape (3, 3).
+        acc_bias: [m/s^2].
+        acc_bias_sd: Standard uncertainty [m/s^2].
+        gyr_bias: [rad/s].
+        gyr_bias_sd: [rad/s].
         gyr_g_matrix: Response of the gyroscope to specific force, shape (3, 3) [rad/s/(m/s^2)].
-        R_believed_from_sensor: How the sensor really sits against the mounting as believed, shape (3, 3).
-        poses: Number of static poses used. residual_m_s2: RMS over the poses. method: As in the protocol.
+        R_believed_from_sensor: How the sensor really sits against the mounting as believed, shape
+            (3, 3).
+        poses: Number of static poses used.
+        residual_m_s2: RMS over the poses.
+        method: As in the protocol.
     """
 
     acc_matrix: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -105,10 +130,14 @@ class TimingAudit:
     """What the time stamps of a recording say; rates in Hz, times in ms, by the sensor's own clock.
 
     Attributes:
-        effective_rate_hz: Samples that arrived over the time they took. sampling_rate_hz: Of the intervals that are no gaps.
-        jitter_ms: Standard deviation of those. gaps: Intervals over 1.5 median ones. lost_packets: By the counter.
+        effective_rate_hz: Samples that arrived over the time they took.
+        sampling_rate_hz: Of the intervals that are no gaps.
+        jitter_ms: Standard deviation of those.
+        gaps: Intervals over 1.5 median ones.
+        lost_packets: By the counter.
         arrival_jitter_ms: Standard deviation of the arrival at the host about a straight line.
-        acc_after_gyr_ms: How much later the accelerometer sees a turn than the gyroscope; NaN where the motion does not tell.
+        acc_after_gyr_ms: How much later the accelerometer sees a turn than the gyroscope; NaN where
+            the motion does not tell.
     """
 
     samples: int = 0
@@ -132,11 +161,15 @@ class AxisFinding:
     """The axes of one triad, found from the motion.
 
     Attributes:
-        axes: Which axis of the recording is each of the sensor's, e.g. "x: -z, y: -y, z: -x"; for a quaternion how it is to be
-        read; None where the motion does not tell. right_handed: Whether the map keeps the hand; None where only two axes moved.
-        gain: Reading over truth [1]. crooked_deg: Angle between the map and the mounting as found.
-        agreement: Part of the variance that the motion explains [1]. unseen: Axes about which too little happened.
-        field_dip_deg: Of a magnetometer, dip of the field below the horizon if the map holds; all signs reversed reverse it.
+        axes: Which axis of the recording is each of the sensor's, e.g. "x: -z, y: -y, z: -x"; for a
+            quaternion how it is to be read; None where the motion does not tell.
+        right_handed: Whether the map keeps the hand; None where only two axes moved.
+        gain: Reading over truth [1].
+        crooked_deg: Angle between the map and the mounting as found.
+        agreement: Part of the variance that the motion explains [1].
+        unseen: Axes about which too little happened.
+        field_dip_deg: Of a magnetometer, dip of the field below the horizon if the map holds; all
+            signs reversed reverse it.
     """
 
     axes: str | None = None
@@ -153,13 +186,22 @@ class SensorEstimate:
     """One sensor's orientation by every filter.
 
     Attributes:
-        host_time_ns: Sampling instants on the host's clock, shape (n,), int64. static: At rest by its own signals, shape (n,).
-        orientation: q_world_from_sensor by filter, shape (n, 4), aligned. clock, calibration: What was fitted.
-        frames: The alignment of each filter. skipped: Filters that could not run, and why. flagged: Samples that the quality
-        gates refuse, shape (n,); they are not judged. quality: Number of samples by reason. remarks: What else is odd.
-        timing: Audit of the time stamps. every: The estimate holds one of so many samples of the recording, the last of them; 1
-        but for recordings of hours. axes: By triad, and "device_q".
-        stored_calibration: Which stored calibration corrected the raw samples first (`calibrated_utc`, `session`, `methods`).
+        host_time_ns: Sampling instants on the host's clock, shape (n,), int64.
+        static: At rest by its own signals, shape (n,).
+        orientation: q_world_from_sensor by filter, shape (n, 4), aligned.
+        clock: What was fitted.
+        calibration: What was fitted.
+        frames: The alignment of each filter.
+        skipped: Filters that could not run, and why.
+        flagged: Samples that the quality gates refuse, shape (n,); they are not judged.
+        quality: Number of samples by reason.
+        remarks: What else is odd.
+        timing: Audit of the time stamps.
+        every: The estimate holds one of so many samples of the recording, the last of them; 1 but
+            for recordings of hours.
+        axes: By triad, and "device_q".
+        stored_calibration: Which stored calibration corrected the raw samples first
+            (`calibrated_utc`, `session`, `methods`).
     """
 
     host_time_ns: np.ndarray
@@ -180,10 +222,12 @@ class SensorEstimate:
 
 @dataclass(frozen=True)
 class RelativeHeading:
-    """By how much the world of a joint's distal sensor was turned about the vertical to be that of the proximal one.
+    """By how much the world of a joint's distal sensor was turned about the vertical to be that of
+    the proximal one.
 
     Attributes:
-        heading, sd: Anticlockwise from above, and its standard deviation, shape (n,) [rad].
+        heading: Anticlockwise from above, and its standard deviation, shape (n,) [rad].
+        sd: Anticlockwise from above, and its standard deviation, shape (n,) [rad].
     """
 
     heading: np.ndarray
@@ -195,9 +239,11 @@ class JointEstimate:
     """One joint's angles.
 
     Attributes:
-        host_time_ns: Shape (n,), int64. angles: The three intrinsic Euler angles of the distal segment against the proximal one
-        by (filter, sequence), shape (n, 3) [rad]. headings: What the joint's axes took out, by filter. remarks: On
-        what is doubtful.
+        host_time_ns: Shape (n,), int64.
+        angles: The three intrinsic Euler angles of the distal segment against the proximal one by
+            (filter, sequence), shape (n, 3) [rad].
+        headings: What the joint's axes took out, by filter.
+        remarks: On what is doubtful.
     """
 
     host_time_ns: np.ndarray
@@ -219,9 +265,14 @@ class Estimate:
     """All estimates of a session.
 
     Attributes:
-        session: Its name. fingerprint: Of the recording they were made from. sensors, joints: By name.
-        filter_parameters: Those each filter ran with. tuned: Where they came from, of filters that were tuned.
-        chain: Joints of the arm by the chain filter, by section and state. remarks: What is doubtful about the whole.
+        session: Its name.
+        fingerprint: Of the recording they were made from.
+        sensors: By name.
+        joints: By name.
+        filter_parameters: Those each filter ran with.
+        tuned: Where they came from, of filters that were tuned.
+        chain: Joints of the arm by the chain filter, by section and state.
+        remarks: What is doubtful about the whole.
         behaviour: What the catalogue says of each filter that ran, in a sentence.
     """
 
@@ -243,12 +294,24 @@ class Estimate:
     def _write(self, folder: Path) -> None:
         summary: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "session": self.session}
         summary |= {"fingerprint": self.fingerprint, "filter_parameters": self.filter_parameters}
-        summary |= {"tuned": {key: asdict(used) for key, used in self.tuned.items()}, "sensors": {}, "joints": {}}
+        summary |= {
+            "tuned": {key: asdict(used) for key, used in self.tuned.items()},
+            "sensors": {},
+            "joints": {},
+        }
         for name, sensor in self.sensors.items():
-            columns = {"host_time_ns": sensor.host_time_ns, "static": sensor.static, "flagged": sensor.flagged}
+            columns = {
+                "host_time_ns": sensor.host_time_ns,
+                "static": sensor.static,
+                "flagged": sensor.flagged,
+            }
             for key, q in sensor.orientation.items():
                 columns |= split(names(f"{key}_q_world_from_sensor", "", QUATERNION), q)
-            write_parquet(folder / f"orientation_{name}.parquet", columns, {"content": "estimated orientation, w x y z"})
+            write_parquet(
+                folder / f"orientation_{name}.parquet",
+                columns,
+                {"content": "estimated orientation, w x y z"},
+            )
             summary["sensors"][name] = {
                 "filters": list(sensor.orientation),
                 "clock": asdict(sensor.clock),
@@ -267,7 +330,9 @@ class Estimate:
             for (key, sequence), angles in joint.angles.items():
                 columns |= split(_angle_columns(key, sequence), angles)
             columns |= joint.heading_series()
-            write_parquet(folder / f"joint_{name}.parquet", columns, {"content": "intrinsic Euler angles"})
+            write_parquet(
+                folder / f"joint_{name}.parquet", columns, {"content": "intrinsic Euler angles"}
+            )
             summary["joints"][name] = {
                 "angles": [{"filter": key, "sequence": sequence} for key, sequence in joint.angles],
                 "headings": list(joint.headings),
@@ -289,16 +354,23 @@ class Estimate:
         try:
             return Estimate._load(folder)
         except (KeyError, TypeError) as error:
-            raise SessionError(f"{folder} was written by another version; run `testbench estimate` again ({error})") from None
+            raise SessionError(
+                f"{folder} was written by another version; run `testbench estimate` again ({error})"
+            ) from None
 
     @staticmethod
     def _load(folder: Path) -> Estimate:
         summary = read_json(folder / "estimate.json")
         if summary.get("schema_version") != SCHEMA_VERSION:
-            raise SessionError(f"{folder} has schema {summary.get('schema_version')}; this version reads {SCHEMA_VERSION}")
+            raise SessionError(
+                f"{folder} has schema {summary.get('schema_version')}; this version reads "
+                f"{SCHEMA_VERSION}"
+            )
         sensors, joints = {}, {}
         for name, data in summary["sensors"].items():
-            columns = {key: names(f"{key}_q_world_from_sensor", "", QUATERNION) for key in data["filters"]}
+            columns = {
+                key: names(f"{key}_q_world_from_sensor", "", QUATERNION) for key in data["filters"]
+            }
             single = {key: key for key in ("host_time_ns", "static", "flagged")}
             table = read_stacked(folder / f"orientation_{name}.parquet", {**single, **columns})
             orientation = {key: table[key] for key in data["filters"]}
@@ -325,17 +397,29 @@ class Estimate:
         for name, data in summary["joints"].items():
             table = read_parquet(folder / f"joint_{name}.parquet")
             angles = {
-                (row["filter"], row["sequence"]): join(table, _angle_columns(row["filter"], row["sequence"]))
+                (row["filter"], row["sequence"]): join(
+                    table, _angle_columns(row["filter"], row["sequence"])
+                )
                 for row in data["angles"]
             }
-            headings = {key: RelativeHeading(*(table[column] for column in _heading_columns(key))) for key in data["headings"]}
+            headings = {
+                key: RelativeHeading(*(table[column] for column in _heading_columns(key)))
+                for key in data["headings"]
+            }
             joints[name] = JointEstimate(table["host_time_ns"], angles, headings, data["remarks"])
         tuned = {key: UsedTuning(**used) for key, used in summary.get("tuned", {}).items()}
         chain = [ChainEstimate.load(folder, data) for data in summary["chain"]]
         return Estimate(
-            summary["session"], summary["fingerprint"], sensors, joints, summary["filter_parameters"], tuned, chain,
-            summary["remarks"], summary.get("behaviour", {}),
-        )  # fmt: skip
+            summary["session"],
+            summary["fingerprint"],
+            sensors,
+            joints,
+            summary["filter_parameters"],
+            tuned,
+            chain,
+            summary["remarks"],
+            summary.get("behaviour", {}),
+        )
 
 
 def _angle_columns(key: str, sequence: str) -> list[str]:
@@ -348,10 +432,15 @@ def _heading_columns(key: str) -> list[str]:
 
 def _numbers(data: dict[str, Any], keep: tuple[str, ...] = ()) -> dict[str, Any]:
     """JSON has no NaN; null stands for it, but for the keys to keep."""
-    return {key: float("nan") if value is None and key not in keep else value for key, value in data.items()}
+    return {
+        key: float("nan") if value is None and key not in keep else value
+        for key, value in data.items()
+    }
 
 
 def _frame_fit(data: dict[str, Any]) -> FrameFit:
     """JSON has no tuples."""
-    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
+    values: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value for key, value in data.items()
+    }
     return FrameFit(**values)

@@ -1,4 +1,6 @@
-"""Evaluation: errors against the truth, and the verdict; evaluation.json is documented in docs/session_format.md."""
+"""Evaluation: errors against the truth, and the verdict; evaluation.json is documented in
+docs/session_format.md.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,13 @@ from testbench.records.evaluation_rows import (
     TunedRow,
 )
 from testbench.records.replacing import replaced_folder
-from testbench.records.storage import plain_values, read_json, read_parquet, write_json, write_parquet
+from testbench.records.storage import (
+    plain_values,
+    read_json,
+    read_parquet,
+    write_json,
+    write_parquet,
+)
 from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
 
 SCHEMA_VERSION = 2
@@ -48,7 +56,9 @@ class Outcome(StrEnum):
 
 
 NO_LIMITS = "no limits were stated"
-"""What people are told where nothing was limited: `not_measured` would read as if the bench had failed to measure."""
+"""What people are told where nothing was limited: `not_measured` would read as if the bench had
+failed to measure.
+"""
 
 
 SEVERITY = [Outcome.PASS, Outcome.MARGINAL, Outcome.NOT_MEASURED, Outcome.FAIL]
@@ -56,17 +66,27 @@ SEVERITY = [Outcome.PASS, Outcome.MARGINAL, Outcome.NOT_MEASURED, Outcome.FAIL]
 
 @dataclass(frozen=True)
 class JointRow:
-    """Errors of a flexion angle over one group of samples: all those at one commanded pose, or of one sweep; degrees.
+    """Errors of a flexion angle over one group of samples: all those at one commanded pose, or of
+    one sweep; degrees.
 
     Attributes:
-        joint, filter, sequence: What was computed. section, step, kind: Of the protocol's step.
-        misalignment_deg, flexion_deg: Commanded, None where the protocol has no such variable. variables: All loop variables.
-        n: Samples. flexion_*: Error of the flexion angle. other_*: Mean absolute errors of the two other Euler angles, in their
-        order, against the same sequence of the true orientations; None in gimbal lock.
-        flexion_p95_abs_error_deg: 95th percentile of magnitudes. flexion_iqr_deg: Upper less lower quartile.
-        Of sweeps alone, else None: flexion_correlation of estimated and true flexion; amplitude_deg, frequency_hz of the true
-        flexion; latency_ms behind it, with its standard uncertainty. Of poses alone: convergence_s, None where it did not
-        settle.
+        joint: What was computed.
+        filter: What was computed.
+        sequence: What was computed.
+        section: Of the protocol's step.
+        step: Of the protocol's step.
+        kind: Of the protocol's step.
+        misalignment_deg: Commanded, None where the protocol has no such variable.
+        flexion_deg: Commanded, None where the protocol has no such variable.
+        variables: All loop variables.
+        n: Samples. flexion_*: Error of the flexion angle. other_*: Mean absolute errors of the two
+            other Euler angles, in their order, against the same sequence of the true orientations;
+            None in gimbal lock.
+        flexion_p95_abs_error_deg: 95th percentile of magnitudes.
+        flexion_iqr_deg: Upper less lower quartile. Of sweeps alone, else None: flexion_correlation
+            of estimated and true flexion; amplitude_deg, frequency_hz of the true flexion;
+            latency_ms behind it, with its standard uncertainty. Of poses alone: convergence_s, None
+            where it did not settle.
     """
 
     joint: str
@@ -114,10 +134,17 @@ class NoiseRow:
     """One axis over the longest rest; every number in the unit that stands behind it.
 
     Attributes:
-        quantity: "acc", "gyr" or "mag". samples, span_s: Of the rest. mean, sd: Of the readings.
-        noise_density: One-sided, as data sheets state it. random_walk: The same noise as angle or velocity random walk.
-        bias_instability, rate_random_walk: Of the Allan deviation; like the density with a standard uncertainty, and None where
-        lost among the others.
+        quantity: "acc", "gyr" or "mag".
+        samples: Of the rest.
+        span_s: Of the rest.
+        mean: Of the readings.
+        sd: Of the readings.
+        noise_density: One-sided, as data sheets state it.
+        random_walk: The same noise as angle or velocity random walk.
+        bias_instability: Of the Allan deviation; like the density with a standard uncertainty, and
+            None where lost among the others.
+        rate_random_walk: Of the Allan deviation; like the density with a standard uncertainty, and
+            None where lost among the others.
     """
 
     sensor: str
@@ -143,14 +170,24 @@ class NoiseRow:
 
 @dataclass(frozen=True)
 class EulerRangeRow:
-    """Over one section, how far each of a sensor's own Euler angles went: the limit tests of an axis identification; degrees.
+    """Over one section, how far each of a sensor's own Euler angles went: the limit tests of an
+    axis identification; degrees.
 
     Attributes:
-        sensor, section, filter, sequence: What was computed. true_deg, estimated_deg: Largest less smallest of the three
-        angles, the outer ones unwrapped between passages of gimbal lock and on the circle across them; None for the outer ones
-        of a section that was in gimbal lock.
-        locked_percent: Part of the samples in gimbal lock, where only the sum (or difference) of the outer angles is defined.
-        outer_true_deg, outer_estimated_deg: Range of that sum in a locked section, else None.
+        sensor: What was computed.
+        section: What was computed.
+        filter: What was computed.
+        sequence: What was computed.
+        true_deg: Largest less smallest of the three angles, the outer ones unwrapped between
+            passages of gimbal lock and on the circle across them; None for the outer ones of a
+            section that was in gimbal lock.
+        estimated_deg: Largest less smallest of the three angles, the outer ones unwrapped between
+            passages of gimbal lock and on the circle across them; None for the outer ones of a
+            section that was in gimbal lock.
+        locked_percent: Part of the samples in gimbal lock, where only the sum (or difference) of
+            the outer angles is defined.
+        outer_true_deg: Range of that sum in a locked section, else None.
+        outer_estimated_deg: Range of that sum in a locked section, else None.
     """
 
     sensor: str
@@ -169,15 +206,27 @@ class ChainRow:
     """Errors of one joint of the arm by the chain filter, over one section; degrees and seconds.
 
     Attributes:
-        section, state, joint: What was computed. n: Samples.
-        mean_error_deg: Signed; it hides what it averages. largest_error_deg, smallest_error_deg: By magnitude, signs kept.
-        iqr_deg: Distance of the quartiles of the error. outliers_percent: Errors beyond the quartiles by 1.5 times that.
-        relative_percent: Mean of |error| / |true angle| where that exceeds 1 deg; None where it never does.
-        correlation: Of estimate and truth; None where the joint stands still. rate_rmse_deg_s, acceleration_rmse_deg_s2: Of the
-        derivatives. uncertainty_deg: RMS of the standard uncertainty stated. normalised_error: RMS of error over uncertainty,
-        1 where it is honest. covered_percent: Errors within 1.96 of it.
-        expanded_uncertainty_deg, expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for the signed mean and for the
-        columns of magnitudes; None where they are not known.
+        section: What was computed.
+        state: What was computed.
+        joint: What was computed.
+        n: Samples.
+        mean_error_deg: Signed; it hides what it averages.
+        largest_error_deg: By magnitude, signs kept.
+        smallest_error_deg: By magnitude, signs kept.
+        iqr_deg: Distance of the quartiles of the error.
+        outliers_percent: Errors beyond the quartiles by 1.5 times that.
+        relative_percent: Mean of |error| / |true angle| where that exceeds 1 deg; None where it
+            never does.
+        correlation: Of estimate and truth; None where the joint stands still.
+        rate_rmse_deg_s: Of the derivatives.
+        acceleration_rmse_deg_s2: Of the derivatives.
+        uncertainty_deg: RMS of the standard uncertainty stated.
+        normalised_error: RMS of error over uncertainty, 1 where it is honest.
+        covered_percent: Errors within 1.96 of it.
+        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean and for the columns of
+            magnitudes; None where they are not known.
+        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for the signed mean and for the
+            columns of magnitudes; None where they are not known.
     """
 
     section: str
@@ -208,12 +257,19 @@ class Metric:
     """One number with its limits and verdict.
 
     Attributes:
-        name: E.g. elbow.flexion_mean_abs_error_deg. filter, sequence, section: What it belongs to, where that applies.
-        lower, upper: Limits, or None. outcome: None where no limit is stated. meaning: A sentence for people.
-        expanded_uncertainty: Of the truth it was judged by (k = 2), in the metric's unit; None where it is not known.
+        name: E.g. elbow.flexion_mean_abs_error_deg.
+        filter: What it belongs to, where that applies.
+        sequence: What it belongs to, where that applies.
+        section: What it belongs to, where that applies.
+        lower: Limits, or None.
+        upper: Limits, or None.
+        outcome: None where no limit is stated.
+        meaning: A sentence for people.
+        expanded_uncertainty: Of the truth it was judged by (k = 2), in the metric's unit; None
+            where it is not known.
         ci95: 95 % confidence interval for another run of the same kind, or None.
-        no_uncertainty: What its budget lacks, in words, so that no uncertainty is stated and it cannot pass; None where the
-        uncertainty is stated, or a metric of this kind has none.
+        no_uncertainty: What its budget lacks, in words, so that no uncertainty is stated and it
+            cannot pass; None where the uncertainty is stated, or a metric of this kind has none.
     """
 
     name: str
@@ -236,20 +292,30 @@ class Evaluation:
     """All results of a session.
 
     Attributes:
-        series: Error signals for figures and the viewer, by table name and column; kept beside evaluation.json as Parquet.
-            "orientation_<sensor>": host_time_ns, judged, and for each filter <filter>_total_rad, <filter>_heading_rad,
-            <filter>_inclination_rad.
-            "joint_<joint>": host_time_ns, judged, reference_rad (true flexion), and for each filter and sequence
-            <filter>_<sequence>_flexion_rad and <filter>_<sequence>_error_rad; for each filter <filter>_total_error_rad.
-            "magnetic_<sensor>": host_time_ns, judged, and deviations of the field: norm_percent, dip_rad, heading_rad.
-            "chain_<section>_<state>": host_time_ns, judged, and for each joint <joint>_rad, <joint>_error_rad, <joint>_sd_rad.
-            "cycles": row (its place in `cycles`), cycle_percent, and estimated_rad, true_rad, error_rad with their standard
-            deviations over the cycles, <name>_sd_rad; 101 rows for each.
-        joint_summary, orientation_summary: Errors of whole sections and sessions, static and dynamic, with confidence.
-        ranking, comparisons: Of the filters, with significance. uncertainty: Budgets of the truth. gyroscope_bias: What the
-        calibration left. tuned: Filters that ran with tuned parameters. magnetic_field, magnetic_errors: How far the field was
-        disturbed, and the heading errors there. magnetic_following: How much of its changes each filter follows. outliers:
-        Filters far from all others. cycles: Average cycles of sweeps.
+        series: Error signals for figures and the viewer, by table name and column; kept beside
+            evaluation.json as Parquet. "orientation_<sensor>": host_time_ns, judged, and for each
+            filter <filter>_total_rad, <filter>_heading_rad, <filter>_inclination_rad.
+            "joint_<joint>": host_time_ns, judged, reference_rad (true flexion), and for each filter
+            and sequence <filter>_<sequence>_flexion_rad and <filter>_<sequence>_error_rad; for each
+            filter <filter>_total_error_rad. "magnetic_<sensor>": host_time_ns, judged, and
+            deviations of the field: norm_percent, dip_rad, heading_rad. "chain_<section>_<state>":
+            host_time_ns, judged, and for each joint <joint>_rad, <joint>_error_rad, <joint>_sd_rad.
+            "cycles": row (its place in `cycles`), cycle_percent, and estimated_rad, true_rad,
+            error_rad with their standard deviations over the cycles, <name>_sd_rad; 101 rows for
+            each.
+        joint_summary: Errors of whole sections and sessions, static and dynamic, with confidence.
+        orientation_summary: Errors of whole sections and sessions, static and dynamic, with
+            confidence.
+        ranking: Of the filters, with significance.
+        comparisons: Of the filters, with significance.
+        uncertainty: Budgets of the truth.
+        gyroscope_bias: What the calibration left.
+        tuned: Filters that ran with tuned parameters.
+        magnetic_field: How far the field was disturbed, and the heading errors there.
+        magnetic_errors: How far the field was disturbed, and the heading errors there.
+        magnetic_following: How much of its changes each filter follows.
+        outliers: Filters far from all others.
+        cycles: Average cycles of sweeps.
     """
 
     session: str
@@ -297,7 +363,9 @@ class Evaluation:
         """Write evaluation.json and the error signals, in place of earlier ones."""
         with replaced_folder(session_folder / FOLDER, session_folder / FILE) as folder:
             for name, columns in self.series.items():
-                write_parquet(folder / f"{name}.parquet", columns, {"content": "errors against the truth"})
+                write_parquet(
+                    folder / f"{name}.parquet", columns, {"content": "errors against the truth"}
+                )
             write_json(folder / FILE, self.to_dict())
         (session_folder / FOLDER / FILE).rename(session_folder / FILE)
 
@@ -311,29 +379,44 @@ class Evaluation:
         data = read_json(session_folder / FILE)
         if data.get("schema_version") != SCHEMA_VERSION:
             raise SessionError(
-                f"{session_folder / FILE} has schema {data.get('schema_version')}; this version reads {SCHEMA_VERSION}: "
+                f"{session_folder / FILE} has schema {data.get('schema_version')}; this version "
+                f"reads {SCHEMA_VERSION}: "
                 "run `testbench evaluate` again"
             )
         try:
             return Evaluation._from_dict(data, session_folder)
         except (KeyError, TypeError) as error:
             file = session_folder / FILE
-            raise SessionError(f"{file} was written by another version; run `testbench evaluate` again ({error})") from None
+            raise SessionError(
+                f"{file} was written by another version; run `testbench evaluate` again ({error})"
+            ) from None
 
     @staticmethod
     def _from_dict(data: dict[str, Any], session_folder: Path) -> Evaluation:
-        series = {path.stem: read_parquet(path) for path in sorted((session_folder / FOLDER).glob("*.parquet"))}
+        series = {
+            path.stem: read_parquet(path)
+            for path in sorted((session_folder / FOLDER).glob("*.parquet"))
+        }
         return Evaluation(
             data["session"],
             [JointRow(**row) for row in data["joint_angle"]],
             [OrientationRow(**row) for row in data["orientation"]],
-            [Metric(**{**row, "outcome": row["outcome"] and Outcome(row["outcome"])}) for row in data["metrics"]],
+            [
+                Metric(**{**row, "outcome": row["outcome"] and Outcome(row["outcome"])})
+                for row in data["metrics"]
+            ],
             Outcome(data["outcome"]),
             data["notes"],
             [NoiseRow(**row) for row in data["noise"]],
             [EulerRangeRow(**row) for row in data["euler_ranges"]],
-            [JointSummary(**{**row, "errors": ErrorSummary(**row["errors"])}) for row in data["joint_summary"]],
-            [OrientationSummary(**{**row, "errors": ErrorSummary(**row["errors"])}) for row in data["orientation_summary"]],
+            [
+                JointSummary(**{**row, "errors": ErrorSummary(**row["errors"])})
+                for row in data["joint_summary"]
+            ],
+            [
+                OrientationSummary(**{**row, "errors": ErrorSummary(**row["errors"])})
+                for row in data["orientation_summary"]
+            ],
             [OrientationSweepRow(**row) for row in data["orientation_sweeps"]],
             [RankRow(**row) for row in data["ranking"]],
             [Comparison(**row) for row in data["comparisons"]],
@@ -351,7 +434,8 @@ class Evaluation:
 
 
 def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
-    """The outcome of a session as it was last evaluated, and the same in words; None where it was not.
+    """The outcome of a session as it was last evaluated, and the same in words; None where it was
+    not.
 
     Raises:
         SessionError: What was written of it is damaged.
@@ -362,9 +446,13 @@ def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
     data = read_json(file)
     outcome = data.get("outcome") if isinstance(data, dict) else None
     if outcome not in list(Outcome):
-        raise SessionError(f"{file} is damaged: its outcome is {outcome!r:.50}; run `testbench evaluate` again")
+        raise SessionError(
+            f"{file} is damaged: its outcome is {outcome!r:.50}; run `testbench evaluate` again"
+        )
     metrics = data.get("metrics")
-    limited = isinstance(metrics, list) and any(isinstance(m, dict) and m.get("outcome") for m in metrics)
+    limited = isinstance(metrics, list) and any(
+        isinstance(m, dict) and m.get("outcome") for m in metrics
+    )
     return Outcome(outcome), _words(Outcome(outcome), limited)
 
 
@@ -373,4 +461,6 @@ def _words(outcome: Outcome, limited: bool) -> str:
 
 
 def _budget(row: dict[str, Any]) -> UncertaintyBudget:
-    return UncertaintyBudget(**{**row, "sources": [UncertaintySource(**source) for source in row["sources"]]})
+    return UncertaintyBudget(
+        **{**row, "sources": [UncertaintySource(**source) for source in row["sources"]]}
+    )

@@ -1,11 +1,15 @@
-"""Rows of an evaluation that sum up many poses, sweeps or samples, and those that compare filters."""
+"""Rows of an evaluation that sum up many poses, sweeps or samples, and those that compare
+filters.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 Interval = list[float] | None
-"""Lower and upper end of a 95 % confidence interval, or None where too few independent blocks were judged."""
+"""Lower and upper end of a 95 % confidence interval, or None where too few independent blocks were
+judged.
+"""
 
 
 @dataclass(frozen=True)
@@ -13,16 +17,26 @@ class ErrorSummary:
     """What a set of errors comes to; degrees.
 
     Attributes:
-        n: Samples. steps: Poses or sweeps; 0 for a recording without a protocol.
-        mean_error, mean_abs_error, rmse: Every pose or sweep alike for a joint, every sample alike for a sensor.
-        median_error, iqr, p95_abs_error, max_abs_error: Of all samples together; the 95th percentile and the largest are of
-        magnitudes. correlation: Of estimated and true angle (Pearson); None where the true one hardly changes.
-        *_ci95: From a circular block bootstrap. blocks, block_length: Independent blocks it rests on, and their length in
-        poses, sweeps or equal runs of samples.
-        latency_ms, latency_sd_ms: Delay behind the truth by least squares, and its standard uncertainty with that of the clock;
-        None without motion.
-        convergence_s, convergence_max_s: Time from the end of a move until the error stays near its settled value: median and
-        longest; None where no pose settled. unsettled: Poses in which it did not.
+        n: Samples.
+        steps: Poses or sweeps; 0 for a recording without a protocol. mean_error, mean_abs_error,
+            rmse: Every pose or sweep alike for a joint, every sample alike for a sensor.
+            median_error, iqr, p95_abs_error, max_abs_error: Of all samples together; the 95th
+            percentile and the largest are of magnitudes.
+        correlation: Of estimated and true angle (Pearson); None where the true one hardly changes.
+            *_ci95: From a circular block bootstrap.
+        blocks: Independent blocks it rests on, and their length in poses, sweeps or equal runs of
+            samples.
+        block_length: Independent blocks it rests on, and their length in poses, sweeps or equal
+            runs of samples.
+        latency_ms: Delay behind the truth by least squares, and its standard uncertainty with that
+            of the clock; None without motion.
+        latency_sd_ms: Delay behind the truth by least squares, and its standard uncertainty with
+            that of the clock; None without motion.
+        convergence_s: Time from the end of a move until the error stays near its settled value:
+            median and longest; None where no pose settled.
+        convergence_max_s: Time from the end of a move until the error stays near its settled value:
+            median and longest; None where no pose settled.
+        unsettled: Poses in which it did not.
     """
 
     n: int
@@ -49,7 +63,9 @@ class ErrorSummary:
 
 @dataclass(frozen=True)
 class JointSummary:
-    """Flexion errors of one joint, filter and Euler sequence in one section: `motion` is static, dynamic or, of both, all."""
+    """Flexion errors of one joint, filter and Euler sequence in one section: `motion` is static,
+    dynamic or, of both, all.
+    """
 
     joint: str
     filter: str
@@ -66,8 +82,10 @@ class OrientationSummary:
     """Orientation errors of one sensor and filter over the session.
 
     Attributes:
-        motion: "all", "static" or "dynamic". part: "total", "heading" (signed) or "inclination".
-        expanded_uncertainty_deg: Of the signed mean heading error. expanded_uncertainty_magnitude_deg: Of magnitudes and RMS.
+        motion: "all", "static" or "dynamic".
+        part: "total", "heading" (signed) or "inclination".
+        expanded_uncertainty_deg: Of the signed mean heading error.
+        expanded_uncertainty_magnitude_deg: Of magnitudes and RMS.
     """
 
     sensor: str
@@ -84,8 +102,10 @@ class OrientationSweepRow:
     """Orientation errors of one sensor and filter in one sweep; degrees.
 
     Attributes:
-        amplitude_deg, frequency_hz: Of the sensor's true turning in the sweep: half the largest angle between two orientations
-        about the mean, and that of a sine of the same RMS angle and rate.
+        amplitude_deg: Of the sensor's true turning in the sweep: half the largest angle between two
+            orientations about the mean, and that of a sine of the same RMS angle and rate.
+        frequency_hz: Of the sensor's true turning in the sweep: half the largest angle between two
+            orientations about the mean, and that of a sine of the same RMS angle and rate.
     """
 
     sensor: str
@@ -106,9 +126,15 @@ class Comparison:
     """Two filters on the same blocks.
 
     Attributes:
-        owner: Joint or sensor. section, sequence: Of a joint. criterion: What is compared.
-        difference: Mean of the criterion by `first` less that by `second`; negative where `first` is better.
-        p, p_holm: Of a paired test over blocks, alone and after Holm's correction. blocks: Independent ones.
+        owner: Joint or sensor.
+        section: Of a joint.
+        sequence: Of a joint.
+        criterion: What is compared.
+        difference: Mean of the criterion by `first` less that by `second`; negative where `first`
+            is better.
+        p: Of a paired test over blocks, alone and after Holm's correction.
+        p_holm: Of a paired test over blocks, alone and after Holm's correction.
+        blocks: Independent ones.
     """
 
     owner: str
@@ -128,8 +154,11 @@ class RankRow:
     """The place of a filter among those of a joint or sensor.
 
     Attributes:
-        value: Of the criterion [deg]. best_rank, worst_rank: Places that the comparisons leave open. group: Letters; filters
-        that share a letter were not shown to differ. no_difference: Those it was not shown to differ from.
+        value: Of the criterion [deg].
+        best_rank: Places that the comparisons leave open.
+        worst_rank: Places that the comparisons leave open.
+        group: Letters; filters that share a letter were not shown to differ.
+        no_difference: Those it was not shown to differ from.
     """
 
     owner: str
@@ -146,11 +175,15 @@ class RankRow:
 
 @dataclass(frozen=True)
 class GyroscopeBiasRow:
-    """What a calibrated gyroscope still reads at rest: the error of the estimated bias; deg/s, one axis.
+    """What a calibrated gyroscope still reads at rest: the error of the estimated bias; deg/s, one
+    axis.
 
     Attributes:
-        estimated, estimated_sd: Bias by the calibration, and its standard uncertainty. error, error_sd: Mean of the calibrated
-        rate at rest in the judged steps, and its standard uncertainty by blocks. samples: At rest.
+        estimated_deg_s: Bias by the calibration.
+        estimated_sd_deg_s: Its standard uncertainty.
+        error_deg_s: Mean of the calibrated rate at rest in the judged steps.
+        error_sd_deg_s: Its standard uncertainty, by blocks.
+        samples: How many were taken at rest.
     """
 
     sensor: str
@@ -167,8 +200,12 @@ class TunedRow:
     """A filter that ran with tuned parameters.
 
     Attributes:
-        parameters: Those that were tuned. objective: What they were tuned for. tuned_utc: When. tuned_on: On which sessions.
-        on_this_session: Whether this recording was one of them, so that its errors are those of a fit and not of a test.
+        parameters: Those that were tuned.
+        objective: What they were tuned for.
+        tuned_utc: When.
+        tuned_on: On which sessions.
+        on_this_session: Whether this recording was one of them, so that its errors are those of a
+            fit and not of a test.
     """
 
     filter: str
@@ -181,12 +218,18 @@ class TunedRow:
 
 @dataclass(frozen=True)
 class FieldRow:
-    """The magnetic field at a sensor against that of the reference pose, seen in the world by the true orientation.
+    """The magnetic field at a sensor against that of the reference pose, seen in the world by the
+    true orientation.
 
     Attributes:
-        motion: "all", "static" or "dynamic". n: Judged samples. norm_uT, dip_deg: Of the reference. norm_*_percent: Deviation
-        of the norm. field_dip_*, field_heading_*: Of the direction: the heading is what a compass errs by. rms and 95th
-        percentile of magnitudes.
+        motion: "all", "static" or "dynamic".
+        n: Judged samples.
+        norm_uT: Of the reference. norm_*_percent: Deviation of the norm. field_dip_*,
+            field_heading_*: Of the direction: the heading is what a compass errs by. rms and 95th
+            percentile of magnitudes.
+        dip_deg: Of the reference. norm_*_percent: Deviation of the norm. field_dip_*,
+            field_heading_*: Of the direction: the heading is what a compass errs by. rms and 95th
+            percentile of magnitudes.
     """
 
     sensor: str
@@ -207,8 +250,11 @@ class FieldErrorRow:
     """Heading error of a filter where the field was disturbed by so much.
 
     Attributes:
-        quantity: "heading" [deg], "norm" [%] or "dip" [deg] of the field. low, high: Of the class; None: no upper end.
-        mean: Disturbance in it. n: Samples.
+        quantity: "heading" [deg], "norm" [%] or "dip" [deg] of the field.
+        low: Of the class; None: no upper end.
+        high: Of the class; None: no upper end.
+        mean: Disturbance in it.
+        n: Samples.
     """
 
     sensor: str
@@ -226,10 +272,15 @@ class FieldFollowingRow:
     """How much of the changes of the field's heading a filter's heading follows.
 
     Attributes:
-        n: Half seconds. field_change_deg: Standard deviation of the field's heading against its mean over the minute around.
-        followed: Slope of the filter's heading error, changes likewise, on the error of a compass: 1 follows wholly, 0 ignores
-        the field; None where the field changes by less than 0.2 deg or for less than three minutes. followed_ci95: By blocks,
-        and wider by what a gyroscope's errors may do in the pace of the field. blocks: Independent ones.
+        n: Half seconds.
+        field_change_deg: Standard deviation of the field's heading against its mean over the minute
+            around.
+        followed: Slope of the filter's heading error, changes likewise, on the error of a compass:
+            1 follows wholly, 0 ignores the field; None where the field changes by less than 0.2 deg
+            or for less than three minutes.
+        followed_ci95: By blocks, and wider by what a gyroscope's errors may do in the pace of the
+            field.
+        blocks: Independent ones.
     """
 
     sensor: str
@@ -243,12 +294,19 @@ class FieldFollowingRow:
 
 @dataclass(frozen=True)
 class OutlierRow:
-    """A filter whose error is far from that of all others: beyond the upper quartile by three quartile ranges.
+    """A filter whose error is far from that of all others: beyond the upper quartile by three
+    quartile ranges.
 
     Attributes:
-        owner: Sensor or joint. section, sequence: Of a joint. motion: "all", "static" or "dynamic".
-        quantity: "heading" or "inclination" (RMS, of a sensor), "flexion" (mean magnitude) or "total" (RMS, of a joint).
-        value_deg: Of this filter. fence_deg: Where the others end. known: What is known of this filter; empty if nothing.
+        owner: Sensor or joint.
+        section: Of a joint.
+        sequence: Of a joint.
+        motion: "all", "static" or "dynamic".
+        quantity: "heading" or "inclination" (RMS, of a sensor), "flexion" (mean magnitude) or
+            "total" (RMS, of a joint).
+        value_deg: Of this filter.
+        fence_deg: Where the others end.
+        known: What is known of this filter; empty if nothing.
     """
 
     owner: str
@@ -267,11 +325,18 @@ class CycleRow:
     """The average cycle of a joint's angle in one periodic sweep, estimated against true; degrees.
 
     Attributes:
-        joint: Of the protocol, or of the arm where a chain filter estimates it. filter: Or state of the chain. sequence: None
-        for a chain. section, step, variables: Of the sweep. frequency_hz: Of its cycles.
-        cycles: Averaged. left_out: For gaps. rom, true_rom: Range of motion, mean over the cycles. rom_error: Of the former
-        less the latter, with the standard deviation of a single cycle. mean_error: Signed. rmse: Root mean square difference of
-        the average cycles. error_sd, true_sd: Standard deviation of error and true angle over the cycles, RMS over the cycle.
+        joint: Of the protocol, or of the arm where a chain filter estimates it.
+        filter: Or state of the chain.
+        sequence: None for a chain.
+        section: Of the sweep.
+        step: Of the sweep.
+        variables: Of the sweep.
+        frequency_hz: Of its cycles.
+        cycles: Averaged.
+        left_out: For gaps. rom, true_rom: Range of motion, mean over the cycles. rom_error: Of the
+            former less the latter, with the standard deviation of a single cycle. mean_error:
+            Signed. rmse: Root mean square difference of the average cycles. error_sd, true_sd:
+            Standard deviation of error and true angle over the cycles, RMS over the cycle.
         cmc: Coefficient of multiple correlation; None where it is no real number.
     """
 

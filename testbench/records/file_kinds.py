@@ -1,4 +1,6 @@
-"""What a YAML or JSON file is by its keys, so that one given in the place of another is called by its name."""
+"""What a YAML or JSON file is by its keys, so that one given in the place of another is called by
+its name.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ class FileKind:
     """A kind of file.
 
     Attributes:
-        name: For people. marks: Keys that it has at its top and a protocol has not. use: What it is for, a clause.
+        name: For people.
+        marks: Keys that it has at its top and a protocol has not.
+        use: What it is for, a clause.
     """
 
     name: str
@@ -25,7 +29,11 @@ class FileKind:
 
 
 KINDS = (
-    FileKind("a robot file", frozenset({"urdf", "home_deg", "servo", "collision"}), "name it with --robot"),
+    FileKind(
+        "a robot file",
+        frozenset({"urdf", "home_deg", "servo", "collision"}),
+        "name it with --robot",
+    ),
     FileKind(
         "a sensor preset",
         frozenset({"accelerometer", "gyroscope", "rate_hz", "device_orientation"}),
@@ -41,7 +49,11 @@ KINDS = (
         frozenset({"calibrated_utc", "fingerprint", "accelerometer", "gyroscope"}),
         "name it with --calibration",
     ),
-    FileKind("tuned parameters", frozenset({"filter", "objective", "tuned", "split"}), "name it with --tuned"),
+    FileKind(
+        "tuned parameters",
+        frozenset({"filter", "objective", "tuned", "split"}),
+        "name it with --tuned",
+    ),
 )
 MAPPING = FileKind(
     "a mapping of the generic format",
@@ -55,18 +67,25 @@ COLUMNS = frozenset({"acc", "gyr", "mag", "quaternion", "counter"})
 def kind_of(data: dict[str, Any]) -> FileKind | None:
     """The kind of a file by its content; None where it is like none of those known."""
     sensors = data.get("sensors")
-    if isinstance(sensors, dict) and any(isinstance(sensor, dict) and COLUMNS & set(sensor) for sensor in sensors.values()):
+    if isinstance(sensors, dict) and any(
+        isinstance(sensor, dict) and COLUMNS & set(sensor) for sensor in sensors.values()
+    ):
         return MAPPING
     shared = {kind: len(kind.marks & set(data)) for kind in KINDS}
     best = max(shared, key=lambda kind: shared[kind])
     return best if shared[best] >= FEWEST_KEYS else None
 
 
-def why_no_protocol(data: dict[str, Any], needed: Collection[str], known: Collection[str]) -> str | None:
-    """A sentence that says that a file is no protocol and what it looks like; None where it may be meant as one.
+def why_no_protocol(
+    data: dict[str, Any], needed: Collection[str], known: Collection[str]
+) -> str | None:
+    """A sentence that says that a file is no protocol and what it looks like; None where it may be
+    meant as one.
 
     Args:
-        data: Its content. needed: Keys that every protocol has. known: All keys of a protocol.
+        data: Its content.
+        needed: Keys that every protocol has.
+        known: All keys of a protocol.
     """
     missing = [key for key in needed if key not in data]
     foreign = [key for key in data if key not in known]

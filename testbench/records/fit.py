@@ -1,4 +1,6 @@
-"""Fit: fitted parameters with their uncertainty; what every calibration and every study of parameters hands on."""
+"""Fit: fitted parameters with their uncertainty; what every calibration and every study of
+parameters hands on.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,12 @@ class Fit:
     """Parameters of a least-squares fit.
 
     Attributes:
-        names: Of the p parameters, e.g. "acc_bias_x". units: Of each. values: Shape (p,). covariance: Shape (p, p).
-        dof: Degrees of freedom that the scatter was estimated with; infinite where it was known beforehand.
+        names: Of the p parameters, e.g. "acc_bias_x".
+        units: Of each.
+        values: Shape (p,).
+        covariance: Shape (p, p).
+        dof: Degrees of freedom that the scatter was estimated with; infinite where it was known
+            beforehand.
         condition: Condition number of the design, its columns scaled to unit length.
         residuals: What the fit leaves, any shape, in `residual_unit`.
     """
@@ -32,7 +38,8 @@ class Fit:
         p = len(self.names)
         if len(self.units) != p or self.values.shape != (p,) or self.covariance.shape != (p, p):
             raise ValueError(
-                f"a fit of {p} parameters cannot hold {self.values.shape} values, {self.covariance.shape} covariance"
+                f"a fit of {p} parameters cannot hold {self.values.shape} values, "
+                f"{self.covariance.shape} covariance"
             )
 
     @property
@@ -52,10 +59,16 @@ class Fit:
     @property
     def residual_rms(self) -> float:
         """Root mean square of the residuals; NaN where there are none."""
-        return float(np.sqrt(np.mean(np.square(self.residuals)))) if self.residuals.size else float("nan")
+        return (
+            float(np.sqrt(np.mean(np.square(self.residuals))))
+            if self.residuals.size
+            else float("nan")
+        )
 
     def half_width(self, level: float = 0.95) -> np.ndarray:
-        """Half of each parameter's confidence interval, shape (p,) (Student's t; JCGM 100:2008, annex G)."""
+        """Half of each parameter's confidence interval, shape (p,) (Student's t; JCGM 100:2008,
+        annex G).
+        """
         return np.asarray(student.ppf(0.5 + level / 2, self.dof)) * self.sd
 
     def __getitem__(self, name: str) -> float:

@@ -1,16 +1,28 @@
-"""How a joint's rotation is written in three angles: the words of a protocol; docs/joint_angles.md explains each."""
+"""How a joint's rotation is written in three angles: the words of a protocol; docs/joint_angles.md
+explains each.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    field_validator,
+    model_validator,
+)
 
 from testbench.records.strict import Angles3, EulerSequence, StrictModel
 
 NamedDefinition = Literal["elbow", "wrist", "hip", "knee", "ankle", "axis_angle", "rotation_vector"]
-"""The joints of a right limb by the recommendations of the ISB, and two definitions that take no further word."""
+"""The joints of a right limb by the recommendations of the ISB, and two definitions that take no
+further word.
+"""
 
 SMALLEST_AXIS = 1e-6
 _KINDS = ("euler", "isb", "grood_suntay", "hinge", "swing_twist")
@@ -31,33 +43,48 @@ Axis = Annotated[Angles3, AfterValidator(_unit)]
 class JointRotation(StrictModel):
     """A definition that needs more than a name; exactly one of its keys but `side`."""
 
-    euler: EulerSequence | None = Field(default=None, description="Intrinsic Euler sequence, e.g. ZXZ.")
+    euler: EulerSequence | None = Field(
+        default=None, description="Intrinsic Euler sequence, e.g. ZXZ."
+    )
     isb: Literal["elbow", "wrist", "hip", "knee", "ankle"] | None = Field(
         default=None,
-        description="Joint coordinate system of the ISB (Wu 2002, 2005); segment axes: x forward, y up, z to the right.",
+        description="Joint coordinate system of the ISB (Wu 2002, 2005); segment axes: x forward, "
+        "y up, z to the right.",
     )
     grood_suntay: Literal["knee"] | None = Field(
         default=None,
-        description="Joint coordinate system of Grood & Suntay 1983; segment axes: x to the right, y forward, z up.",
+        description="Joint coordinate system of Grood & Suntay 1983; segment axes: x to the right, "
+        "y forward, z up.",
     )
-    hinge: Axis | None = Field(default=None, description="Axis of a hinge, the same numbers in both segments' axes.")
-    swing_twist: Axis | None = Field(default=None, description="Axis of the twist in both segments; the rest is the swing.")
+    hinge: Axis | None = Field(
+        default=None, description="Axis of a hinge, the same numbers in both segments' axes."
+    )
+    swing_twist: Axis | None = Field(
+        default=None, description="Axis of the twist in both segments; the rest is the swing."
+    )
     side: Literal["right", "left"] = Field(
-        default="right", description="Of the body, for isb and grood_suntay: what is inwards, and so the sign of two angles."
+        default="right",
+        description="Of the body, for isb and grood_suntay: what is inwards, and so the sign of "
+        "two angles.",
     )
 
     @model_validator(mode="after")
     def _one_kind(self) -> JointRotation:
         given = [kind for kind in _KINDS if getattr(self, kind) is not None]
         if len(given) != 1:
-            raise ValueError(f"a definition takes exactly one of {', '.join(_KINDS)}, not {' and '.join(given) or 'none'}")
+            raise ValueError(
+                f"a definition takes exactly one of {', '.join(_KINDS)}, not "
+                f"{' and '.join(given) or 'none'}"
+            )
         if self.side == "left" and given[0] not in ("isb", "grood_suntay"):
             raise ValueError(f"side goes with isb and grood_suntay, not with {given[0]}")
         return self
 
     @property
     def label(self) -> str:
-        """A word for it that can stand in a column's name: ZXZ, isb_elbow, grood_suntay_knee_left, hinge_z, ..."""
+        """A word for it that can stand in a column's name: ZXZ, isb_elbow, grood_suntay_knee_left,
+        hinge_z, ...
+        """
         if self.euler is not None:
             return self.euler
         for kind in ("hinge", "swing_twist"):
@@ -108,25 +135,39 @@ LEAST_ANGLE_DEG, MOST_ANGLE_DEG = 30.0, 150.0
 
 
 class JointConstraint(StrictModel):
-    """The axes that a joint turns about, which tell how far the headings of its two sensors drift apart."""
+    """The axes that a joint turns about, which tell how far the headings of its two sensors drift
+    apart.
+    """
 
-    proximal_axis: Axis = Field(description="Axis that is fixed in the proximal segment, in that segment's axes.")
+    proximal_axis: Axis = Field(
+        description="Axis that is fixed in the proximal segment, in that segment's axes."
+    )
     distal_axis: Axis = Field(
-        description="Axis that is fixed in the distal segment, in that segment's axes; a hinge's, the same axis."
+        description="Axis that is fixed in the distal segment, in that segment's axes; a hinge's, "
+        "the same axis."
     )
     angle_deg: float = Field(
-        default=0.0, description="Angle between both axes [deg]: 0 for a hinge, else 30 to 150 for a joint of two axes."
+        default=0.0,
+        description="Angle between both axes [deg]: 0 for a hinge, else 30 to 150 for a joint of "
+        "two axes.",
     )
     axes_sd_deg: float = Field(
-        default=3.0, ge=0.1, le=30, description="How well the axes are known in their segments, standard deviation [deg]."
+        default=3.0,
+        ge=0.1,
+        le=30,
+        description="How well the axes are known in their segments, standard deviation [deg].",
     )
     drift_deg: float = Field(
-        default=2.0, gt=0, le=180, description="How far the headings drift apart in a minute, standard deviation [deg]."
+        default=2.0,
+        gt=0,
+        le=180,
+        description="How far the headings drift apart in a minute, standard deviation [deg].",
     )
     filters: list[str] | None = Field(
         default=None,
         min_length=1,
-        description="Filters of estimate.filters to correct; null: those that use no magnetometer, without the device's own.",
+        description="Filters of estimate.filters to correct; null: those that use no magnetometer, "
+        "without the device's own.",
     )
 
     @field_validator("angle_deg")
@@ -134,27 +175,38 @@ class JointConstraint(StrictModel):
     def _tells_a_heading(cls, angle: float) -> float:
         if angle != 0 and not LEAST_ANGLE_DEG <= angle <= MOST_ANGLE_DEG:
             raise ValueError(
-                f"{angle:g} deg between the axes: allowed are 0 (a hinge, its axis pointing the same way in both segments) and "
+                f"{angle:g} deg between the axes: allowed are 0 (a hinge, its axis pointing the "
+                "same way in both segments) and "
                 f"{LEAST_ANGLE_DEG:g} to {MOST_ANGLE_DEG:g} (two axes)"
             )
         return angle
 
 
 class FlexionAngle(StrictModel):
-    """How the rotation of the distal segment against the proximal one is written, and which of its angles is the flexion."""
+    """How the rotation of the distal segment against the proximal one is written, and which of its
+    angles is the flexion.
+    """
 
-    sequence: EulerSequence | None = Field(default=None, description="Intrinsic Euler sequence, e.g. ZXZ; or a definition.")
+    sequence: EulerSequence | None = Field(
+        default=None, description="Intrinsic Euler sequence, e.g. ZXZ; or a definition."
+    )
     definition: RotationDefinition | None = Field(
-        default=None, description="A named joint such as elbow, or a mapping such as {isb: elbow} or {hinge: [0, 0, 1]}."
+        default=None,
+        description="A named joint such as elbow, or a mapping such as {isb: elbow} or {hinge: [0, "
+        "0, 1]}.",
     )
     flexion: Literal["first", "second", "third"] = Field(
         default="second",
-        description="Angle that is the flexion; without it the second of an Euler sequence and the first of all others.",
+        description="Angle that is the flexion; without it the second of an Euler sequence and the "
+        "first of all others.",
     )
-    sign: Literal[1, -1] = Field(default=1, description="-1 where the angle runs against the flexion.")
+    sign: Literal[1, -1] = Field(
+        default=1, description="-1 where the angle runs against the flexion."
+    )
     continuous: bool = Field(
         default=False,
-        description="Follow the angles from sample to sample through ±180 deg and through the ends of their range, for sweeps.",
+        description="Follow the angles from sample to sample through ±180 deg and through the ends "
+        "of their range, for sweeps.",
     )
 
     @model_validator(mode="before")
@@ -171,9 +223,10 @@ class FlexionAngle(StrictModel):
     @model_validator(mode="after")
     def _one_definition(self) -> FlexionAngle:
         if (self.sequence is None) == (self.definition is None):
-            raise ValueError("a joint angle needs either a sequence or a definition" + (
-                ", not both" if self.sequence is not None else ""
-            ))  # fmt: skip
+            raise ValueError(
+                "a joint angle needs either a sequence or a definition"
+                + (", not both" if self.sequence is not None else "")
+            )
         return self
 
     @property
@@ -184,7 +237,11 @@ class FlexionAngle(StrictModel):
         if isinstance(self.definition, JointRotation):
             return self.definition.label
         assert self.definition is not None
-        return self.definition if self.definition in ("axis_angle", "rotation_vector") else f"isb_{self.definition}"
+        return (
+            self.definition
+            if self.definition in ("axis_angle", "rotation_vector")
+            else f"isb_{self.definition}"
+        )
 
     @property
     def rotation(self) -> JointRotation | Literal["axis_angle", "rotation_vector"]:

@@ -10,16 +10,26 @@ from testbench.records.strict import Angles3, StrictModel
 class MagneticDipole(StrictModel):
     """A magnetised or magnetisable part: a motor, the steel of a joint, the bench.
 
-    A permanent moment turns with its link (hard iron); iron takes a moment of the earth's field, which keeps its direction in
-    the world while the link turns (soft iron).
+    A permanent moment turns with its link (hard iron); iron takes a moment of the earth's field,
+    which keeps its direction in the world while the link turns (soft iron).
     """
 
-    name: str = Field(default="", max_length=100, description="What it is, e.g. motor of the elbow.")
-    link: str = Field(description="Link that carries it, by its URDF name; the base for what stands beside the arm.")
+    name: str = Field(
+        default="", max_length=100, description="What it is, e.g. motor of the elbow."
+    )
+    link: str = Field(
+        description="Link that carries it, by its URDF name; the base for what stands beside the "
+        "arm."
+    )
     position_mm: Angles3 = Field(default=[0.0, 0.0, 0.0], description="Position in the link [mm].")
-    moment_A_m2: Angles3 = Field(default=[0.0, 0.0, 0.0], description="Permanent magnetic moment in the link [A m^2].")
+    moment_A_m2: Angles3 = Field(
+        default=[0.0, 0.0, 0.0], description="Permanent magnetic moment in the link [A m^2]."
+    )
     iron_radius_mm: float = Field(
-        default=0.0, ge=0, le=1000, description="Radius of a sphere of soft iron that takes as large a moment [mm]; 0: none."
+        default=0.0,
+        ge=0,
+        le=1000,
+        description="Radius of a sphere of soft iron that takes as large a moment [mm]; 0: none.",
     )
 
     @model_validator(mode="after")
@@ -32,5 +42,7 @@ class MagneticDipole(StrictModel):
 class Magnetism(StrictModel):
     """What of an arm, and of what it stands on, disturbs the magnetic field."""
 
-    dipoles: list[MagneticDipole] = Field(default=[], description="Magnetised parts and iron, by link.")
+    dipoles: list[MagneticDipole] = Field(
+        default=[], description="Magnetised parts and iron, by link."
+    )
     why: str = Field(default="", description="Where these numbers come from.")

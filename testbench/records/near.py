@@ -1,4 +1,6 @@
-"""Rows of a long table on either side of given instants: all that interpolating at these instants needs of it."""
+"""Rows of a long table on either side of given instants: all that interpolating at these instants
+needs of it.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +13,21 @@ import numpy as np
 from testbench.records.storage import parquet_shape, read_parquet_batches, read_stacked
 
 MOST_ROWS = 500_000
-"""Rows of the arm or of a truth that are read as a whole; of more, those are read that are needed."""
+"""Rows of the arm or of a truth that are read as a whole; of more, those are read that are
+needed.
+"""
 MOST_THINNED = 4_000_000
-"""Rows of a truth that is thinned out for what looks at the whole of it: eight hours at 125 Hz stay as they are."""
+"""Rows of a truth that is thinned out for what looks at the whole of it: eight hours at 125 Hz stay
+as they are.
+"""
 TIME = "host_time_ns"
 
 
 @dataclass(frozen=True)
 class Instants:
-    """Host times at which a session is looked at [ns], increasing: by sensor for the truths, and for the arm."""
+    """Host times at which a session is looked at [ns], increasing: by sensor for the truths, and
+    for the arm.
+    """
 
     sensors: Mapping[str, np.ndarray]
     arm: np.ndarray
@@ -28,7 +36,11 @@ class Instants:
 def united(times: Iterable[np.ndarray]) -> np.ndarray:
     """All of several columns of times, increasing, each once, shape (n,), int64."""
     columns = list(times)
-    return columns[0] if len(columns) == 1 else np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *columns]))
+    return (
+        columns[0]
+        if len(columns) == 1
+        else np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *columns]))
+    )
 
 
 def is_long(path: Path) -> bool:
@@ -36,15 +48,20 @@ def is_long(path: Path) -> bool:
     return parquet_shape(path)[0] > MOST_ROWS
 
 
-def read_near(path: Path, groups: Mapping[str, str | Sequence[str]], instants: np.ndarray) -> dict[str, np.ndarray]:
+def read_near(
+    path: Path, groups: Mapping[str, str | Sequence[str]], instants: np.ndarray
+) -> dict[str, np.ndarray]:
     """The rows of a table before and after each instant, its first and its last one, in order.
 
-    Between two neighbouring rows of the table that hold an instant between them none is left out, so that interpolation at the
-    instants gives what it would give with the whole table. The table is gone through in pieces.
+    Between two neighbouring rows of the table that hold an instant between them none is left out,
+    so that interpolation at the instants gives what it would give with the whole table. The table
+    is gone through in pieces.
 
     Args:
-        path: A table whose column `host_time_ns` increases. groups: By the name of the result, a column, or several that stand
-        side by side in an array (n, k), straight at their places. instants: Increasing, shape (n,) [ns].
+        path: A table whose column `host_time_ns` increases.
+        groups: By the name of the result, a column, or several that stand side by side in an array
+            (n, k), straight at their places.
+        instants: Increasing, shape (n,) [ns].
 
     Raises:
         SessionError: The file is missing or damaged, or lacks a column.
@@ -59,15 +76,21 @@ def read_near(path: Path, groups: Mapping[str, str | Sequence[str]], instants: n
         wanted[np.clip(rows, 0, len(times) - 1)] = True
     count, done, place = int(wanted.sum()), 0, 0
     result: dict[str, np.ndarray] = {}
-    columns = [name for group in groups.values() for name in ([group] if isinstance(group, str) else group)]
+    columns = [
+        name for group in groups.values() for name in ([group] if isinstance(group, str) else group)
+    ]
     for batch in read_parquet_batches(path, columns):
         here = wanted[done : done + len(batch[columns[0]])]
         taken = slice(place, place + int(here.sum()))
         for key, group in groups.items():
             if isinstance(group, str):
-                result.setdefault(key, np.empty(count, dtype=batch[group].dtype))[taken] = batch[group][here]
+                result.setdefault(key, np.empty(count, dtype=batch[group].dtype))[taken] = batch[
+                    group
+                ][here]
             else:
-                matrix = result.setdefault(key, np.empty((count, len(group)), dtype=batch[group[0]].dtype))
+                matrix = result.setdefault(
+                    key, np.empty((count, len(group)), dtype=batch[group[0]].dtype)
+                )
                 for i, name in enumerate(group):
                     matrix[taken, i] = batch[name][here]
         done, place = done + len(here), taken.stop

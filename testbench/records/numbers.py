@@ -10,4 +10,10 @@ def show_number(value: float) -> str:
         return "0.000"
     if magnitude >= 1e6 or magnitude < 5e-4:
         return f"{value:.2g}"
-    return f"{value:.3f}" if magnitude < 100 else f"{value:.1f}" if magnitude < 10_000 else f"{value:.0f}"
+    return (
+        f"{value:.3f}"
+        if magnitude < 100
+        else f"{value:.1f}"
+        if magnitude < 10_000
+        else f"{value:.0f}"
+    )

@@ -13,7 +13,9 @@ def overlapping(
     """A table in pieces of `size` rows with up to `margin` further ones at either end.
 
     Args:
-        batches: The table in any pieces, at least one. size, margin: Rows.
+        batches: The table in any pieces, at least one.
+        size: Rows.
+        margin: Rows.
 
     Yields:
         Columns with their margins, and the rows among them that are the piece itself.
@@ -21,9 +23,19 @@ def overlapping(
     held: dict[str, np.ndarray] = {}
     done = 0  # rows at the beginning of what is held that were given out already
     for batch in batches:
-        held = {name: np.concatenate([held[name], values]) for name, values in batch.items()} if held else dict(batch)
+        held = (
+            {name: np.concatenate([held[name], values]) for name, values in batch.items()}
+            if held
+            else dict(batch)
+        )
         while len(next(iter(held.values()))) >= done + size + margin:
-            yield {name: values[: done + size + margin] for name, values in held.items()}, slice(done, done + size)
+            yield (
+                {name: values[: done + size + margin] for name, values in held.items()},
+                slice(done, done + size),
+            )
             forget = max(done + size - margin, 0)
-            held, done = {name: values[forget:] for name, values in held.items()}, done + size - forget
+            held, done = (
+                {name: values[forget:] for name, values in held.items()},
+                done + size - forget,
+            )
     yield held, slice(done, None)

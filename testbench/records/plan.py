@@ -24,9 +24,12 @@ class PlannedCycles:
     """The whole cycles that a periodic sweep makes at full amplitude, its fades left out.
 
     Attributes:
-        frequency_hz: Of the whole motion: the highest of which the frequency of every joint is a multiple. first_s: Where the
-        first cycle begins, a whole number of cycles after the sweep does, so that 0 % is where the phases of the
-        protocol count from. count: How many follow one another. motion_s: How long the sweep lasts as planned, with fades.
+        frequency_hz: Of the whole motion: the highest of which the frequency of every joint is a
+            multiple.
+        first_s: Where the first cycle begins, a whole number of cycles after the sweep does, so
+            that 0 % is where the phases of the protocol count from.
+        count: How many follow one another.
+        motion_s: How long the sweep lasts as planned, with fades.
     """
 
     frequency_hz: float
@@ -45,7 +48,9 @@ class PlannedCycles:
             return None
         keys = ("frequency_hz", "first_s", "count", "motion_s")
         found = [data.get(key) for key in keys] if isinstance(data, dict) else []
-        numbers = [float(n) for n in found if isinstance(n, int | float) and math.isfinite(n) and n >= 0]
+        numbers = [
+            float(n) for n in found if isinstance(n, int | float) and math.isfinite(n) and n >= 0
+        ]
         if len(numbers) < len(keys) or numbers[0] == 0:
             raise ValueError(f"{data!r:.80} are no cycles")
         frequency, first, count, motion = numbers
@@ -57,9 +62,16 @@ class PlannedStep:
     """One step of the protocol with its times from the start of the plan.
 
     Attributes:
-        index: From 0. section, role: Of the protocol. name: For people. kind: "move" ends at rest in a pose, "sweep" is judged
-        while it moves, "hold" does not move. variables: Values of the loop variables, by name. start_ns: Motion begins.
-        settled_ns: Motion ends and the dwell begins. end_ns: The dwell ends. place: `file:line` in the protocol.
+        index: From 0.
+        section: Of the protocol.
+        role: Of the protocol.
+        name: For people.
+        kind: "move" ends at rest in a pose, "sweep" is judged while it moves, "hold" does not move.
+        variables: Values of the loop variables, by name.
+        start_ns: Motion begins.
+        settled_ns: Motion ends and the dwell begins.
+        end_ns: The dwell ends.
+        place: `file:line` in the protocol.
         cycles: Of a periodic sweep that has any at full amplitude.
     """
 
@@ -105,9 +117,15 @@ class FlexionUse:
     """The true angle of a joint definition where it will be judged, as planned; degrees.
 
     Attributes:
-        joint, definition, kind: Which, in "poses" or "sweeps". lowest_deg, highest_deg: Of the segments.
-        arm, arm_deg: The arm's joint that it is judged by, with its range, or None. variable, commanded: The loop variable that
-        commands it, with its range, or None.
+        joint: Which, in "poses" or "sweeps".
+        definition: Which, in "poses" or "sweeps".
+        kind: Which, in "poses" or "sweeps".
+        lowest_deg: Of the segments.
+        highest_deg: Of the segments.
+        arm: The arm's joint that it is judged by, with its range, or None.
+        arm_deg: The arm's joint that it is judged by, with its range, or None.
+        variable: The loop variable that commands it, with its range, or None.
+        commanded: The loop variable that commands it, with its range, or None.
     """
 
     joint: str
@@ -123,7 +141,10 @@ class FlexionUse:
     @property
     def sentence(self) -> str:
         """For people."""
-        said = f"{self.joint}: {self.definition} {self.lowest_deg:.1f} to {self.highest_deg:.1f} deg in the judged {self.kind}"
+        said = (
+            f"{self.joint}: {self.definition} {self.lowest_deg:.1f} to {self.highest_deg:.1f} "
+            f"deg in the judged {self.kind}"
+        )
         if self.arm_deg is not None:
             said += ", {} {:.1f} to {:.1f}".format(self.arm, *self.arm_deg)
         if self.commanded is not None:
@@ -165,8 +186,11 @@ class Plan:
     """A checked motion.
 
     Attributes:
-        protocol, robot: What it was made from. trajectory: The reference the arm is to follow, starting at home at time 0.
-        steps: In order of time. check: Limits, clearance and sensor ranges, as found.
+        protocol: What it was made from.
+        robot: What it was made from.
+        trajectory: The reference the arm is to follow, starting at home at time 0.
+        steps: In order of time.
+        check: Limits, clearance and sensor ranges, as found.
     """
 
     protocol: Protocol
@@ -182,21 +206,34 @@ class Plan:
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 over protocol, robot, trajectory and steps: the same inputs give the same hash."""
+        """SHA-256 over protocol, robot, trajectory and steps: the same inputs give the same
+        hash.
+        """
         digest = hashlib.sha256()
         for name, text in sorted(self.protocol.texts().items()):
             digest.update(f"{name}\0{text}\0".encode())
         digest.update(self.robot.text.encode())
         digest.update(self.robot.urdf.read_bytes())
-        for array in (self.trajectory.time_ns, self.trajectory.q, self.trajectory.v, self.trajectory.a):
+        for array in (
+            self.trajectory.time_ns,
+            self.trajectory.q,
+            self.trajectory.v,
+            self.trajectory.a,
+        ):
             digest.update(np.ascontiguousarray(array).tobytes())
-        digest.update(json.dumps([self._step_data(step) for step in self.steps], sort_keys=True).encode())
+        digest.update(
+            json.dumps([self._step_data(step) for step in self.steps], sort_keys=True).encode()
+        )
         return digest.hexdigest()
 
     @staticmethod
     def _step_data(step: PlannedStep) -> dict[str, Any]:
         data = asdict(step)
-        return {key: value for key, value in data.items() if key != "place" and not (key == "cycles" and value is None)}
+        return {
+            key: value
+            for key, value in data.items()
+            if key != "place" and not (key == "cycles" and value is None)
+        }
 
     def step_at(self, time_ns: int) -> PlannedStep:
         """The step under way at a time."""
@@ -207,13 +244,17 @@ class Plan:
         """Write the knots and, as metadata, the step table as plan.parquet."""
         knots = self.trajectory
         starts = np.array([step.start_ns for step in self.steps], dtype=np.int64)
-        columns = {"host_time_ns": knots.time_ns, "step": np.searchsorted(starts, knots.time_ns, side="right") - 1}
+        columns = {
+            "host_time_ns": knots.time_ns,
+            "step": np.searchsorted(starts, knots.time_ns, side="right") - 1,
+        }
         for i, joint in enumerate(self.robot.joint_names):
             columns[f"q_{joint}_rad"] = knots.q[:, i]
             columns[f"v_{joint}_rad_s"] = knots.v[:, i]
             columns[f"a_{joint}_rad_s2"] = knots.a[:, i]
         notes = {
-            "content": "knots of the planned joint motion, joined by quintic polynomials that meet q, v and a",
+            "content": "knots of the planned joint motion, joined by quintic polynomials that meet "
+            "q, v and a",
             "plan_hash": self.hash,
             "steps": json.dumps([self._step_data(step) for step in self.steps]),
         }

@@ -1,4 +1,6 @@
-"""Protocol: what a person wants the bench to do, as a YAML file; docs/protocol_reference.md explains every key."""
+"""Protocol: what a person wants the bench to do, as a YAML file; docs/protocol_reference.md
+explains every key.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +25,38 @@ RESERVED_NAMES = ("pi", "abs", "min", "max", "round", "sqrt")
 """Words of the expression language, which no variable may be called."""
 
 FILTER_NAMES = (
-    "device", "gyro", "tilt", "ecompass", "triad", "quest", "complementary", "complementary_marg", "mahony_imu", "mahony_marg",
-    "madgwick_imu", "madgwick_marg", "madgwick_zeta_as_printed", "imufilter", "ahrsfilter", "euler_ekf_simple", "euler_ekf",
-    "euler_ekf_simple_as_printed", "euler_ekf_as_printed", "ekf_imu", "ekf", "mekf_imu", "mekf", "vqf_6d", "vqf_9d",
-    "vqf_offline", "fusion", "fusion_9d",
-)  # fmt: skip
-"""Orientation filters that a protocol may name; `testbench filters` lists them with their parameters."""
+    "device",
+    "gyro",
+    "tilt",
+    "ecompass",
+    "triad",
+    "quest",
+    "complementary",
+    "complementary_marg",
+    "mahony_imu",
+    "mahony_marg",
+    "madgwick_imu",
+    "madgwick_marg",
+    "madgwick_zeta_as_printed",
+    "imufilter",
+    "ahrsfilter",
+    "euler_ekf_simple",
+    "euler_ekf",
+    "euler_ekf_simple_as_printed",
+    "euler_ekf_as_printed",
+    "ekf_imu",
+    "ekf",
+    "mekf_imu",
+    "mekf",
+    "vqf_6d",
+    "vqf_9d",
+    "vqf_offline",
+    "fusion",
+    "fusion_9d",
+)
+"""Orientation filters that a protocol may name; `testbench filters` lists them with their
+parameters.
+"""
 
 
 class Segment(StrictModel):
@@ -36,7 +64,9 @@ class Segment(StrictModel):
 
     name: Name = Field(description="E.g. forearm.")
     rotation_deg: Rotation = Field(
-        default={}, description="Segment axes in the link: one intrinsic Euler sequence and its three angles [deg]."
+        default={},
+        description="Segment axes in the link: one intrinsic Euler sequence and its three angles "
+        "[deg].",
     )
 
     def placement(self) -> Placement:
@@ -48,15 +78,24 @@ class Sensor(StrictModel):
     """An IMU on the arm."""
 
     preset: str | None = Field(
-        default=None, description="A sensor that ships with the bench, e.g. xsens_dot, or a preset file beside the protocol."
+        default=None,
+        description="A sensor that ships with the bench, e.g. xsens_dot, or a preset file beside "
+        "the protocol.",
     )
-    parameters: dict[str, Any] = Field(default={}, description="Parameters of the sensor, or changes to those of the preset.")
+    parameters: dict[str, Any] = Field(
+        default={}, description="Parameters of the sensor, or changes to those of the preset."
+    )
     link: str = Field(description="Link of the arm that carries the sensor, by its URDF name.")
-    segment: Segment | None = Field(default=None, description="Body segment the sensor stands for; joint angles need it.")
-    mounting: Placement = Field(default_factory=Placement, description="Sensor axes and position in the link, as believed.")
+    segment: Segment | None = Field(
+        default=None, description="Body segment the sensor stands for; joint angles need it."
+    )
+    mounting: Placement = Field(
+        default_factory=Placement, description="Sensor axes and position in the link, as believed."
+    )
     mounting_error: Placement = Field(
         default_factory=Placement,
-        description="How the real mounting differs, seen in the sensor; the estimators do not know it.",
+        description="How the real mounting differs, seen in the sensor; the estimators do not know "
+        "it.",
     )
 
     @field_validator("mounting", "mounting_error")
@@ -65,7 +104,8 @@ class Sensor(StrictModel):
         farthest = max(abs(value) for value in placement.position_mm)
         if farthest > FARTHEST_SENSOR_MM:
             raise ValueError(
-                f"position_mm: a sensor {farthest / 1000:g} m from its link is not meant; positions are in millimetres and end "
+                f"position_mm: a sensor {farthest / 1000:g} m from its link is not meant; "
+                "positions are in millimetres and end "
                 f"at {FARTHEST_SENSOR_MM:g}"
             )
         return placement
@@ -85,26 +125,37 @@ class Sensor(StrictModel):
 class JointDefinition(FlexionAngle):
     """A joint angle between two sensors' segments.
 
-    The flexion that counts as true is the arm's joint `reference_joint` where one is named, else the same angle of the
-    segments' true orientations. Naming it makes the error of the definition itself visible.
+    The flexion that counts as true is the arm's joint `reference_joint` where one is named, else
+    the same angle of the segments' true orientations. Naming it makes the error of the definition
+    itself visible.
     """
 
     proximal: Name = Field(description="Sensor of the segment nearer to the trunk.")
     distal: Name = Field(description="Sensor of the segment farther from it.")
     reference_joint: str | None = Field(
         default=None,
-        description="Joint of the arm whose angle is the true flexion; null: the same angle of the true frames.",
+        description="Joint of the arm whose angle is the true flexion; null: the same angle of the "
+        "true frames.",
     )
-    compare: list[FlexionAngle] = Field(default=[], description="Further definitions to report beside it.")
+    compare: list[FlexionAngle] = Field(
+        default=[], description="Further definitions to report beside it."
+    )
     constraint: JointConstraint | None = Field(
-        default=None, description="Axes that keep the headings of both sensors together over time; null: nothing does."
+        default=None,
+        description="Axes that keep the headings of both sensors together over time; null: nothing "
+        "does.",
     )
     published: Literal["reference_1"] | None = Field(
         default=None,
-        description="Published results of the same experiment, which the report shows beside this joint's; null: none.",
+        description="Published results of the same experiment, which the report shows beside this "
+        "joint's; null: none.",
     )
-    misalignment: Name = Field(default="misalignment_deg", description="Variable that is the misalignment.")
-    flexion_variable: Name = Field(default="flexion_deg", description="Variable that is the commanded flexion.")
+    misalignment: Name = Field(
+        default="misalignment_deg", description="Variable that is the misalignment."
+    )
+    flexion_variable: Name = Field(
+        default="flexion_deg", description="Variable that is the commanded flexion."
+    )
 
     @model_validator(mode="after")
     def _two_sensors(self) -> JointDefinition:
@@ -113,7 +164,11 @@ class JointDefinition(FlexionAngle):
         labels = [angle.label for angle in self.definitions()]
         twice = sorted({label for label in labels if labels.count(label) > 1})
         if twice:
-            kind = "Euler sequence" if all(label in get_args(EulerSequence) for label in twice) else "definition"
+            kind = (
+                "Euler sequence"
+                if all(label in get_args(EulerSequence) for label in twice)
+                else "definition"
+            )
             raise ValueError(f"the {kind} {', '.join(twice)} stands more than once")
         return self
 
@@ -131,28 +186,41 @@ class Estimation(StrictModel):
         min_length=1,
         description="Orientation filters to run; see `testbench filters`.",
     )
-    filter_parameters: dict[Literal[FILTER_NAMES], dict[str, float]] = Field(  # type: ignore[valid-type]
+    filter_parameters: dict[
+        Literal[FILTER_NAMES],  # type: ignore[valid-type]
+        dict[str, float],
+    ] = Field(
         default={},
-        description="Parameters of filters that differ from their defaults, by filter and parameter; see `testbench filters`.",
+        description="Parameters of filters that differ from their defaults, by filter and "
+        "parameter; see `testbench filters`.",
     )
     align: Literal["none", "heading", "reference_pose", "motion", "rates"] = Field(
         default="reference_pose",
-        description="none: the filter's earth is the world; heading: one rotation about the vertical, from the reference "
-        "section; reference_pose: that and the remaining mounting rotation; motion: world and mounting together, from all "
-        "motion before the first judged step; rates: the mounting from rates and gravity alone, over the same part.",
+        description="none: the filter's earth is the world; heading: one rotation about the "
+        "vertical, from the reference "
+        "section; reference_pose: that and the remaining mounting rotation; motion: world and "
+        "mounting together, from all "
+        "motion before the first judged step; rates: the mounting from rates and gravity alone, "
+        "over the same part.",
     )
-    align_clock: bool = Field(default=True, description="Fit the sensor's clock to the arm's by the angular rate.")
+    align_clock: bool = Field(
+        default=True, description="Fit the sensor's clock to the arm's by the angular rate."
+    )
     calibrate: Literal["none", "static_poses"] = Field(
         default="static_poses",
-        description="Fit accelerometer and gyroscope errors to the calibration sections, if there are any.",
+        description="Fit accelerometer and gyroscope errors to the calibration sections, if there "
+        "are any.",
     )
 
     euler_ranges: dict[Name, EulerSequence] = Field(
-        default={}, description="Sections over which the range of each sensor's own Euler angles is reported (limit tests)."
+        default={},
+        description="Sections over which the range of each sensor's own Euler angles is reported "
+        "(limit tests).",
     )
 
     chain: ChainEstimation | None = Field(
-        default=None, description="Joints of the arm from several sensors together; null: not computed."
+        default=None,
+        description="Joints of the arm from several sensors together; null: not computed.",
     )
 
     @model_validator(mode="after")
@@ -173,9 +241,12 @@ JOINT_METRICS = {
     "flexion_max_abs_error_deg": "largest magnitude of the flexion error in any sample",
     "flexion_median_error_deg": "median of the signed flexion error, every sample alike",
     "flexion_iqr_deg": "upper less lower quartile of the signed flexion error, every sample alike",
-    "flexion_p95_abs_error_deg": "95th percentile of the magnitude of the flexion error, every sample alike",
-    "flexion_latency_ms": "delay of the flexion behind the true one in sweeps, beyond that of the sensor's clock",
-    "flexion_convergence_s": "time from the end of a move until the flexion error stays near its settled value; median",
+    "flexion_p95_abs_error_deg": "95th percentile of the magnitude of the flexion error, every "
+    "sample alike",
+    "flexion_latency_ms": "delay of the flexion behind the true one in sweeps, beyond that of the "
+    "sensor's clock",
+    "flexion_convergence_s": "time from the end of a move until the flexion error stays near its "
+    "settled value; median",
 }
 SENSOR_METRICS = {
     "total_rmse_deg": "root mean square of the whole orientation error",
@@ -185,7 +256,8 @@ SENSOR_METRICS = {
     "heading_mean_error_deg": "signed mean of the error about the vertical",
     "inclination_mean_error_deg": "mean of the error against the vertical, which has no sign",
     "total_p95_error_deg": "95th percentile of the whole orientation error",
-    "total_latency_ms": "delay of the orientation behind the true one in motion, beyond that of the sensor's clock",
+    "total_latency_ms": "delay of the orientation behind the true one in motion, beyond that of "
+    "the sensor's clock",
 }
 
 
@@ -193,19 +265,32 @@ class AcceptanceLimit(StrictModel):
     """A limit that decides pass or fail."""
 
     metric: str = Field(
-        description="<joint>.<joint metric>, <sensor>.<sensor metric>, <joint of the arm>.<chain metric> or "
+        description="<joint>.<joint metric>, <sensor>.<sensor metric>, <joint of the arm>.<chain "
+        "metric> or "
         "chain.<chain metric>, e.g. elbow.flexion_rmse_deg."
     )
     filter: str | None = Field(
-        default=None, description="One of estimate.filters, for a chain metric of estimate.chain.states; null: every one."
+        default=None,
+        description="One of estimate.filters, for a chain metric of estimate.chain.states; null: "
+        "every one.",
     )
     sequence: Name | None = Field(
-        default=None, description="Euler sequence or other definition of a joint metric, e.g. YXZ or isb_elbow; null: its own."
+        default=None,
+        description="Euler sequence or other definition of a joint metric, e.g. YXZ or isb_elbow; "
+        "null: its own.",
     )
-    section: str | None = Field(default=None, description="Section of the protocol; null: every section that is evaluated.")
-    min: float | None = Field(default=None, description="Smallest value that passes, in the metric's unit.")
-    max: float | None = Field(default=None, description="Largest value that passes, in the metric's unit.")
-    marginal_percent: float = Field(default=10.0, ge=0, lt=100, description="Values this near to the limit are marginal [%].")
+    section: str | None = Field(
+        default=None, description="Section of the protocol; null: every section that is evaluated."
+    )
+    min: float | None = Field(
+        default=None, description="Smallest value that passes, in the metric's unit."
+    )
+    max: float | None = Field(
+        default=None, description="Largest value that passes, in the metric's unit."
+    )
+    marginal_percent: float = Field(
+        default=10.0, ge=0, lt=100, description="Values this near to the limit are marginal [%]."
+    )
 
     @model_validator(mode="after")
     def _has_limit(self) -> AcceptanceLimit:
@@ -221,18 +306,27 @@ class Environment(StrictModel):
 
     magnetic_field_uT: Angles3 = Field(
         default=[0.0, 24.0, -39.0],
-        description="Earth's field in the world [uT]; default: north along y, about that of northern Spain (IGRF-13).",
+        description="Earth's field in the world [uT]; default: north along y, about that of "
+        "northern Spain (IGRF-13).",
     )
-    temperature_deg_c: float = Field(default=25.0, ge=-40, le=125, description="Of the sensors at the start [deg C].")
-    warm_up_deg_c: float = Field(default=0.0, ge=-100, le=100, description="By how much they warm up in the end [deg C].")
+    temperature_deg_c: float = Field(
+        default=25.0, ge=-40, le=125, description="Of the sensors at the start [deg C]."
+    )
+    warm_up_deg_c: float = Field(
+        default=0.0, ge=-100, le=100, description="By how much they warm up in the end [deg C]."
+    )
     warm_up_time_s: float = Field(default=600.0, gt=0, description="Time constant of that [s].")
     arm_magnetism: bool = Field(
-        default=True, description="Whether what the robot file says of the arm's magnetism disturbs the field."
+        default=True,
+        description="Whether what the robot file says of the arm's magnetism disturbs the field.",
     )
-    dipoles: list[MagneticDipole] = Field(default=[], description="Further magnetised parts and iron.")
+    dipoles: list[MagneticDipole] = Field(
+        default=[], description="Further magnetised parts and iron."
+    )
     joint_errors: bool = Field(
         default=False,
-        description="Draw an error of each simulated joint's zero by the robot file's uncertainty; encoders do not see it.",
+        description="Draw an error of each simulated joint's zero by the robot file's uncertainty; "
+        "encoders do not see it.",
     )
 
 
@@ -240,38 +334,64 @@ class Analysis(StrictModel):
     """What estimate and evaluate need to know; kept in every session, imported ones too."""
 
     sensors: dict[Name, Sensor] = Field(default={}, description="IMUs on the arm, by name.")
-    joints: dict[Name, JointDefinition] = Field(default={}, description="Joint angles to compute, by name.")
-    estimate: Estimation = Field(default_factory=Estimation, description="What to compute from the recordings.")
-    accept: list[AcceptanceLimit] = Field(default=[], description="Limits that decide pass or fail.")
+    joints: dict[Name, JointDefinition] = Field(
+        default={}, description="Joint angles to compute, by name."
+    )
+    estimate: Estimation = Field(
+        default_factory=Estimation, description="What to compute from the recordings."
+    )
+    accept: list[AcceptanceLimit] = Field(
+        default=[], description="Limits that decide pass or fail."
+    )
 
 
 class ProtocolSpec(StrictModel):
-    """What the bench shall do: which arm moves how, which sensors it carries, and what is computed and judged."""
+    """What the bench shall do: which arm moves how, which sensors it carries, and what is computed
+    and judged.
+    """
 
     name: Name = Field(description="Name of the protocol; sessions are called after it.")
     purpose: str = Field(min_length=1, description="What it is for, in a sentence.")
-    robot: str = Field(min_length=1, max_length=200, description="A robot's name, or the path of a robot.yaml or URDF.")
-    sensors: dict[Name, Sensor] = Field(min_length=1, description="IMUs on the arm, by name.")
-    joints: dict[Name, JointDefinition] = Field(default={}, description="Joint angles to compute, by name.")
-    variables: dict[Name, Variable] = Field(
-        default={}, max_length=MOST_VARIABLES, description="Names for expressions and loops: a number, a list or a range."
+    robot: str = Field(
+        min_length=1,
+        max_length=200,
+        description="A robot's name, or the path of a robot.yaml or URDF.",
     )
-    motion: Motion = Field(default_factory=Motion, description="How fast to move, as fractions of the robot's limits.")
+    sensors: dict[Name, Sensor] = Field(min_length=1, description="IMUs on the arm, by name.")
+    joints: dict[Name, JointDefinition] = Field(
+        default={}, description="Joint angles to compute, by name."
+    )
+    variables: dict[Name, Variable] = Field(
+        default={},
+        max_length=MOST_VARIABLES,
+        description="Names for expressions and loops: a number, a list or a range.",
+    )
+    motion: Motion = Field(
+        default_factory=Motion, description="How fast to move, as fractions of the robot's limits."
+    )
     environment: Environment = Field(
-        default_factory=Environment, description="The field the sensors feel, and errors of the simulated arm."
+        default_factory=Environment,
+        description="The field the sensors feel, and errors of the simulated arm.",
     )
     sections: list[Section] = Field(min_length=1, description="What to do, in order.")
     arm: ArmUse = Field(default_factory=ArmUse, description="Tool and speed of a real arm.")
     guards: Guards | None = Field(
         default=None,
-        description="What is watched during a run; null: the guards' own values on a real arm, nothing in simulation.",
+        description="What is watched during a run; null: the guards' own values on a real arm, "
+        "nothing in simulation.",
     )
-    estimate: Estimation = Field(default_factory=Estimation, description="What to compute from the recordings.")
-    accept: list[AcceptanceLimit] = Field(default=[], description="Limits that decide pass or fail.")
+    estimate: Estimation = Field(
+        default_factory=Estimation, description="What to compute from the recordings."
+    )
+    accept: list[AcceptanceLimit] = Field(
+        default=[], description="Limits that decide pass or fail."
+    )
 
     def analysis(self) -> Analysis:
         """The part that concerns estimation and evaluation."""
-        return Analysis(sensors=self.sensors, joints=self.joints, estimate=self.estimate, accept=self.accept)
+        return Analysis(
+            sensors=self.sensors, joints=self.joints, estimate=self.estimate, accept=self.accept
+        )
 
     def values(self, variable: str) -> list[float]:
         """The values a variable takes."""
@@ -283,7 +403,9 @@ class ProtocolSpec(StrictModel):
 
 @dataclass
 class Protocol:
-    """A protocol with the file it was read from, the protocols it includes, and the texts of its sensor presets, by name."""
+    """A protocol with the file it was read from, the protocols it includes, and the texts of its
+    sensor presets, by name.
+    """
 
     document: YamlDocument[ProtocolSpec]
     included: dict[str, Protocol] = field(default_factory=dict)

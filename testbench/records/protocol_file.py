@@ -1,4 +1,6 @@
-"""Read a protocol file with those it includes, and check that the names in it agree with one another."""
+"""Read a protocol file with those it includes, and check that the names in it agree with one
+another.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,8 @@ def load_protocol(path: str | Path) -> Protocol:
 def list_protocols() -> dict[str, str]:
     """Names and purposes of the protocols that ship with the bench."""
     return {
-        path.stem: load_yaml(path, ProtocolSpec).value.purpose for path in sorted(shipped_folder("protocols").glob("*.yaml"))
+        path.stem: load_yaml(path, ProtocolSpec).value.purpose
+        for path in sorted(shipped_folder("protocols").glob("*.yaml"))
     }
 
 
@@ -86,12 +89,15 @@ def _load(file: Path, including: tuple[Path, ...], loaded: dict[Path, Protocol])
 def _no_protocol(data: dict[str, Any]) -> str | None:
     """What a file that is something else looks like, None where it may be meant as a protocol."""
     fields = ProtocolSpec.model_fields
-    needed = [name for name, field in reversed(fields.items()) if field.is_required()]  # `sections` tells most
+    needed = [
+        name for name, field in reversed(fields.items()) if field.is_required()
+    ]  # `sections` tells most
     return why_no_protocol(data, needed, list(fields))
 
 
 def _read_presets(document: YamlDocument[ProtocolSpec]) -> tuple[dict[str, str], list[Problem]]:
-    """Put the content of preset files into the sensors that name them, so that nothing but the protocol is needed later.
+    """Put the content of preset files into the sensors that name them, so that nothing but the
+    protocol is needed later.
 
     Returns:
         The texts of the files by name, and what is wrong with them.
@@ -135,7 +141,9 @@ def _included(file: Path, name: str, including: tuple[Path, ...]) -> Path:
     """The file that an include names; a ValueError says what is wrong with it."""
     target = _beside(file, name, "an include")
     if target in including:
-        raise ValueError(f"'{name}' includes itself" + (" by way of others" if target != including[-1] else ""))
+        raise ValueError(
+            f"'{name}' includes itself" + (" by way of others" if target != including[-1] else "")
+        )
     if len(including) > DEEPEST_INCLUDE:
         raise ValueError(f"includes nest deeper than {DEEPEST_INCLUDE} files")
     return target
@@ -156,15 +164,28 @@ class _Names:
         """Every name that does not fit."""
         for name in self.spec.variables:
             if name in RESERVED_NAMES or iskeyword(name):
-                self._refuse(f"'{name}' is a word of the expression language; choose another name", "variables", name)
+                self._refuse(
+                    f"'{name}' is a word of the expression language; choose another name",
+                    "variables",
+                    name,
+                )
         self._sensors()
         self._joints()
         self._sections()
         for name in self.spec.estimate.euler_ranges:
-            self._known([section.name for section in self.spec.sections], name, "section", "estimate", "euler_ranges", name)
+            self._known(
+                [section.name for section in self.spec.sections],
+                name,
+                "section",
+                "estimate",
+                "euler_ranges",
+                name,
+            )
         if self.spec.estimate.chain is not None:
             for i, name in enumerate(self.spec.estimate.chain.sensors):
-                self._known(list(self.spec.sensors), name, "sensor", "estimate", "chain", "sensors", i)
+                self._known(
+                    list(self.spec.sensors), name, "sensor", "estimate", "chain", "sensors", i
+                )
             for i, name in enumerate(self.spec.estimate.chain.sections):
                 sections = [section.name for section in self.spec.sections]
                 self._known(sections, name, "section", "estimate", "chain", "sections", i)
@@ -185,27 +206,46 @@ class _Names:
             where = ("sensors", name)
             if (sensor.preset or "").endswith(PRESET_SUFFIXES):
                 continue  # a file that could not be read, which has been said
-            if sensor.preset is not None and not self._known(list_presets(), sensor.preset, "sensor preset", *where, "preset"):
+            if sensor.preset is not None and not self._known(
+                list_presets(), sensor.preset, "sensor preset", *where, "preset"
+            ):
                 continue
             try:
                 sensor.imu()
             except ValidationError as error:
-                self.problems += validation_problems(error, self.document.places, *where, "parameters")
+                self.problems += validation_problems(
+                    error, self.document.places, *where, "parameters"
+                )
 
     def _joints(self) -> None:
         sensors = self.spec.sensors
         for name, joint in self.spec.joints.items():
             for side in ("proximal", "distal"):
                 sensor = getattr(joint, side)
-                if self._known(list(sensors), sensor, "sensor", "joints", name, side) and sensors[sensor].segment is None:
-                    message = f"sensor '{sensor}' needs a segment: a joint angle is between segments, whose axes must be stated"
+                if (
+                    self._known(list(sensors), sensor, "sensor", "joints", name, side)
+                    and sensors[sensor].segment is None
+                ):
+                    message = (
+                        f"sensor '{sensor}' needs a segment: a joint angle is between "
+                        "segments, whose axes must be stated"
+                    )
                     self._refuse(message, "joints", name, side)
             for i, key in enumerate((joint.constraint.filters if joint.constraint else None) or []):
                 where = ("joints", name, "constraint", "filters", i)
-                self._known(list(self.spec.estimate.filters), key, "filter of this protocol", *where)
+                self._known(
+                    list(self.spec.estimate.filters), key, "filter of this protocol", *where
+                )
             for key in ("misalignment", "flexion_variable"):
                 if key in joint.model_fields_set:
-                    self._known(list(self.spec.variables), getattr(joint, key), "variable", "joints", name, key)
+                    self._known(
+                        list(self.spec.variables),
+                        getattr(joint, key),
+                        "variable",
+                        "joints",
+                        name,
+                        key,
+                    )
 
     def _sections(self) -> None:
         names: set[str] = set()
@@ -224,7 +264,10 @@ class _Names:
 
     def _loop(self, loop: list[str], looped: tuple[str, ...], *where: Any) -> None:
         for m, name in enumerate(loop):
-            if self._known(list(self.spec.variables), name, "variable", *where, m) and name in (*looped, *loop[:m]):
+            if self._known(list(self.spec.variables), name, "variable", *where, m) and name in (
+                *looped,
+                *loop[:m],
+            ):
                 self._refuse(f"the variable '{name}' is looped over twice", *where, m)
 
     def _limit(self, limit: AcceptanceLimit, *where: Any) -> None:
@@ -232,27 +275,60 @@ class _Names:
         joint_metrics = [f"{joint}.{kind}" for joint in spec.joints for kind in JOINT_METRICS]
         sensor_metrics = [f"{name}.{kind}" for name in spec.sensors for kind in SENSOR_METRICS]
         chain_metrics = _chain_metrics(spec, limit.metric)
-        known = self._known([*joint_metrics, *sensor_metrics, *chain_metrics], limit.metric, "metric", *where, "metric")
+        known = self._known(
+            [*joint_metrics, *sensor_metrics, *chain_metrics],
+            limit.metric,
+            "metric",
+            *where,
+            "metric",
+        )
         if limit.section is not None:
-            self._known([section.name for section in spec.sections], limit.section, "section", *where, "section")
+            self._known(
+                [section.name for section in spec.sections],
+                limit.section,
+                "section",
+                *where,
+                "section",
+            )
         if limit.filter is not None and limit.metric in chain_metrics:
             assert spec.estimate.chain is not None
-            self._known(list(spec.estimate.chain.states), limit.filter, "state of the chain", *where, "filter")
+            self._known(
+                list(spec.estimate.chain.states),
+                limit.filter,
+                "state of the chain",
+                *where,
+                "filter",
+            )
         elif limit.filter is not None:
-            self._known(list(spec.estimate.filters), limit.filter, "filter of this protocol", *where, "filter")
+            self._known(
+                list(spec.estimate.filters),
+                limit.filter,
+                "filter of this protocol",
+                *where,
+                "filter",
+            )
         if limit.sequence is not None and known:
             if limit.metric not in joint_metrics:
-                return self._refuse("sequence goes with metrics of a joint only", *where, "sequence")
+                return self._refuse(
+                    "sequence goes with metrics of a joint only", *where, "sequence"
+                )
             joint = spec.joints[limit.metric.partition(".")[0]]
             labels = [angle.label for angle in joint.definitions()]
-            self._known(labels, limit.sequence, "Euler sequence or definition of this joint", *where, "sequence")
+            self._known(
+                labels,
+                limit.sequence,
+                "Euler sequence or definition of this joint",
+                *where,
+                "sequence",
+            )
         return None
 
 
 def _chain_metrics(spec: ProtocolSpec, wanted: str) -> list[str]:
     """Metrics of the chain's joints.
 
-    Where the protocol names no joints only the plan knows which the arm has: the wanted one is taken to be among them.
+    Where the protocol names no joints only the plan knows which the arm has: the wanted one is
+    taken to be among them.
     """
     chain = spec.estimate.chain
     if chain is None:
@@ -260,4 +336,6 @@ def _chain_metrics(spec: ProtocolSpec, wanted: str) -> list[str]:
     owner, _, kind = wanted.partition(".")
     joints = chain.joints or ([owner] if kind in CHAIN_METRICS and owner != WHOLE_CHAIN else [])
     metrics = [f"{joint}.{kind}" for joint in joints for kind in CHAIN_METRICS]
-    return metrics + [f"{WHOLE_CHAIN}.{kind}" for kind in CHAIN_METRICS if kind != "angle_mean_error_deg"]
+    return metrics + [
+        f"{WHOLE_CHAIN}.{kind}" for kind in CHAIN_METRICS if kind != "angle_mean_error_deg"
+    ]

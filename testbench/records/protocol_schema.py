@@ -24,7 +24,12 @@ def protocol_schema() -> dict[str, Any]:
     schema.pop("title")
     for part in (schema, *parts.values()):
         _tidy(part)
-    return {"$schema": DIALECT, "title": "testbench protocol", **schema, "$defs": dict(sorted(parts.items()))}
+    return {
+        "$schema": DIALECT,
+        "title": "testbench protocol",
+        **schema,
+        "$defs": dict(sorted(parts.items())),
+    }
 
 
 def schema_text() -> str:
@@ -33,7 +38,9 @@ def schema_text() -> str:
 
 
 def _tidy(part: dict[str, Any]) -> None:
-    """Drop the titles that only repeat a key, and refuse names that fit no pattern, as the bench does."""
+    """Drop the titles that only repeat a key, and refuse names that fit no pattern, as the bench
+    does.
+    """
     for entry in part.get("properties", {}).values():
         entry.pop("title", None)
         if "patternProperties" in entry:
@@ -41,7 +48,9 @@ def _tidy(part: dict[str, Any]) -> None:
 
 
 def _optional_parameters() -> dict[str, Any]:
-    """The sensor's parameters with nothing required, for those given beside a preset need not be complete."""
+    """The sensor's parameters with nothing required, for those given beside a preset need not be
+    complete.
+    """
     whole = ImuParameters.model_json_schema()
     parts = whole.pop("$defs") | {"ImuParameters": whole}
     for part in parts.values():

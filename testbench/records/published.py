@@ -35,8 +35,12 @@ class FlexionErrors(StrictModel):
     """One published table of mean absolute flexion errors.
 
     Attributes:
-        table: Number of the table. sensor, method: As published. filters: Those of ours that the method is. sequence: Of the
-        Euler angles. mean_abs_error_deg: One value for each commanded flexion, None where none is given.
+        table: Number of the table.
+        sensor: As published.
+        method: As published.
+        filters: Those of ours that the method is.
+        sequence: Of the Euler angles.
+        mean_abs_error_deg: One value for each commanded flexion, None where none is given.
     """
 
     table: str
@@ -48,7 +52,9 @@ class FlexionErrors(StrictModel):
 
 
 class CalibrationBias(StrictModel):
-    """What was left of an accelerometer's bias after a published calibration, |bias| and standard deviation of x, y, z [mg]."""
+    """What was left of an accelerometer's bias after a published calibration, |bias| and standard
+    deviation of x, y, z [mg].
+    """
 
     table: str
     sensor: str
@@ -70,13 +76,16 @@ class PublishedResults(Publication):
         for row in self.flexion_mean_abs_error:
             if len(row.mean_abs_error_deg) != len(self.flexion_deg):
                 raise ValueError(
-                    f"table {row.table} has {len(row.mean_abs_error_deg)} values for {len(self.flexion_deg)} flexions"
+                    f"table {row.table} has {len(row.mean_abs_error_deg)} values for "
+                    f"{len(self.flexion_deg)} flexions"
                 )
         return self
 
 
 class PublishedRow(StrictModel):
-    """One row of a published table: its values in the order of the columns, None where none is given."""
+    """One row of a published table: its values in the order of the columns, None where none is
+    given.
+    """
 
     label: str
     values: list[float | None]
@@ -96,7 +105,10 @@ class PublishedTable(StrictModel):
     def _equally_wide(self) -> PublishedTable:
         for row in self.rows:
             if len(row.values) != len(self.columns):
-                raise ValueError(f"row '{row.label}' has {len(row.values)} values for {len(self.columns)} columns")
+                raise ValueError(
+                    f"row '{row.label}' has {len(row.values)} values for {len(self.columns)} "
+                    "columns"
+                )
         return self
 
     def row(self, label: str) -> PublishedRow:
@@ -141,7 +153,11 @@ Kind = TypeVar("Kind", PublishedResults, PublishedTables)
 @cache
 def _load(name: str, kind: type[Kind], mark: str) -> Kind:
     """A publication of one kind; `mark` begins a line in the files of that kind."""
-    known = [path for path in sorted(PUBLISHED.glob("*.yaml")) if f"\n{mark}" in path.read_text(encoding="utf-8")]
+    known = [
+        path
+        for path in sorted(PUBLISHED.glob("*.yaml"))
+        if f"\n{mark}" in path.read_text(encoding="utf-8")
+    ]
     if name not in {path.stem for path in known}:
         raise NotFoundError("published results", name, [path.stem for path in known])
     return load_yaml(PUBLISHED / f"{name}.yaml", kind).value

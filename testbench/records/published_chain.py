@@ -1,4 +1,6 @@
-"""Published results of a filter over a kinematic chain; tables of joints, where `published` has tables of flexions."""
+"""Published results of a filter over a kinematic chain; tables of joints, where `published` has
+tables of flexions.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,10 @@ class ServoErrors(StrictModel):
     """RMS errors of a rig of servos.
 
     Attributes:
-        table, unit: As published. joints: From the base on. states: By state of the filter, for each joint that of angle, rate
-        and acceleration.
+        table: As published.
+        unit: As published.
+        joints: From the base on.
+        states: By state of the filter, for each joint that of angle, rate and acceleration.
     """
 
     table: str
@@ -30,7 +34,10 @@ class ServoErrors(StrictModel):
     def _complete(self) -> ServoErrors:
         for state, rows in self.states.items():
             if len(rows) != len(self.joints) or any(len(row) != 3 for row in rows):
-                raise ValueError(f"table {self.table}, {state}: three numbers for each of {', '.join(self.joints)} are needed")
+                raise ValueError(
+                    f"table {self.table}, {state}: three numbers for each of "
+                    f"{', '.join(self.joints)} are needed"
+                )
         return self
 
 

@@ -1,4 +1,6 @@
-"""Derived results that are replaced as a whole: what is found under their names was written together."""
+"""Derived results that are replaced as a whole: what is found under their names was written
+together.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +18,14 @@ from testbench.records.storage import replace_synced
 def replaced_folder(folder: Path, summary: Path | None = None) -> Iterator[Path]:
     """A new folder to fill, which takes the place of another one once it is full.
 
-    Whatever ends this early, a full disk or a kill, leaves the old folder with its summary, or neither of them: tables of one
-    result never stand beside the summary of another. What was written so far is removed, at the latest by the next attempt.
+    Whatever ends this early, a full disk or a kill, leaves the old folder with its summary, or
+    neither of them: tables of one result never stand beside the summary of another. What was
+    written so far is removed, at the latest by the next attempt.
 
     Args:
-        folder: To be replaced, or made. summary: A file outside of the folder without which it is not read; it is removed
-        before the folders change places, and for the caller to write afterwards.
+        folder: To be replaced, or made.
+        summary: A file outside of the folder without which it is not read; it is removed before the
+            folders change places, and for the caller to write afterwards.
 
     Yields:
         The folder to write to.
@@ -66,7 +70,8 @@ def write_page(path: Path, text: str) -> None:
 
 @contextmanager
 def stored(path: Path, comfort: str = "the recording is as it was") -> Iterator[None]:
-    """Say in one sentence what could not be written, and what has become of the rest or is to be done.
+    """Say in one sentence what could not be written, and what has become of the rest or is to be
+    done.
 
     Raises:
         StorageError: The disk does not take it.
@@ -79,4 +84,8 @@ def stored(path: Path, comfort: str = "the recording is as it was") -> Iterator[
 
 def disk_reason(error: OSError) -> str:
     """Why something cannot be written, in words."""
-    return "there is no room left on the disk" if error.errno == ENOSPC else error.strerror or str(error)
+    return (
+        "there is no room left on the disk"
+        if error.errno == ENOSPC
+        else error.strerror or str(error)
+    )

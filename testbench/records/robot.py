@@ -1,4 +1,6 @@
-"""Robot: what the bench knows of an arm beside its URDF: limits with their reasons, mounting, servo, noise of its encoders."""
+"""Robot: what the bench knows of an arm beside its URDF: limits with their reasons, mounting,
+servo, noise of its encoders.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ class Joint(StrictModel):
     """One joint of the arm, in the vendor's order."""
 
     name: str
-    position_deg: Pair | None = Field(description="Lowest and highest angle [deg]; null: unlimited.")
+    position_deg: Pair | None = Field(
+        description="Lowest and highest angle [deg]; null: unlimited."
+    )
     velocity_deg_s: float = Field(gt=0)
     acceleration_deg_s2: float = Field(gt=0)
     jerk_deg_s3: float = Field(gt=0)
@@ -47,7 +51,9 @@ class Floor(StrictModel):
 class Collision(StrictModel):
     """How collisions are judged."""
 
-    margin_mm: float = Field(default=0.0, ge=0, description="Smallest clearance that is accepted [mm].")
+    margin_mm: float = Field(
+        default=0.0, ge=0, description="Smallest clearance that is accepted [mm]."
+    )
     ignore: list[Annotated[list[str], Field(min_length=2, max_length=2)]] = Field(
         default=[], description="Pairs of links that are never checked, beside neighbours."
     )
@@ -60,41 +66,64 @@ class Servo(StrictModel):
     natural_frequency_hz: float = Field(default=12.0, gt=0)
     damping_ratio: float = Field(default=1.0, gt=0)
     encoder_resolution_deg: float = Field(default=360 / 2**18, ge=0)
-    encoder_noise_deg: float = Field(default=0.0005, ge=0, description="Standard deviation of one reading [deg].")
-    velocity_noise_deg_s: float = Field(default=0.02, ge=0, description="Standard deviation of one reading [deg/s].")
+    encoder_noise_deg: float = Field(
+        default=0.0005, ge=0, description="Standard deviation of one reading [deg]."
+    )
+    velocity_noise_deg_s: float = Field(
+        default=0.02, ge=0, description="Standard deviation of one reading [deg/s]."
+    )
     repeatability_deg: float = Field(
-        default=0.003, ge=0, description="Standard deviation of the joint's true angle about its reading, drawn per move [deg]."
+        default=0.003,
+        ge=0,
+        description="Standard deviation of the joint's true angle about its reading, drawn per "
+        "move [deg].",
     )
     why: str = ""
 
 
 class Uncertainty(StrictModel):
-    """How far the truth that this arm gives may be off; standard uncertainties, for the budget of every reported error.
+    """How far the truth that this arm gives may be off; standard uncertainties, for the budget of
+    every reported error.
 
     The repeatability and the resolution of the encoders are those of `servo`.
     """
 
     joint_angle_deg: float | list[float] = Field(
         default=0.1,
-        description="Of each joint's angle, by the calibration of the kinematics: one number, or one for each joint [deg].",
+        description="Of each joint's angle, by the calibration of the kinematics: one number, or "
+        "one for each joint [deg].",
     )
     mounting_deg: float = Field(
-        default=0.5, ge=0, description="Of a sensor's rotation against its mounting as believed, about each axis [deg]."
+        default=0.5,
+        ge=0,
+        description="Of a sensor's rotation against its mounting as believed, about each axis "
+        "[deg].",
     )
     levelling_deg: float = Field(
-        default=0.1, ge=0, description="Of the base's tilt against the plumb line, about each horizontal axis [deg]."
+        default=0.1,
+        ge=0,
+        description="Of the base's tilt against the plumb line, about each horizontal axis [deg].",
     )
     reliability_percent: float = Field(
-        default=25.0, gt=0, le=100, description="Relative uncertainty of these three numbers; decides their degrees of freedom."
+        default=25.0,
+        gt=0,
+        le=100,
+        description="Relative uncertainty of these three numbers; decides their degrees of "
+        "freedom.",
     )
     why: str = Field(
-        default="Assumed for an arm with nominal kinematics and sensors fixed by hand; see docs/uncertainty.md.",
+        default="Assumed for an arm with nominal kinematics and sensors fixed by hand; see "
+        "docs/uncertainty.md.",
         description="Where these numbers come from.",
     )
 
     @model_validator(mode="after")
     def _not_negative(self) -> Uncertainty:
-        values = self.joint_angle_deg if isinstance(self.joint_angle_deg, list) else [self.joint_angle_deg]
+        values = (
+            self.joint_angle_deg
+            if isinstance(self.joint_angle_deg, list)
+            else [self.joint_angle_deg]
+        )
         if not all(np.isfinite(value) and value >= 0 for value in values):
             raise ValueError(f"joint_angle_deg {self.joint_angle_deg} must not be negative")
         return self
@@ -117,16 +146,26 @@ class RobotSpec(StrictModel):
 
     name: str
     description: str = ""
-    urdf: str = Field(description="Path of the URDF: below this file, or below example-robot-data with that prefix.")
-    mesh_packages: list[str] = Field(default=[], description="Python distributions whose packages hold the meshes.")
-    base: Placement = Field(default_factory=Placement, description="Pose of the arm's base in the world.")
-    gravity_m_s2: Vector3 = Field(default=[0.0, 0.0, -9.80665], description="Gravity in the world frame.")
+    urdf: str = Field(
+        description="Path of the URDF: below this file, or below example-robot-data with that "
+        "prefix."
+    )
+    mesh_packages: list[str] = Field(
+        default=[], description="Python distributions whose packages hold the meshes."
+    )
+    base: Placement = Field(
+        default_factory=Placement, description="Pose of the arm's base in the world."
+    )
+    gravity_m_s2: Vector3 = Field(
+        default=[0.0, 0.0, -9.80665], description="Gravity in the world frame."
+    )
     joints: list[Joint] = Field(min_length=1)
     home_deg: list[float]
     payload_kg: float | None = Field(
         default=None,
         gt=0,
-        description="The heaviest tool that the maker allows on the flange [kg]; null: not known, not checked.",
+        description="The heaviest tool that the maker allows on the flange [kg]; null: not known, "
+        "not checked.",
     )
     floor: Floor | None = None
     collision: Collision = Field(default_factory=Collision)
@@ -134,24 +173,32 @@ class RobotSpec(StrictModel):
     uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     magnetism: Magnetism = Field(default_factory=Magnetism)
     rates: Rates = Field(default_factory=Rates)
-    assumptions: list[str] = Field(default=[], description="What was filled in without a source; shown with every plan.")
+    assumptions: list[str] = Field(
+        default=[], description="What was filled in without a source; shown with every plan."
+    )
 
     @model_validator(mode="after")
     def _home_fits(self) -> RobotSpec:
         if len(self.home_deg) != len(self.joints):
-            raise ValueError(f"home_deg has {len(self.home_deg)} angles, the arm has {len(self.joints)} joints")
+            raise ValueError(
+                f"home_deg has {len(self.home_deg)} angles, the arm has {len(self.joints)} joints"
+            )
         return self
 
     @model_validator(mode="after")
     def _uncertainty_fits(self) -> RobotSpec:
         angles = self.uncertainty.joint_angle_deg
         if isinstance(angles, list) and len(angles) != len(self.joints):
-            raise ValueError(f"uncertainty: joint_angle_deg has {len(angles)} values, the arm has {len(self.joints)} joints")
+            raise ValueError(
+                f"uncertainty: joint_angle_deg has {len(angles)} values, the arm has "
+                f"{len(self.joints)} joints"
+            )
         return self
 
 
 class Robot:
-    """An arm the bench can plan for: its specification, where its URDF lies, and its limits in radians.
+    """An arm the bench can plan for: its specification, where its URDF lies, and its limits in
+    radians.
 
     Args:
         spec: The content of robot.yaml.
@@ -199,8 +246,14 @@ class Robot:
 
     @property
     def joint_angle_uncertainty(self) -> np.ndarray:
-        """Standard uncertainty of each joint's angle by the calibration of the kinematics, shape (n,), [rad]."""
-        return np.radians(np.broadcast_to(np.asarray(self.spec.uncertainty.joint_angle_deg, float), len(self.spec.joints)))
+        """Standard uncertainty of each joint's angle by the calibration of the kinematics, shape
+        (n,), [rad].
+        """
+        return np.radians(
+            np.broadcast_to(
+                np.asarray(self.spec.uncertainty.joint_angle_deg, float), len(self.spec.joints)
+            )
+        )
 
     @property
     def gravity(self) -> np.ndarray:
@@ -217,7 +270,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
     """Find an arm by name or by path.
 
     Args:
-        name_or_path: A name that `list_robots` gives, or the path of a robot.yaml, of its folder, or of a bare URDF.
+        name_or_path: A name that `list_robots` gives, or the path of a robot.yaml, of its folder,
+            or of a bare URDF.
 
     Raises:
         NotFoundError: No such robot; lists those that exist.
@@ -248,7 +302,9 @@ def list_robots() -> dict[str, str]:
         path.parent.name: load_yaml(path, RobotSpec).value.description
         for path in sorted(shipped_folder("robots").glob("*/robot.yaml"))
     }
-    return own | {name: entry.description for name, entry in _catalogue().items() if name not in own}
+    return own | {
+        name: entry.description for name, entry in _catalogue().items() if name not in own
+    }
 
 
 class CatalogueEntry(StrictModel):
@@ -256,7 +312,9 @@ class CatalogueEntry(StrictModel):
 
     urdf: str
     description: str = ""
-    joints: list[str] = Field(description="The arm's joints in the vendor's order; every other joint is locked.")
+    joints: list[str] = Field(
+        description="The arm's joints in the vendor's order; every other joint is locked."
+    )
     home_deg: list[float]
 
 
@@ -280,18 +338,26 @@ def _catalogue() -> dict[str, CatalogueEntry]:
 def _robot_from_yaml(path: Path) -> Robot:
     document: YamlDocument[RobotSpec] = load_yaml(path, RobotSpec)
     prefix, _, rest = document.value.urdf.partition(":")
-    urdf = _example_robot_data() / rest if prefix == "example-robot-data" else path.parent / document.value.urdf
+    urdf = (
+        _example_robot_data() / rest
+        if prefix == "example-robot-data"
+        else path.parent / document.value.urdf
+    )
     if not urdf.is_file():
         raise document.problem(f"the URDF {urdf} does not exist", "urdf")
     return Robot(document.value, urdf.resolve(), document.text, path.resolve())
 
 
 def _example_robot_data() -> Path:
-    return _distribution_folder("example-robot-data") / "cmeel.prefix/share/example-robot-data/robots"
+    return (
+        _distribution_folder("example-robot-data") / "cmeel.prefix/share/example-robot-data/robots"
+    )
 
 
 def _distribution_folder(name: str) -> Path:
     try:
         return Path(str(distribution(name).locate_file("")))
     except PackageNotFoundError as error:
-        raise InputError(f"the package '{name}', which this robot's meshes come from, is not installed") from error
+        raise InputError(
+            f"the package '{name}', which this robot's meshes come from, is not installed"
+        ) from error

@@ -32,9 +32,13 @@ class ArmSamples:
     """What an arm reported.
 
     Attributes:
-        joint_names: In the robot's order. host_time_ns: Shape (n,), int64. q_sent: Commanded, q_measured, v_measured: reported
-        by the encoders, shape (n, n_joints) [rad], [rad], [rad/s]. extras: What else the arm reported, column name (with its
-        unit) to array of shape (n,); kept on disk, read by nothing that computes.
+        joint_names: In the robot's order.
+        host_time_ns: Shape (n,), int64.
+        q_sent: Commanded.
+        q_measured: reported by the encoders, shape (n, n_joints) [rad], [rad], [rad/s].
+        v_measured: reported by the encoders, shape (n, n_joints) [rad], [rad], [rad/s].
+        extras: What else the arm reported, column name (with its unit) to array of shape (n,); kept
+            on disk, read by nothing that computes.
     """
 
     joint_names: list[str]
@@ -67,7 +71,12 @@ class ArmSamples:
     def groups(joint_names: list[str]) -> dict[str, str | list[str]]:
         """Which columns on disk stand side by side in each attribute."""
         sent, measured, rates = ArmSamples._groups(joint_names)
-        return {"host_time_ns": "host_time_ns", "q_sent": sent, "q_measured": measured, "v_measured": rates}
+        return {
+            "host_time_ns": "host_time_ns",
+            "q_sent": sent,
+            "q_measured": measured,
+            "v_measured": rates,
+        }
 
     @staticmethod
     def from_columns(table: dict[str, np.ndarray], joint_names: list[str]) -> ArmSamples:
@@ -86,10 +95,15 @@ class ImuSamples:
     """What an IMU reported; every vector in the sensor frame.
 
     Attributes:
-        device_time_ns: The sensor's own clock. host_time_ns: Arrival at the host. Both of shape (n,), int64.
-        gyr: Angular rate, shape (n, 3) [rad/s]. acc: Specific force, shape (n, 3) [m/s^2]. mag: Shape (n, 3) [uT], or None.
-        device_q: q_earth_from_sensor of the vendor's filter, shape (n, 4), or None. counter: Sample counter, shape (n,).
-        saturated: Whether an axis was at full scale, shape (n,). temperature: Of the part, shape (n,) [deg C], or None.
+        device_time_ns: The sensor's own clock.
+        host_time_ns: Arrival at the host. Both of shape (n,), int64.
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Shape (n, 3) [uT], or None.
+        device_q: q_earth_from_sensor of the vendor's filter, shape (n, 4), or None.
+        counter: Sample counter, shape (n,).
+        saturated: Whether an axis was at full scale, shape (n,).
+        temperature: Of the part, shape (n,) [deg C], or None.
     """
 
     device_time_ns: np.ndarray
@@ -108,13 +122,27 @@ class ImuSamples:
     @staticmethod
     def columns(mag: bool, device_q: bool, temperature: bool = False) -> dict[str, Any]:
         """Column names and types on disk."""
-        result: dict[str, Any] = {"device_time_ns": np.int64, "host_time_ns": np.int64, "counter": np.int64}
-        vectors = GYR + ACC + (MAG if mag else []) + (DEVICE_Q if device_q else []) + ([TEMPERATURE] if temperature else [])
+        result: dict[str, Any] = {
+            "device_time_ns": np.int64,
+            "host_time_ns": np.int64,
+            "counter": np.int64,
+        }
+        vectors = (
+            GYR
+            + ACC
+            + (MAG if mag else [])
+            + (DEVICE_Q if device_q else [])
+            + ([TEMPERATURE] if temperature else [])
+        )
         return result | dict.fromkeys(vectors, np.float64) | {"saturated": np.bool_}
 
     def to_columns(self) -> dict[str, np.ndarray]:
         """As columns for disk."""
-        result = {"device_time_ns": self.device_time_ns, "host_time_ns": self.host_time_ns, "counter": self.counter}
+        result = {
+            "device_time_ns": self.device_time_ns,
+            "host_time_ns": self.host_time_ns,
+            "counter": self.counter,
+        }
         result |= split(GYR, self.gyr) | split(ACC, self.acc)
         if self.mag is not None:
             result |= split(MAG, self.mag)
@@ -127,18 +155,39 @@ class ImuSamples:
     @staticmethod
     def groups(names: Sequence[str]) -> dict[str, str | list[str]]:
         """Columns on disk by attribute, those that a table with these columns lacks left out."""
-        own: dict[str, str | list[str]] = {"device_time_ns": "device_time_ns", "host_time_ns": "host_time_ns"}
-        own |= {"gyr": GYR, "acc": ACC, "mag": MAG, "device_q": DEVICE_Q, "counter": "counter", "saturated": "saturated"}
+        own: dict[str, str | list[str]] = {
+            "device_time_ns": "device_time_ns",
+            "host_time_ns": "host_time_ns",
+        }
+        own |= {
+            "gyr": GYR,
+            "acc": ACC,
+            "mag": MAG,
+            "device_q": DEVICE_Q,
+            "counter": "counter",
+            "saturated": "saturated",
+        }
         own |= {"temperature": TEMPERATURE} if TEMPERATURE in names else {}
-        return {key: group for key, group in own.items() if key not in {"mag", "device_q"} or group[0] in names}
+        return {
+            key: group
+            for key, group in own.items()
+            if key not in {"mag", "device_q"} or group[0] in names
+        }
 
     @staticmethod
     def from_groups(arrays: Mapping[str, np.ndarray]) -> ImuSamples:
         """From arrays by attribute; mag, device_q and temperature may be missing."""
         return ImuSamples(
-            arrays["device_time_ns"], arrays["host_time_ns"], arrays["gyr"], arrays["acc"], arrays.get("mag"),
-            arrays.get("device_q"), arrays["counter"], arrays["saturated"], arrays.get("temperature"),
-        )  # fmt: skip
+            arrays["device_time_ns"],
+            arrays["host_time_ns"],
+            arrays["gyr"],
+            arrays["acc"],
+            arrays.get("mag"),
+            arrays.get("device_q"),
+            arrays["counter"],
+            arrays["saturated"],
+            arrays.get("temperature"),
+        )
 
     @staticmethod
     def from_columns(table: dict[str, np.ndarray]) -> ImuSamples:
@@ -165,8 +214,10 @@ class Truth:
     """What a sensor went through, according to the arm's kinematics or an optical system.
 
     Attributes:
-        host_time_ns: Shape (n,), int64. q_world_from_sensor: Shape (n, 4), NaN where unknown. rate: Angular rate in the sensor
-        frame, shape (n, 3) [rad/s], or None. force: Specific force in the sensor frame, shape (n, 3) [m/s^2], or None.
+        host_time_ns: Shape (n,), int64.
+        q_world_from_sensor: Shape (n, 4), NaN where unknown.
+        rate: Angular rate in the sensor frame, shape (n, 3) [rad/s], or None.
+        force: Specific force in the sensor frame, shape (n, 3) [m/s^2], or None.
         judged: Whether an error counts there, shape (n,), bool, or None for everywhere.
     """
 
@@ -188,12 +239,24 @@ class Truth:
     @staticmethod
     def groups(columns: Collection[str]) -> dict[str, str | list[str]]:
         """Which columns on disk stand side by side in each attribute, of those that there are."""
-        own: dict[str, str | list[str]] = {"host_time_ns": "host_time_ns", "q_world_from_sensor": TRUTH_Q}
-        own |= {key: group for key, group in (("rate", TRUTH_RATE), ("force", TRUTH_FORCE)) if group[0] in columns}
+        own: dict[str, str | list[str]] = {
+            "host_time_ns": "host_time_ns",
+            "q_world_from_sensor": TRUTH_Q,
+        }
+        own |= {
+            key: group
+            for key, group in (("rate", TRUTH_RATE), ("force", TRUTH_FORCE))
+            if group[0] in columns
+        }
         return own | ({"judged": "judged"} if "judged" in columns else {})
 
     @staticmethod
     def from_columns(table: dict[str, np.ndarray]) -> Truth:
         """From columns on disk."""
         own = Truth.groups(table)
-        return Truth(**{key: table[group] if isinstance(group, str) else join(table, group) for key, group in own.items()})
+        return Truth(
+            **{
+                key: table[group] if isinstance(group, str) else join(table, group)
+                for key, group in own.items()
+            }
+        )

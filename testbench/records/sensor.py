@@ -1,4 +1,6 @@
-"""Sensors: inertial measurement units in the words and units of their data sheets, and the presets that ship."""
+"""Sensors: inertial measurement units in the words and units of their data sheets, and the presets
+that ship.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +28,18 @@ class Triad:
     """Three orthogonal sensing axes in SI units; `unit` is m/s^2, rad/s or uT.
 
     Attributes:
-        range: Full scale, +- [unit]. resolution: One count [unit], 0 for none. noise_density: Shape (3,) [unit/sqrt(Hz)].
-        bandwidth: First-order low pass [Hz], None for none. bias_sd, bias_instability: [unit]. bias_time_constant: [s].
-        bias_random_walk: [unit/sqrt(s)]. scale_sd, cross_axis_sd, nonlinearity: [1]. g_sensitivity_sd: [unit/(m/s^2)].
+        range: Full scale, +- [unit].
+        resolution: One count [unit], 0 for none.
+        noise_density: Shape (3,) [unit/sqrt(Hz)].
+        bandwidth: First-order low pass [Hz], None for none.
+        bias_sd: [unit].
+        bias_instability: [unit].
+        bias_time_constant: [s].
+        bias_random_walk: [unit/sqrt(s)].
+        scale_sd: [1].
+        cross_axis_sd: [1].
+        nonlinearity: [1].
+        g_sensitivity_sd: [unit/(m/s^2)].
         bias_drift_sd: Change of the bias with temperature [unit/K].
     """
 
@@ -51,11 +62,21 @@ class Triad:
 class TriadSheet(StrictModel):
     """What the data sheets of all three kinds of triad state alike."""
 
-    bandwidth_hz: float | None = Field(default=None, gt=0, description="Bandwidth of a first-order low pass [Hz]; null: none.")
-    bias_time_constant_s: float = Field(default=300.0, gt=0, description="Correlation time of the in-run bias [s].")
-    scale_sd_percent: float = Field(default=0.0, ge=0, description="Scale factor error, standard deviation over parts [%].")
-    cross_axis_sd_percent: float = Field(default=0.0, ge=0, description="Cross-axis sensitivity, standard deviation [%].")
-    nonlinearity_percent_fs: float = Field(default=0.0, ge=0, description="Cubic error at full scale [% of full scale].")
+    bandwidth_hz: float | None = Field(
+        default=None, gt=0, description="Bandwidth of a first-order low pass [Hz]; null: none."
+    )
+    bias_time_constant_s: float = Field(
+        default=300.0, gt=0, description="Correlation time of the in-run bias [s]."
+    )
+    scale_sd_percent: float = Field(
+        default=0.0, ge=0, description="Scale factor error, standard deviation over parts [%]."
+    )
+    cross_axis_sd_percent: float = Field(
+        default=0.0, ge=0, description="Cross-axis sensitivity, standard deviation [%]."
+    )
+    nonlinearity_percent_fs: float = Field(
+        default=0.0, ge=0, description="Cubic error at full scale [% of full scale]."
+    )
 
     def _common(self) -> dict[str, float | None]:
         return {
@@ -71,12 +92,22 @@ class Accelerometer(TriadSheet):
     """Accelerometer data sheet."""
 
     range_g: float = Field(gt=0, description="Full scale, +- [g].")
-    counts_per_g: float | None = Field(default=None, gt=0, description="Sensitivity [LSB/g]; null: no quantisation.")
-    noise_density_ug_sqrthz: Angles3 = Field(default=[0.0, 0.0, 0.0], description="White noise by axis [ug/sqrt(Hz)].")
-    bias_sd_mg: float = Field(default=0.0, ge=0, description="Turn-on bias, standard deviation [mg].")
+    counts_per_g: float | None = Field(
+        default=None, gt=0, description="Sensitivity [LSB/g]; null: no quantisation."
+    )
+    noise_density_ug_sqrthz: Angles3 = Field(
+        default=[0.0, 0.0, 0.0], description="White noise by axis [ug/sqrt(Hz)]."
+    )
+    bias_sd_mg: float = Field(
+        default=0.0, ge=0, description="Turn-on bias, standard deviation [mg]."
+    )
     in_run_bias_mg: float = Field(default=0.0, ge=0, description="In-run bias stability [mg].")
-    bias_random_walk_mg_sqrts: float = Field(default=0.0, ge=0, description="Random walk of the bias [mg/sqrt(s)].")
-    bias_drift_sd_mg_k: float = Field(default=0.0, ge=0, description="Change of the bias with temperature, sd [mg/K].")
+    bias_random_walk_mg_sqrts: float = Field(
+        default=0.0, ge=0, description="Random walk of the bias [mg/sqrt(s)]."
+    )
+    bias_drift_sd_mg_k: float = Field(
+        default=0.0, ge=0, description="Change of the bias with temperature, sd [mg/K]."
+    )
 
     def triad(self) -> Triad:
         """In SI units."""
@@ -97,14 +128,28 @@ class Gyroscope(TriadSheet):
     """Gyroscope data sheet."""
 
     range_deg_s: float = Field(gt=0, description="Full scale, +- [deg/s].")
-    counts_per_deg_s: float | None = Field(default=None, gt=0, description="Sensitivity [LSB/(deg/s)]; null: no quantisation.")
-    noise_density_deg_s_sqrthz: Angles3 = Field(default=[0.0, 0.0, 0.0], description="White noise by axis [deg/s/sqrt(Hz)].")
-    bias_sd_deg_s: float = Field(default=0.0, ge=0, description="Turn-on bias, standard deviation [deg/s].")
-    in_run_bias_deg_h: float = Field(default=0.0, ge=0, description="In-run bias stability [deg/h].")
-    bias_random_walk_deg_h_sqrts: float = Field(default=0.0, ge=0, description="Random walk of the bias [deg/h/sqrt(s)].")
-    g_sensitivity_sd_deg_s_g: float = Field(default=0.0, ge=0, description="Response to specific force, sd [deg/s/g].")
+    counts_per_deg_s: float | None = Field(
+        default=None, gt=0, description="Sensitivity [LSB/(deg/s)]; null: no quantisation."
+    )
+    noise_density_deg_s_sqrthz: Angles3 = Field(
+        default=[0.0, 0.0, 0.0], description="White noise by axis [deg/s/sqrt(Hz)]."
+    )
+    bias_sd_deg_s: float = Field(
+        default=0.0, ge=0, description="Turn-on bias, standard deviation [deg/s]."
+    )
+    in_run_bias_deg_h: float = Field(
+        default=0.0, ge=0, description="In-run bias stability [deg/h]."
+    )
+    bias_random_walk_deg_h_sqrts: float = Field(
+        default=0.0, ge=0, description="Random walk of the bias [deg/h/sqrt(s)]."
+    )
+    g_sensitivity_sd_deg_s_g: float = Field(
+        default=0.0, ge=0, description="Response to specific force, sd [deg/s/g]."
+    )
     bias_drift_sd_deg_s_k: float = Field(
-        default=0.0, ge=0, description="Change of the bias with temperature, sd over parts [deg/s/K]."
+        default=0.0,
+        ge=0,
+        description="Change of the bias with temperature, sd over parts [deg/s/K].",
     )
 
     def triad(self) -> Triad:
@@ -127,9 +172,15 @@ class Magnetometer(TriadSheet):
     """Magnetometer data sheet."""
 
     range_uT: float = Field(gt=0, description="Full scale, +- [uT].")
-    resolution_uT: float = Field(default=0.0, ge=0, description="One count [uT]; 0: no quantisation.")
-    noise_density_uT_sqrthz: Angles3 = Field(default=[0.0, 0.0, 0.0], description="White noise by axis [uT/sqrt(Hz)].")
-    hard_iron_sd_uT: float = Field(default=0.0, ge=0, description="Offset left after the maker's calibration, sd [uT].")
+    resolution_uT: float = Field(
+        default=0.0, ge=0, description="One count [uT]; 0: no quantisation."
+    )
+    noise_density_uT_sqrthz: Angles3 = Field(
+        default=[0.0, 0.0, 0.0], description="White noise by axis [uT/sqrt(Hz)]."
+    )
+    hard_iron_sd_uT: float = Field(
+        default=0.0, ge=0, description="Offset left after the maker's calibration, sd [uT]."
+    )
 
     def triad(self) -> Triad:
         """In uT."""
@@ -149,20 +200,38 @@ class Clock(StrictModel):
     """The sensor's own clock against the host's: reading = host time * (1 + drift) + offset."""
 
     offset_ms: float = Field(default=0.0, description="Offset [ms], the same for every part.")
-    offset_sd_ms: float = Field(default=0.0, ge=0, description="Further offset drawn at power-up, standard deviation [ms].")
+    offset_sd_ms: float = Field(
+        default=0.0, ge=0, description="Further offset drawn at power-up, standard deviation [ms]."
+    )
     drift_ppm: float = Field(default=0.0, description="Drift [ppm], the same for every part.")
-    drift_sd_ppm: float = Field(default=0.0, ge=0, description="Further drift of the part, standard deviation [ppm].")
-    jitter_us: float = Field(default=0.0, ge=0, description="Sampling jitter, standard deviation [us].")
-    latency_ms: float = Field(default=0.0, ge=0, description="Shortest delay from sampling to the host [ms].")
-    latency_jitter_ms: float = Field(default=0.0, ge=0, description="Mean of the exponential part of that delay [ms].")
+    drift_sd_ppm: float = Field(
+        default=0.0, ge=0, description="Further drift of the part, standard deviation [ppm]."
+    )
+    jitter_us: float = Field(
+        default=0.0, ge=0, description="Sampling jitter, standard deviation [us]."
+    )
+    latency_ms: float = Field(
+        default=0.0, ge=0, description="Shortest delay from sampling to the host [ms]."
+    )
+    latency_jitter_ms: float = Field(
+        default=0.0, ge=0, description="Mean of the exponential part of that delay [ms]."
+    )
 
 
 class DeviceOrientation(StrictModel):
-    """The vendor's on-board filter as an error model: slow inclination and heading errors, and an earth of unknown heading."""
+    """The vendor's on-board filter as an error model: slow inclination and heading errors, and an
+    earth of unknown heading.
+    """
 
-    heading_unknown: bool = Field(default=True, description="A new, uniform heading of the earth frame at each power-up.")
-    inclination_sd_deg: float = Field(default=0.0, ge=0, description="Gauss-Markov error about each horizontal axis [deg].")
-    heading_sd_deg: float = Field(default=0.0, ge=0, description="Gauss-Markov error about the vertical [deg].")
+    heading_unknown: bool = Field(
+        default=True, description="A new, uniform heading of the earth frame at each power-up."
+    )
+    inclination_sd_deg: float = Field(
+        default=0.0, ge=0, description="Gauss-Markov error about each horizontal axis [deg]."
+    )
+    heading_sd_deg: float = Field(
+        default=0.0, ge=0, description="Gauss-Markov error about the vertical [deg]."
+    )
     time_constant_s: float = Field(default=60.0, gt=0, description="Correlation time of both [s].")
     noise_sd_deg: float = Field(default=0.0, ge=0, description="White noise about each axis [deg].")
 
@@ -170,8 +239,12 @@ class DeviceOrientation(StrictModel):
 class Thermometer(StrictModel):
     """The part's own thermometer."""
 
-    resolution_deg_c: float = Field(default=0.0, ge=0, description="One count [deg C]; 0: no quantisation.")
-    noise_sd_deg_c: float = Field(default=0.0, ge=0, description="Standard deviation of one reading [deg C].")
+    resolution_deg_c: float = Field(
+        default=0.0, ge=0, description="One count [deg C]; 0: no quantisation."
+    )
+    noise_sd_deg_c: float = Field(
+        default=0.0, ge=0, description="Standard deviation of one reading [deg C]."
+    )
 
 
 class ImuParameters(StrictModel):
@@ -182,15 +255,24 @@ class ImuParameters(StrictModel):
     rate_hz: float = Field(gt=0, le=10_000, description="Output rate [Hz].")
     sampling: Literal["instantaneous", "integrated"] = Field(
         default="instantaneous",
-        description="integrated: rate and force are means over the interval before each sample (strapdown integration).",
+        description="integrated: rate and force are means over the interval before each sample "
+        "(strapdown integration).",
     )
     accelerometer: Accelerometer = Field(description="Accelerometer data sheet.")
     gyroscope: Gyroscope = Field(description="Gyroscope data sheet.")
     magnetometer: Magnetometer | None = Field(default=None, description="null: the part has none.")
-    clock: Clock = Field(default_factory=Clock, description="The sensor's own clock against the host's.")
-    device_orientation: DeviceOrientation | None = Field(default=None, description="null: the part reports no orientation.")
-    thermometer: Thermometer | None = Field(default=None, description="null: the part reports no temperature.")
-    lost_packets_percent: float = Field(default=0.0, ge=0, lt=100, description="Part of the samples that never arrive [%].")
+    clock: Clock = Field(
+        default_factory=Clock, description="The sensor's own clock against the host's."
+    )
+    device_orientation: DeviceOrientation | None = Field(
+        default=None, description="null: the part reports no orientation."
+    )
+    thermometer: Thermometer | None = Field(
+        default=None, description="null: the part reports no temperature."
+    )
+    lost_packets_percent: float = Field(
+        default=0.0, ge=0, lt=100, description="Part of the samples that never arrive [%]."
+    )
 
 
 def load_preset(name: str) -> ImuParameters:
@@ -212,7 +294,9 @@ def save_sensor(file: Path, parameters: ImuParameters) -> None:
     """
     if file.suffix not in PRESET_SUFFIXES:
         raise InputError(f"{file}: a sensor preset is a .yaml file")
-    text = yaml.safe_dump(parameters.model_dump(exclude_defaults=True), sort_keys=False, allow_unicode=True, width=120)
+    text = yaml.safe_dump(
+        parameters.model_dump(exclude_defaults=True), sort_keys=False, allow_unicode=True, width=120
+    )
     try:
         with file.open("x", encoding="utf-8") as stream:
             stream.write(text)

@@ -1,4 +1,6 @@
-"""Session: a recording on disk, and the door to read it; docs/session_format.md describes every file."""
+"""Session: a recording on disk, and the door to read it; docs/session_format.md describes every
+file.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,18 @@ from testbench.records.storage import (
 )
 
 SCHEMA_VERSION = 1
-MAPPINGS = ("analysis", "arm", "clocks", "environment", "files", "plan", "protocol", "robot", "samples", "software")
+MAPPINGS = (
+    "analysis",
+    "arm",
+    "clocks",
+    "environment",
+    "files",
+    "plan",
+    "protocol",
+    "robot",
+    "samples",
+    "software",
+)
 """Parts of a manifest that are mappings where they are there."""
 SENSOR_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_]{0,99}")
 """Files are named after sensors: nothing that could lead out of the session's folder."""
@@ -87,22 +100,33 @@ class Session:
             raise SessionError(f"{self.path / MANIFEST} is damaged: it is no mapping")
         version = self.manifest.get("schema_version")
         if not isinstance(version, int) or version > SCHEMA_VERSION:
-            raise SessionError(f"{self.path} has session schema {version}; this version reads up to {SCHEMA_VERSION}")
+            raise SessionError(
+                f"{self.path} has session schema {version}; this version reads up to "
+                f"{SCHEMA_VERSION}"
+            )
         self._check_manifest()
 
     def _check_manifest(self) -> None:
-        """A manifest may come from anywhere: what files are named after, and what every reader asks for, must be in order."""
+        """A manifest may come from anywhere: what files are named after, and what every reader asks
+        for, must be in order.
+        """
         sensors, status = self.manifest.get("sensors"), self.manifest.get("status")
         if not isinstance(status, str) or status not in set(RunStatus):
             raise SessionError(f"{self.path / MANIFEST} is damaged: its status is {status!r:.50}")
-        if not isinstance(sensors, dict) or not all(isinstance(sensor, dict) for sensor in sensors.values()):
+        if not isinstance(sensors, dict) or not all(
+            isinstance(sensor, dict) for sensor in sensors.values()
+        ):
             raise SessionError(f"{self.path / MANIFEST} is damaged: it names no sensors")
-        flat = next((key for key in MAPPINGS if not isinstance(self.manifest.get(key, {}), dict)), None)
+        flat = next(
+            (key for key in MAPPINGS if not isinstance(self.manifest.get(key, {}), dict)), None
+        )
         if flat is not None:
             raise SessionError(f"{self.path / MANIFEST} is damaged: its {flat} is no mapping")
         wrong = next((name for name in sensors if not SENSOR_NAME.fullmatch(name)), None)
         if wrong is not None:
-            raise SessionError(f"{self.path / MANIFEST} is refused: '{wrong[:50]}' is no name for a sensor")
+            raise SessionError(
+                f"{self.path / MANIFEST} is refused: '{wrong[:50]}' is no name for a sensor"
+            )
 
     @property
     def name(self) -> str:
@@ -119,7 +143,8 @@ class Session:
 
     @property
     def recorded_at(self) -> datetime | None:
-        """When the samples were taken; None where nobody knows, as of an import whose files do not say.
+        """When the samples were taken; None where nobody knows, as of an import whose files do not
+        say.
 
         Raises:
             SessionError: What the manifest has is no date.
@@ -150,7 +175,9 @@ class Session:
         try:
             return Analysis.model_validate(self.manifest["analysis"])
         except (KeyError, ValidationError) as error:
-            raise SessionError(f"{self.path / MANIFEST}: the analysis is damaged: {error}") from None
+            raise SessionError(
+                f"{self.path / MANIFEST}: the analysis is damaged: {error}"
+            ) from None
 
     @property
     def is_being_recorded(self) -> bool:
@@ -166,12 +193,16 @@ class Session:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of the manifest, which holds the hashes of every raw file and what to compute from them."""
+        """SHA-256 of the manifest, which holds the hashes of every raw file and what to compute
+        from them.
+        """
         return hashlib.sha256((self.path / MANIFEST).read_bytes()).hexdigest()
 
     @property
     def has_protocol(self) -> bool:
-        """Whether the bench ran it, step by step; of an imported recording at most the poses of the arm are known."""
+        """Whether the bench ran it, step by step; of an imported recording at most the poses of the
+        arm are known.
+        """
         return bool(self.manifest.get("kind") == "run")
 
     @property
@@ -192,27 +223,41 @@ class Session:
         if not file.is_file():
             return None
         named = self.manifest.get("robot")
-        if not isinstance(named, dict) or not isinstance(named.get("urdf"), str) or "\0" in named["urdf"]:
-            raise SessionError(f"{self.path / MANIFEST} is damaged: it does not say which URDF the robot has")
+        if (
+            not isinstance(named, dict)
+            or not isinstance(named.get("urdf"), str)
+            or "\0" in named["urdf"]
+        ):
+            raise SessionError(
+                f"{self.path / MANIFEST} is damaged: it does not say which URDF the robot has"
+            )
         original = Path(named["urdf"])  # its meshes lie beside it
         same = original.is_file() and copy.is_file() and original.read_bytes() == copy.read_bytes()
         return robot_from_text(file, original if same else copy)
 
-    def imu(self, sensor: str, begin: int = 0, end: int | None = None, every: int = 1) -> ImuSamples:
+    def imu(
+        self, sensor: str, begin: int = 0, end: int | None = None, every: int = 1
+    ) -> ImuSamples:
         """Raw samples of a sensor.
 
         Args:
-            sensor: Its name. begin, end: First sample, and the one after the last; to the end if None. every: Only one sample
-            of so many, the last of them.
+            sensor: Its name.
+            begin: First sample, and the one after the last; to the end if None.
+            end: First sample, and the one after the last; to the end if None.
+            every: Only one sample of so many, the last of them.
 
         Raises:
             NotFoundError: No such sensor.
         """
         path, names = self._samples(sensor)
-        return ImuSamples.from_groups(read_stacked(path, ImuSamples.groups(names), begin, end, every))
+        return ImuSamples.from_groups(
+            read_stacked(path, ImuSamples.groups(names), begin, end, every)
+        )
 
     def imu_batches(self, sensor: str, rows: int = ROWS_PER_GROUP) -> Iterator[ImuSamples]:
-        """Raw samples of a sensor in pieces of at most so many, for recordings that do not fit in memory."""
+        """Raw samples of a sensor in pieces of at most so many, for recordings that do not fit in
+        memory.
+        """
         path, _ = self._samples(sensor)
         for columns in read_parquet_batches(path, rows=rows):
             yield ImuSamples.from_columns(columns)
@@ -221,7 +266,9 @@ class Session:
         """Names of the columns of a sensor's raw samples."""
         return self._samples(sensor)[1]
 
-    def imu_column(self, sensor: str, column: str, begin: int = 0, end: int | None = None) -> np.ndarray:
+    def imu_column(
+        self, sensor: str, column: str, begin: int = 0, end: int | None = None
+    ) -> np.ndarray:
         """One column of a sensor's raw samples, from sample `begin` to before `end`, shape (n,)."""
         return read_stacked(self._samples(sensor)[0], {column: column}, begin, end)[column]
 
@@ -237,20 +284,24 @@ class Session:
         return path, parquet_shape(path)[1]
 
     def near(self, instants: Instants) -> Session:
-        """The same session, of whose long truths and arm only those samples are read that lie around the instants.
+        """The same session, of whose long truths and arm only those samples are read that lie
+        around the instants.
 
-        What is interpolated at these instants is not changed by it, and the memory is bounded whatever the length. Truths that
-        do not come from an arm are read whole: whether one of their orientations has jumped shows beside the others only.
+        What is interpolated at these instants is not changed by it, and the memory is bounded
+        whatever the length. Truths that do not come from an arm are read whole: whether one of
+        their orientations has jumped shows beside the others only.
         """
         copied = copy(self)
         copied._near = instants
         return copied
 
     def thinned_truth(self, sensor: str) -> tuple[Truth | None, bool]:
-        """The truth of a sensor, for what looks at the whole of it; of a long one perhaps evenly spread samples.
+        """The truth of a sensor, for what looks at the whole of it; of a long one perhaps evenly
+        spread samples.
 
         Returns:
-            The truth, and whether it is long: then it has rates or, where it has none, orientations, and `near` gives the rest.
+            The truth, and whether it is long: then it has rates or, where it has none,
+            orientations, and `near` gives the rest.
         """
         file = self._truth_file(sensor)
         if file is None or not is_long(file):
@@ -269,7 +320,12 @@ class Session:
         if file is None:
             return None
         columns = parquet_shape(file)[1]
-        if self._near is not None and sensor in self._near.sensors and TRUTH_RATE[0] in columns and is_long(file):
+        if (
+            self._near is not None
+            and sensor in self._near.sensors
+            and TRUTH_RATE[0] in columns
+            and is_long(file)
+        ):
             return Truth(**read_near(file, Truth.groups(columns), self._near.sensors[sensor]))
         return Truth.from_columns(read_parquet(file))
 
@@ -277,7 +333,9 @@ class Session:
         self._check(sensor)
         file = self.path / f"truth_{sensor}.parquet"
         if not file.is_file() and file.name in self.manifest.get("files", {}):
-            raise SessionError(f"{file} is missing, though the manifest lists it; the session is damaged")
+            raise SessionError(
+                f"{file} is missing, though the manifest lists it; the session is damaged"
+            )
         return file if file.is_file() else None
 
     def arm(self) -> ArmSamples | None:
@@ -288,11 +346,15 @@ class Session:
         names = self.robot.joint_names
         if self._near is not None and is_long(file):
             near = read_near(file, ArmSamples.groups(names), self._near.arm)
-            return ArmSamples(names, near["host_time_ns"], near["q_sent"], near["q_measured"], near["v_measured"])
+            return ArmSamples(
+                names, near["host_time_ns"], near["q_sent"], near["q_measured"], near["v_measured"]
+            )
         return ArmSamples.from_columns(read_parquet(file), names)
 
     def arm_joint(self, joint: str) -> tuple[np.ndarray, np.ndarray] | None:
-        """When one joint of the arm was measured [ns], and its angles [rad], shape (n,) each; None where there is none."""
+        """When one joint of the arm was measured [ns], and its angles [rad], shape (n,) each; None
+        where there is none.
+        """
         file = self.path / f"{ARM}.parquet"
         if not file.is_file() or self.robot is None or joint not in self.robot.joint_names:
             return None
@@ -308,16 +370,26 @@ class Session:
         """Everything that happened, in order; a last line cut off by a crash is left out."""
         file = self.path / EVENTS
         stated = self.manifest.get("files", {}).get(EVENTS)
-        if stated is not None and file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() != stated:
+        if (
+            stated is not None
+            and file.is_file()
+            and hashlib.sha256(file.read_bytes()).hexdigest() != stated
+        ):
             raise SessionError(
-                f"{file} is not what the manifest says was recorded (its SHA-256 differs); the session is damaged"
+                f"{file} is not what the manifest says was recorded (its SHA-256 differs); the "
+                "session is damaged"
             )
         events = []
         for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else []:
             try:
                 data = json.loads(line)
                 time, name = data.pop("host_time_ns"), data.pop("event")
-            except (ValueError, KeyError, AttributeError, RecursionError):  # cut off, empty, or damaged
+            except (
+                ValueError,
+                KeyError,
+                AttributeError,
+                RecursionError,
+            ):  # cut off, empty, or damaged
                 continue
             if isinstance(time, int) and isinstance(name, str):
                 events.append(Event(time, name, data))
@@ -339,16 +411,26 @@ class Session:
                 settled[index] = event.host_time_ns
             elif event.event == "step_ended" and index in started:
                 step = started[index]
-                times = (step.host_time_ns, settled.get(index, step.host_time_ns), event.host_time_ns)
+                times = (
+                    step.host_time_ns,
+                    settled.get(index, step.host_time_ns),
+                    event.host_time_ns,
+                )
                 keys = ("index", "section", "role", "name", "kind", "variables")
                 if not all(key in step.details for key in keys):
-                    raise SessionError(f"{self.path / EVENTS} is damaged: step {index} says too little")
+                    raise SessionError(
+                        f"{self.path / EVENTS} is damaged: step {index} says too little"
+                    )
                 data = {key: step.details[key] for key in keys}
                 try:
                     data["cycles"] = PlannedCycles.of(step.details.get("cycles"))
                 except ValueError as error:
-                    raise SessionError(f"{self.path / EVENTS} is damaged: of step {index}, {error}") from None
-                steps.append(PlannedStep(**data, start_ns=times[0], settled_ns=times[1], end_ns=times[2]))
+                    raise SessionError(
+                        f"{self.path / EVENTS} is damaged: of step {index}, {error}"
+                    ) from None
+                steps.append(
+                    PlannedStep(**data, start_ns=times[0], settled_ns=times[1], end_ns=times[2])
+                )
         return steps
 
     def _check_closed(self) -> None:
@@ -356,7 +438,8 @@ class Session:
             raise SessionError(f"{self.path} is still being recorded")
         if any(self.path.glob("*.arrows")):
             raise SessionError(
-                f"{self.path} was cut off while it was recorded; `testbench recover {self.path}` makes it readable"
+                f"{self.path} was cut off while it was recorded; `testbench recover {self.path}` "
+                "makes it readable"
             )
 
     def _check(self, sensor: str) -> None:
@@ -368,7 +451,10 @@ def step_events(steps: Iterable[PlannedStep]) -> list[Event]:
     """What the steps of an arm did, as the events that `Session.steps` is read from, in order."""
     events = []
     for step in steps:
-        details = {key: getattr(step, key) for key in ("index", "section", "role", "name", "kind", "variables")}
+        details = {
+            key: getattr(step, key)
+            for key in ("index", "section", "role", "name", "kind", "variables")
+        }
         details |= {"cycles": asdict(step.cycles)} if step.cycles is not None else {}
         events.append(Event(step.start_ns, "step_started", details))
         events.append(Event(step.settled_ns, "step_settled", {"index": step.index}))
@@ -377,7 +463,9 @@ def step_events(steps: Iterable[PlannedStep]) -> list[Event]:
 
 
 def list_sessions(logs: Path) -> list[Session]:
-    """Sessions below a folder, oldest first; folders that are none, or that cannot be read, are passed over."""
+    """Sessions below a folder, oldest first; folders that are none, or that cannot be read, are
+    passed over.
+    """
     sessions = []
     for path in sorted(logs.glob(f"*/{MANIFEST}")):
         with suppress(SessionError):
@@ -386,7 +474,9 @@ def list_sessions(logs: Path) -> list[Session]:
 
 
 def damaged_sessions(logs: Path) -> dict[str, str]:
-    """Folders below a folder that have a manifest and are no readable session: by their names, what is wrong with them."""
+    """Folders below a folder that have a manifest and are no readable session: by their names, what
+    is wrong with them.
+    """
     damaged = {}
     for path in sorted(logs.glob(f"*/{MANIFEST}")):
         try:

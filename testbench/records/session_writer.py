@@ -1,4 +1,6 @@
-"""Write a session: journals while it runs, Parquet once it is closed, a manifest that says how it went."""
+"""Write a session: journals while it runs, Parquet once it is closed, a manifest that says how it
+went.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +20,39 @@ from testbench.exceptions import SessionError, StorageError
 from testbench.records.protocol import Analysis
 from testbench.records.replacing import disk_reason
 from testbench.records.session import EVENTS, MANIFEST, SCHEMA_VERSION, Event, RunStatus, Session
-from testbench.records.storage import Columns, Journal, compact, read_json, write_json, write_parquet
+from testbench.records.storage import (
+    Columns,
+    Journal,
+    compact,
+    read_json,
+    write_json,
+    write_parquet,
+)
 
-RECORDED_PACKAGES = ("imu-testbench", "pin", "ruckig", "numpy", "scipy", "numba", "vqf", "imufusion", "pyarrow")
+RECORDED_PACKAGES = (
+    "imu-testbench",
+    "pin",
+    "ruckig",
+    "numpy",
+    "scipy",
+    "numba",
+    "vqf",
+    "imufusion",
+    "pyarrow",
+)
 
 
 class SessionWriter:
     """A session being written.
 
     Args:
-        path: Folder to create. analysis: What estimate and evaluate will need. sensors: Description of each sensor.
-        started: Date and time of the start. details: Further entries of the manifest. announced: Whether to write the manifest
-        at once, with which the folder becomes a session; else `announce` does.
+        path: Folder to create.
+        analysis: What estimate and evaluate will need.
+        sensors: Description of each sensor.
+        started: Date and time of the start.
+        details: Further entries of the manifest.
+        announced: Whether to write the manifest at once, with which the folder becomes a session;
+            else `announce` does.
 
     Raises:
         SessionError: The folder exists or cannot be made.
@@ -48,7 +71,9 @@ class SessionWriter:
         try:
             path.mkdir(parents=True)
         except OSError as error:
-            raise SessionError(f"the session folder {path} cannot be made: {disk_reason(error)}") from None
+            raise SessionError(
+                f"the session folder {path} cannot be made: {disk_reason(error)}"
+            ) from None
         self.manifest: dict[str, Any] = {
             "schema_version": SCHEMA_VERSION,
             "session": path.name,
@@ -65,7 +90,9 @@ class SessionWriter:
         }
         self._journals: dict[str, Journal] = {}
         self._events = (path / EVENTS).open("w", encoding="utf-8")
-        fcntl.flock(self._events, fcntl.LOCK_EX)  # held while this process lives: nobody recovers a running session
+        fcntl.flock(
+            self._events, fcntl.LOCK_EX
+        )  # held while this process lives: nobody recovers a running session
         if announced:
             self._write_manifest()
 
@@ -74,7 +101,8 @@ class SessionWriter:
         """Go on with a session that was closed or recovered.
 
         Args:
-            path: Its folder. resumed: What the manifest should say of the resumption.
+            path: Its folder.
+            resumed: What the manifest should say of the resumption.
 
         Raises:
             SessionError: The session cannot be read, or is being recorded.
@@ -89,7 +117,10 @@ class SessionWriter:
             raise SessionError(f"{path} is still being recorded") from None
         for key in ("message", "duration_s", "files"):
             writer.manifest.pop(key, None)
-        writer.manifest |= {"status": RunStatus.RUNNING, "resumed": [*writer.manifest.get("resumed", []), dict(resumed)]}
+        writer.manifest |= {
+            "status": RunStatus.RUNNING,
+            "resumed": [*writer.manifest.get("resumed", []), dict(resumed)],
+        }
         writer._write_manifest()
         return writer
 
@@ -101,15 +132,23 @@ class SessionWriter:
         """Keep a file verbatim."""
         (self.path / name).write_text(text, encoding="utf-8")
 
-    def add_table(self, name: str, columns: Columns, notes: Mapping[str, str] | None = None) -> None:
+    def add_table(
+        self, name: str, columns: Columns, notes: Mapping[str, str] | None = None
+    ) -> None:
         """Write a whole table at once, as `<name>.parquet`."""
         write_parquet(self.path / f"{name}.parquet", columns, notes)
 
-    def open_journal(self, name: str, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None) -> None:
-        """Begin a stream that becomes `<name>.parquet` when the session is closed, or go on with one that became it."""
+    def open_journal(
+        self, name: str, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None
+    ) -> None:
+        """Begin a stream that becomes `<name>.parquet` when the session is closed, or go on with
+        one that became it.
+        """
         table = self.path / f"{name}.parquet"
         if table.is_file():
-            self._journals[name] = Journal.continued(self.path / f"{name}.arrows", columns, table, notes)
+            self._journals[name] = Journal.continued(
+                self.path / f"{name}.arrows", columns, table, notes
+            )
         else:
             self._journals[name] = Journal(self.path / f"{name}.arrows", columns, notes)
 
@@ -160,7 +199,9 @@ class SessionWriter:
             self._write_manifest()
 
     def abandon(self) -> None:
-        """Let go of every file as it is; the session stays unfinished, and can be recovered once there is room."""
+        """Let go of every file as it is; the session stays unfinished, and can be recovered once
+        there is room.
+        """
         for journal in self._journals.values():
             journal.abandon()
         with suppress(OSError, ValueError):
@@ -177,7 +218,9 @@ class SessionWriter:
             raise StorageError(f"{self.path} cannot be written: {disk_reason(error)}") from None
 
     def discard(self) -> None:
-        """Undo: remove the folder with all that was written; for imports, whose source still exists."""
+        """Undo: remove the folder with all that was written; for imports, whose source still
+        exists.
+        """
         for journal in self._journals.values():
             journal.close()
         self.sync_events()
@@ -195,7 +238,9 @@ class SessionWriter:
 
 
 def note_end(session: Session, event: Event) -> None:
-    """Append the last event of a session that was cut off, once: its recovery may have been cut off after it had said so."""
+    """Append the last event of a session that was cut off, once: its recovery may have been cut off
+    after it had said so.
+    """
     if session.events[-1:] != [event]:
         with (session.path / EVENTS).open("a", encoding="utf-8") as events:
             events.write("\n" + event.to_json() + "\n")
@@ -204,7 +249,9 @@ def note_end(session: Session, event: Event) -> None:
 def file_hashes(folder: Path) -> dict[str, str]:
     """SHA-256 of every raw file of a session."""
     hashes = {}
-    for path in sorted(path for path in folder.iterdir() if path.is_file() and path.name != MANIFEST):
+    for path in sorted(
+        path for path in folder.iterdir() if path.is_file() and path.name != MANIFEST
+    ):
         with path.open("rb") as file:  # in pieces: a long recording does not fit in memory
             hashes[path.name] = hashlib.file_digest(file, "sha256").hexdigest()
     return hashes

@@ -1,4 +1,6 @@
-"""Tables on disk: Parquet with units and frames in the schema, and the crash-safe journals they are made from."""
+"""Tables on disk: Parquet with units and frames in the schema, and the crash-safe journals they are
+made from.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +25,11 @@ Columns = Mapping[str, np.ndarray]
 
 
 def _encoding(schema: pa.Schema) -> dict[str, Any]:
-    """How columns are stored: measured numbers hardly repeat, and their bytes compress when like stands beside like.
+    """How columns are stored: measured numbers hardly repeat, and their bytes compress when like
+    stands beside like.
 
-    Without dictionaries and with numbers split by bytes, tables are a fifth smaller than with plain zstd and are written and
-    read in about half the time.
+    Without dictionaries and with numbers split by bytes, tables are a fifth smaller than with plain
+    zstd and are written and read in about half the time.
     """
     numbers = [field.name for field in schema if pa.types.is_floating(field.type)]
     return {"compression": "lz4", "use_dictionary": False, "use_byte_stream_split": numbers}
@@ -51,10 +54,13 @@ def write_parquet(path: Path, columns: Columns, notes: Mapping[str, str] | None 
     replace_synced(partial, path)
 
 
-def write_parquet_batches(path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch | pa.Table]) -> int:
+def write_parquet_batches(
+    path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch | pa.Table]
+) -> int:
     """Write a Parquet file from pieces as they come, under another name until it is whole.
 
-    Row groups have `ROWS_PER_GROUP` rows whatever the length of the pieces, so that the same rows give the same bytes.
+    Row groups have `ROWS_PER_GROUP` rows whatever the length of the pieces, so that the same rows
+    give the same bytes.
 
     Returns:
         Number of rows.
@@ -65,7 +71,9 @@ def write_parquet_batches(path: Path, schema: pa.Schema, batches: Iterable[pa.Re
     return count
 
 
-def _write_pieces(path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch | pa.Table]) -> int:
+def _write_pieces(
+    path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch | pa.Table]
+) -> int:
     count = 0
     with pq.ParquetWriter(path, schema, **_encoding(schema)) as file:
         for table in _regrouped(schema, batches, ROWS_PER_GROUP):
@@ -74,7 +82,9 @@ def _write_pieces(path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatc
     return count
 
 
-def _regrouped(schema: pa.Schema, batches: Iterable[pa.RecordBatch | pa.Table], rows: int) -> Iterator[pa.Table]:
+def _regrouped(
+    schema: pa.Schema, batches: Iterable[pa.RecordBatch | pa.Table], rows: int
+) -> Iterator[pa.Table]:
     """The same rows in tables of `rows` rows each, but for the last."""
     waiting: list[pa.RecordBatch] = []
     count = 0
@@ -96,7 +106,8 @@ def read_parquet(path: Path, columns: Sequence[str] | None = None) -> dict[str, 
     """Columns of a Parquet file.
 
     Args:
-        path: The file. columns: Those to read; all if None.
+        path: The file.
+        columns: Those to read; all if None.
 
     Raises:
         SessionError: The file is missing or damaged.
@@ -125,7 +136,9 @@ def read_parquet_batches(
     """Columns of a Parquet file, piece by piece; one piece without rows where the file has none.
 
     Args:
-        path: The file. columns: Those to read; all if None. rows: Most rows of a piece.
+        path: The file.
+        columns: Those to read; all if None.
+        rows: Most rows of a piece.
 
     Raises:
         SessionError: The file is missing or damaged.
@@ -136,7 +149,9 @@ def read_parquet_batches(
             if not file.metadata.num_rows:
                 yield _Table(path, _columns(file.read(wanted)))
             for group in range(file.num_row_groups):
-                table = file.read_row_group(group, wanted)  # `iter_batches` would keep all that it has read
+                table = file.read_row_group(
+                    group, wanted
+                )  # `iter_batches` would keep all that it has read
                 for begin in range(0, table.num_rows, rows):
                     yield _Table(path, _columns(table.slice(begin, rows)))
     except (OSError, pa.ArrowException) as error:
@@ -144,17 +159,29 @@ def read_parquet_batches(
 
 
 def _columns(table: pa.Table) -> dict[str, np.ndarray]:
-    return {name: column.to_numpy() for name, column in zip(table.column_names, table.columns, strict=True)}
+    return {
+        name: column.to_numpy()
+        for name, column in zip(table.column_names, table.columns, strict=True)
+    }
 
 
 def read_stacked(
-    path: Path, groups: Mapping[str, str | Sequence[str]], begin: int = 0, end: int | None = None, every: int = 1
+    path: Path,
+    groups: Mapping[str, str | Sequence[str]],
+    begin: int = 0,
+    end: int | None = None,
+    every: int = 1,
 ) -> dict[str, np.ndarray]:
-    """Columns of a Parquet file side by side, read in pieces straight to their places: nothing is in memory twice.
+    """Columns of a Parquet file side by side, read in pieces straight to their places: nothing is
+    in memory twice.
 
     Args:
-        path: The file. groups: By the name of the result, a column, or several that stand side by side in an array (n, k).
-        begin, end: First row, and the row after the last; to the end if None. every: Only one row of so many, the last of them.
+        path: The file.
+        groups: By the name of the result, a column, or several that stand side by side in an array
+            (n, k).
+        begin: First row, and the row after the last; to the end if None.
+        end: First row, and the row after the last; to the end if None.
+        every: Only one row of so many, the last of them.
 
     Raises:
         SessionError: The file is missing or damaged, or lacks a column.
@@ -162,7 +189,9 @@ def read_stacked(
     count, names = parquet_shape(path)
     end = count if end is None else min(end, count)
     single = [group for group in groups.values() if isinstance(group, str)]
-    wanted = single + [name for group in groups.values() if not isinstance(group, str) for name in group]
+    wanted = single + [
+        name for group in groups.values() if not isinstance(group, str) for name in group
+    ]
     missing = [name for name in wanted if name not in names]
     if missing:
         raise SessionError(f"{path} lacks the column {missing[0]}; it has {', '.join(names)}")
@@ -181,7 +210,9 @@ def read_stacked(
                 part = batch[group][taken]
                 values[place : place + len(part)] = part
             else:
-                matrix = result.setdefault(key, np.empty((rows, len(group)), dtype=batch[group[0]].dtype))
+                matrix = result.setdefault(
+                    key, np.empty((rows, len(group)), dtype=batch[group[0]].dtype)
+                )
                 for i, name in enumerate(group):
                     part = batch[name][taken]
                     matrix[place : place + len(part), i] = part
@@ -219,7 +250,9 @@ def last_value(path: Path, column: str) -> int | None:
 def write_json(path: Path, data: Any) -> None:
     """Write readable JSON in one step; NaN becomes null, as JSON wants."""
     partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(plain_values(data), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    partial.write_text(
+        json.dumps(plain_values(data), indent=2, allow_nan=False) + "\n", encoding="utf-8"
+    )
     replace_synced(partial, path)
 
 
@@ -231,14 +264,18 @@ def read_json(path: Path) -> Any:
     """
     try:
         if path.stat().st_size > LARGEST_JSON:
-            raise SessionError(f"{path} has {path.stat().st_size} bytes, more than the {LARGEST_JSON} allowed")
+            raise SessionError(
+                f"{path} has {path.stat().st_size} bytes, more than the {LARGEST_JSON} allowed"
+            )
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
 def replace_synced(partial: Path, path: Path) -> None:
-    """Bring a finished file to its name so that a power cut leaves the old or the new one, whole."""
+    """Bring a finished file to its name so that a power cut leaves the old or the new one,
+    whole.
+    """
     with partial.open("rb+") as file:
         os.fsync(file.fileno())
     partial.replace(path)
@@ -248,25 +285,41 @@ class Journal:
     """A stream of samples that survives a kill: an Arrow IPC stream, flushed at every append.
 
     Args:
-        path: File to create; its name ends in .arrows. columns: Name to dtype of each column. notes: Schema metadata.
+        path: File to create; its name ends in .arrows.
+        columns: Name to dtype of each column.
+        notes: Schema metadata.
     """
 
-    def __init__(self, path: Path, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None):
+    def __init__(
+        self, path: Path, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None
+    ):
         self.path, self.rows = path, 0
         metadata = {key: str(value) for key, value in (notes or {}).items()}
-        self._schema = pa.schema([(name, pa.from_numpy_dtype(dtype)) for name, dtype in columns.items()], metadata=metadata)
+        self._schema = pa.schema(
+            [(name, pa.from_numpy_dtype(dtype)) for name, dtype in columns.items()],
+            metadata=metadata,
+        )
         self._file = path.open("xb")
         self._writer = pa.ipc.new_stream(self._file, self._schema)
         self._file.flush()
 
     @classmethod
-    def continued(cls, path: Path, columns: Mapping[str, Any], table: Path, notes: Mapping[str, str] | None = None) -> Journal:
+    def continued(
+        cls,
+        path: Path,
+        columns: Mapping[str, Any],
+        table: Path,
+        notes: Mapping[str, str] | None = None,
+    ) -> Journal:
         """A journal that begins with the rows of a Parquet file, which it replaces.
 
         A cut at any moment leaves the table or the journal, whole.
 
         Args:
-            path, columns, notes: As above. table: The Parquet file; it must have the same columns.
+            path: As above.
+            columns: As above.
+            notes: As above.
+            table: The Parquet file; it must have the same columns.
 
         Raises:
             SessionError: It has others, or cannot be read.
@@ -277,8 +330,12 @@ class Journal:
         journal = cls(partial, columns, notes)
         try:
             if parquet_shape(table)[1] != journal._schema.names:
-                raise SessionError(f"{table} has other columns than the stream it is to be continued with")
-            for batch in read_parquet_batches(table):  # in pieces: the memory does not grow with the recording
+                raise SessionError(
+                    f"{table} has other columns than the stream it is to be continued with"
+                )
+            for batch in read_parquet_batches(
+                table
+            ):  # in pieces: the memory does not grow with the recording
                 journal.append(batch)
             journal.sync()
         except BaseException:
@@ -291,7 +348,10 @@ class Journal:
 
     def append(self, columns: Columns) -> None:
         """Append equally long columns and hand them to the operating system."""
-        arrays = [pa.array(columns[name], type=self._schema.field(name).type) for name in self._schema.names]
+        arrays = [
+            pa.array(columns[name], type=self._schema.field(name).type)
+            for name in self._schema.names
+        ]
         if len(arrays[0]) == 0:
             return
         self._writer.write_batch(pa.record_batch(arrays, schema=self._schema))
@@ -318,7 +378,8 @@ class Journal:
 
 
 def journal_batches(path: Path) -> tuple[pa.Schema, Iterator[pa.RecordBatch]]:
-    """The schema of a journal, and its whole batches one by one, also of one that was cut off in the middle of a batch.
+    """The schema of a journal, and its whole batches one by one, also of one that was cut off in
+    the middle of a batch.
 
     Raises:
         SessionError: Not even the schema can be read.
@@ -332,7 +393,9 @@ def journal_batches(path: Path) -> tuple[pa.Schema, Iterator[pa.RecordBatch]]:
 
 
 def _whole_batches(path: Path) -> Iterator[pa.RecordBatch]:
-    with path.open("rb") as source:  # not mapped: a long journal would count as memory of this process
+    with path.open(
+        "rb"
+    ) as source:  # not mapped: a long journal would count as memory of this process
         reader = pa.ipc.open_stream(source)
         while True:
             try:
@@ -357,7 +420,9 @@ def compact(journal: Path, target: Path) -> int:
     partial = target.with_suffix(".partial")
     count = _write_pieces(partial, schema, batches)
     if not _same_rows(partial, schema, journal_batches(journal)[1]):
-        raise SessionError(f"{target} differs from its journal {journal} after writing; the journal is kept")
+        raise SessionError(
+            f"{target} differs from its journal {journal} after writing; the journal is kept"
+        )
     replace_synced(partial, target)
     journal.unlink()
     return count
@@ -371,7 +436,10 @@ def _same_rows(path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch])
         found = (file.read_row_group(group) for group in range(file.num_row_groups))
         expected = _regrouped(schema, batches, ROWS_PER_GROUP)
         return all(
-            first is not None and second is not None and first.num_rows == second.num_rows and _same_values(first, second)
+            first is not None
+            and second is not None
+            and first.num_rows == second.num_rows
+            and _same_values(first, second)
             for first, second in zip_longest(found, expected)
         )
 
@@ -379,13 +447,19 @@ def _same_rows(path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch])
 def _same_values(first: pa.Table, second: pa.Table) -> bool:
     """Whether two tables of the same columns hold the same, NaN being equal to NaN."""
     return all(
-        np.array_equal(first[name].to_numpy(), second[name].to_numpy(), equal_nan=first.schema.field(name).type == pa.float64())
+        np.array_equal(
+            first[name].to_numpy(),
+            second[name].to_numpy(),
+            equal_nan=first.schema.field(name).type == pa.float64(),
+        )
         for name in first.column_names
     )
 
 
 def plain_values(value: Any) -> Any:
-    """The value with arrays, numpy numbers and NaN turned into what JSON knows; NaN becomes null."""
+    """The value with arrays, numpy numbers and NaN turned into what JSON knows; NaN becomes
+    null.
+    """
     if isinstance(value, Mapping):
         return {str(key): plain_values(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,6 @@
-"""Building blocks of every record that a person writes: nothing unknown, nothing coerced, nothing infinite."""
+"""Building blocks of every record that a person writes: nothing unknown, nothing coerced, nothing
+infinite.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,19 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 EulerSequence = Literal[
-    "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX",
-    "XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ",
-]  # fmt: skip
+    "XYZ",
+    "XZY",
+    "YXZ",
+    "YZX",
+    "ZXY",
+    "ZYX",
+    "XYX",
+    "XZX",
+    "YXY",
+    "YZY",
+    "ZXZ",
+    "ZYZ",
+]
 """Intrinsic Euler sequences, spelt in upper case as SciPy does."""
 
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
@@ -32,11 +44,15 @@ def check_one_sequence(rotation_deg: EulerAngles) -> EulerAngles:
 def _refuse_bare_angles(rotation_deg: Any) -> Any:
     """Angles without a sequence mean twelve rotations."""
     if isinstance(rotation_deg, list):
-        raise ValueError(f"angles need the Euler sequence they belong to, such as {{XYZ: {rotation_deg}}}")
+        raise ValueError(
+            f"angles need the Euler sequence they belong to, such as {{XYZ: {rotation_deg}}}"
+        )
     return rotation_deg
 
 
-Rotation = Annotated[EulerAngles, AfterValidator(check_one_sequence), BeforeValidator(_refuse_bare_angles)]
+Rotation = Annotated[
+    EulerAngles, AfterValidator(check_one_sequence), BeforeValidator(_refuse_bare_angles)
+]
 
 
 class StrictModel(BaseModel):
@@ -46,9 +62,13 @@ class StrictModel(BaseModel):
 
 
 class Placement(StrictModel):
-    """A pose as a person writes it: a rotation by Euler angles of a named intrinsic sequence, and a position."""
+    """A pose as a person writes it: a rotation by Euler angles of a named intrinsic sequence, and a
+    position.
+    """
 
     rotation_deg: Rotation = Field(
-        default={}, description="One intrinsic Euler sequence and its three angles [deg], e.g. {ZYX: [0, 90, 0]}."
+        default={},
+        description="One intrinsic Euler sequence and its three angles [deg], e.g. {ZYX: [0, 90, "
+        "0]}.",
     )
     position_mm: Angles3 = Field(default=[0.0, 0.0, 0.0], description="Position [mm].")

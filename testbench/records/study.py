@@ -22,8 +22,10 @@ class StudyRow:
     """One row of ours, and the published one beside it.
 
     Attributes:
-        label: What it is. values: One for each column of the table, in its unit; None where there is none. published: Those of
-        the publication, in the same order; empty where it has no such row. note: More on it, in a sentence.
+        label: What it is.
+        values: One for each column of the table, in its unit; None where there is none.
+        published: Those of the publication, in the same order; empty where it has no such row.
+        note: More on it, in a sentence.
     """
 
     label: str
@@ -48,9 +50,15 @@ class StudyTable:
     """A table.
 
     Attributes:
-        key: Its name in JSON. caption: What it shows. columns: Titles with units. rows: At least one. how: How to read it, one
-        line. short: Title for lists of contents, "Table <number>" if empty. why: Why ours and the published values differ, in
-        sentences. table: Number of the published table; empty without one. decimals: Of the numbers of each column.
+        key: Its name in JSON.
+        caption: What it shows.
+        columns: Titles with units.
+        rows: At least one.
+        how: How to read it, one line.
+        short: Title for lists of contents, "Table <number>" if empty.
+        why: Why ours and the published values differ, in sentences.
+        table: Number of the published table; empty without one.
+        decimals: Of the numbers of each column.
         ratio_column: Column whose ratio, ours to published, is shown.
     """
 
@@ -74,7 +82,10 @@ class StudyTable:
         n = len(self.columns)
         for row in self.rows:
             if len(row.values) != n or (row.published and len(row.published) != n):
-                raise ValueError(f"table {self.key}: row '{row.label}' does not have the {n} values of its columns")
+                raise ValueError(
+                    f"table {self.key}: row '{row.label}' does not have the {n} values of its "
+                    "columns"
+                )
 
 
 @dataclass(frozen=True)
@@ -82,8 +93,12 @@ class BoxNumbers:
     """A box plot in numbers.
 
     Attributes:
-        lower, upper: Ends of the whiskers: the farthest values within 1.5 interquartile ranges of the box. q1, median, q3:
-        Quartiles. outliers: Values beyond the whiskers, ascending.
+        lower: Ends of the whiskers: the farthest values within 1.5 interquartile ranges of the box.
+        upper: Ends of the whiskers: the farthest values within 1.5 interquartile ranges of the box.
+        q1: Quartiles.
+        median: Quartiles.
+        q3: Quartiles.
+        outliers: Values beyond the whiskers, ascending.
     """
 
     lower: float
@@ -100,7 +115,9 @@ class BoxNumbers:
 
     @staticmethod
     def of(values: np.ndarray) -> BoxNumbers:
-        """Of a sample, shape (n,), n >= 1: quartiles as MATLAB's, the kth smallest value being the (k - 1/2)/n quantile."""
+        """Of a sample, shape (n,), n >= 1: quartiles as MATLAB's, the kth smallest value being the
+        (k - 1/2)/n quantile.
+        """
         ordered = np.sort(np.asarray(values, float))
         q1, median, q3 = np.quantile(ordered, [0.25, 0.5, 0.75], method="hazen").tolist()
         reach = 1.5 * (q3 - q1)
@@ -114,8 +131,11 @@ class StudyBoxes:
     """A figure of box plots.
 
     Attributes:
-        caption: What it shows. axis: Title of the axis, with the unit. boxes: By name; those of the publication under
-        `published`. how: How to read it. logarithmic: Axis.
+        caption: What it shows.
+        axis: Title of the axis, with the unit.
+        boxes: By name; those of the publication under `published`.
+        how: How to read it.
+        logarithmic: Axis.
     """
 
     caption: str
@@ -134,8 +154,11 @@ class StudyCurve:
     """One line or one set of points of a figure.
 
     Attributes:
-        kind: "theory", "fit" and "truth" are drawn as lines, "simulation" and "measurement" as points. x, y: Shape (n,), NaN
-        where there is no value. group: Curves of one group have one colour; the curve's own name if empty.
+        kind: "theory", "fit" and "truth" are drawn as lines, "simulation" and "measurement" as
+            points.
+        x: Shape (n,), NaN where there is no value.
+        y: Shape (n,), NaN where there is no value.
+        group: Curves of one group have one colour; the curve's own name if empty.
     """
 
     name: str
@@ -146,7 +169,13 @@ class StudyCurve:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON, which has no NaN."""
-        return {"name": self.name, "x": _numbers(self.x), "y": _numbers(self.y), "kind": self.kind, "group": self.group}
+        return {
+            "name": self.name,
+            "x": _numbers(self.x),
+            "y": _numbers(self.y),
+            "kind": self.kind,
+            "group": self.group,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,9 +183,13 @@ class StudyCurves:
     """Curves that share their axes.
 
     Attributes:
-        caption: What they show. x_axis, y_axis: Titles with units. how: How to read it. logarithmic: The vertical axis, which
-        has no place for zeros. plane: Both axes are places and have one scale, and points are joined. ordered: The groups are
-        values of one quantity in their order, and their colours are, too.
+        caption: What they show.
+        x_axis: Titles with units.
+        y_axis: Titles with units.
+        how: How to read it.
+        logarithmic: The vertical axis, which has no place for zeros.
+        plane: Both axes are places and have one scale, and points are joined.
+        ordered: The groups are values of one quantity in their order, and their colours are, too.
     """
 
     caption: str
@@ -175,7 +208,9 @@ class StudyCurves:
 
 @dataclass(frozen=True, eq=False)
 class StudySurface:
-    """Values over a grid, z of shape (len(y), len(x)); the axes' titles carry the unit. how: How to read it."""
+    """Values over a grid, z of shape (len(y), len(x)); the axes' titles carry the unit. how: How to
+    read it.
+    """
 
     caption: str
     x_axis: str
@@ -188,7 +223,12 @@ class StudySurface:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON, which has no NaN."""
-        return {**vars(self), "x": _numbers(self.x), "y": _numbers(self.y), "z": [_numbers(row) for row in self.z]}
+        return {
+            **vars(self),
+            "x": _numbers(self.x),
+            "y": _numbers(self.y),
+            "z": [_numbers(row) for row in self.z],
+        }
 
 
 @dataclass(frozen=True)
@@ -196,10 +236,20 @@ class StudyRecord:
     """A finished study.
 
     Attributes:
-        name, title, question: What was asked. source: The publication it stands beside, as cited. started_utc: ISO 8601.
-        settings: What it was run with. sessions: Folders that its numbers come from. findings: The answer, in sentences.
-        tables, figures, curves, surfaces: In order. software: Versions. trace: Which numbers come from which session, where
-        not all come from all.
+        name: What was asked.
+        title: What was asked.
+        question: What was asked.
+        source: The publication it stands beside, as cited.
+        started_utc: ISO 8601.
+        settings: What it was run with.
+        sessions: Folders that its numbers come from.
+        findings: The answer, in sentences.
+        tables: In order.
+        figures: In order.
+        curves: In order.
+        surfaces: In order.
+        software: Versions.
+        trace: Which numbers come from which session, where not all come from all.
     """
 
     name: str
@@ -232,7 +282,9 @@ class StudyRecord:
         data["surfaces"] = [surface.to_dict() for surface in self.surfaces]
         for table, plain in zip(self.tables, data["tables"], strict=True):
             for row, entry in zip(table.rows, plain["rows"], strict=True):
-                entry["ratio"] = None if table.ratio_column is None else row.ratio(table.ratio_column)
+                entry["ratio"] = (
+                    None if table.ratio_column is None else row.ratio(table.ratio_column)
+                )
         return data
 
     def save(self, folder: Path) -> Path:
@@ -262,15 +314,30 @@ class StudyRecord:
 
 
 def _table(data: dict[str, Any]) -> StudyTable:
-    rows = tuple(StudyRow(row["label"], tuple(row["values"]), tuple(row["published"]), row["note"]) for row in data["rows"])
-    return StudyTable(**{**data, "columns": tuple(data["columns"]), "decimals": tuple(data["decimals"]), "rows": rows})
+    rows = tuple(
+        StudyRow(row["label"], tuple(row["values"]), tuple(row["published"]), row["note"])
+        for row in data["rows"]
+    )
+    return StudyTable(
+        **{
+            **data,
+            "columns": tuple(data["columns"]),
+            "decimals": tuple(data["decimals"]),
+            "rows": rows,
+        }
+    )
 
 
 def _boxes(data: dict[str, Any]) -> StudyBoxes:
     def read(boxes: dict[str, Any]) -> dict[str, BoxNumbers]:
-        return {name: BoxNumbers(**{**box, "outliers": tuple(box["outliers"])}) for name, box in boxes.items()}
+        return {
+            name: BoxNumbers(**{**box, "outliers": tuple(box["outliers"])})
+            for name, box in boxes.items()
+        }
 
-    return StudyBoxes(**{**data, "boxes": read(data["boxes"]), "published": read(data["published"])})
+    return StudyBoxes(
+        **{**data, "boxes": read(data["boxes"]), "published": read(data["published"])}
+    )
 
 
 def _numbers(values: np.ndarray) -> list[float | None]:
@@ -282,7 +349,10 @@ def _array(values: list[Any]) -> np.ndarray:
 
 
 def _curves(data: dict[str, Any]) -> StudyCurves:
-    curves = tuple(StudyCurve(**{**curve, "x": _array(curve["x"]), "y": _array(curve["y"])}) for curve in data["curves"])
+    curves = tuple(
+        StudyCurve(**{**curve, "x": _array(curve["x"]), "y": _array(curve["y"])})
+        for curve in data["curves"]
+    )
     if unknown := {curve.kind for curve in curves} - set(get_args(CurveKind)):
         raise ValueError(f"no kind of curve: {', '.join(sorted(unknown))}")
     return StudyCurves(**{**data, "curves": curves})

@@ -1,8 +1,9 @@
-"""A joint trajectory as knots with position, velocity and acceleration, joined by quintic polynomials.
+"""A joint trajectory as knots with position, velocity and acceleration, joined by quintic
+polynomials.
 
-Jerk-limited motion is a cubic between the switches of its jerk, and a quintic that meets value, slope and curvature at both
-ends of a cubic is that cubic: with knots at the switches nothing is lost. Between knots q, v and a are exact derivatives of one
-another.
+Jerk-limited motion is a cubic between the switches of its jerk, and a quintic that meets value,
+slope and curvature at both ends of a cubic is that cubic: with knots at the switches nothing is
+lost. Between knots q, v and a are exact derivatives of one another.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ class Trajectory:
     """Knots of a joint trajectory.
 
     Attributes:
-        time_ns: Strictly increasing, shape (k,), int64. q, v, a: Shape (k, n_joints) [rad], [rad/s], [rad/s^2].
+        time_ns: Strictly increasing, shape (k,), int64.
+        q: Shape (k, n_joints) [rad], [rad/s], [rad/s^2].
+        v: Shape (k, n_joints) [rad], [rad/s], [rad/s^2].
+        a: Shape (k, n_joints) [rad], [rad/s], [rad/s^2].
     """
 
     time_ns: np.ndarray
@@ -43,7 +47,9 @@ class Trajectory:
         Returns:
             q, v, a, each of shape (n, n_joints).
         """
-        return hermite(self.time_ns, self.q, self.v, self.a, np.ascontiguousarray(time_ns, dtype=np.int64))
+        return hermite(
+            self.time_ns, self.q, self.v, self.a, np.ascontiguousarray(time_ns, dtype=np.int64)
+        )
 
     def moving(self) -> np.ndarray:
         """Which intervals between knots move at all, shape (k - 1,), bool."""
@@ -52,13 +58,17 @@ class Trajectory:
         return ~(still[1:] & still[:-1] & same)
 
     def sample_moving(self, interval_ns: int, size: int) -> Iterator[np.ndarray]:
-        """Times on a regular grid where the trajectory moves, with every knot, in pieces of `size`, int64, but for the last."""
+        """Times on a regular grid where the trajectory moves, with every knot, in pieces of `size`,
+        int64, but for the last.
+        """
         first, last, moving = int(self.time_ns[0]), int(self.time_ns[-1]), self.moving()
         held = np.zeros(0, dtype=np.int64)
         for begin in range(first, last + 1, interval_ns * size):
             end = min(begin + interval_ns * size, last + 1)
             grid = np.arange(begin, end, interval_ns)
-            index = np.minimum(np.searchsorted(self.time_ns, grid, side="right") - 1, len(moving) - 1)
+            index = np.minimum(
+                np.searchsorted(self.time_ns, grid, side="right") - 1, len(moving) - 1
+            )
             knots = self.time_ns[slice(*np.searchsorted(self.time_ns, [begin, end]))]
             held = np.concatenate([held, np.unique(np.concatenate([knots, grid[moving[index]]]))])
             while len(held) >= size:
@@ -77,7 +87,9 @@ def hermite(
     qs = np.empty((n, m))
     vs = np.empty((n, m))
     accelerations = np.empty((n, m))
-    k = max(min(np.searchsorted(knots, at[0], side="right") - 1, last - 1), 0) if n else 0  # far into hours of knots at once
+    k = (
+        max(min(np.searchsorted(knots, at[0], side="right") - 1, last - 1), 0) if n else 0
+    )  # far into hours of knots at once
     for i in range(n):
         t = at[i]
         if k > 0 and t < knots[k]:

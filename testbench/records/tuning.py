@@ -1,4 +1,6 @@
-"""Tuning: the parameters of a filter that suit some sessions best, with how they were found and what they were found on."""
+"""Tuning: the parameters of a filter that suit some sessions best, with how they were found and
+what they were found on.
+"""
 
 from __future__ import annotations
 
@@ -31,42 +33,66 @@ class SessionTuning(StrictModel):
     session: str = Field(description="Its name.")
     fingerprint: str = Field(description="SHA-256 of its manifest.")
     samples: dict[str, str] = Field(description="SHA-256 of the raw samples of each sensor.")
-    role: Literal["tuning", "test"] = Field(description="Whether it chose the parameters, or only shows what they are worth.")
-    default_value: float | None = Field(description="Objective by the defaults; null: the filter failed.")
+    role: Literal["tuning", "test"] = Field(
+        description="Whether it chose the parameters, or only shows what they are worth."
+    )
+    default_value: float | None = Field(
+        description="Objective by the defaults; null: the filter failed."
+    )
     value: float | None = Field(description="Objective by the one set for all.")
-    own_parameters: Parameters | None = Field(default=None, description="Best for this session alone; null for a test.")
+    own_parameters: Parameters | None = Field(
+        default=None, description="Best for this session alone; null for a test."
+    )
     own_value: float | None = Field(default=None, description="Objective by them.")
-    left_out_parameters: Parameters | None = Field(default=None, description="Best for all other tuning sessions.")
-    left_out_value: float | None = Field(default=None, description="Objective by them: this session as a test.")
+    left_out_parameters: Parameters | None = Field(
+        default=None, description="Best for all other tuning sessions."
+    )
+    left_out_value: float | None = Field(
+        default=None, description="Objective by them: this session as a test."
+    )
 
     def is_recording_of(self, other: SessionTuning) -> bool:
-        """Whether both are the same recording, be it under another name or analysed in another way."""
-        return self.fingerprint == other.fingerprint or bool(set(self.samples.values()) & set(other.samples.values()))
+        """Whether both are the same recording, be it under another name or analysed in another
+        way.
+        """
+        return self.fingerprint == other.fingerprint or bool(
+            set(self.samples.values()) & set(other.samples.values())
+        )
 
 
 class Split(StrictModel):
     """How the sessions were divided; always whole sessions."""
 
-    method: Literal["given", "seeded", "none"] = Field(description="By the user, drawn, or nothing held out.")
+    method: Literal["given", "seeded", "none"] = Field(
+        description="By the user, drawn, or nothing held out."
+    )
     seed: int | None = Field(default=None, description="Of the draw.")
-    leave_one_out: bool = Field(default=False, description="Whether each tuning session was also a test of the others' set.")
+    leave_one_out: bool = Field(
+        default=False, description="Whether each tuning session was also a test of the others' set."
+    )
 
 
 class GridPoint(StrictModel):
     """One point of the grid."""
 
     parameters: Parameters = Field(description="Those tuned.")
-    values: list[float | None] = Field(description="Objective on each tuning session, in their order; null: it failed.")
+    values: list[float | None] = Field(
+        description="Objective on each tuning session, in their order; null: it failed."
+    )
 
 
 class Search(StrictModel):
     """How the optimum was looked for."""
 
-    design: Literal["every combination", "one parameter after the other"] = Field(description="Of the grid.")
+    design: Literal["every combination", "one parameter after the other"] = Field(
+        description="Of the grid."
+    )
     grid: dict[str, list[float]] = Field(description="Values of each tuned parameter.")
     points: list[GridPoint] = Field(description="What they came to; of the set for all sessions.")
     refinement: Literal["nelder-mead", "none"] = Field(description="After the grid.")
-    evaluations: int = Field(description="Sets of parameters tried on all tuning sessions, grid and refinement.")
+    evaluations: int = Field(
+        description="Sets of parameters tried on all tuning sessions, grid and refinement."
+    )
     converged: bool = Field(description="Whether the refinement came to rest.")
 
 
@@ -77,17 +103,25 @@ class Tuning(StrictModel):
     tuned_utc: Annotated[str, AfterValidator(_utc)] = Field(description="When, ISO 8601.")
     software: dict[str, str] = Field(description="Versions that did it.")
     filter: str = Field(description="Which filter.")
-    filter_source: str = Field(default="", description="Where it came from, if it is none of the bench's own.")
+    filter_source: str = Field(
+        default="", description="Where it came from, if it is none of the bench's own."
+    )
     objective: str = Field(description="The metric that was made small, as evaluate spells it.")
     unit: str = Field(description="Of the metric.")
-    tuned: list[str] = Field(description="Parameters that were tuned; the others kept their defaults.")
+    tuned: list[str] = Field(
+        description="Parameters that were tuned; the others kept their defaults."
+    )
     parameters: Parameters = Field(description="The one set for all sessions, whole.")
     value: float = Field(description="Mean of the objective over the tuning sessions by that set.")
     default_value: float | None = Field(description="By the defaults.")
-    at_edge: list[str] = Field(description="Tuned parameters whose best value is an end of their range.")
+    at_edge: list[str] = Field(
+        description="Tuned parameters whose best value is an end of their range."
+    )
     search: Search
     split: Split
-    sessions: list[SessionTuning] = Field(min_length=1, description="Every session, tuning and test.")
+    sessions: list[SessionTuning] = Field(
+        min_length=1, description="Every session, tuning and test."
+    )
 
     def of_role(self, role: Literal["tuning", "test"]) -> list[SessionTuning]:
         """The sessions of one kind."""
@@ -123,8 +157,12 @@ class UsedTuning:
     """That a filter ran with tuned parameters.
 
     Attributes:
-        objective: What they were tuned for. tuned_utc, software: When, and by which version of the bench. tuned: Names of the
-        parameters. tuned_on: Names of the sessions. on_this_session: Whether this recording was among them, under any name.
+        objective: What they were tuned for.
+        tuned_utc: When, and by which version of the bench.
+        software: When, and by which version of the bench.
+        tuned: Names of the parameters.
+        tuned_on: Names of the sessions.
+        on_this_session: Whether this recording was among them, under any name.
     """
 
     objective: str
@@ -138,9 +176,18 @@ class UsedTuning:
 def describe(session: Session, role: Literal["tuning", "test"]) -> SessionTuning:
     """A session by what tells it from others, not judged yet."""
     files = session.manifest.get("files", {})
-    samples = {name: str(files[f"imu_{name}.parquet"]) for name in session.sensor_names if f"imu_{name}.parquet" in files}
+    samples = {
+        name: str(files[f"imu_{name}.parquet"])
+        for name in session.sensor_names
+        if f"imu_{name}.parquet" in files
+    }
     return SessionTuning(
-        session=session.name, fingerprint=session.fingerprint, samples=samples, role=role, default_value=None, value=None
+        session=session.name,
+        fingerprint=session.fingerprint,
+        samples=samples,
+        role=role,
+        default_value=None,
+        value=None,
     )
 
 
@@ -153,9 +200,19 @@ def refuse_repeated(sessions: Sequence[SessionTuning]) -> None:
     for i, entry in enumerate(sessions):
         for other in sessions[:i]:
             if entry.is_recording_of(other):
-                names = entry.session if entry.session == other.session else f"{other.session} and {entry.session}"
-                what = "given twice" if entry.role == other.role else "given for tuning and for the test"
-                raise InputError(f"{names}: one recording is {what}; what was tuned on cannot test the result")
+                names = (
+                    entry.session
+                    if entry.session == other.session
+                    else f"{other.session} and {entry.session}"
+                )
+                what = (
+                    "given twice"
+                    if entry.role == other.role
+                    else "given for tuning and for the test"
+                )
+                raise InputError(
+                    f"{names}: one recording is {what}; what was tuned on cannot test the result"
+                )
 
 
 def refuse_file(file: Path) -> None:

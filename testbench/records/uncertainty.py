@@ -1,4 +1,6 @@
-"""Uncertainty budgets: how far the truth that errors are judged by may itself be off (JCGM 100:2008)."""
+"""Uncertainty budgets: how far the truth that errors are judged by may itself be off (JCGM
+100:2008).
+"""
 
 from __future__ import annotations
 
@@ -15,14 +17,21 @@ class UncertaintySource:
     """One line of a budget.
 
     Attributes:
-        source: What may be off. kind: "A" from the recording's own scatter, "B" from elsewhere (JCGM 100:2008, 4.2 and 4.3).
-        value, unit: As its source states it. distribution, divisor: What makes a standard uncertainty of it.
+        source: What may be off.
+        kind: "A" from the recording's own scatter, "B" from elsewhere (JCGM 100:2008, 4.2 and 4.3).
+        value: As its source states it.
+        unit: As its source states it.
+        distribution: What makes a standard uncertainty of it.
+        divisor: What makes a standard uncertainty of it.
         standard_uncertainty: value / divisor, in the same unit.
-        sensitivity: Change of the mean error for a change of one unit of the source [deg/unit]; smaller where it averages.
-        contribution_deg: |sensitivity| times standard uncertainty: its part of the mean error's standard uncertainty.
-        magnitude_deg: Its part in the standard uncertainty of mean magnitudes, RMS and largest errors, which do not cancel: an
-        upper bound.
-        degrees_of_freedom: None for infinitely many. why: Where the value comes from, and why it counts or does not.
+        sensitivity: Change of the mean error for a change of one unit of the source [deg/unit];
+            smaller where it averages.
+        contribution_deg: |sensitivity| times standard uncertainty: its part of the mean error's
+            standard uncertainty.
+        magnitude_deg: Its part in the standard uncertainty of mean magnitudes, RMS and largest
+            errors, which do not cancel: an upper bound.
+        degrees_of_freedom: None for infinitely many.
+        why: Where the value comes from, and why it counts or does not.
     """
 
     source: str
@@ -44,13 +53,20 @@ class UncertaintyBudget:
     """The uncertainty of the truth behind one reported mean error; degrees.
 
     Attributes:
-        owner: Joint of the protocol, joint of the arm, or sensor. quantity: "flexion", "angle" (of the arm's joint), "total",
-        "heading" or "inclination". section: Of a joint's poses or sweeps; None for a sensor, which is judged over the whole
-        session. sources: The lines.
+        owner: Joint of the protocol, joint of the arm, or sensor.
+        quantity: "flexion", "angle" (of the arm's joint), "total", "heading" or "inclination".
+        section: Of a joint's poses or sweeps; None for a sensor, which is judged over the whole
+            session.
+        sources: The lines.
         complete: Whether every source is known; where not, nothing below is stated.
-        combined_deg, combined_magnitude_deg: Combined standard uncertainties, of the signed mean and of magnitudes.
-        degrees_of_freedom: Effective, of the signed mean (Welch-Satterthwaite); None for infinitely many.
-        coverage_factor: k. expanded_deg, expanded_magnitude_deg: k times the combined ones.
+        combined_deg: Combined standard uncertainties, of the signed mean and of magnitudes.
+        combined_magnitude_deg: Combined standard uncertainties, of the signed mean and of
+            magnitudes.
+        degrees_of_freedom: Effective, of the signed mean (Welch-Satterthwaite); None for infinitely
+            many.
+        coverage_factor: k.
+        expanded_deg: k times the combined ones.
+        expanded_magnitude_deg: k times the combined ones.
         notes: What is missing, and what was assumed.
     """
 

@@ -1,7 +1,8 @@
 """Read a YAML file strictly and say where every fault of it stands.
 
-YAML 1.2 numbers (1e-3 is a number, yes is a word), no duplicate keys, no tags or aliases that could run or explode, and a map
-from the path of each value to its line and column, so that a validation error can name the place.
+YAML 1.2 numbers (1e-3 is a number, yes is a word), no duplicate keys, no tags or aliases that could
+run or explode, and a map from the path of each value to its line and column, so that a validation
+error can name the place.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ DEEPEST_NESTING = 40
 MOST_PROBLEMS = 30
 LONGEST_QUOTE = 60
 LONGEST_REMEMBERED = 20_000
-"""Characters of a file whose nodes are kept: robots and presets are read again for every session, and parsing takes longest."""
+"""Characters of a file whose nodes are kept: robots and presets are read again for every session,
+and parsing takes longest.
+"""
 
 Record = TypeVar("Record", bound=BaseModel)
 Location = tuple[Any, ...]
@@ -48,7 +51,9 @@ for _tag, _pattern, _first in (
 
 def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int | float:
     digits = loader.construct_scalar(node)
-    return int(digits) if len(digits) < 20 else float(digits)  # decimal, as YAML 1.2 wants: 010 is ten
+    return (
+        int(digits) if len(digits) < 20 else float(digits)
+    )  # decimal, as YAML 1.2 wants: 010 is ten
 
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _integer)
@@ -65,7 +70,10 @@ class YamlDocument(Generic[Record]):
     """A validated YAML file that still knows where each value was written.
 
     Attributes:
-        value: The record. text: The file, verbatim. file: Its path. places: (line, column) of each path, from 1.
+        value: The record.
+        text: The file, verbatim.
+        file: Its path.
+        places: (line, column) of each path, from 1.
     """
 
     value: Record
@@ -79,16 +87,21 @@ class YamlDocument(Generic[Record]):
 
 
 def load_yaml(
-    file: str | Path, record: type[Record], another_kind: Callable[[dict[str, Any]], str | None] | None = None
+    file: str | Path,
+    record: type[Record],
+    another_kind: Callable[[dict[str, Any]], str | None] | None = None,
 ) -> YamlDocument[Record]:
     """Read and validate one YAML file.
 
     Args:
-        file: Its path. record: What it shall be. another_kind: Of the content of a file that does not fit, the sentence that
-        takes the place of all its faults where it is something else, or None.
+        file: Its path.
+        record: What it shall be.
+        another_kind: Of the content of a file that does not fit, the sentence that takes the place
+            of all its faults where it is something else, or None.
 
     Raises:
-        FileProblems: The file is missing, too large, not YAML, or does not fit the record; every problem at once.
+        FileProblems: The file is missing, too large, not YAML, or does not fit the record; every
+            problem at once.
     """
     file = Path(file)
     text = read_text(file)
@@ -96,12 +109,19 @@ def load_yaml(
     if not isinstance(data, dict):
         what = "is empty" if data is None else f"holds {_kind(data)}"
         keys = ", ".join(list(record.model_fields)[:4])
-        raise FileProblems(file, [Problem(f"the file {what}; it must hold a mapping with keys such as {keys}", line=1)])
+        raise FileProblems(
+            file,
+            [Problem(f"the file {what}; it must hold a mapping with keys such as {keys}", line=1)],
+        )
     try:
         value = record.model_validate(data)
     except ValidationError as error:
         told = another_kind(data) if another_kind is not None else None
-        problems = few(validation_problems(error, places, record=record)) if told is None else [locate({}, (), told)]
+        problems = (
+            few(validation_problems(error, places, record=record))
+            if told is None
+            else [locate({}, (), told)]
+        )
         raise FileProblems(file, problems) from None
     return YamlDocument(value, text, file, places)
 
@@ -118,7 +138,9 @@ def read_text(file: Path) -> str:
     except OSError as error:
         raise FileProblems(file, [Problem(f"cannot be read: {error.strerror}")]) from None
     if len(raw) > LARGEST_FILE:
-        raise FileProblems(file, [Problem(f"the file is larger than the {LARGEST_FILE // 1000} kB allowed")])
+        raise FileProblems(
+            file, [Problem(f"the file is larger than the {LARGEST_FILE // 1000} kB allowed")]
+        )
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -130,7 +152,8 @@ def parse_yaml(text: str, file: Path) -> tuple[Any, dict[Location, tuple[int, in
     """Parse YAML text into plain values and the place of each.
 
     Raises:
-        FileProblems: The text is not YAML, repeats a key, uses an alias or a tag, or nests too deeply.
+        FileProblems: The text is not YAML, repeats a key, uses an alias or a tag, or nests too
+            deeply.
     """
     try:
         node = _remembered(text) if len(text) <= LONGEST_REMEMBERED else _composed(text)
@@ -159,7 +182,9 @@ def _syntax_problem(error: Exception, text: str) -> Problem:
         return Problem("not valid YAML: nested too deeply", line=1)
     if isinstance(error, yaml.reader.ReaderError):
         line = text.count("\n", 0, error.position) + 1
-        return Problem(f"not valid YAML: the character U+{error.character:04X} is not allowed", line=line)
+        return Problem(
+            f"not valid YAML: the character U+{error.character:04X} is not allowed", line=line
+        )
     mark, said = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error)
     context = getattr(error, "context", None) or ""
     if "'\\t'" in said:
@@ -199,7 +224,10 @@ def _construct(
             return refuse("aliases (*name) are not allowed; write the value out")
         seen.add(id(node))
     if isinstance(node, yaml.SequenceNode):
-        return [_construct(loader, child, (*path, i), places, problems, seen) for i, child in enumerate(node.value)]
+        return [
+            _construct(loader, child, (*path, i), places, problems, seen)
+            for i, child in enumerate(node.value)
+        ]
     if isinstance(node, yaml.MappingNode):
         mapping: dict[Any, Any] = {}
         for key_node, value_node in node.value:
@@ -230,21 +258,29 @@ def _is_unicode(text: str) -> bool:
 
 
 def few(problems: list[Problem]) -> list[Problem]:
-    """The first problems, and how many more there are, so that a thoroughly wrong file does not fill the terminal."""
+    """The first problems, and how many more there are, so that a thoroughly wrong file does not
+    fill the terminal.
+    """
     more = len(problems) - MOST_PROBLEMS
-    return problems if more <= 0 else [*problems[:MOST_PROBLEMS], Problem(f"and {more} more problems")]
+    return (
+        problems if more <= 0 else [*problems[:MOST_PROBLEMS], Problem(f"and {more} more problems")]
+    )
 
 
 def _allowed_keys(record: type[BaseModel], path: Location) -> str:
     """What may stand where an unknown key does, the likeliest first."""
     models = [record]
     for part in path[:-1]:
-        annotations = [model.model_fields[part].annotation for model in models if part in model.model_fields]
+        annotations = [
+            model.model_fields[part].annotation for model in models if part in model.model_fields
+        ]
         if annotations:
             models = [found for annotation in annotations for found in _models_in(annotation)]
     keys = sorted({key for model in models for key in model.model_fields})
     near = get_close_matches(str(path[-1]), keys, 1)
-    return (f"; did you mean '{near[0]}'?" if near else "") + (f"; allowed: {', '.join(keys)}" if keys else "")
+    return (f"; did you mean '{near[0]}'?" if near else "") + (
+        f"; allowed: {', '.join(keys)}" if keys else ""
+    )
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
@@ -255,13 +291,18 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
 
 
 def validation_problems(
-    error: ValidationError, places: dict[Location, tuple[int, int]], *prefix: Any, record: type[BaseModel] | None = None
+    error: ValidationError,
+    places: dict[Location, tuple[int, int]],
+    *prefix: Any,
+    record: type[BaseModel] | None = None,
 ) -> list[Problem]:
     """Each fault of a record once, in the order of the file.
 
     Args:
-        error: What pydantic found. places: Of the file. prefix: Path of the record in the file. record: The model, so that an
-        unknown key can be answered with those it has.
+        error: What pydantic found.
+        places: Of the file.
+        prefix: Path of the record in the file.
+        record: The model, so that an unknown key can be answered with those it has.
     """
     problems, seen = [], set()
     for fault in error.errors(include_url=False, include_context=True):
@@ -276,7 +317,9 @@ def validation_problems(
 
 
 def locate(places: dict[Location, tuple[int, int]], path: Location, message: str) -> Problem:
-    """The problem at `path`, or at the nearest part of it that stands in the file (a union adds names of its own)."""
+    """The problem at `path`, or at the nearest part of it that stands in the file (a union adds
+    names of its own).
+    """
     known: Location = ()
     for part in path:
         if (*known, part) in places:
@@ -287,7 +330,12 @@ def locate(places: dict[Location, tuple[int, int]], path: Location, message: str
 
 def _message(fault: Any) -> str:
     """One sentence for one fault, in the words of a person who writes YAML."""
-    kind, message, given, context = fault["type"], fault["msg"], fault.get("input"), fault.get("ctx", {})
+    kind, message, given, context = (
+        fault["type"],
+        fault["msg"],
+        fault.get("input"),
+        fault.get("ctx", {}),
+    )
     last = fault["loc"][-1] if fault["loc"] else ""
     if kind == "extra_forbidden":
         return f"unknown key '{last}'"
@@ -296,12 +344,25 @@ def _message(fault: Any) -> str:
     if kind == "value_error":
         return str(context["error"])
     if kind == "string_pattern_mismatch":
-        return f"must be a name (a letter, then up to 63 letters, digits and _), not {_quoted(given)}"
+        return (
+            f"must be a name (a letter, then up to 63 letters, digits and _), not {_quoted(given)}"
+        )
     if kind in {"too_short", "too_long"}:
-        bound, word = (context["min_length"], "at least") if kind == "too_short" else (context["max_length"], "at most")
-        return f"must have {word} {bound} {'entry' if bound == 1 else 'entries'}, not {context['actual_length']}"
+        bound, word = (
+            (context["min_length"], "at least")
+            if kind == "too_short"
+            else (context["max_length"], "at most")
+        )
+        return (
+            f"must have {word} {bound} {'entry' if bound == 1 else 'entries'}, not "
+            f"{context['actual_length']}"
+        )
     if kind in {"string_too_short", "string_too_long"}:
-        bound, word = (context["min_length"], "at least") if kind == "string_too_short" else (context["max_length"], "at most")
+        bound, word = (
+            (context["min_length"], "at least")
+            if kind == "string_too_short"
+            else (context["max_length"], "at most")
+        )
         return f"must have {word} {bound} character{'s' if bound > 1 else ''}, not {len(given)}"
     if kind in {"model_type", "dict_type", "model_attributes_type"}:
         message = "must be a mapping (key: value)"

@@ -1,1 +1,3 @@
-"""report and view: what a person looks at; always rebuilt from the session, its estimate and its evaluation."""
+"""report and view: what a person looks at; always rebuilt from the session, its estimate and its
+evaluation.
+"""

@@ -31,14 +31,19 @@ from testbench.reporting.tables import (
 MILLI_G = 1e3 / STANDARD_GRAVITY
 MOST_CORRELATED = 40
 """A correlation matrix of more parameters is not drawn."""
-UNITS = {"accelerometer": ("m/s²", 1.0), "gyroscope": ("deg/s", 180 / np.pi), "magnetometer": ("µT", 1.0)}
+UNITS = {
+    "accelerometer": ("m/s²", 1.0),
+    "gyroscope": ("deg/s", 180 / np.pi),
+    "magnetometer": ("µT", 1.0),
+}
 
 
 def calibration_report(result: CalibrationResult, path: Path) -> Path:
     """Write the report.
 
     Args:
-        result: The calibration with its evidence. path: Of the file.
+        result: The calibration with its evidence.
+        path: Of the file.
     """
     calibration = result.calibration
     methods = ", ".join(f"{triad} by {found.method}" for triad, found in calibration.triads.items())
@@ -47,7 +52,10 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
         ("Device", calibration.device or ""),
         ("Recorded", f"{calibration.calibrated:%Y-%m-%d %H:%M:%S} UTC"),
         ("Session", calibration.session),
-        ("Temperature", "" if calibration.temperature is None else f"{calibration.temperature:.1f} °C"),
+        (
+            "Temperature",
+            "" if calibration.temperature is None else f"{calibration.temperature:.1f} °C",
+        ),
         ("Rests by", result.segmentation),
         ("Software", calibration.software),
     ]
@@ -57,10 +65,15 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
         sections.append(_mounting(calibration.mounting))
     sections += [_poses(result), _segmentation(result)]
     html = render_page(
-        title=f"Calibration of {calibration.sensor}", purpose=methods, facts=[fact for fact in facts if fact[1]],
-        tiles=_tiles(result), sections=sections, kind="calibration",
-        footer="Rows in italics are published values. All uncertainties are standard uncertainties unless a column says 95 %.",
-    )  # fmt: skip
+        title=f"Calibration of {calibration.sensor}",
+        purpose=methods,
+        facts=[fact for fact in facts if fact[1]],
+        tiles=_tiles(result),
+        sections=sections,
+        kind="calibration",
+        footer="Rows in italics are published values. All uncertainties are standard uncertainties "
+        "unless a column says 95 %.",
+    )
     path.write_text(html, encoding="utf-8")
     return path
 
@@ -69,19 +82,45 @@ def _tiles(result: CalibrationResult) -> list[Tile]:
     tiles = []
     acc = _figures(result, "accelerometer")
     if "gravity_norm_rms_mm_s2" in acc:
-        tiles.append(Tile(digits(acc["gravity_norm_rms_mm_s2"], 2), "mm/s²", "RMS error of |g|, held out", result.held_out))
+        tiles.append(
+            Tile(
+                digits(acc["gravity_norm_rms_mm_s2"], 2),
+                "mm/s²",
+                "RMS error of |g|, held out",
+                result.held_out,
+            )
+        )
     biases = [abs(acc[f"bias_{axis}_mg"]) for axis in "xyz" if f"bias_{axis}_mg" in acc]
     if biases:
-        tiles.append(Tile(digits(max(biases), 3), "mg", "largest mean |bias| of an axis, held out", "published: up to 26.2 mg"))
+        tiles.append(
+            Tile(
+                digits(max(biases), 3),
+                "mg",
+                "largest mean |bias| of an axis, held out",
+                "published: up to 26.2 mg",
+            )
+        )
     gyr = _figures(result, "gyroscope")
     if "gravity_direction_median_deg" in gyr:
         detail = f"{gyr.get('held_out_turns', 0):.0f} turns held out"
         tiles.append(
-            Tile(digits(gyr["gravity_direction_median_deg"], 3), "deg", "median error of gravity after a turn", detail)
+            Tile(
+                digits(gyr["gravity_direction_median_deg"], 3),
+                "deg",
+                "median error of gravity after a turn",
+                detail,
+            )
         )
     mag = _figures(result, "magnetometer")
     if "field_norm_rms_ut" in mag:
-        tiles.append(Tile(digits(mag["field_norm_rms_ut"], 3), "µT", "RMS error of the field's length, held out", ""))
+        tiles.append(
+            Tile(
+                digits(mag["field_norm_rms_ut"], 3),
+                "µT",
+                "RMS error of the field's length, held out",
+                "",
+            )
+        )
     return tiles
 
 
@@ -110,12 +149,17 @@ def _held_out(result: CalibrationResult) -> Section:
                 f"Figures by {result.held_out}",
                 [*header("figure", "triad", "value", numbers_from=2), Cell("unit")],
                 rows,
-                "How to read: none of these poses and turns was seen by the fit that corrected it. bias is the mean error of "
+                "How to read: none of these poses and turns was seen by the fit that corrected it. "
+                "bias is the mean error of "
                 "an axis over the poses, error also counts what changes its sign with the pose.",
             )
         )
     else:
-        section.blocks.append(Sentence("There are too few poses to hold any out; nothing here judges this calibration."))
+        section.blocks.append(
+            Sentence(
+                "There are too few poses to hold any out; nothing here judges this calibration."
+            )
+        )
     section.blocks += _beside_published(result)
     section.blocks += [Sentence(_sentence(remark)) for remark in result.remarks]
     return section
@@ -148,18 +192,35 @@ def _beside_published(result: CalibrationResult) -> list[Block]:
         shown = [number(abs(value), 3) for value in bias] + [number(value, 2) for value in spread]
         return Row([label(name), text(detail), *shown], kind)
 
-    rows = [row(result.calibration.sensor, own.method, [figures[f"bias_{a}_mg"] for a in "xyz"], sd.tolist())]
+    rows = [
+        row(
+            result.calibration.sensor,
+            own.method,
+            [figures[f"bias_{a}_mg"] for a in "xyz"],
+            sd.tolist(),
+        )
+    ]
     rows += [
-        row(f"{entry.sensor}, table {entry.table}", entry.method, entry.bias_mg, entry.sd_mg, "published")
+        row(
+            f"{entry.sensor}, table {entry.table}",
+            entry.method,
+            entry.bias_mg,
+            entry.sd_mg,
+            "published",
+        )
         for entry in published.calibration_bias
     ]
     return [
         Table(
             "Accelerometer bias after calibration, beside published values",
-            header("sensor", "method", "|bias| x [mg]", "y", "z", "sd x [mg]", "y", "z", numbers_from=2),
+            header(
+                "sensor", "method", "|bias| x [mg]", "y", "z", "sd x [mg]", "y", "z", numbers_from=2
+            ),
             rows,
-            f"How to read: published rows: {published.source}, judged there on the poses they were fitted to and without "
-            "a bias in the model; ours on poses held out. sd is that of single readings at rest, which a calibration must "
+            f"How to read: published rows: {published.source}, judged there on the poses they were "
+            "fitted to and without "
+            "a bias in the model; ours on poses held out. sd is that of single readings at rest, "
+            "which a calibration must "
             "not change.",
         )
     ]
@@ -169,7 +230,13 @@ def _triad(triad: str, found: TriadCalibration) -> Section:
     section = Section(triad, triad.capitalize())
     unit, factor = UNITS[triad]
     bias = [
-        Row([label(axis), *(number(value, 6) for value in found.matrix[i]), number(found.bias[i] * factor, 5)])
+        Row(
+            [
+                label(axis),
+                *(number(value, 6) for value in found.matrix[i]),
+                number(found.bias[i] * factor, 5),
+            ]
+        )
         for i, axis in enumerate("xyz")
     ]
     section.blocks.append(
@@ -177,7 +244,8 @@ def _triad(triad: str, found: TriadCalibration) -> Section:
             f"Corrections by {found.method}",
             header("axis", "matrix x", "matrix y", "matrix z", f"bias [{unit}]"),
             bias,
-            "How to read: corrected = matrix · (raw − bias); a perfect sensor has the unit matrix and no bias."
+            "How to read: corrected = matrix · (raw − bias); a perfect sensor has the unit matrix "
+            "and no bias."
             + (" The response to force is taken away as well." if found.g_matrix.any() else ""),
         )
     )
@@ -199,33 +267,52 @@ def _parameters(fit: Fit) -> Table:
                 text(unit_words(unit)),
             ]
         )
-        for name, value, sd, width, unit in zip(fit.names, fit.values, fit.sd, half, fit.units, strict=True)
+        for name, value, sd, width, unit in zip(
+            fit.names, fit.values, fit.sd, half, fit.units, strict=True
+        )
     ]
-    dof = "known beforehand" if not np.isfinite(fit.dof) else f"found with {fit.dof:.0f} degrees of freedom"
-    left = f"; residuals {fit.residual_rms:.3g} {fit.residual_unit} RMS" if np.isfinite(fit.residual_rms) else ""
+    dof = (
+        "known beforehand"
+        if not np.isfinite(fit.dof)
+        else f"found with {fit.dof:.0f} degrees of freedom"
+    )
+    left = (
+        f"; residuals {fit.residual_rms:.3g} {fit.residual_unit} RMS"
+        if np.isfinite(fit.residual_rms)
+        else ""
+    )
     return Table(
         "Parameters with their uncertainty",
         [*header("parameter", "value", "standard uncertainty", "95 % ±"), Cell("unit")],
         rows,
-        f"How to read: the scatter is {dof}{left}; condition number {fit.condition:.3g}. The interval is Student's.",
+        f"How to read: the scatter is {dof}{left}; condition number {fit.condition:.3g}. The "
+        "interval is Student's.",
     )
 
 
 def _correlation(fit: Fit) -> list[Block]:
     if not 1 < len(fit.names) <= MOST_CORRELATED:
         return []
-    figure = heat_map("", list(fit.names), list(fit.names), np.abs(fit.correlation), "", "", "|r|", 1.0)
+    figure = heat_map(
+        "", list(fit.names), list(fit.names), np.abs(fit.correlation), "", "", "|r|", 1.0
+    )
     figure["layout"]["height"] = 224 + 18 * len(fit.names)
     figure["layout"]["margin"] = {"l": 150, "r": 14, "t": 38, "b": 150}
     for axis in ("xaxis", "yaxis"):
-        figure["layout"][axis] |= {"tickmode": "array", "tickvals": list(fit.names), "type": "category", "automargin": True}
+        figure["layout"][axis] |= {
+            "tickmode": "array",
+            "tickvals": list(fit.names),
+            "type": "category",
+            "automargin": True,
+        }
     figure["layout"]["xaxis"]["tickangle"] = -60
     figure["layout"]["yaxis"]["autorange"] = "reversed"
     return [
         Figures(
             "Correlation of the parameters",
             {"Magnitude of the correlation of each pair of parameters": figure},
-            "How to read: 0 are told apart, 1 are not; a bright cell off the diagonal names what the poses confuse.",
+            "How to read: 0 are told apart, 1 are not; a bright cell off the diagonal names what "
+            "the poses confuse.",
         )
     ]
 
@@ -234,17 +321,24 @@ def _mounting(found: MountingCalibration) -> Section:
     rows = [
         Row([label(name), number(value, 4), number(sd, 4), number(half, 4)])
         for name, value, sd, half in zip(
-            "xyz", np.degrees(found.fit.values), np.degrees(found.fit.sd), np.degrees(found.fit.half_width()), strict=True
+            "xyz",
+            np.degrees(found.fit.values),
+            np.degrees(found.fit.sd),
+            np.degrees(found.fit.half_width()),
+            strict=True,
         )
     ]
     table = Table(
         f"Mounting by {found.method}",
         header("about", "rotation [deg]", "standard uncertainty [deg]", "95 % ± [deg]"),
         rows,
-        "How to read: the rotation vector that takes what the sensor reads into the axes in which it was believed to sit; all "
+        "How to read: the rotation vector that takes what the sensor reads into the axes in which "
+        "it was believed to sit; all "
         "triads and the device's orientation are turned by it, after their own corrections.",
     )
-    return Section("mounting", "Mounting", [table, *(Sentence(_sentence(remark)) for remark in found.remarks)])
+    return Section(
+        "mounting", "Mounting", [table, *(Sentence(_sentence(remark)) for remark in found.remarks)]
+    )
 
 
 def _poses(result: CalibrationResult) -> Section:
@@ -258,16 +352,34 @@ def _poses(result: CalibrationResult) -> Section:
         )
         norm = (float(np.linalg.norm(poses.corrected[i])) - STANDARD_GRAVITY) * MILLI_G
         rows.append(
-            Row([
-                label(i + 1), number(poses.start[i], 1), number(poses.end[i], 1), *(number(v, 4) for v in poses.raw[i]), *left,
-                number(norm, 2),
-            ])
-        )  # fmt: skip
+            Row(
+                [
+                    label(i + 1),
+                    number(poses.start[i], 1),
+                    number(poses.end[i], 1),
+                    *(number(v, 4) for v in poses.raw[i]),
+                    *left,
+                    number(norm, 2),
+                ]
+            )
+        )
     table = Table(
         "Poses of the accelerometer",
-        header("pose", "from [s]", "to [s]", "raw x [m/s²]", "y", "z", "left x [mg]", "y", "z", "|g| error [mg]"),
+        header(
+            "pose",
+            "from [s]",
+            "to [s]",
+            "raw x [m/s²]",
+            "y",
+            "z",
+            "left x [mg]",
+            "y",
+            "z",
+            "|g| error [mg]",
+        ),
         rows,
-        "How to read: mean raw readings at rest, and what the calibration that was fitted to these poses leaves of them; the "
+        "How to read: mean raw readings at rest, and what the calibration that was fitted to these "
+        "poses leaves of them; the "
         "last column is against 9.80665 m/s².",
     )
     return Section("poses", "Poses", [table])
@@ -275,20 +387,36 @@ def _poses(result: CalibrationResult) -> Section:
 
 def _segmentation(result: CalibrationResult) -> Section:
     rows = [
-        Row([
-            label(f"{a.first} and {a.second}"), text(f"{a.counts[0]} and {a.counts[1]}"), number(a.matched, 0),
-            number(100 * a.iou, 1), number(1e3 * a.start_later_s, 0), number(1e3 * a.end_later_s, 0),
-            number(1e3 * a.border_abs_s, 0),
-        ])
+        Row(
+            [
+                label(f"{a.first} and {a.second}"),
+                text(f"{a.counts[0]} and {a.counts[1]}"),
+                number(a.matched, 0),
+                number(100 * a.iou, 1),
+                number(1e3 * a.start_later_s, 0),
+                number(1e3 * a.end_later_s, 0),
+                number(1e3 * a.border_abs_s, 0),
+            ]
+        )
         for a in result.agreements
-    ]  # fmt: skip
+    ]
     table = Table(
         "Where the sensor rested, by independent witnesses",
-        header("witnesses", "rests", "matched", "overlap [%]", "second begins later [ms]", "second ends later [ms]",
-               "mean border difference [ms]", numbers_from=2),
+        header(
+            "witnesses",
+            "rests",
+            "matched",
+            "overlap [%]",
+            "second begins later [ms]",
+            "second ends later [ms]",
+            "mean border difference [ms]",
+            numbers_from=2,
+        ),
         rows,
-        "How to read: arm is what the arm reports, gyroscope the spread of the rates, peaks the plateaus between the moves, "
-        f"variance that of the accelerometer with its threshold found automatically. The rests of the {result.segmentation} "
+        "How to read: arm is what the arm reports, gyroscope the spread of the rates, peaks the "
+        "plateaus between the moves, "
+        "variance that of the accelerometer with its threshold found automatically. The rests of "
+        f"the {result.segmentation} "
         "were used.",
-    )  # fmt: skip
+    )
     return Section("segmentation", "Rests", [table])

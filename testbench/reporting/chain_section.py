@@ -1,4 +1,6 @@
-"""The section of the report on the joints of the whole chain, estimated from several sensors together."""
+"""The section of the report on the joints of the whole chain, estimated from several sensors
+together.
+"""
 
 from __future__ import annotations
 
@@ -13,31 +15,62 @@ from testbench.reporting.figures import Span, time_panels
 from testbench.reporting.page import Figures, Section, Sentence, Tile
 from testbench.reporting.palette import filter_colours
 from testbench.reporting.ranking_section import plus_minus
-from testbench.reporting.tables import Cell, Row, Table, counted, digits, header, label, number, significant, text
+from testbench.reporting.tables import (
+    Cell,
+    Row,
+    Table,
+    counted,
+    digits,
+    header,
+    label,
+    number,
+    significant,
+    text,
+)
 
 MOST_PANELS = 6
 """Joints drawn over time; of more, those with the largest errors."""
 KINDS = (
-    ("mean_abs_error_deg", 3), ("rmse_deg", 3), ("iqr_deg", 3), ("largest_error_deg", 2),
-    ("correlation", 5), ("rate_rmse_deg_s", 2), ("acceleration_rmse_deg_s2", 1), ("uncertainty_deg", 3), ("covered_percent", 0),
-)  # fmt: skip
+    ("mean_abs_error_deg", 3),
+    ("rmse_deg", 3),
+    ("iqr_deg", 3),
+    ("largest_error_deg", 2),
+    ("correlation", 5),
+    ("rate_rmse_deg_s", 2),
+    ("acceleration_rmse_deg_s2", 1),
+    ("uncertainty_deg", 3),
+    ("covered_percent", 0),
+)
 
 
-def chain_section(estimate: Estimate, evaluation: Evaluation | None, spans: list[Span]) -> Section | None:
+def chain_section(
+    estimate: Estimate, evaluation: Evaluation | None, spans: list[Span]
+) -> Section | None:
     """Errors of every joint by every state of the filter; None where no chain was asked for."""
     if not estimate.chain:
         return None
     section = Section("chain", "Joints of the chain")
     if evaluation is None:
-        section.blocks += [Sentence("This session has not been evaluated: its errors are not known."), _facts(estimate)]
+        section.blocks += [
+            Sentence("This session has not been evaluated: its errors are not known."),
+            _facts(estimate),
+        ]
         return section
     rows = evaluation.chain
-    section.blocks += [Sentence(f"Note: {note}.") for note in evaluation.notes if note.startswith("chain, ")]
+    section.blocks += [
+        Sentence(f"Note: {note}.") for note in evaluation.notes if note.startswith("chain, ")
+    ]
     section.blocks += [_errors(rows), _facts(estimate)] if rows else [_facts(estimate)]
     colours = filter_colours(list(dict.fromkeys(chain.state for chain in estimate.chain)))
     for name in dict.fromkeys(row.section for row in rows):
-        cycles = {i: row for i, row in enumerate(evaluation.cycles) if row.section == name and row.sequence is None}
-        section.blocks += cycle_blocks(evaluation, cycles, f"joints of the chain, section {name}", colours)
+        cycles = {
+            i: row
+            for i, row in enumerate(evaluation.cycles)
+            if row.section == name and row.sequence is None
+        }
+        section.blocks += cycle_blocks(
+            evaluation, cycles, f"joints of the chain, section {name}", colours
+        )
         own = [row for row in rows if row.section == name]
         states = list(dict.fromkeys(row.state for row in own))
         worst = sorted(own, key=lambda row: -row.rmse_deg)
@@ -47,7 +80,9 @@ def chain_section(estimate: Estimate, evaluation: Evaluation | None, spans: list
         envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series["judged"])
         panels = {
             f"{joint} [deg]": {
-                state: envelope(np.degrees(evaluation.series[f"chain_{name}_{state}"][f"{joint}_error_rad"]))
+                state: envelope(
+                    np.degrees(evaluation.series[f"chain_{name}_{state}"][f"{joint}_error_rad"])
+                )
                 for state in states
             }
             for joint in drawn
@@ -55,10 +90,19 @@ def chain_section(estimate: Estimate, evaluation: Evaluation | None, spans: list
         section.blocks.append(
             Figures(
                 f"Error of the joint angles over time: {name}",
-                {f"error of the joints of {name} over time": time_panels(envelope.time, panels, colours, spans)},
-                "How to read: estimate less what the arm measured; a constant part is a bias of a sensor or of the start, a "
+                {
+                    f"error of the joints of {name} over time": time_panels(
+                        envelope.time, panels, colours, spans
+                    )
+                },
+                "How to read: estimate less what the arm measured; a constant part is a bias of a "
+                "sensor or of the start, a "
                 "growing one a heading that nothing tells."
-                + (f" Of {len(joints)} joints those with the largest errors are drawn." if len(joints) > len(drawn) else ""),
+                + (
+                    f" Of {len(joints)} joints those with the largest errors are drawn."
+                    if len(joints) > len(drawn)
+                    else ""
+                ),
             )
         )
     return section
@@ -75,8 +119,16 @@ def chain_tiles(evaluation: Evaluation) -> list[Tile]:
         best = min(rms, key=lambda state: rms[state])
         own = [row for row in evaluation.chain if (row.section, row.state) == (section, best)]
         worst = max(own, key=lambda row: row.rmse_deg)
-        detail = best if len(rms) < 2 else f"{best}, the smallest of {len(rms)}, not tested against the others"
-        bounds = [row.expanded_uncertainty_magnitude_deg for row in own if row.expanded_uncertainty_magnitude_deg is not None]
+        detail = (
+            best
+            if len(rms) < 2
+            else f"{best}, the smallest of {len(rms)}, not tested against the others"
+        )
+        bounds = [
+            row.expanded_uncertainty_magnitude_deg
+            for row in own
+            if row.expanded_uncertainty_magnitude_deg is not None
+        ]
         if bounds:
             detail += f" (truth ± {digits(max(bounds), 2)} deg)"
         if len(own) > 1:
@@ -84,29 +136,56 @@ def chain_tiles(evaluation: Evaluation) -> list[Tile]:
         other = max(rms, key=lambda state: rms[state])
         if other != best:
             detail += f"; {other}: {digits(rms[other], 2)} deg"
-        tiles.append(Tile(digits(rms[best], 2), "deg", f"RMS error of {counted(len(own), 'chain joint')}, {section}", detail))
+        tiles.append(
+            Tile(
+                digits(rms[best], 2),
+                "deg",
+                f"RMS error of {counted(len(own), 'chain joint')}, {section}",
+                detail,
+            )
+        )
     return tiles
 
 
 def _facts(estimate: Estimate) -> Table:
     rows = [
-        Row([
-            label(chain.section), text(chain.state), text(", ".join(chain.sensors)), number(len(chain.joints), 0),
-            text("yes" if chain.facts.get("smoothed") else "no"),
-            significant(chain.facts.get("jerk_deg_s3_sqrthz")), significant(chain.facts.get("walk_deg_sqrts")),
-            significant(chain.facts.get("frequency_hz"), 6), significant(chain.facts.get("frequency_sd_hz"), 2),
-            number(chain.facts.get("normalised_innovation_squared"), 2),
-        ])
+        Row(
+            [
+                label(chain.section),
+                text(chain.state),
+                text(", ".join(chain.sensors)),
+                number(len(chain.joints), 0),
+                text("yes" if chain.facts.get("smoothed") else "no"),
+                significant(chain.facts.get("jerk_deg_s3_sqrthz")),
+                significant(chain.facts.get("walk_deg_sqrts")),
+                significant(chain.facts.get("frequency_hz"), 6),
+                significant(chain.facts.get("frequency_sd_hz"), 2),
+                number(chain.facts.get("normalised_innovation_squared"), 2),
+            ]
+        )
         for chain in estimate.chain
-    ]  # fmt: skip
+    ]
     return Table(
         "Chain filters",
-        header("section", "state", "sensors", "joints", "smoothed", "jerk [deg/s³/√Hz]", "walk [deg/√s]",
-               "base frequency [Hz]", "sd [Hz]", "innovation² / variance", numbers_from=5),
+        header(
+            "section",
+            "state",
+            "sensors",
+            "joints",
+            "smoothed",
+            "jerk [deg/s³/√Hz]",
+            "walk [deg/√s]",
+            "base frequency [Hz]",
+            "sd [Hz]",
+            "innovation² / variance",
+            numbers_from=5,
+        ),
         rows,
-        "How to read: what the filter was told or found of the motion. The last column is 1 where the readings differ from "
-        "what was predicted as much as their variances say; far above 1 the model is too sure of itself.",
-    )  # fmt: skip
+        "How to read: what the filter was told or found of the motion. The last column is 1 where "
+        "the readings differ from "
+        "what was predicted as much as their variances say; far above 1 the model is too sure of "
+        "itself.",
+    )
 
 
 def _errors(rows: list[ChainRow]) -> Table:
@@ -118,7 +197,9 @@ def _errors(rows: list[ChainRow]) -> Table:
             for row in own:
                 cells: list[Cell] = [
                     number(
-                        getattr(row, kind), digits, kind="best" if kind == "rmse_deg" and row is best and len(own) > 1 else ""
+                        getattr(row, kind),
+                        digits,
+                        kind="best" if kind == "rmse_deg" and row is best and len(own) > 1 else "",
                     )
                     for kind, digits in KINDS
                 ]
@@ -126,11 +207,26 @@ def _errors(rows: list[ChainRow]) -> Table:
                 body.append(Row([label(joint), text(section), text(row.state), mean, *cells]))
     return Table(
         "Error of each joint by each state",
-        header("joint", "section", "state", "mean ± U [deg]", "mean magnitude [deg]", "RMS [deg]", "IQR [deg]", "largest [deg]",
-               "correlation", "rate, RMS [deg/s]", "acceleration, RMS [deg/s²]", "uncertainty [deg]", "covered [%]",
-               numbers_from=3),
+        header(
+            "joint",
+            "section",
+            "state",
+            "mean ± U [deg]",
+            "mean magnitude [deg]",
+            "RMS [deg]",
+            "IQR [deg]",
+            "largest [deg]",
+            "correlation",
+            "rate, RMS [deg/s]",
+            "acceleration, RMS [deg/s²]",
+            "uncertainty [deg]",
+            "covered [%]",
+            numbers_from=3,
+        ),
         body,
-        "How to read: the mean is signed and hides what it averages; bold is the lower RMS. ± U is how far the arm's own angle "
-        "may be off (k = 2). Uncertainty is what the filter states (RMS of the standard uncertainty), covered the part of the "
+        "How to read: the mean is signed and hides what it averages; bold is the lower RMS. ± U is "
+        "how far the arm's own angle "
+        "may be off (k = 2). Uncertainty is what the filter states (RMS of the standard "
+        "uncertainty), covered the part of the "
         "errors within 1.96 of it: 95 is honest.",
-    )  # fmt: skip
+    )

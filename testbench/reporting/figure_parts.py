@@ -1,4 +1,6 @@
-"""What the figures of the report have in common: margins, axes, and how texts and numbers are handed to plotly.js."""
+"""What the figures of the report have in common: margins, axes, and how texts and numbers are
+handed to plotly.js.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,12 @@ def layout(height: int, **more: Any) -> Figure:
 
 def axis(title: str, **more: Any) -> Figure:
     """An axis with its title."""
-    return {"title": {"text": text(title), "standoff": 8}, "automargin": True, "zeroline": True, **more}
+    return {
+        "title": {"text": text(title), "standoff": 8},
+        "automargin": True,
+        "zeroline": True,
+        **more,
+    }
 
 
 def two_lines(title: str) -> str:
@@ -48,9 +55,15 @@ def text(words: str) -> str:
 
 def rounded(values: Iterable[float | None]) -> list[float | None]:
     """Four significant digits are more than a figure can show; JSON has no NaN."""
-    return [None if value is None or not np.isfinite(value) else float(f"{value:.4g}") for value in values]
+    return [
+        None if value is None or not np.isfinite(value) else float(f"{value:.4g}")
+        for value in values
+    ]
 
 
 def packed(values: np.ndarray) -> Figure:
     """A typed array as plotly.js takes it: a third of the size of digits, and NaN is a gap."""
-    return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")}
+    return {
+        "dtype": "f4",
+        "bdata": base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii"),
+    }

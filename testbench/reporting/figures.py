@@ -1,7 +1,8 @@
 """Figures of the report, as plain dictionaries that plotly.js draws; the one door to plotly.
 
-A figure is {"data": [...], "layout": {...}} without colours of text, grid or background: the page adds those of its scheme.
-Validated graph objects would cost more time than everything else in the report.
+A figure is {"data": [...], "layout": {...}} without colours of text, grid or background: the page
+adds those of its scheme. Validated graph objects would cost more time than everything else in the
+report.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from testbench.reporting.figure_parts import two_lines as _two_lines
 from testbench.reporting.palette import REFERENCE, translucent
 
 FLAT = 8.0
-"""The highest curve over the median of ours from which a linear axis leaves half of these an eighth of its height."""
+"""The highest curve over the median of ours from which a linear axis leaves half of these an eighth
+of its height.
+"""
 _NAMES = 16
 """Height of a line with the names of sections [px]."""
 
@@ -41,8 +44,14 @@ class Curve:
     """A line over the commanded flexion.
 
     Attributes:
-        name: For the legend. x, y: Shape (n,). sd: Half height of its band, shape (n,), or None for none. dashed: A reference.
-        hidden: Shown only once its name is clicked. mode: "lines", "markers" or both, as plotly has it. symbol: Of the markers.
+        name: For the legend.
+        x: Shape (n,).
+        y: Shape (n,).
+        sd: Half height of its band, shape (n,), or None for none.
+        dashed: A reference.
+        hidden: Shown only once its name is clicked.
+        mode: "lines", "markers" or both, as plotly has it.
+        symbol: Of the markers.
     """
 
     name: str
@@ -56,12 +65,21 @@ class Curve:
     symbol: str = ""
 
 
-def error_curves(curves: Iterable[Curve], x_title: str, y_title: str, logarithmic: bool = False, plane: bool = False) -> Figure:
-    """Lines with markers and bands; on a logarithmic axis, without bands, where a linear one would leave most of them flat.
+def error_curves(
+    curves: Iterable[Curve],
+    x_title: str,
+    y_title: str,
+    logarithmic: bool = False,
+    plane: bool = False,
+) -> Figure:
+    """Lines with markers and bands; on a logarithmic axis, without bands, where a linear one would
+    leave most of them flat.
 
     Args:
-        x_title, y_title: Of the axes. logarithmic: The vertical axis in any case; zeros have no place on it. plane: Both axes
-        are places, drawn to one scale.
+        x_title: Of the axes.
+        y_title: Of the axes.
+        logarithmic: The vertical axis in any case; zeros have no place on it.
+        plane: Both axes are places, drawn to one scale.
     """
     data: list[Figure] = []
     curves = list(curves)
@@ -79,8 +97,14 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str, logarithmi
                 "name": _text(curve.name),
                 "legendgroup": _text(curve.name),
                 "x": _rounded(curve.x),
-                "y": _rounded([None if logarithmic and y is not None and y <= 0 else y for y in curve.y]),
-                "line": {"color": curve.colour, "width": 2, "dash": "dot" if curve.dashed else "solid"},
+                "y": _rounded(
+                    [None if logarithmic and y is not None and y <= 0 else y for y in curve.y]
+                ),
+                "line": {
+                    "color": curve.colour,
+                    "width": 2,
+                    "dash": "dot" if curve.dashed else "solid",
+                },
                 "marker": {
                     "size": 6,
                     "color": curve.colour,
@@ -94,14 +118,20 @@ def error_curves(curves: Iterable[Curve], x_title: str, y_title: str, logarithmi
     layout["xaxis"] = _axis(x_title)
     layout["yaxis"] = _axis(y_title, rangemode="tozero")
     if logarithmic:
-        layout["yaxis"] = _axis(y_title) | {"type": "log", "zeroline": False, "dtick": 1, "exponentformat": "none"}
+        layout["yaxis"] = _axis(y_title) | {
+            "type": "log",
+            "zeroline": False,
+            "dtick": 1,
+            "exponentformat": "none",
+        }
     if plane:
         layout["yaxis"] |= {"scaleanchor": "x", "rangemode": "normal"}
     return {"data": data, "layout": layout}
 
 
 def flat_on_a_linear_axis(curves: Sequence[Curve]) -> bool:
-    """Whether half of our curves would keep to the lowest part of an axis that shows every curve that is not hidden.
+    """Whether half of our curves would keep to the lowest part of an axis that shows every curve
+    that is not hidden.
 
     Never where a value is negative: signed errors have no place on a logarithmic axis.
     """
@@ -116,7 +146,9 @@ def flat_on_a_linear_axis(curves: Sequence[Curve]) -> bool:
         ]
         for dashed in (False, True)
     }
-    return bool(tops[False]) and max(*tops[False], *tops[True], 0.0) >= FLAT * float(np.median(tops[False]))
+    return bool(tops[False]) and max(*tops[False], *tops[True], 0.0) >= FLAT * float(
+        np.median(tops[False])
+    )
 
 
 def _band(x: list[float], low: list[float], high: list[float], curve: Curve) -> Figure:
@@ -148,8 +180,10 @@ def heat_map(
     """Values over a grid.
 
     Args:
-        x, y: Shape (m,), (n,); words make cells of equal size. z: Shape (n, m), NaN where there is none. z_max: Upper end of
-        the colours; cells beyond it are crossed.
+        x: Shape (m,), (n,); words make cells of equal size.
+        y: Shape (m,), (n,); words make cells of equal size.
+        z: Shape (n, m), NaN where there is none.
+        z_max: Upper end of the colours; cells beyond it are crossed.
     """
     end = _rounded_up(z_max)
     data = {
@@ -160,10 +194,23 @@ def heat_map(
         "zmin": 0,
         "zmax": end,
         "colorscale": "Viridis",
-        "colorbar": {"title": {"text": _text(z_title), "side": "right"}, "thickness": 12, "outlinewidth": 0},
-        "hovertemplate": f"{_text(x_title)} %{{x}}<br>{_text(y_title)} %{{y}}<br>{_text(z_title)} %{{z:.3f}}<extra></extra>",
+        "colorbar": {
+            "title": {"text": _text(z_title), "side": "right"},
+            "thickness": 12,
+            "outlinewidth": 0,
+        },
+        "hovertemplate": f"{_text(x_title)} %{{x}}<br>{_text(y_title)} %{{y}}<br>{_text(z_title)} "
+        f"%{{z:.3f}}<extra></extra>",
     }
-    layout = _layout(300) | {"title": {"text": _text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left", "y": 0.97}}
+    layout = _layout(300) | {
+        "title": {
+            "text": _text(title),
+            "font": {"size": 14},
+            "x": 0.02,
+            "xanchor": "left",
+            "y": 0.97,
+        }
+    }
     layout["xaxis"] = _axis(x_title, range=_edges(x)) | _few_ticks(x)
     layout["yaxis"] = _axis(y_title, range=_edges(y)) | _few_ticks(y)
     return {"data": [data, *_crosses(_places(x), _places(y), z, end)], "layout": layout}
@@ -176,9 +223,16 @@ def _crosses(x: list[Any], y: list[Any], z: np.ndarray, z_max: float) -> list[Fi
         return []
     marker = {"symbol": "x-thin", "size": 5, "line": {"color": "#14171c", "width": 1}}
     return [
-        {"type": "scatter", "mode": "markers", "x": [x[j] for j in columns], "y": [y[i] for i in rows], "marker": marker,
-         "hoverinfo": "skip", "showlegend": False}
-    ]  # fmt: skip
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": [x[j] for j in columns],
+            "y": [y[i] for i in rows],
+            "marker": marker,
+            "hoverinfo": "skip",
+            "showlegend": False,
+        }
+    ]
 
 
 def _rounded_up(value: float) -> float:
@@ -188,7 +242,9 @@ def _rounded_up(value: float) -> float:
 
 
 def _edges(values: Sequence[float] | Sequence[str]) -> list[float]:
-    """Where the first cell begins and the last one ends, as plotly draws cells about their places."""
+    """Where the first cell begins and the last one ends, as plotly draws cells about their
+    places.
+    """
     if len(values) < 2 or isinstance(values[0], str):
         first = 0.0 if isinstance(values[0], str) else float(values[0])
         return [first - 0.5, first + len(values) - 0.5]
@@ -208,11 +264,19 @@ def _few_ticks(values: Sequence[float] | Sequence[str]) -> Figure:
     return {"tickmode": "array", "tickvals": _places(values), **kind}
 
 
-def box_plots(boxes: Mapping[str, BoxNumbers], colours: Mapping[str, str], x_title: str, logarithmic: bool = False) -> Figure:
+def box_plots(
+    boxes: Mapping[str, BoxNumbers],
+    colours: Mapping[str, str],
+    x_title: str,
+    logarithmic: bool = False,
+) -> Figure:
     """Lying box plots, one above the other, from their numbers.
 
     Args:
-        boxes: By name, the uppermost first. colours: By name. x_title: Of the axis of values. logarithmic: That axis.
+        boxes: By name, the uppermost first.
+        colours: By name.
+        x_title: Of the axis of values.
+        logarithmic: That axis.
     """
     data: list[Figure] = []
     for name, box in boxes.items():
@@ -246,8 +310,14 @@ def box_plots(boxes: Mapping[str, BoxNumbers], colours: Mapping[str, str], x_tit
                 }
             )
     layout = _layout(110 + 30 * len(boxes))
-    layout["xaxis"] = _axis(x_title) | ({"type": "log", "zeroline": False, "dtick": 1} if logarithmic else {})
-    layout["yaxis"] = _axis("") | {"type": "category", "categoryorder": "array", "categoryarray": _reversed(boxes)}
+    layout["xaxis"] = _axis(x_title) | (
+        {"type": "log", "zeroline": False, "dtick": 1} if logarithmic else {}
+    )
+    layout["yaxis"] = _axis("") | {
+        "type": "category",
+        "categoryorder": "array",
+        "categoryarray": _reversed(boxes),
+    }
     return {"data": data, "layout": layout}
 
 
@@ -275,8 +345,11 @@ def time_panels(
     """Signals over time, in panels one above the other that share the time axis.
 
     Args:
-        time: Shape (n,) [s]. panels: By title of the vertical axis, the signals by name, shape (n,). colours: By name.
-        spans: Sections of the protocol, marked in every panel. hidden: Signals shown only once their name is clicked.
+        time: Shape (n,) [s].
+        panels: By title of the vertical axis, the signals by name, shape (n,).
+        colours: By name.
+        spans: Sections of the protocol, marked in every panel.
+        hidden: Signals shown only once their name is clicked.
     """
     hidden = set(hidden)
     data: list[Figure] = []
@@ -338,13 +411,33 @@ def _section_marks(spans: Sequence[Span]) -> tuple[list[Figure], list[Figure]]:
         return [], []
     whole = spans[-1].end - spans[0].begin
     lines = [
-        {"type": "line", "xref": "x", "yref": "paper", "x0": s.begin, "x1": s.begin, "y0": 0, "y1": 1,
-         "line": {"color": REFERENCE, "width": 1, "dash": "dot"}, "layer": "below"}
+        {
+            "type": "line",
+            "xref": "x",
+            "yref": "paper",
+            "x0": s.begin,
+            "x1": s.begin,
+            "y0": 0,
+            "y1": 1,
+            "line": {"color": REFERENCE, "width": 1, "dash": "dot"},
+            "layer": "below",
+        }
         for s in spans
-    ]  # fmt: skip
+    ]
     names = [
-        {"text": _text(s.name), "xref": "x", "yref": "paper", "x": s.begin, "y": 1, "xanchor": "left", "yanchor": "bottom",
-         "showarrow": False, "font": {"size": 11, "color": REFERENCE}, "borderpad": 0}
-        for s in spans if s.end - s.begin > 0.1 * whole
-    ]  # fmt: skip
+        {
+            "text": _text(s.name),
+            "xref": "x",
+            "yref": "paper",
+            "x": s.begin,
+            "y": 1,
+            "xanchor": "left",
+            "yanchor": "bottom",
+            "showarrow": False,
+            "font": {"size": 11, "color": REFERENCE},
+            "borderpad": 0,
+        }
+        for s in spans
+        if s.end - s.begin > 0.1 * whole
+    ]
     return lines, names

@@ -17,36 +17,64 @@ from testbench.reporting.tables import Cell, Row, Table, digits, header, label, 
 FIELD = "field"
 PANELS = {"norm [%]": "norm_percent", "dip [deg]": "dip_rad", "heading [deg]": "heading_rad"}
 QUANTITIES = {
-    "heading": "field's heading [deg]", "norm": "field's norm [%]", "dip": "field's dip [deg]",
-}  # fmt: skip
+    "heading": "field's heading [deg]",
+    "norm": "field's norm [%]",
+    "dip": "field's dip [deg]",
+}
 """Deviations, by quantity."""
 
 
-def magnetic_blocks(evaluation: Evaluation, sensor: str, colours: dict[str, str], spans: list[Span]) -> list[Block]:
-    """How far the field was disturbed, over time and against the heading errors; nothing without a magnetometer."""
+def magnetic_blocks(
+    evaluation: Evaluation, sensor: str, colours: dict[str, str], spans: list[Span]
+) -> list[Block]:
+    """How far the field was disturbed, over time and against the heading errors; nothing without a
+    magnetometer.
+    """
     rows = [row for row in evaluation.magnetic_field if row.sensor == sensor]
     if not rows:
         return []
     field = [
-        Row([label(row.motion), number(row.n, 0), number(row.norm_rms_percent, 1), number(row.norm_p95_percent, 1),
-             number(row.field_dip_rms_deg, 1), number(row.field_dip_p95_deg, 1), number(row.field_heading_rms_deg, 1),
-             number(row.field_heading_p95_deg, 1)])
+        Row(
+            [
+                label(row.motion),
+                number(row.n, 0),
+                number(row.norm_rms_percent, 1),
+                number(row.norm_p95_percent, 1),
+                number(row.field_dip_rms_deg, 1),
+                number(row.field_dip_p95_deg, 1),
+                number(row.field_heading_rms_deg, 1),
+                number(row.field_heading_p95_deg, 1),
+            ]
+        )
         for row in rows
-    ]  # fmt: skip
+    ]
     reference = f"{digits(rows[0].norm_uT, 1)} µT, dip {digits(rows[0].dip_deg, 1)} deg"
     blocks: list[Block] = [
         Table(
             f"Magnetic field at {sensor} against that of the reference pose ({reference})",
-            header("motion", "samples", "norm, RMS [%]", "95 % of norm below [%]", "dip, RMS [deg]", "95 % of dip below [deg]",
-                   "heading, RMS [deg]", "95 % of heading below [deg]"),
+            header(
+                "motion",
+                "samples",
+                "norm, RMS [%]",
+                "95 % of norm below [%]",
+                "dip, RMS [deg]",
+                "95 % of dip below [deg]",
+                "heading, RMS [deg]",
+                "95 % of heading below [deg]",
+            ),
             field,
-            "How to read: the measured field, turned into the world by the true orientation. Its heading is what a compass "
-            "errs by; a filter with gyroscope and magnetometer follows it where it stays, and may ride out what passes.",
+            "How to read: the measured field, turned into the world by the true orientation. Its "
+            "heading is what a compass "
+            "errs by; a filter with gyroscope and magnetometer follows it where it stays, and may "
+            "ride out what passes.",
         )
-    ]  # fmt: skip
+    ]
     return [
-        *blocks, *_following(evaluation, sensor), *_against(evaluation, sensor, colours), *_over_time(evaluation, sensor, spans)
-    ]  # fmt: skip
+        *blocks,
+        *_following(evaluation, sensor),
+        *_against(evaluation, sensor, colours),
+        *_over_time(evaluation, sensor, spans),
+    ]
 
 
 def _following(evaluation: Evaluation, sensor: str) -> list[Block]:
@@ -58,22 +86,39 @@ def _following(evaluation: Evaluation, sensor: str) -> list[Block]:
     if all(row.followed is None for row in found):
         return [
             Sentence(
-                f"How much of the field's heading each filter follows at {sensor} cannot be told: against its mean over the "
-                f"minute around, the heading changes by {change} deg (SD) over {found[0].n / 2:.0f} s of judged samples. It "
-                "takes 0.2 deg and three minutes. On the simulated bench, what the field costs is seen by another run with "
+                f"How much of the field's heading each filter follows at {sensor} cannot be told: "
+                "against its mean over the "
+                f"minute around, the heading changes by {change} deg (SD) over "
+                f"{found[0].n / 2:.0f} s of judged samples. It "
+                "takes 0.2 deg and three minutes. On the simulated bench, what the field costs is "
+                "seen by another run with "
                 "the same seed and environment: {arm_magnetism: false}."
             )
         ]
-    rows = [Row([label(row.filter), with_interval(row.followed, row.followed_ci95, 2), number(row.blocks, 0)]) for row in found]
+    rows = [
+        Row(
+            [
+                label(row.filter),
+                with_interval(row.followed, row.followed_ci95, 2),
+                number(row.blocks, 0),
+            ]
+        )
+        for row in found
+    ]
     return [
         Table(
-            f"How much of the field's heading each filter follows: {sensor}, where it changes by {change} deg (SD)",
+            f"How much of the field's heading each filter follows: {sensor}, where it changes by "
+            f"{change} deg (SD)",
             header("filter", "part followed", "independent stretches"),
             rows,
-            "How to read: slope of the filter's heading error on the error that the field would give a compass, both against "
-            "their means over the minute around: 1 follows what passes wholly, 0 rides it out. A disturbance that stays longer "
-            "is followed more. In square brackets: the 95 % confidence interval, by stretches of a minute or more, made wider "
-            "by what a gyroscope's own errors may do in the pace of the field (0.1 deg): a filter without magnetometer should "
+            "How to read: slope of the filter's heading error on the error that the field would "
+            "give a compass, both against "
+            "their means over the minute around: 1 follows what passes wholly, 0 rides it out. A "
+            "disturbance that stays longer "
+            "is followed more. In square brackets: the 95 % confidence interval, by stretches of a "
+            "minute or more, made wider "
+            "by what a gyroscope's own errors may do in the pace of the field (0.1 deg): a filter "
+            "without magnetometer should "
             "have 0 in it. A compass may have less than 1 where accelerations turn it, too.",
         )
     ]
@@ -109,14 +154,17 @@ def _against(evaluation: Evaluation, sensor: str, colours: dict[str, str]) -> li
         f"RMS heading error [deg] by how far the field was disturbed: {sensor}",
         [Cell("disturbance"), Cell("from to"), *header("samples", *filters, numbers_from=0)],
         body,
-        "How to read: all judged samples, in classes of the deviation from the field of the reference pose.",
+        "How to read: all judged samples, in classes of the deviation from the field of the "
+        "reference pose.",
         folded=True,
     )
     beside = Figures(
         f"Heading error over magnetic disturbance: {sensor}",
         figures,
-        "How to read: a filter that takes the field as it comes errs by as much as the field's heading; one that stays below "
-        "rejects it, averages over it, or uses no magnetometer. The norm and the dip are all that a filter can tell a "
+        "How to read: a filter that takes the field as it comes errs by as much as the field's "
+        "heading; one that stays below "
+        "rejects it, averages over it, or uses no magnetometer. The norm and the dip are all that "
+        "a filter can tell a "
         f"disturbance by; where they say nothing, only averaging helps.{hidden_names(far)}",
         small=True,
     )
@@ -129,14 +177,23 @@ def _over_time(evaluation: Evaluation, sensor: str, spans: list[Span]) -> list[B
         return []
     envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series.get("judged"))
     panels = {
-        title: {FIELD: envelope(series[column] if column.endswith("percent") else np.degrees(series[column]))}
+        title: {
+            FIELD: envelope(
+                series[column] if column.endswith("percent") else np.degrees(series[column])
+            )
+        }
         for title, column in PANELS.items()
     }
     return [
         Figures(
             f"Magnetic field over time: {sensor}",
-            {f"magnetic field of {sensor} over time": time_panels(envelope.time, panels, {FIELD: REFERENCE}, spans)},
-            "How to read: deviations of norm, dip and heading of the field from those of the reference pose, by the true "
+            {
+                f"magnetic field of {sensor} over time": time_panels(
+                    envelope.time, panels, {FIELD: REFERENCE}, spans
+                )
+            },
+            "How to read: deviations of norm, dip and heading of the field from those of the "
+            "reference pose, by the true "
             "orientation; only judged samples are drawn.",
         )
     ]

@@ -13,8 +13,11 @@ class Figures:
     """One figure, or several small ones side by side.
 
     Attributes:
-        caption: What they show. figures: By the words a screen reader says. how: How to read them, one line. small: Several to
-        a row. folded: Shown, and drawn, only when asked for.
+        caption: What they show.
+        figures: By the words a screen reader says.
+        how: How to read them, one line.
+        small: Several to a row.
+        folded: Shown, and drawn, only when asked for.
     """
 
     caption: str
@@ -40,7 +43,9 @@ class Sentence:
 
 @dataclass(frozen=True)
 class Folded:
-    """Blocks of one kind that are too many to stand one below the other: shown only when asked for."""
+    """Blocks of one kind that are too many to stand one below the other: shown only when asked
+    for.
+    """
 
     caption: str
     blocks: list[Table]

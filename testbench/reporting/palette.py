@@ -1,12 +1,26 @@
-"""One colour for each filter, the same in the report and in the viewer, legible on white and on near-black."""
+"""One colour for each filter, the same in the report and in the viewer, legible on white and on
+near-black.
+"""
 
 from __future__ import annotations
 
 COLOURS = (
-    "#2f7ed8", "#dd7a1f", "#1f9e77", "#a866d6", "#d64f5c", "#9a8712", "#1a9bb0", "#cc5c9e", "#6d8f2c", "#8a7461",
-    "#7276e6", "#b5533c",
-)  # fmt: skip
-"""Contrast of at least 3 to 1 against #ffffff and #14171c each; neighbours differ in hue and lightness."""
+    "#2f7ed8",
+    "#dd7a1f",
+    "#1f9e77",
+    "#a866d6",
+    "#d64f5c",
+    "#9a8712",
+    "#1a9bb0",
+    "#cc5c9e",
+    "#6d8f2c",
+    "#8a7461",
+    "#7276e6",
+    "#b5533c",
+)
+"""Contrast of at least 3 to 1 against #ffffff and #14171c each; neighbours differ in hue and
+lightness.
+"""
 
 ORDERED = ("#3276d8", "#8564d0", "#b358a9", "#cc5771", "#cc6632", "#b1820d", "#86992a", "#3ca36b")
 """Steps of one quantity: hue by hue from blue over red to green, with the contrast of `COLOURS`."""
@@ -19,7 +33,9 @@ REFERENCE = "#868e99"
 
 
 def filter_colours(filters: list[str]) -> dict[str, str]:
-    """Colour of each filter: those of `USUAL` always have their own, others take what is left; beyond twelve they repeat."""
+    """Colour of each filter: those of `USUAL` always have their own, others take what is left;
+    beyond twelve they repeat.
+    """
     names = list(dict.fromkeys(filters))
     taken = {name: COLOURS[i] for i, name in enumerate(USUAL) if name in names}
     free = [colour for colour in COLOURS if colour not in taken.values()] or list(COLOURS)
@@ -29,7 +45,9 @@ def filter_colours(filters: list[str]) -> dict[str, str]:
 
 
 def ordered_colours(count: int) -> list[str]:
-    """Colours for the values of one quantity in their order, as far apart as so many can be; beyond eight they repeat."""
+    """Colours for the values of one quantity in their order, as far apart as so many can be; beyond
+    eight they repeat.
+    """
     if count > len(ORDERED):
         return [ORDERED[i % len(ORDERED)] for i in range(count)]
     last = len(ORDERED) - 1

@@ -16,7 +16,8 @@ from testbench.reporting.page import Figures, Folded, Heading, Section, Tile
 from testbench.reporting.tables import Table, counted, powers_of_ten
 
 ERRORS = (
-    "Errors are estimated minus true; e is an error, |e| its magnitude. Angles in degrees, times in seconds since the start of "
+    "Errors are estimated minus true; e is an error, |e| its magnitude. Angles in degrees, times "
+    "in seconds since the start of "
     "the session."
 )
 TEMPLATES = Path(__file__).resolve().parent / "templates"
@@ -40,11 +41,18 @@ def render_page(
     """A page that works offline.
 
     Args:
-        title, purpose: Its head. facts: Names and values below it. tiles: Numbers worth seeing first. sections: The body.
-        outcome: Colour of the badge beside the title, None for no badge. verdict: Its words.
-        simulated: From what the samples come, where that is not real. modelled_filter: The filter that is a model as well.
+        title: Its head.
+        purpose: Its head.
+        facts: Names and values below it.
+        tiles: Numbers worth seeing first.
+        sections: The body.
+        outcome: Colour of the badge beside the title, None for no badge.
+        verdict: Its words.
+        simulated: From what the samples come, where that is not real.
+        modelled_filter: The filter that is a model as well.
         partial: What lies in another session, where a run was gone on with.
-        kind: What the page is, for the window's title. footer: Its last line.
+        kind: What the page is, for the window's title.
+        footer: Its last line.
     """
     return _template().render(
         title=title,
@@ -59,7 +67,9 @@ def render_page(
         facts=facts,
         tiles=tiles,
         sections=sections,
-        has_figures=any(isinstance(block, Figures) for section in sections for block in section.blocks),
+        has_figures=any(
+            isinstance(block, Figures) for section in sections for block in section.blocks
+        ),
     )
 
 

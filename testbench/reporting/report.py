@@ -1,4 +1,6 @@
-"""The stage `report`: one HTML file that works offline, rebuilt from a session, its estimate and its evaluation."""
+"""The stage `report`: one HTML file that works offline, rebuilt from a session, its estimate and
+its evaluation.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,13 @@ from testbench.reporting.page import Section, Sentence
 from testbench.reporting.palette import filter_colours
 from testbench.reporting.recording_section import recording_section
 from testbench.reporting.render import render_page
-from testbench.reporting.session_section import facts, provenance_section, run_section, simulated_parts, verdict_section
+from testbench.reporting.session_section import (
+    facts,
+    provenance_section,
+    run_section,
+    simulated_parts,
+    verdict_section,
+)
 from testbench.reporting.tiles import result_tiles
 from testbench.reporting.uncertainty_section import uncertainty_section
 
@@ -32,18 +40,24 @@ VENDORS_FILTER = "device"
 """The orientation that a sensor computes itself; simulated sensors have an error model of it."""
 
 
-def report(session: Session, estimate: Estimate | None = None, evaluation: Evaluation | None = None) -> Path:
+def report(
+    session: Session, estimate: Estimate | None = None, evaluation: Evaluation | None = None
+) -> Path:
     """Write report.html into the session's folder.
 
     Args:
-        session: The recording. estimate, evaluation: What was made of it; read from the session's folder if None, and left out
-        of the report where the folder has none.
+        session: The recording.
+        estimate: What was made of it; read from the session's folder if None, and left out of the
+            report where the folder has none.
+        evaluation: What was made of it; read from the session's folder if None, and left out of the
+            report where the folder has none.
 
     Returns:
         The path of the report.
 
     Raises:
-        SessionError: A file of the session is damaged. StorageError: The disk does not take it; an earlier report stays.
+        SessionError: A file of the session is damaged.
+        StorageError: The disk does not take it; an earlier report stays.
     """
     estimate = estimate or load_estimate(session)
     evaluation = evaluation or load_evaluation(session)
@@ -54,7 +68,11 @@ def report(session: Session, estimate: Estimate | None = None, evaluation: Evalu
 
 def load_estimate(session: Session) -> Estimate | None:
     """The estimate in the session's folder, or None."""
-    return Estimate.load(session.path) if (session.path / ESTIMATE_FOLDER / "estimate.json").is_file() else None
+    return (
+        Estimate.load(session.path)
+        if (session.path / ESTIMATE_FOLDER / "estimate.json").is_file()
+        else None
+    )
 
 
 def load_evaluation(session: Session) -> Evaluation | None:
@@ -73,37 +91,59 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
         verdict=evaluation.verdict if evaluation else "not evaluated",
         simulated=simulated_parts(session),
-        modelled_filter=VENDORS_FILTER if VENDORS_FILTER in _filters_of(estimate, evaluation) else "",
+        modelled_filter=VENDORS_FILTER
+        if VENDORS_FILTER in _filters_of(estimate, evaluation)
+        else "",
         partial="" if earlier is None else f"This session {earlier.sentence}.",
         facts=facts(session),
-        tiles=result_tiles(evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}),
+        tiles=result_tiles(
+            evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}
+        ),
         sections=sections,
     )
 
 
 def _filters_of(estimate: Estimate | None, evaluation: Evaluation | None) -> set[str]:
     """Filters that the page speaks of."""
-    names = {name for sensor in estimate.sensors.values() for name in sensor.orientation} if estimate else set()
+    names = (
+        {name for sensor in estimate.sensors.values() for name in sensor.orientation}
+        if estimate
+        else set()
+    )
     if evaluation is None:
         return names
-    return names | {row.filter for row in evaluation.orientation} | {row.filter for row in evaluation.joint_angle}
+    return (
+        names
+        | {row.filter for row in evaluation.orientation}
+        | {row.filter for row in evaluation.joint_angle}
+    )
 
 
-def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> list[Section]:
+def _sections(
+    session: Session, estimate: Estimate | None, evaluation: Evaluation | None
+) -> list[Section]:
     spans = section_spans(session)
     sections = [verdict_section(evaluation), run_section(session)]
     chain = chain_section(estimate, evaluation, spans) if estimate is not None else None
     of_chain = [chain] if chain is not None else []
     if evaluation is not None:
-        names = [row.filter for row in evaluation.orientation] + [row.filter for row in evaluation.joint_angle]
-        colours = filter_colours([name for name in session.analysis.estimate.filters if name in names] + names)
+        names = [row.filter for row in evaluation.orientation] + [
+            row.filter for row in evaluation.joint_angle
+        ]
+        colours = filter_colours(
+            [name for name in session.analysis.estimate.filters if name in names] + names
+        )
         if session.analysis.joints:
             published = {
                 name: load_published(joint.published) if joint.published else None
                 for name, joint in session.analysis.joints.items()
             }
             sections.append(joint_section(evaluation, published, colours, spans))
-        sections += [*of_chain, orientation_section(evaluation, colours, spans), uncertainty_section(evaluation, session)]
+        sections += [
+            *of_chain,
+            orientation_section(evaluation, colours, spans),
+            uncertainty_section(evaluation, session),
+        ]
     if estimate is not None:
         sections += of_chain if evaluation is None else []
         sections += [fit_section(estimate), recording_section(estimate, evaluation)]
@@ -111,7 +151,11 @@ def _sections(session: Session, estimate: Estimate | None, evaluation: Evaluatio
         sections += [axes] if axes is not None else []
     else:
         sections.append(
-            Section("fits", "Clocks, frames and calibration", [Sentence("Nothing has been estimated from this session.")])
+            Section(
+                "fits",
+                "Clocks, frames and calibration",
+                [Sentence("Nothing has been estimated from this session.")],
+            )
         )
     return [*sections, provenance_section(session)]
 

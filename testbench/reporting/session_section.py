@@ -14,15 +14,46 @@ from testbench.records.session import Session
 from testbench.records.strict import Placement
 from testbench.reporting.page import Block, Section, Sentence
 from testbench.reporting.ranking_section import plus_minus
-from testbench.reporting.tables import NOTHING, Cell, Row, Table, digits, header, label, number, text, vector
+from testbench.reporting.tables import (
+    NOTHING,
+    Cell,
+    Row,
+    Table,
+    digits,
+    header,
+    label,
+    number,
+    text,
+    vector,
+)
 
 SHOWN = {
-    "schema_version", "session", "status", "started_utc", "clocks", "software", "sensors", "analysis", "kind", "seed",
-    "protocol", "robot", "plan", "message", "duration_s", "files", "arm", "recorded_utc", "recorded_by", "environment",
-}  # fmt: skip
+    "schema_version",
+    "session",
+    "status",
+    "started_utc",
+    "clocks",
+    "software",
+    "sensors",
+    "analysis",
+    "kind",
+    "seed",
+    "protocol",
+    "robot",
+    "plan",
+    "message",
+    "duration_s",
+    "files",
+    "arm",
+    "recorded_utc",
+    "recorded_by",
+    "environment",
+}
 """Entries of the manifest that have a place of their own."""
 DATES = {"run": "Started", "import": "Imported", "recording": "Recorded"}
-"""What the date of a session is, by its kind; an import is dated when it was made, for its files need not say."""
+"""What the date of a session is, by its kind; an import is dated when it was made, for its files
+need not say.
+"""
 NO_ROBOT = {"import": "none: an imported recording", "recording": "none: devices recorded alone"}
 
 
@@ -41,7 +72,10 @@ def facts(session: Session) -> list[tuple[str, str]]:
         ("Duration", duration(manifest.get("duration_s"))),
         ("Steps", f"{len(session.steps)} finished" if session.steps else None),
         ("Seed", manifest.get("seed")),
-        ("Bench" if ran else "Status", session.status.value + (f": {manifest['message']}" if manifest.get("message") else "")),
+        (
+            "Bench" if ran else "Status",
+            session.status.value + (f": {manifest['message']}" if manifest.get("message") else ""),
+        ),
         ("Session", session.name),
     ]
     return [(name, str(value)) for name, value in rows if value not in (None, "")]
@@ -50,9 +84,16 @@ def facts(session: Session) -> list[tuple[str, str]]:
 def simulated_parts(session: Session) -> str:
     """What of a recording came from a model, in a few words; empty if nothing did."""
     arm = _mapping(session.manifest.get("arm")).get("driver")
-    sensors = [_mapping(sensor).get("driver") == "simulated" for sensor in session.manifest["sensors"].values()]
+    sensors = [
+        _mapping(sensor).get("driver") == "simulated"
+        for sensor in session.manifest["sensors"].values()
+    ]
     if arm == "simulated":
-        return "models of the arm and of the sensors, not from real ones" if any(sensors) else "a model of the arm"
+        return (
+            "models of the arm and of the sensors, not from real ones"
+            if any(sensors)
+            else "a model of the arm"
+        )
     if not any(sensors):
         return ""
     which = "models of the sensors" if all(sensors) else "models of some of the sensors"
@@ -64,7 +105,9 @@ def simulated_parts(session: Session) -> str:
 
 
 def _interruptions(session: Session) -> list[Sentence]:
-    """Pauses and broken limits of a run on an arm in real time, and what its controller did not deliver."""
+    """Pauses and broken limits of a run on an arm in real time, and what its controller did not
+    deliver.
+    """
     sentences, since, why = [], None, ""
     for event in session.events:
         if event.event == "state" and event.details.get("state") == "paused":
@@ -73,12 +116,20 @@ def _interruptions(session: Session) -> list[Sentence]:
             since = event.host_time_ns
         elif event.event == "resumed" and since is not None:
             begin, length = since / NANOSECONDS, (event.host_time_ns - since) / NANOSECONDS
-            sentences.append(Sentence(f"Paused at {begin:.1f} s for {length:.1f} s ({why or 'asked for'})."))
+            sentences.append(
+                Sentence(f"Paused at {begin:.1f} s for {length:.1f} s ({why or 'asked for'}).")
+            )
             since = None
     trips = [event.details for event in session.events if event.event == "guard"]
-    limits = dict.fromkeys(f"{trip.get('guard')} of {trip.get('subject')} ({trip.get('action')})" for trip in trips)
+    limits = dict.fromkeys(
+        f"{trip.get('guard')} of {trip.get('subject')} ({trip.get('action')})" for trip in trips
+    )
     if limits:
-        sentences.append(Sentence(f"Limits of guards that were broken ({len(trips)} in all): {', '.join(limits)}."))
+        sentences.append(
+            Sentence(
+                f"Limits of guards that were broken ({len(trips)} in all): {', '.join(limits)}."
+            )
+        )
     missed = _mapping(_mapping(session.manifest.get("arm")).get("timing")).get("samples_missed")
     if isinstance(missed, int) and missed > 0:
         sentences.append(Sentence(f"Of the controller's samples {missed} did not come."))
@@ -119,14 +170,22 @@ def duration(seconds: Any) -> str:
 def run_section(session: Session) -> Section:
     """Sensors with their mounting, and the sections of the protocol."""
     blocks: list[Block] = [_sensors(session)]
-    blocks.append(_sections(session) if session.steps else Sentence("The session lists no steps: it is judged as a whole."))
+    blocks.append(
+        _sections(session)
+        if session.steps
+        else Sentence("The session lists no steps: it is judged as a whole.")
+    )
     environment = _mapping(session.manifest.get("environment"))
     if environment:
-        blocks.append(_environment(environment) if environment.get("dipoles") else _undisturbed(environment))
+        blocks.append(
+            _environment(environment) if environment.get("dipoles") else _undisturbed(environment)
+        )
     blocks += _interruptions(session)
     noticed = session.manifest.get("notes")
     if isinstance(noticed, list):
-        blocks += [Sentence(f"Note: {note}{'' if str(note).endswith('.') else '.'}") for note in noticed]
+        blocks += [
+            Sentence(f"Note: {note}{'' if str(note).endswith('.') else '.'}") for note in noticed
+        ]
     return Section("run", "What was run" if session.has_protocol else "What was recorded", blocks)
 
 
@@ -138,7 +197,12 @@ def _sensors(session: Session) -> Table:
         carried = [NOTHING] * 4
         if sensor is not None:
             segment = sensor.segment.name if sensor.segment else NOTHING
-            carried = [sensor.link, segment, _rotation(sensor.mounting), vector(sensor.mounting.position_mm, 1)]
+            carried = [
+                sensor.link,
+                segment,
+                _rotation(sensor.mounting),
+                vector(sensor.mounting.position_mm, 1),
+            ]
             if sensor.mounting_error != Placement():
                 carried[2] += f", injected error {_rotation(sensor.mounting_error)}"
                 if any(sensor.mounting_error.position_mm):
@@ -150,49 +214,78 @@ def _sensors(session: Session) -> Table:
                 [
                     label(name),
                     text(kind, kind="wide"),
-                    Cell(f"{rate:.4g}" if isinstance(rate, int | float) else NOTHING, kind="number"),
+                    Cell(
+                        f"{rate:.4g}" if isinstance(rate, int | float) else NOTHING, kind="number"
+                    ),
                     *(text(value) for value in carried),
                 ]
             )
         )
     return Table(
         "Sensors and their mounting",
-        [Cell("sensor"), Cell("kind"), Cell("rate [Hz]", kind="number"), Cell("link"), Cell("segment"),
-         Cell("rotation in the link [deg]"), Cell("position in the link [mm]")],
+        [
+            Cell("sensor"),
+            Cell("kind"),
+            Cell("rate [Hz]", kind="number"),
+            Cell("link"),
+            Cell("segment"),
+            Cell("rotation in the link [deg]"),
+            Cell("position in the link [mm]"),
+        ],
         rows,
-        "How to read: the mounting is what the estimators believe; an injected error is a known fault that they are not "
+        "How to read: the mounting is what the estimators believe; an injected error is a known "
+        "fault that they are not "
         "told of.",
-    )  # fmt: skip
+    )
 
 
 def _undisturbed(environment: dict[str, Any]) -> Sentence:
     earth = vector(environment.get("magnetic_field_uT") or [], 1)
-    return Sentence(f"Magnetic field that was simulated: the earth's of ({earth}) µT in the world; nothing disturbs it.")
+    return Sentence(
+        f"Magnetic field that was simulated: the earth's of ({earth}) µT in the world; nothing "
+        "disturbs it."
+    )
 
 
 def _environment(environment: dict[str, Any]) -> Table:
     """The magnetic field that the simulated sensors feel, and what disturbs it."""
     earth = environment.get("magnetic_field_uT") or []
     rows = [
-        Row([label(str(dipole.get("name") or NOTHING)), text(dipole.get("link")), text(vector(dipole["position_mm"], 1)),
-             text(vector(dipole["moment_A_m2"], 3)), number(dipole.get("iron_radius_mm") or None, 0)])
+        Row(
+            [
+                label(str(dipole.get("name") or NOTHING)),
+                text(dipole.get("link")),
+                text(vector(dipole["position_mm"], 1)),
+                text(vector(dipole["moment_A_m2"], 3)),
+                number(dipole.get("iron_radius_mm") or None, 0),
+            ]
+        )
         for dipole in environment.get("dipoles", [])
-    ]  # fmt: skip
+    ]
     why = f" {environment['why']}" if environment.get("why") else ""
     return Table(
-        f"Magnetic field that was simulated: the earth's of ({vector(earth, 1)}) µT in the world, and what disturbs it",
-        [Cell("source"), Cell("link"), Cell("position in the link [mm]"), Cell("permanent moment in the link [A m²]"),
-         Cell("soft iron, radius [mm]", kind="number")],
+        f"Magnetic field that was simulated: the earth's of ({vector(earth, 1)}) µT in the world, "
+        "and what disturbs it",
+        [
+            Cell("source"),
+            Cell("link"),
+            Cell("position in the link [mm]"),
+            Cell("permanent moment in the link [A m²]"),
+            Cell("soft iron, radius [mm]", kind="number"),
+        ],
         rows,
-        "How to read: what is fixed to the base stays where it is while the sensors travel; what is fixed to another link "
-        "moves against the sensor; what is fixed to the sensor's own link turns with it. Filters are not told of any of it."
-        + why,
+        "How to read: what is fixed to the base stays where it is while the sensors travel; what "
+        "is fixed to another link "
+        "moves against the sensor; what is fixed to the sensor's own link turns with it. Filters "
+        "are not told of any of it." + why,
         folded=True,
-    )  # fmt: skip
+    )
 
 
 def _rotation(placement: Placement) -> str:
-    parts = [f"{sequence} ({vector(angles, 1)})" for sequence, angles in placement.rotation_deg.items()]
+    parts = [
+        f"{sequence} ({vector(angles, 1)})" for sequence, angles in placement.rotation_deg.items()
+    ]
     return " ".join(parts) or "none"
 
 
@@ -201,16 +294,38 @@ def _sections(session: Session) -> Table:
     for name in dict.fromkeys(step.section for step in session.steps):
         steps = [step for step in session.steps if step.section == name]
         begin, end = steps[0].start_ns / NANOSECONDS, steps[-1].end_ns / NANOSECONDS
-        varied = {key: sorted({step.variables[key] for step in steps if key in step.variables}) for key in steps[0].variables}
-        ranges = [f"{key} {v[0]:g}" + (f" to {v[-1]:g} ({len(v)} values)" if len(v) > 1 else "") for key, v in varied.items()]
+        varied = {
+            key: sorted({step.variables[key] for step in steps if key in step.variables})
+            for key in steps[0].variables
+        }
+        ranges = [
+            f"{key} {v[0]:g}" + (f" to {v[-1]:g} ({len(v)} values)" if len(v) > 1 else "")
+            for key, v in varied.items()
+        ]
         ranges = [part.replace(" -", " −") for part in ranges]
-        rows.append(Row([label(name), text(steps[0].role), number(len(steps), 0), number(begin, 1), number(end - begin, 1),
-                         text("; ".join(ranges), kind="wide" if ranges else "")]))  # fmt: skip
+        rows.append(
+            Row(
+                [
+                    label(name),
+                    text(steps[0].role),
+                    number(len(steps), 0),
+                    number(begin, 1),
+                    number(end - begin, 1),
+                    text("; ".join(ranges), kind="wide" if ranges else ""),
+                ]
+            )
+        )
     return Table(
         "Sections of the protocol, as they happened",
-        [Cell("section"), Cell("role"), *header("steps", "begin [s]", "duration [s]", numbers_from=0), Cell("variables")],
+        [
+            Cell("section"),
+            Cell("role"),
+            *header("steps", "begin [s]", "duration [s]", numbers_from=0),
+            Cell("variables"),
+        ],
         rows,
-        "How to read: calibration fits sensor errors, reference aligns the frames, evaluation is judged.",
+        "How to read: calibration fits sensor errors, reference aligns the frames, evaluation is "
+        "judged.",
     )
 
 
@@ -218,7 +333,9 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
     """Metrics that have limits, then the others."""
     section = Section("verdict", "Verdict")
     if evaluation is None:
-        section.blocks.append(Sentence("This session has not been evaluated: there is nothing to judge yet."))
+        section.blocks.append(
+            Sentence("This session has not been evaluated: there is nothing to judge yet.")
+        )
         return section
     judged = [metric for metric in evaluation.metrics if metric.outcome is not None]
     others = [metric for metric in evaluation.metrics if metric.outcome is None]
@@ -227,10 +344,14 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
             _metrics(
                 "Metrics with limits",
                 judged,
-                "How to read: pass keeps the limit even if the truth is off by U (its expanded uncertainty, k = 2); fail "
-                "breaks it even then; marginal lies between, or keeps it with less to spare than the protocol wants, or keeps "
-                "it while U cannot be stated, and then its meaning says why; not measured could not be taken. The worst of "
-                "them is the verdict on the sensors. It says nothing about the bench. The 95 % confidence interval comes from "
+                "How to read: pass keeps the limit even if the truth is off by U (its expanded "
+                "uncertainty, k = 2); fail "
+                "breaks it even then; marginal lies between, or keeps it with less to spare than "
+                "the protocol wants, or keeps "
+                "it while U cannot be stated, and then its meaning says why; not measured could "
+                "not be taken. The worst of "
+                "them is the verdict on the sensors. It says nothing about the bench. The 95 % "
+                "confidence interval comes from "
                 "this session's own scatter.",
             )
         )
@@ -239,7 +360,10 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
     if others:
         section.blocks.append(
             _metrics(
-                "Metrics without a limit", others, "How to read: for information; no limit was set for them.", limits=False
+                "Metrics without a limit",
+                others,
+                "How to read: for information; no limit was set for them.",
+                limits=False,
             )
         )
     section.blocks += [Sentence(f"Note: {note}.") for note in evaluation.notes]
@@ -249,10 +373,20 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
 def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True) -> Table:
     rows = []
     for metric in metrics:
-        cells = [label(metric.name), *(text(value) for value in (metric.filter, metric.sequence, metric.section))]
-        cells += [plus_minus(metric.value, metric.expanded_uncertainty), _interval(metric), text(metric.unit)]
+        cells = [
+            label(metric.name),
+            *(text(value) for value in (metric.filter, metric.sequence, metric.section)),
+        ]
+        cells += [
+            plus_minus(metric.value, metric.expanded_uncertainty),
+            _interval(metric),
+            text(metric.unit),
+        ]
         if limits and metric.outcome is not None:
-            cells += [text(_limits(metric), kind="limit"), Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}")]
+            cells += [
+                text(_limits(metric), kind="limit"),
+                Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}"),
+            ]
         lacking = f" (no U: {metric.no_uncertainty})" if metric.no_uncertainty else ""
         rows.append(Row([*cells, text(metric.meaning + lacking, kind="wide")]))
     titles = ["metric", "filter", "sequence", "section"]
@@ -287,15 +421,27 @@ def provenance_section(session: Session) -> Section:
     if check.get("joints"):
         blocks.append(_joint_use(check))
     status = "status of the bench" if session.has_protocol else "status"
-    entries = [(status, session.status.value), ("kind", manifest.get("kind")), ("seed", manifest.get("seed"))]
+    entries = [
+        (status, session.status.value),
+        ("kind", manifest.get("kind")),
+        ("seed", manifest.get("seed")),
+    ]
     entries += [("SHA-256 of the plan", plan.get("hash"))]
-    entries += [(f"version of {name}", version) for name, version in _mapping(manifest.get("software")).items()]
+    entries += [
+        (f"version of {name}", version)
+        for name, version in _mapping(manifest.get("software")).items()
+    ]
     entries += list(_scalars({key: value for key, value in manifest.items() if key not in SHOWN}))
     blocks.append(_pairs("Provenance", entries, f"How to read: {_repeatable(session)}.", False))
     files = list(_mapping(manifest.get("files")).items())
     if files:
         blocks.append(
-            _pairs("SHA-256 of the raw files", files, "How to read: a file whose hash differs was changed later.", True)
+            _pairs(
+                "SHA-256 of the raw files",
+                files,
+                "How to read: a file whose hash differs was changed later.",
+                True,
+            )
         )
     return Section("provenance", "Quality and provenance", blocks)
 
@@ -303,10 +449,16 @@ def provenance_section(session: Session) -> Section:
 def _repeatable(session: Session) -> str:
     """What gives the same raw files again."""
     if session.manifest.get("kind") == "import":
-        return "the same files, options and versions give the same session; the files themselves are not in it"
+        return (
+            "the same files, options and versions give the same session; the files themselves "
+            "are not in it"
+        )
     if session.has_protocol and _mapping(session.manifest.get("arm")).get("driver") == "simulated":
         return "the same plan, seed and versions give the same raw files, bit by bit"
-    return "what real devices measured cannot be measured again; the versions are of the software that wrote it down"
+    return (
+        "what real devices measured cannot be measured again; the versions are of the software "
+        "that wrote it down"
+    )
 
 
 def _quality(session: Session) -> Table:
@@ -315,17 +467,37 @@ def _quality(session: Session) -> Table:
         n = session.sample_count(name)
         steps = np.diff(session.imu_column(name, "counter"))
         lost = int(np.sum(steps[steps > 0] - 1)) if n else 0
-        ends = [session.imu_column(name, "device_time_ns", row, row + 1) for row in (0, max(n - 1, 0))]
+        ends = [
+            session.imu_column(name, "device_time_ns", row, row + 1) for row in (0, max(n - 1, 0))
+        ]
         span = float(ends[1][0] - ends[0][0]) / NANOSECONDS if n > 1 else 0.0
         rate = float(np.sum(steps[steps > 0])) / span if span > 0 else None
         saturated = int(session.imu_column(name, "saturated").sum())
-        rows.append(Row([label(name), number(n, 0), number(rate, 3), number(lost, 0), number(100 * lost / max(n + lost, 1), 2),
-                         number(saturated, 0)]))  # fmt: skip
+        rows.append(
+            Row(
+                [
+                    label(name),
+                    number(n, 0),
+                    number(rate, 3),
+                    number(lost, 0),
+                    number(100 * lost / max(n + lost, 1), 2),
+                    number(saturated, 0),
+                ]
+            )
+        )
     return Table(
         "Quality of the recording",
-        header("sensor", "samples", "rate by its own clock [Hz]", "samples lost", "lost [%]", "samples at full scale"),
+        header(
+            "sensor",
+            "samples",
+            "rate by its own clock [Hz]",
+            "samples lost",
+            "lost [%]",
+            "samples at full scale",
+        ),
         rows,
-        "How to read: lost samples are gaps of the sensor's counter; a sample at full scale is wrong in at least one axis.",
+        "How to read: lost samples are gaps of the sensor's counter; a sample at full scale is "
+        "wrong in at least one axis.",
     )
 
 
@@ -348,21 +520,33 @@ def _joint_use(check: dict[str, Any]) -> Table:
     near = check.get("clearance")
     if near:
         how += (
-            f" The smallest clearance was {digits(near['distance_mm'], 1)} mm, between {near['first']} and {near['second']} at "
+            f" The smallest clearance was {digits(near['distance_mm'], 1)} mm, between "
+            f"{near['first']} and {near['second']} at "
             f"{digits(near['time_s'], 1)} s."
         )
     return Table(
         "What the plan asked of the arm",
-        header("joint", "lowest [deg]", "highest [deg]", "peak speed [deg/s]", "of limit [%]", "peak acceleration [deg/s²]",
-               "of limit [%]"),
+        header(
+            "joint",
+            "lowest [deg]",
+            "highest [deg]",
+            "peak speed [deg/s]",
+            "of limit [%]",
+            "peak acceleration [deg/s²]",
+            "of limit [%]",
+        ),
         rows,
         how,
         folded=True,
-    )  # fmt: skip
+    )
 
 
 def _pairs(caption: str, entries: Iterable[tuple[str, Any]], how: str, folded: bool) -> Table:
-    rows = [Row([label(name), Cell(str(value), kind="code")]) for name, value in entries if value not in (None, "")]
+    rows = [
+        Row([label(name), Cell(str(value), kind="code")])
+        for name, value in entries
+        if value not in (None, "")
+    ]
     return Table(caption, [Cell("entry"), Cell("value")], rows, how, folded=folded)
 
 

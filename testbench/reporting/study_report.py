@@ -9,12 +9,30 @@ from urllib.parse import quote
 
 import numpy as np
 
-from testbench.records.study import StudyBoxes, StudyCurves, StudyRecord, StudySurface, StudyTable, Value
+from testbench.records.study import (
+    StudyBoxes,
+    StudyCurves,
+    StudyRecord,
+    StudySurface,
+    StudyTable,
+    Value,
+)
 from testbench.reporting.figures import Curve, Figure, box_plots, error_curves, heat_map
 from testbench.reporting.page import Block, Figures, Section, Sentence
 from testbench.reporting.palette import COLOURS, REFERENCE, ordered_colours
 from testbench.reporting.render import render_page
-from testbench.reporting.tables import Cell, Row, Table, label, number, power_of_ten, powers_of_ten, ratio, significant, text
+from testbench.reporting.tables import (
+    Cell,
+    Row,
+    Table,
+    label,
+    number,
+    power_of_ten,
+    powers_of_ten,
+    ratio,
+    significant,
+    text,
+)
 
 FILE = "report.html"
 MOST_OPEN = 12
@@ -25,7 +43,9 @@ SIMULATED = "circle-open"
 MOST_POINTS = 100
 """A curve with more is a series over time and drawn as a line."""
 SMALLEST_FIXED = 1e-3
-"""Numbers below this, of a column with enough decimals to lose them, are shown with significant digits."""
+"""Numbers below this, of a column with enough decimals to lose them, are shown with significant
+digits.
+"""
 
 
 def study_report(study: StudyRecord, folder: Path) -> Path:
@@ -46,7 +66,9 @@ def render_study(study: StudyRecord, folder: Path | None = None) -> str:
     sections = [_answer(study)]
     for i, table in enumerate(study.tables):
         blocks: list[Block] = [_table(table)]
-        sections.append(Section(f"table{i}", table.title, blocks + ([Sentence(table.why)] if table.why else [])))
+        sections.append(
+            Section(f"table{i}", table.title, blocks + ([Sentence(table.why)] if table.why else []))
+        )
     sections.append(_provenance(study, folder))
     return render_page(
         kind="study",
@@ -55,36 +77,60 @@ def render_study(study: StudyRecord, folder: Path | None = None) -> str:
         facts=_facts(study),
         tiles=[],
         sections=sections,
-        footer=f"Rows in italics: {study.source}, as printed. Ratio: ours divided by the published value.",
+        footer=f"Rows in italics: {study.source}, as printed. Ratio: ours divided by the published "
+        "value.",
     )
 
 
 def _facts(study: StudyRecord) -> list[tuple[str, str]]:
     started = datetime.fromisoformat(study.started_utc)
-    settings = [(key.replace("_", " ").capitalize(), str(value)) for key, value in study.settings.items() if "hash" not in key]
-    return [("Study", study.name), ("Beside", study.source), ("Started", f"{started:%Y-%m-%d %H:%M:%S} UTC"), *settings]
+    settings = [
+        (key.replace("_", " ").capitalize(), str(value))
+        for key, value in study.settings.items()
+        if "hash" not in key
+    ]
+    return [
+        ("Study", study.name),
+        ("Beside", study.source),
+        ("Started", f"{started:%Y-%m-%d %H:%M:%S} UTC"),
+        *settings,
+    ]
 
 
 def _answer(study: StudyRecord) -> Section:
     blocks: list[Block] = [Sentence(finding) for finding in study.findings]
-    blocks.append(Sentence("Ours are simulated: models of the arm and of the sensor, with errors drawn from the data sheet."))
+    blocks.append(
+        Sentence(
+            "Ours are simulated: models of the arm and of the sensor, with errors drawn from the "
+            "data sheet."
+        )
+    )
     blocks += [_figure(figure) for figure in study.figures]
-    blocks += [Figures(curves.caption, {curves.caption: draw_curves(curves)}, curves.how) for curves in study.curves]
+    blocks += [
+        Figures(curves.caption, {curves.caption: draw_curves(curves)}, curves.how)
+        for curves in study.curves
+    ]
     for axis in dict.fromkeys(surface.z_axis for surface in study.surfaces):
         blocks.append(_surfaces([surface for surface in study.surfaces if surface.z_axis == axis]))
     return Section("answer", "Answer", blocks)
 
 
 def draw_curves(curves: StudyCurves) -> Figure:
-    """Theory and truth as lines, fits as dotted ones, simulation and measurement as points; long series of points as lines."""
-    groups = list(dict.fromkeys(curve.group or curve.name for curve in curves.curves if curve.kind != "truth"))
+    """Theory and truth as lines, fits as dotted ones, simulation and measurement as points; long
+    series of points as lines.
+    """
+    groups = list(
+        dict.fromkeys(curve.group or curve.name for curve in curves.curves if curve.kind != "truth")
+    )
     palette = ordered_colours(len(groups)) if curves.ordered else COLOURS
     drawn = []
     for curve in curves.curves:
         group = curve.group or curve.name
         points = curve.kind in ("simulation", "measurement") and len(curve.x) <= MOST_POINTS
         mode = "lines+markers" if curves.plane and points else "markers" if points else "lines"
-        measured = [c for c in curves.curves if c.kind == "measurement" and (c.group or c.name) == group]
+        measured = [
+            c for c in curves.curves if c.kind == "measurement" and (c.group or c.name) == group
+        ]
         symbol = SYMBOLS[measured.index(curve) % len(SYMBOLS)] if curve in measured else SIMULATED
         drawn.append(
             Curve(
@@ -102,17 +148,30 @@ def draw_curves(curves: StudyCurves) -> Figure:
 
 def _surfaces(surfaces: list[StudySurface]) -> Figures:
     """Heat maps with the same colours for the same values."""
-    largest = max([1e-9, *(float(np.nanmax(surface.z)) for surface in surfaces if np.isfinite(surface.z).any())])
+    largest = max(
+        [
+            1e-9,
+            *(float(np.nanmax(surface.z)) for surface in surfaces if np.isfinite(surface.z).any()),
+        ]
+    )
     figures = {
-        s.caption: heat_map(s.caption, s.x.tolist(), s.y.tolist(), s.z, s.x_axis, s.y_axis, s.z_axis, largest) for s in surfaces
+        s.caption: heat_map(
+            s.caption, s.x.tolist(), s.y.tolist(), s.z, s.x_axis, s.y_axis, s.z_axis, largest
+        )
+        for s in surfaces
     }
-    how = " ".join(dict.fromkeys(s.how for s in surfaces if s.how)) or "How to read: the same colour is the same value in all."
+    how = (
+        " ".join(dict.fromkeys(s.how for s in surfaces if s.how))
+        or "How to read: the same colour is the same value in all."
+    )
     return Figures(f"Surfaces of {surfaces[0].z_axis}", figures, how, small=True)
 
 
 def _figure(figure: StudyBoxes) -> Figures:
     families = list(dict.fromkeys(name.split(",")[0] for name in figure.boxes))
-    colours = {name: COLOURS[families.index(name.split(",")[0]) % len(COLOURS)] for name in figure.boxes}
+    colours = {
+        name: COLOURS[families.index(name.split(",")[0]) % len(COLOURS)] for name in figure.boxes
+    }
     colours |= dict.fromkeys(figure.published, REFERENCE)
     drawn = box_plots(figure.boxes | figure.published, colours, figure.axis, figure.logarithmic)
     return Figures(figure.caption, {figure.caption: drawn}, figure.how)
@@ -121,24 +180,37 @@ def _figure(figure: StudyBoxes) -> Figures:
 def _table(table: StudyTable) -> Table:
     compared = table.ratio_column
     words = [
-        all(isinstance(value, str | None) for row in table.rows for value in (row.values[i], *row.published[i : i + 1]))
+        all(
+            isinstance(value, str | None)
+            for row in table.rows
+            for value in (row.values[i], *row.published[i : i + 1])
+        )
         for i in range(len(table.columns))
     ]
     rows = []
     for row in table.rows:
         ours = [] if compared is None else [ratio(row.ratio(compared))]
-        printed = [_as_printed(value, own) for value, own in zip(row.published, words, strict=False)]
+        printed = [
+            _as_printed(value, own) for value, own in zip(row.published, words, strict=False)
+        ]
         if row.published_alone:
             rows.append(Row([label(row.label, row.note), *printed, *ours], kind="published"))
             continue
         rows.append(Row([label(row.label, row.note), *_cells(table, row.values, words), *ours]))
         if row.published:
-            rows.append(Row([label("published"), *printed, *(Cell("") for _ in ours)], kind="published"))
+            rows.append(
+                Row([label("published"), *printed, *(Cell("") for _ in ours)], kind="published")
+            )
     columns = [Cell("")]
-    columns += [Cell(title, kind="" if own else "number") for title, own in zip(table.columns, words, strict=True)]
+    columns += [
+        Cell(title, kind="" if own else "number")
+        for title, own in zip(table.columns, words, strict=True)
+    ]
     if compared is not None:
         columns.append(Cell(f"ratio, {table.columns[compared].split(' [')[0]}", kind="number"))
-    beside = f" (beside table{'s' if ' ' in table.table else ''} {table.table})" if table.table else ""
+    beside = (
+        f" (beside table{'s' if ' ' in table.table else ''} {table.table})" if table.table else ""
+    )
     return Table(table.caption + beside, columns, rows, table.how)
 
 
@@ -146,12 +218,19 @@ def _as_printed(value: Value, among_words: bool) -> Cell:
     if not isinstance(value, int | float):
         return _word(value, among_words)
     mantissa, _, exponent = f"{value:.7g}".partition("e")
-    return Cell(power_of_ten(mantissa, int(exponent)) if exponent else mantissa.replace("-", "−"), kind="number")
+    return Cell(
+        power_of_ten(mantissa, int(exponent)) if exponent else mantissa.replace("-", "−"),
+        kind="number",
+    )
 
 
 def _word(value: str | None, among_words: bool) -> Cell:
     """A word, or that there is none, on the side where the others of its column stand."""
-    return number(None) if value is None and not among_words else text(None if value is None else powers_of_ten(value))
+    return (
+        number(None)
+        if value is None and not among_words
+        else text(None if value is None else powers_of_ten(value))
+    )
 
 
 def _cells(table: StudyTable, values: tuple[Value, ...], words: list[bool]) -> list[Cell]:
@@ -170,17 +249,32 @@ def _provenance(study: StudyRecord, folder: Path | None) -> Section:
     rows = []
     for i, path in enumerate(study.sessions, 1):
         link = _link(Path(path), folder)
-        rows.append(Row([label(f"session {i}"), Cell(Path(path).name if link else path, kind="code", link=link)]))
+        rows.append(
+            Row(
+                [
+                    label(f"session {i}"),
+                    Cell(Path(path).name if link else path, kind="code", link=link),
+                ]
+            )
+        )
     entries = [(key, str(value)) for key, value in study.settings.items()]
     entries += [(f"version of {name}", version) for name, version in study.software.items()]
     rows += [Row([label(name), Cell(value, kind="code")]) for name, value in entries]
     how = f"How to read: every number of ours comes from these sessions. {study.trace}".strip()
-    table = Table("Sessions and versions", [Cell("entry"), Cell("value")], rows, how, folded=len(study.sessions) > MOST_OPEN)
+    table = Table(
+        "Sessions and versions",
+        [Cell("entry"), Cell("value")],
+        rows,
+        how,
+        folded=len(study.sessions) > MOST_OPEN,
+    )
     return Section("provenance", "Provenance", [table])
 
 
 def _link(session: Path, folder: Path | None) -> str:
-    """The way from a study's folder to the report of a session, to its folder where it has none, nowhere where it is gone."""
+    """The way from a study's folder to the report of a session, to its folder where it has none,
+    nowhere where it is gone.
+    """
     if folder is None or not session.is_dir():
         return ""
     target = session / FILE if (session / FILE).is_file() else session

@@ -19,8 +19,12 @@ class Cell:
     """One cell.
 
     Attributes:
-        text: What is shown. title: More, on hovering. kind: CSS classes: "number", "wide", "badge pass"... head: A header of
-        its row. span: Columns it covers. link: Where its text leads, relative to the page; empty for nowhere.
+        text: What is shown.
+        title: More, on hovering.
+        kind: CSS classes: "number", "wide", "badge pass"...
+        head: A header of its row.
+        span: Columns it covers.
+        link: Where its text leads, relative to the page; empty for nowhere.
     """
 
     text: str
@@ -44,7 +48,11 @@ class Table:
     """A table.
 
     Attributes:
-        caption: What it shows. columns: Header. rows: Body. how: How to read it, one line. over: A header above the header.
+        caption: What it shows.
+        columns: Header.
+        rows: Body.
+        how: How to read it, one line.
+        over: A header above the header.
         folded: Shown only when asked for.
     """
 
@@ -58,7 +66,9 @@ class Table:
 
 def header(*titles: str, numbers_from: int = 1) -> list[Cell]:
     """Column titles; those from `numbers_from` on stand over numbers."""
-    return [Cell(title, kind="number" if i >= numbers_from else "") for i, title in enumerate(titles)]
+    return [
+        Cell(title, kind="number" if i >= numbers_from else "") for i, title in enumerate(titles)
+    ]
 
 
 def label(text: Any, title: str = "") -> Cell:
@@ -77,7 +87,9 @@ def number(value: float | None, decimals: int = 2, title: str = "", kind: str = 
 
 
 def significant(value: float | None, count: int = 3, title: str = "") -> Cell:
-    """A number with a fixed count of significant digits, final zeros too; a power of ten where it has many zeros."""
+    """A number with a fixed count of significant digits, final zeros too; a power of ten where it
+    has many zeros.
+    """
     return Cell(significant_digits(value, count), title, "number")
 
 
@@ -90,11 +102,15 @@ def significant_digits(value: float | None, count: int = 3) -> str:
     mantissa, exponent = f"{value:.{count - 1}e}".split("e")
     if not -5 < int(exponent) < 6:
         return power_of_ten(mantissa, int(exponent))
-    return f"{float(f'{value:.{count - 1}e}'):.{max(count - 1 - int(exponent), 0)}f}".replace("-", "−")
+    return f"{float(f'{value:.{count - 1}e}'):.{max(count - 1 - int(exponent), 0)}f}".replace(
+        "-", "−"
+    )
 
 
 def to_uncertainty(value: float | None, sd: float | None) -> str:
-    """A value to the second significant digit of its standard uncertainty; by itself where that is unknown."""
+    """A value to the second significant digit of its standard uncertainty; by itself where that is
+    unknown.
+    """
     if value is None or not np.isfinite(value) or sd is None or not np.isfinite(sd) or sd <= 0:
         return significant_digits(value)
     decimals = 1 - floor(log10(sd))
@@ -103,7 +119,11 @@ def to_uncertainty(value: float | None, sd: float | None) -> str:
 
 def powers_of_ten(text: str) -> str:
     """Words in which numbers such as 3e-06 are written as people write them."""
-    return re.sub(r"(?<![\w.])(\d(?:\.\d+)?)e([-+]\d+)\b", lambda found: power_of_ten(found[1], int(found[2])), text)
+    return re.sub(
+        r"(?<![\w.])(\d(?:\.\d+)?)e([-+]\d+)\b",
+        lambda found: power_of_ten(found[1], int(found[2])),
+        text,
+    )
 
 
 def power_of_ten(mantissa: str, exponent: int) -> str:
@@ -115,11 +135,17 @@ def unit_words(unit: str | None) -> str | None:
     """A unit as it is written by hand, from one in ASCII: "ug/sqrt(Hz)" to "µg/√Hz"."""
     if unit is None:
         return None
-    return re.sub(r"sqrt\((\w+)\)", r"√\1", re.sub(r"\bu(?=[gT]\b)", "µ", unit)).replace("^2", "²").replace("^3", "³")
+    return (
+        re.sub(r"sqrt\((\w+)\)", r"√\1", re.sub(r"\bu(?=[gT]\b)", "µ", unit))
+        .replace("^2", "²")
+        .replace("^3", "³")
+    )
 
 
 def ratio(value: float | None) -> Cell:
-    """How many times as large: two significant digits, with a power of ten only where the zeros would have to be counted."""
+    """How many times as large: two significant digits, with a power of ten only where the zeros
+    would have to be counted.
+    """
     if value is None or not np.isfinite(value):
         return Cell(NOTHING, kind="number")
     mantissa, exponent = f"{value:.1e}".split("e")

@@ -17,9 +17,15 @@ TRUE = "true flexion"
 
 
 def flexion_blocks(
-    joint: str, rows: Sequence[JointRow], evaluation: Evaluation, colours: Mapping[str, str], spans: Sequence[Span]
+    joint: str,
+    rows: Sequence[JointRow],
+    evaluation: Evaluation,
+    colours: Mapping[str, str],
+    spans: Sequence[Span],
 ) -> list[Block]:
-    """True flexion and that of every filter by the joint's own definition; nothing where the signals were not kept."""
+    """True flexion and that of every filter by the joint's own definition; nothing where the
+    signals were not kept.
+    """
     series = evaluation.series.get(f"joint_{joint}")
     if not series or not rows:
         return []
@@ -30,7 +36,9 @@ def flexion_blocks(
         flexion = series.get(f"{name}_{own}_flexion_rad")
         if flexion is not None:
             signals[name] = envelope(np.degrees(flexion))
-    figure = time_panels(envelope.time, {f"flexion, {own} [deg]": signals}, {**colours, TRUE: REFERENCE}, spans)
+    figure = time_panels(
+        envelope.time, {f"flexion, {own} [deg]": signals}, {**colours, TRUE: REFERENCE}, spans
+    )
     for drawn in figure["data"]:
         if drawn["name"] == TRUE:
             drawn["line"] |= {"width": 2.4, "dash": "dot"}
@@ -38,8 +46,10 @@ def flexion_blocks(
         Figures(
             f"Estimated and true flexion over time: {joint}",
             {f"estimated and true flexion of {joint} over time": figure},
-            "How to read: the dotted line is the truth, the others the estimates, by the joint's own definition and only where "
-            "they are judged. Where they cannot be told apart the figure of the errors, below, does. Drag over a stretch to "
+            "How to read: the dotted line is the truth, the others the estimates, by the joint's "
+            "own definition and only where "
+            "they are judged. Where they cannot be told apart the figure of the errors, below, "
+            "does. Drag over a stretch to "
             "see it closer.",
         )
     ]

@@ -22,12 +22,22 @@ def parameter_table(estimate: Estimate) -> Table:
         where = TUNED_HERE if used.on_this_session else "not tuned on this session"
         badge = Cell(where, kind="badge marginal" if used.on_this_session else "")
         origin = f"{', '.join(used.tuned)} tuned for {used.objective}, {used.tuned_utc[:10]}"
-        rows.append(Row([*cells, text(origin, kind="wide"), text(", ".join(used.tuned_on), kind="wide"), badge]))
+        rows.append(
+            Row(
+                [
+                    *cells,
+                    text(origin, kind="wide"),
+                    text(", ".join(used.tuned_on), kind="wide"),
+                    badge,
+                ]
+            )
+        )
     return Table(
         "Parameters of the filters",
         [Cell("filter"), Cell("parameters"), Cell("from"), Cell("tuned on"), Cell("here")],
         rows,
-        "How to read: the errors of a filter that was tuned on this very session are those of a fit; what its parameters are "
+        "How to read: the errors of a filter that was tuned on this very session are those of a "
+        "fit; what its parameters are "
         "worth shows on sessions that they were not tuned on.",
         folded=not estimate.tuned,
     )
@@ -36,4 +46,7 @@ def parameter_table(estimate: Estimate) -> Table:
 def fitted_here(filters: list[str]) -> Sentence:
     """A warning that stands under a ranking."""
     verb = "was" if len(filters) == 1 else "were"
-    return Sentence(f"{', '.join(filters)} {verb} {TUNED_HERE}: the place in this ranking is that of a fit, not of a test.")
+    return Sentence(
+        f"{', '.join(filters)} {verb} {TUNED_HERE}: the place in this ranking is that of a fit, "
+        "not of a test."
+    )

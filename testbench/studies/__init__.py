@@ -19,7 +19,8 @@ class Study:
     """A study that can be asked for by name.
 
     Attributes:
-        module: Has the function `run`. protocol: Shipped one that another may stand in for; empty where it must be its own.
+        module: Has the function `run`.
+        protocol: Shipped one that another may stand in for; empty where it must be its own.
     """
 
     name: str
@@ -35,7 +36,10 @@ class Study:
         """
         if bench.protocol is not None and not self.protocol:
             takers = ", ".join(study.name for study in STUDIES.values() if study.protocol)
-            raise InputError(f"study {self.name} runs its own protocols and takes no other; another is taken by: {takers}")
+            raise InputError(
+                f"study {self.name} runs its own protocols and takes no other; another is taken "
+                f"by: {takers}"
+            )
         function: Callable[[StudyBench], StudyRecord] = import_module(self.module).run
         return replace(function(bench), name=self.name)
 
@@ -45,12 +49,14 @@ STUDIES = {
     for study in (
         Study(
             "gimvebo",
-            "Integrators in the calibration of a gyroscope on a gimbal, beside tables 4.1 to 4.7 of Botina & Vergara 2018",
+            "Integrators in the calibration of a gyroscope on a gimbal, beside tables 4.1 to 4.7 "
+            "of Botina & Vergara 2018",
             "testbench.studies.gimvebo",
         ),
         Study(
             "beta_zeta",
-            "The two gains of Madgwick's filter, beside the sweeps of de Miguel Pueyo 2024, and what a true bias state gains",
+            "The two gains of Madgwick's filter, beside the sweeps of de Miguel Pueyo 2024, and "
+            "what a true bias state gains",
             "testbench.studies.beta_zeta",
         ),
         Study(
@@ -60,7 +66,8 @@ STUDIES = {
         ),
         Study(
             "reference-1",
-            "Joint angles of an elbow played by a UR3e, beside section 4 and tables 5.1 to 5.10 of Castellanos Alonso 2023",
+            "Joint angles of an elbow played by a UR3e, beside section 4 and tables 5.1 to 5.10 of "
+            "Castellanos Alonso 2023",
             "testbench.studies.reference_1",
         ),
         Study(
@@ -81,7 +88,8 @@ STUDIES = {
         ),
         Study(
             "reference-5",
-            "The Kalman filter of a kinematic chain, beside tables 4.1 to 4.4 of Quijano & Valencia 2018",
+            "The Kalman filter of a kinematic chain, beside tables 4.1 to 4.4 of Quijano & "
+            "Valencia 2018",
             "testbench.studies.reference_5_record",
         ),
     )

@@ -20,8 +20,11 @@ class StudyBench:
     """The simulated bench of a study.
 
     Attributes:
-        logs: Folder that its sessions are kept in. clock: Source of dates and run times. seed: Of the first part; the others
-        take the numbers that follow. parts: How many sensors of the same kind. say: Called with what is being done.
+        logs: Folder that its sessions are kept in.
+        clock: Source of dates and run times.
+        seed: Of the first part; the others take the numbers that follow.
+        parts: How many sensors of the same kind.
+        say: Called with what is being done.
         protocol: Name or file of one in place of the study's own, for studies that take another.
     """
 
@@ -33,16 +36,27 @@ class StudyBench:
     protocol: str | Path | None = None
 
     def run(
-        self, protocol: str | Path, filters: Sequence[str] | None = None, planned: Callable[[Plan], None] | None = None
+        self,
+        protocol: str | Path,
+        filters: Sequence[str] | None = None,
+        planned: Callable[[Plan], None] | None = None,
     ) -> Result:
         """Run a protocol on the simulated bench and keep its session with its report.
 
         Args:
-            protocol: Name of a shipped one, or a file. filters: The protocol's own if None. planned: Called with the plan
-            before it is run; what it raises stops the run.
+            protocol: Name of a shipped one, or a file.
+            filters: The protocol's own if None.
+            planned: Called with the plan before it is run; what it raises stops the run.
         """
         self.say(f"running {protocol}")
-        return run(protocol, seed=self.seed, logs=self.logs, filters=filters, clock=self.clock, planned=planned)
+        return run(
+            protocol,
+            seed=self.seed,
+            logs=self.logs,
+            filters=filters,
+            clock=self.clock,
+            planned=planned,
+        )
 
     def now(self) -> str:
         """ISO 8601, UTC, to the second."""

@@ -1,4 +1,6 @@
-"""The study `beta_zeta`: the two gains of Madgwick's filter as de Miguel Pueyo 2024 has them, and with a true bias state."""
+"""The study `beta_zeta`: the two gains of Madgwick's filter as de Miguel Pueyo 2024 has them, and
+with a true bias state.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.estimation.estimator import PreparedSensor, PreparedSession
-from testbench.estimation.filters import OrientationFilter, RecursiveFilter, UniformSamples, get_filter
+from testbench.estimation.filters import (
+    OrientationFilter,
+    RecursiveFilter,
+    UniformSamples,
+    get_filter,
+)
 from testbench.evaluation.judged import judged_steps, sound_truth
 from testbench.evaluation.objective import Objective
 from testbench.evaluation.orientation import sensor_errors
@@ -49,8 +56,11 @@ class Part:
     """One session of the study.
 
     Attributes:
-        session: The recording. sensor: Ready for filters. samples: What they get, at one interval. rest, moving: Rows of the
-        samples in the first rest, and after it, shape (n,), bool.
+        session: The recording.
+        sensor: Ready for filters.
+        samples: What they get, at one interval.
+        rest: Rows of the samples in the first rest, and after it, shape (n,), bool.
+        moving: Rows of the samples in the first rest, and after it, shape (n,), bool.
     """
 
     session: Session
@@ -66,9 +76,17 @@ class Part:
         samples = replace(sensor.correct(sensor.uniform), intervals=None)
         first = session.steps[0]
         time = np.interp(  # the grid has rows for lost packets, too
-            np.arange(len(samples)), sensor.access.regular(sensor.estimate.clock)[1], sensor.estimate.host_time_ns
-        )  # fmt: skip
-        return Part(session, sensor, samples, (time > first.settled_ns) & (time < first.end_ns), time > first.end_ns)
+            np.arange(len(samples)),
+            sensor.access.regular(sensor.estimate.clock)[1],
+            sensor.estimate.host_time_ns,
+        )
+        return Part(
+            session,
+            sensor,
+            samples,
+            (time > first.settled_ns) & (time < first.end_ns),
+            time > first.end_ns,
+        )
 
 
 def run(bench: StudyBench) -> StudyRecord:
@@ -80,7 +98,9 @@ def run(bench: StudyBench) -> StudyRecord:
     for seed in range(bench.seed, bench.seed + bench.parts):
         bench.say(f"part {len(sessions) + 1} of {bench.parts} on the arm")
         sessions.append(execute(the_plan, bench.logs, seed, clock=bench.clock))
-        analyse(sessions[-1], the_plan=the_plan)  # for its report; the study tunes and judges by itself
+        analyse(
+            sessions[-1], the_plan=the_plan
+        )  # for its report; the study tunes and judges by itself
     bench.say("gains and tables")
     part = Part.of(sessions[0])
     tunings = gains(sessions, started)
@@ -104,7 +124,12 @@ def run(bench: StudyBench) -> StudyRecord:
         words.QUESTION,
         published.source,
         started,
-        {"protocol": PROTOCOL, "plan_hash": the_plan.hash, "seed": bench.seed, "parts": bench.parts},
+        {
+            "protocol": PROTOCOL,
+            "plan_hash": the_plan.hash,
+            "seed": bench.seed,
+            "parts": bench.parts,
+        },
         tuple(str(session.path) for session in sessions),
         _findings(tables, tunings),
         tuple(tables.values()),
@@ -114,10 +139,11 @@ def run(bench: StudyBench) -> StudyRecord:
 
 
 def step_difference(count: int, interval: float, seed: int = 0) -> float:
-    """Largest difference, over random states, of the rate of change of q as printed and with beta + interval * zeta [1/s].
+    """Largest difference, over random states, of the rate of change of q as printed and with beta +
+    interval * zeta [1/s].
 
-    The first is q' = q (w - 2 T zeta q* s) / 2 - beta s with the unit gradient s (eqs 32 to 35 of the source), by quaternion
-    products alone.
+    The first is q' = q (w - 2 T zeta q* s) / 2 - beta s with the unit gradient s (eqs 32 to 35 of
+    the source), by quaternion products alone.
     """
     rng = random_stream(seed, "beta_zeta")
     q, s = (rotation.normalise(rng.standard_normal((count, 4))) for _ in range(2))
@@ -130,7 +156,9 @@ def step_difference(count: int, interval: float, seed: int = 0) -> float:
 
 
 def state_difference(part: Part, beta: float, zeta: float) -> float:
-    """Largest difference of q after one step in both forms, from every state that the session leads the printed form to."""
+    """Largest difference of q after one step in both forms, from every state that the session leads
+    the printed form to.
+    """
     printed = get_filter(PRINTED, {"beta": beta, "zeta": zeta})
     alone = get_filter(MARG, {"beta": beta + part.samples.interval * zeta})
     _, state = printed.advance(part.samples.piece(slice(0, 1)))
@@ -151,33 +179,51 @@ def identity_table(part: Part) -> StudyTable:
     gains_tried = ((0.35, 0.07), (0.33, 0.05), (0.1, 1.0))
     for beta, zeta in gains_tried:
         largest = state_difference(part, beta, zeta)
-        rows.append(StudyRow("one step from every state of the session", (beta, zeta, beta + interval * zeta, largest)))
+        rows.append(
+            StudyRow(
+                "one step from every state of the session",
+                (beta, zeta, beta + interval * zeta, largest),
+            )
+        )
     for beta, zeta in gains_tried:
         together = beta + interval * zeta
         printed = get_filter(PRINTED, {"beta": beta, "zeta": zeta}).run(part.samples)
-        alone, nearly = (get_filter(MARG, {"beta": b}).run(part.samples) for b in (together, together * (1 + LAST_DIGIT)))
+        alone, nearly = (
+            get_filter(MARG, {"beta": b}).run(part.samples)
+            for b in (together, together * (1 + LAST_DIGIT))
+        )
         rows += [
             StudyRow("the whole session", (beta, zeta, together, _largest(printed, alone))),
             StudyRow(
-                "control: both with beta alone, its last digit changed", (together, 0.0, together, _largest(nearly, alone))
+                "control: both with beta alone, its last digit changed",
+                (together, 0.0, together, _largest(nearly, alone)),
             ),
         ]
     return StudyTable(
-        "identity", "The printed zeta against beta + T zeta alone",
-        ("beta [rad/s]", "zeta [rad/s²]", "beta + T zeta [rad/s]", "largest difference"), tuple(rows), words.IDENTITY_HOW,
-        words.IDENTITY, decimals=(3, 3, 5, 6), short="Identity",
-    )  # fmt: skip
+        "identity",
+        "The printed zeta against beta + T zeta alone",
+        ("beta [rad/s]", "zeta [rad/s²]", "beta + T zeta [rad/s]", "largest difference"),
+        tuple(rows),
+        words.IDENTITY_HOW,
+        words.IDENTITY,
+        decimals=(3, 3, 5, 6),
+        short="Identity",
+    )
 
 
 def mean_difference(part: Part, kind: OrientationFilter) -> float:
-    """Mean length of the difference of a filter's and the device's quaternions, of equal sign, while the sensor moves about."""
+    """Mean length of the difference of a filter's and the device's quaternions, of equal sign,
+    while the sensor moves about.
+    """
     device = get_filter("device").run(part.samples)[part.moving]
     q = kind.run(part.samples)[part.moving]
     return float(np.linalg.norm(_same_sign(q, device) - device, axis=1).mean())
 
 
 def angle_of(difference: float) -> float:
-    """Angle between two orientations whose unit quaternions lie so far apart [deg]: |q - p| = 2 sin(angle / 4)."""
+    """Angle between two orientations whose unit quaternions lie so far apart [deg]: |q - p| = 2
+    sin(angle / 4).
+    """
     return float(np.degrees(4 * np.arcsin(difference / 2)))
 
 
@@ -189,7 +235,13 @@ def difference_table(part: Part, published: PublishedTable) -> StudyTable:
 
     theirs = {row.label: tuple(row.values) for row in published.rows}
     ours = printed(0.35, 0.07)
-    rows = [StudyRow("gains by noise", (0.35, 0.07, ours, angle_of(ours), None), (*theirs["noise"], None, None))]
+    rows = [
+        StudyRow(
+            "gains by noise",
+            (0.35, 0.07, ours, angle_of(ours), None),
+            (*theirs["noise"], None, None),
+        )
+    ]
     for name, (betas, zetas) in SWEEPS.items():
         grid = np.array([[printed(beta, zeta) for zeta in zetas] for beta in betas])
         i, j = np.unravel_index(int(np.argmin(grid)), grid.shape)
@@ -197,25 +249,48 @@ def difference_table(part: Part, published: PublishedTable) -> StudyTable:
         values = (float(betas[i]), float(zetas[j]), best, angle_of(best), spread)
         distance = theirs[name][2]
         angle = None if distance is None else angle_of(distance)
-        note = "" if angle is None else f"the published difference is an angle of {angle:.1f} deg if it is a length"
+        note = (
+            ""
+            if angle is None
+            else f"the published difference is an angle of {angle:.1f} deg if it is a length"
+        )
         rows.append(StudyRow(f"{name}, best", values, (*theirs[name], None, None), note))
     columns = ("beta", "zeta", "mean difference", "as an angle [deg]", "most that zeta changes it")
     why = words.DIFFERENCE.format(angle=angle_of(_number(theirs["sweep 2"][2])))
     return StudyTable(
-        "difference", "Mean difference between Madgwick's filter, zeta as printed, and the device", columns, tuple(rows),
-        words.DIFFERENCE_HOW, why, decimals=(2, 2, 5, 2, 5), ratio_column=2, short="Difference to the device",
-    )  # fmt: skip
+        "difference",
+        "Mean difference between Madgwick's filter, zeta as printed, and the device",
+        columns,
+        tuple(rows),
+        words.DIFFERENCE_HOW,
+        why,
+        decimals=(2, 2, 5, 2, 5),
+        ratio_column=2,
+        short="Difference to the device",
+    )
 
 
-def map_table(part: Part, name: str, zetas: Sequence[float], key: str, objective: str) -> StudyTable:
+def map_table(
+    part: Part, name: str, zetas: Sequence[float], key: str, objective: str
+) -> StudyTable:
     """Error against the arm over both gains [deg]."""
-    trials = SessionTrials(part.session, Objective.parse(objective), get_filter(name), ["beta", "zeta"])
-    rows = [StudyRow(f"beta {beta:g}", tuple(trials((beta, zeta)) for zeta in zetas)) for beta in BETAS]
+    trials = SessionTrials(
+        part.session, Objective.parse(objective), get_filter(name), ["beta", "zeta"]
+    )
+    rows = [
+        StudyRow(f"beta {beta:g}", tuple(trials((beta, zeta)) for zeta in zetas)) for beta in BETAS
+    ]
     caption, short, why = words.MAPS[key]
     return StudyTable(
-        key, caption, tuple(f"zeta {zeta:g}" for zeta in zetas), tuple(rows), words.MAP_HOW, why, decimals=(3,) * len(zetas),
+        key,
+        caption,
+        tuple(f"zeta {zeta:g}" for zeta in zetas),
+        tuple(rows),
+        words.MAP_HOW,
+        why,
+        decimals=(3,) * len(zetas),
         short=short,
-    )  # fmt: skip
+    )
 
 
 def gains(sessions: Sequence[Session], now: str) -> dict[str, Tuning]:
@@ -229,9 +304,14 @@ def gains(sessions: Sequence[Session], now: str) -> dict[str, Tuning]:
         ("with a bias state, without magnetometer", IMU, ["beta", "zeta"], INCLINATION),
     ):
         found[label] = tune(
-            get_filter(name), Sessions.given(sessions, []), objective, now, parameters, Effort(values=7),
+            get_filter(name),
+            Sessions.given(sessions, []),
+            objective,
+            now,
+            parameters,
+            Effort(values=7),
             leave_one_out=len(sessions) > 1,
-        )  # fmt: skip
+        )
     return found
 
 
@@ -243,56 +323,105 @@ def gain_table(tunings: dict[str, Tuning]) -> StudyTable:
         held = [entry.left_out_value for entry in found.sessions]
         kind = found.objective.removeprefix(f"{SENSOR}.").removesuffix("_rmse_deg")
         best = (found.parameters["beta"], found.parameters["zeta"])
-        rows.append(StudyRow(label, (kind, *best, found.default_value, found.value, _mean(own), _mean(held))))
+        rows.append(
+            StudyRow(
+                label, (kind, *best, found.default_value, found.value, _mean(own), _mean(held))
+            )
+        )
     columns = (
-        "error", "beta [rad/s]", "zeta [rad/s²]", "default [deg]", "tuned on all parts [deg]", "each part's own [deg]",
+        "error",
+        "beta [rad/s]",
+        "zeta [rad/s²]",
+        "default [deg]",
+        "tuned on all parts [deg]",
+        "each part's own [deg]",
         "each part by the others' gains [deg]",
-    )  # fmt: skip
+    )
     return StudyTable(
-        "gains", "RMS error against the arm with tuned gains, mean over the parts", columns, tuple(rows), words.GAINS_HOW,
-        words.GAINS, decimals=(0, 4, 5, 3, 3, 3, 3), short="What a bias state gains",
-    )  # fmt: skip
+        "gains",
+        "RMS error against the arm with tuned gains, mean over the parts",
+        columns,
+        tuple(rows),
+        words.GAINS_HOW,
+        words.GAINS,
+        decimals=(0, 4, 5, 3, 3, 3, 3),
+        short="What a bias state gains",
+    )
 
 
 def bias_table(part: Part, tunings: dict[str, Tuning]) -> StudyTable:
-    """The bias that the filter ends with, beside what the gyroscope read at rest at the beginning."""
+    """The bias that the filter ends with, beside what the gyroscope read at rest at the
+    beginning.
+    """
     rest = np.degrees(part.samples.gyr[part.rest].mean(axis=0))
     columns, found = ["at rest before [deg/s]"], [rest]
-    for label in ("zeta as printed", "with a bias state", "with a bias state, without magnetometer"):
+    for label in (
+        "zeta as printed",
+        "with a bias state",
+        "with a bias state, without magnetometer",
+    ):
         kind = get_filter(tunings[label].filter, tunings[label].parameters)
         assert isinstance(kind, RecursiveFilter)
         _, state = kind.advance(part.samples)
         columns.append(f"{label} [deg/s]")
         found.append(np.degrees(state["gyr_bias_rad_s"]))
-    rows = [StudyRow(axis, tuple(float(values[i]) for values in found)) for i, axis in enumerate("xyz")]
+    rows = [
+        StudyRow(axis, tuple(float(values[i]) for values in found)) for i, axis in enumerate("xyz")
+    ]
     return StudyTable(
-        "bias", "Bias of the gyroscope at the end of the first part", tuple(columns), tuple(rows), words.BIAS_HOW, words.BIAS,
-        decimals=(3,) * len(columns), short="Bias",
-    )  # fmt: skip
+        "bias",
+        "Bias of the gyroscope at the end of the first part",
+        tuple(columns),
+        tuple(rows),
+        words.BIAS_HOW,
+        words.BIAS,
+        decimals=(3,) * len(columns),
+        short="Bias",
+    )
 
 
 def noise_table(part: Part) -> StudyTable:
-    """Gains from the noise at rest: by the printed formulas, in both units, and by those of Madgwick's report."""
+    """Gains from the noise at rest: by the printed formulas, in both units, and by those of
+    Madgwick's report.
+    """
     rate = part.samples.gyr[part.rest]
     sigma = float(rate.std(axis=0, ddof=1).mean())
     middle = len(rate) // 2
-    drift = float(np.abs(rate[middle:].mean(axis=0) - rate[:middle].mean(axis=0)).mean() / (middle * part.samples.interval))
+    drift = float(
+        np.abs(rate[middle:].mean(axis=0) - rate[:middle].mean(axis=0)).mean()
+        / (middle * part.samples.interval)
+    )
     degree = float(np.degrees(1.0))
     factor = np.sqrt(0.75)
     rows = (
-        StudyRow("as printed, sqrt(3/4 sigma), rad/s", (sigma, *(float(np.sqrt(0.75 * x)) for x in (sigma, drift)))),
         StudyRow(
-            "as printed, deg/s taken for rad/s", (sigma * degree, *(float(np.sqrt(0.75 * degree * x)) for x in (sigma, drift))),
+            "as printed, sqrt(3/4 sigma), rad/s",
+            (sigma, *(float(np.sqrt(0.75 * x)) for x in (sigma, drift))),
+        ),
+        StudyRow(
+            "as printed, deg/s taken for rad/s",
+            (sigma * degree, *(float(np.sqrt(0.75 * degree * x)) for x in (sigma, drift))),
             (None, 0.35, 0.07),
         ),
-        StudyRow("Madgwick 2010, sqrt(3/4) sigma, rad/s", (sigma, float(factor * sigma), float(factor * drift))),
-    )  # fmt: skip
+        StudyRow(
+            "Madgwick 2010, sqrt(3/4) sigma, rad/s",
+            (sigma, float(factor * sigma), float(factor * drift)),
+        ),
+    )
     implied = 0.35**2 / 0.75
-    why = words.NOISE.format(printed=implied, right=0.35 / factor, right_deg=float(np.degrees(0.35 / factor)))
+    why = words.NOISE.format(
+        printed=implied, right=0.35 / factor, right_deg=float(np.degrees(0.35 / factor))
+    )
     return StudyTable(
-        "noise", "Gains from the noise at rest", ("sigma", "beta", "zeta"), rows, words.NOISE_HOW, why, decimals=(6, 5, 6),
+        "noise",
+        "Gains from the noise at rest",
+        ("sigma", "beta", "zeta"),
+        rows,
+        words.NOISE_HOW,
+        why,
+        decimals=(6, 5, 6),
         short="Gains by noise",
-    )  # fmt: skip
+    )
 
 
 def error_boxes(part: Part, tunings: dict[str, Tuning]) -> StudyBoxes:
@@ -319,10 +448,18 @@ def _errors(part: Part, kind: OrientationFilter, steps: list[PlannedStep]) -> Bo
 def _findings(tables: dict[str, StudyTable], tunings: dict[str, Tuning]) -> tuple[str, ...]:
     def errors(label: str) -> list[float]:
         found = tunings[label].sessions
-        return [_number(entry.own_value if entry.left_out_value is None else entry.left_out_value) for entry in found]
+        return [
+            _number(entry.own_value if entry.left_out_value is None else entry.left_out_value)
+            for entry in found
+        ]
 
     gained = told(Change.of(errors("with a bias state"), errors("beta alone")))
-    imu_gained = told(Change.of(errors("with a bias state, without magnetometer"), errors("beta alone, without magnetometer")))
+    imu_gained = told(
+        Change.of(
+            errors("with a bias state, without magnetometer"),
+            errors("beta alone, without magnetometer"),
+        )
+    )
     steps = [_numbers(row) for row in tables["identity"].rows if row.label.startswith("one step")]
     ours, theirs = tables["difference"].rows[-1].values, tables["difference"].rows[-1].published
     distance, published = _number(ours[2]), _number(theirs[2])
@@ -330,16 +467,36 @@ def _findings(tables: dict[str, StudyTable], tunings: dict[str, Tuning]) -> tupl
     held_out = all(row.values[-1] is not None for row in tables["gains"].rows)
     printed, alone, state, imu_alone, imu_state = (
         _number(row.values[-1 if held_out else 4]) for row in tables["gains"].rows
-    )  # fmt: skip
-    where = "on parts that they were not tuned on" if held_out else "on the part that they were tuned on"
+    )
+    where = (
+        "on parts that they were not tuned on"
+        if held_out
+        else "on the part that they were tuned on"
+    )
     return (
-        words.IDENTICAL.format(first=steps[0][0], second=steps[0][1], together=steps[0][2], most=max(row[3] for row in steps)),
-        words.DISTANCE.format(ours=distance, angle=angle_of(distance), theirs=published, their_angle=angle_of(published)),
+        words.IDENTICAL.format(
+            first=steps[0][0],
+            second=steps[0][1],
+            together=steps[0][2],
+            most=max(row[3] for row in steps),
+        ),
+        words.DISTANCE.format(
+            ours=distance,
+            angle=angle_of(distance),
+            theirs=published,
+            their_angle=angle_of(published),
+        ),
         words.GAINED.format(
-            where=where, printed=printed, alone=alone, state=state, imu_alone=imu_alone, imu_state=imu_state, gained=gained,
+            where=where,
+            printed=printed,
+            alone=alone,
+            state=state,
+            imu_alone=imu_alone,
+            imu_state=imu_state,
+            gained=gained,
             imu_gained=imu_gained,
         ),
-    )  # fmt: skip
+    )
 
 
 def _number(value: Value) -> float:

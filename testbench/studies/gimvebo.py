@@ -1,4 +1,6 @@
-"""The study `gimvebo`: what the integrator does to the calibration of a gyroscope, beside Botina & Vergara 2018."""
+"""The study `gimvebo`: what the integrator does to the calibration of a gyroscope, beside Botina &
+Vergara 2018.
+"""
 
 from __future__ import annotations
 
@@ -82,7 +84,12 @@ def run(bench: StudyBench) -> StudyRecord:
         words.QUESTION,
         published.source,
         started,
-        {"protocol": PROTOCOL, "plan_hash": the_plan.hash, "seed": bench.seed, "parts": bench.parts},
+        {
+            "protocol": PROTOCOL,
+            "plan_hash": the_plan.hash,
+            "seed": bench.seed,
+            "parts": bench.parts,
+        },
         tuple(sessions),
         _findings(part, calibrated, {table.key: table for table in tables}),
         tuple(tables),
@@ -94,7 +101,10 @@ def run(bench: StudyBench) -> StudyRecord:
 
 def fault_table(part: Part, published: PublishedTables, bias: TriadCalibration) -> StudyTable:
     """Correct integrators fed with the two suspected faults."""
-    turned, fitted = in_degrees(part.held_out.turns, bias.bias), in_degrees(part.fit.turns, bias.bias)
+    turned, fitted = (
+        in_degrees(part.held_out.turns, bias.bias),
+        in_degrees(part.fit.turns, bias.bias),
+    )
     speed = float(np.median(np.concatenate([np.linalg.norm(turn.gyr, axis=1) for turn in turned])))
     rows, factors = [], []
 
@@ -116,21 +126,31 @@ def fault_table(part: Part, published: PublishedTables, bias: TriadCalibration) 
         factor = speed_factor(quantity, float(target.values[1] or 0.0))
         if factor is not None:
             factors.append(factor)
-            add(f"the same at {factor:.2f} times our speed", quantity(factor), published_box(target))
+            add(
+                f"the same at {factor:.2f} times our speed", quantity(factor), published_box(target)
+            )
     left = {}
     for name, label, turns in (
         *((name, TITLES[name], fitted) for name in INTEGRATORS),
         ("trapezoid", "Tustin as printed", as_printed(fitted)),
     ):
         table = published.tables[INTEGRATORS[name]]
-        before, after = angles_deg(NONE, turns, name), angles_deg(fit_in_degrees(turns, name), turns, name)
+        before, after = (
+            angles_deg(NONE, turns, name),
+            angles_deg(fit_in_degrees(turns, name), turns, name),
+        )
         left[label] = float(np.median(after))
-        add(f"angle [deg], {label}, deg/s, before the fit", before, published_box(table.row("accelerometer")))
+        add(
+            f"angle [deg], {label}, deg/s, before the fit",
+            before,
+            published_box(table.row("accelerometer")),
+        )
         add(f"angle [deg], {label}, deg/s, after the fit", after, published_box(table.row("both")))
     theirs = float(published.tables[INTEGRATORS["trapezoid"]].row("both").values[1] or 0.0)
     return StudyTable(
         "faults",
-        "What two faults of an implementation do: rates in deg/s taken for rad/s, and a misplaced 1/2",
+        "What two faults of an implementation do: rates in deg/s taken for rad/s, and a misplaced "
+        "1/2",
         BOX,
         tuple(rows),
         f"{words.BOX_HOW} {words.FAULTS_HOW.format(speed=speed)}",
@@ -146,10 +166,12 @@ def fault_table(part: Part, published: PublishedTables, bias: TriadCalibration) 
 
 
 def true_parameters(plan: Plan, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Matrix, bias and response to force of the simulated gyroscope that a calibration should find, from the seed of its run.
+    """Matrix, bias and response to force of the simulated gyroscope that a calibration should find,
+    from the seed of its run.
 
-    The calibrated frame is that of the accelerometer's calibration, T K upper triangular. The accelerometer's own errors A turn
-    it from the frame that the simulator works in: T K = R A^-1 with a rotation R, a QR decomposition of A^-1.
+    The calibrated frame is that of the accelerometer's calibration, T K upper triangular. The
+    accelerometer's own errors A turn it from the frame that the simulator works in: T K = R A^-1
+    with a rotation R, a QR decomposition of A^-1.
     """
     sheet = plan.protocol.spec.sensors[SENSOR].imu()
 
@@ -167,17 +189,34 @@ def parameter_table(part: Part, found: TriadCalibration, plan: Plan, seed: int) 
     matrix, bias, g_matrix = true_parameters(plan, seed)
     scale = np.diag(matrix)
     T = matrix / scale
-    truth = [*scale, -T[0, 1], T[0, 2], T[1, 0], -T[1, 2], -T[2, 0], T[2, 1], *bias, *g_matrix.ravel()]
+    truth = [
+        *scale,
+        -T[0, 1],
+        T[0, 2],
+        T[1, 0],
+        -T[1, 2],
+        -T[2, 0],
+        T[2, 1],
+        *bias,
+        *g_matrix.ravel(),
+    ]
     (fit,) = found.fits
-    shown = {"rad": (1e3, "mrad"), "rad/s": (np.degrees(1), "deg/s"), "rad/s/(m/s^2)": (np.degrees(part.gravity), "deg/s/g")}
+    shown = {
+        "rad": (1e3, "mrad"),
+        "rad/s": (np.degrees(1), "deg/s"),
+        "rad/s/(m/s^2)": (np.degrees(part.gravity), "deg/s/g"),
+    }
     rows = []
     for i, name in enumerate(fit.names):
         factor, unit = shown.get(fit.units[i], (1.0, fit.units[i]))
-        value, sd, true = (float(factor * number) for number in (fit.values[i], fit.sd[i], truth[i]))
+        value, sd, true = (
+            float(factor * number) for number in (fit.values[i], fit.sd[i], truth[i])
+        )
         rows.append(StudyRow(name, (unit, value, sd, true, (value - true) / sd)))
     return StudyTable(
         "parameters",
-        "The parameters (RK4, with g-sensitivity), beside the errors that the simulated part was born with",
+        "The parameters (RK4, with g-sensitivity), beside the errors that the simulated part was "
+        "born with",
         ("unit", "value", "standard uncertainty", "true", "difference / uncertainty"),
         tuple(rows),
         words.PARAMETERS_HOW.format(condition=fit.condition),
@@ -185,27 +224,37 @@ def parameter_table(part: Part, found: TriadCalibration, plan: Plan, seed: int) 
     )
 
 
-def _findings(part: Part, calibrated: dict[str, Calibrated], tables: dict[str, StudyTable]) -> tuple[str, ...]:
+def _findings(
+    part: Part, calibrated: dict[str, Calibrated], tables: dict[str, StudyTable]
+) -> tuple[str, ...]:
     def number(table: str, row: int, column: int) -> float:
         return float(tables[table].rows[row].values[column] or 0.0)
 
-    medians = {name: float(np.median(angles(part, found.nine, name))) for name, found in calibrated.items()}
+    medians = {
+        name: float(np.median(angles(part, found.nine, name))) for name, found in calibrated.items()
+    }
     with_g = float(np.median(angles(part, calibrated["rk4"].with_g, "rk4")))
     seconds = [number("4.7", -1, column) for column in (0, 2, 4)]
     spread = max(medians.values()) - min(medians.values())
     rows = range(len(tables["parts"].rows))
-    gained = Change.of([number("parts", row, 2) for row in rows], [number("parts", row, 0) for row in rows])
+    gained = Change.of(
+        [number("parts", row, 2) for row in rows], [number("parts", row, 0) for row in rows]
+    )
     return (
         words.FOUND_ANGLE.format(**medians),
         words.FOUND_G.format(with_g=with_g, shown=told(gained)),
-        words.FOUND_INTEGRATOR.format(spread=spread, percent=100 * spread / float(np.mean(list(medians.values())))),
+        words.FOUND_INTEGRATOR.format(
+            spread=spread, percent=100 * spread / float(np.mean(list(medians.values())))
+        ),
         words.FOUND_TIME.format(*seconds),
         words.FOUND_MAGNITUDE.format(raw=number("4.1", 1, 7), calibrated=number("4.1", 3, 7)),
         words.FOUND_FAULT,
     )
 
 
-def _figure(part: Part, calibrated: dict[str, Calibrated], published: PublishedTables) -> StudyBoxes:
+def _figure(
+    part: Part, calibrated: dict[str, Calibrated], published: PublishedTables
+) -> StudyBoxes:
     ours, theirs = {}, {}
     for name, title in TITLES.items():
         ours[title] = BoxNumbers.of(angles(part, calibrated[name].nine, name))
@@ -213,13 +262,17 @@ def _figure(part: Part, calibrated: dict[str, Calibrated], published: PublishedT
         if name in INTEGRATORS:
             row = published.tables[INTEGRATORS[name]].row("both")
             q1, median, q3, _, low, high = (float(value or 0.0) for value in row.values)
-            theirs[f"{title}, published"] = BoxNumbers(low, q1, median, q3, high, tuple(row.outliers))
+            theirs[f"{title}, published"] = BoxNumbers(
+                low, q1, median, q3, high, tuple(row.outliers)
+            )
     return StudyBoxes(
         "Angle between gravity by the accelerometer and by integration, everything calibrated",
         "angle [deg]",
         ours,
         theirs,
-        "How to read: boxes from the lower to the upper quartile with the median, whiskers to the farthest value within 1.5 "
-        "interquartile ranges; the axis is logarithmic. Ours are held out, the published ones were fitted.",
+        "How to read: boxes from the lower to the upper quartile with the median, whiskers to the "
+        "farthest value within 1.5 "
+        "interquartile ranges; the axis is logarithmic. Ours are held out, the published ones were "
+        "fitted.",
         logarithmic=True,
     )

@@ -1,7 +1,9 @@
-"""Faults of an implementation, fed to correct integrators on purpose: which of them gives numbers like the published ones?
+"""Faults of an implementation, fed to correct integrators on purpose: which of them gives numbers
+like the published ones?
 
-Two candidates: rates in deg/s taken for rad/s, and the factor 1/2 before the bracket, as eqs 2.33 to 2.38 of Botina & Vergara
-2018 are printed. Nobody but their authors can know; what can be shown is what each would do.
+Two candidates: rates in deg/s taken for rad/s, and the factor 1/2 before the bracket, as eqs 2.33
+to 2.38 of Botina & Vergara 2018 are printed. Nobody but their authors can know; what can be shown
+is what each would do.
 """
 
 from __future__ import annotations
@@ -30,33 +32,50 @@ def in_degrees(turns: Sequence[Turn], bias: np.ndarray) -> list[Turn]:
 
 
 def as_printed(turns: Sequence[Turn]) -> list[Turn]:
-    """The turns with rates that lead a correct integrator to the directions of the formula as printed.
+    """The turns with rates that lead a correct integrator to the directions of the formula as
+    printed.
 
-    (q + integral of f) / 2 with dq/dt = f / 2 is half the step of twice the rate; the half changes the length alone.
+    (q + integral of f) / 2 with dq/dt = f / 2 is half the step of twice the rate; the half changes
+    the length alone.
     """
     return [replace(turn, gyr=2.0 * turn.gyr) for turn in turns]
 
 
-def norms(turns: Sequence[Turn], integrator: str, stages: Stages, factor: float = 1.0) -> np.ndarray:
-    """Norm of the quaternion after each step of each turn, carried on from step to step; rates times `factor`."""
+def norms(
+    turns: Sequence[Turn], integrator: str, stages: Stages, factor: float = 1.0
+) -> np.ndarray:
+    """Norm of the quaternion after each step of each turn, carried on from step to step; rates
+    times `factor`.
+    """
     method, found = get_integrator(integrator), []
     for turn in turns:
         rates = turn.gyr[: len(turn.gyr) - (stages == "measured" and len(turn.gyr) % 2 == 0)]
-        found.append(np.linalg.norm(method.integrate(factor * rates, turn.interval, stages=stages)[1:], axis=1))
+        found.append(
+            np.linalg.norm(
+                method.integrate(factor * rates, turn.interval, stages=stages)[1:], axis=1
+            )
+        )
     return np.concatenate(found)
 
 
 def norms_as_printed(turns: Sequence[Turn], integrator: str, factor: float = 1.0) -> np.ndarray:
-    """Norm after each step by the formula as printed, every step begun at unit length; rates times `factor`."""
+    """Norm after each step by the formula as printed, every step begun at unit length; rates times
+    `factor`.
+    """
     method, found = get_integrator(integrator), []
     for turn in turns:
         stage_rates, _ = method.stages_from_samples(factor * turn.gyr)
-        found += [np.linalg.norm(steps_as_printed(method, step[None], turn.interval)[1]) for step in stage_rates]
+        found += [
+            np.linalg.norm(steps_as_printed(method, step[None], turn.interval)[1])
+            for step in stage_rates
+        ]
     return np.array(found)
 
 
 def speed_factor(quantity: Callable[[float], np.ndarray], median: float) -> float | None:
-    """The factor of the rates at which the median of a quantity is the wanted one; the smallest, None if there is none."""
+    """The factor of the rates at which the median of a quantity is the wanted one; the smallest,
+    None if there is none.
+    """
 
     def off(factor: float) -> float:
         return float(np.median(quantity(factor))) - median
@@ -72,20 +91,27 @@ def speed_factor(quantity: Callable[[float], np.ndarray], median: float) -> floa
 
 
 def fit_in_degrees(turns: Sequence[Turn], integrator: str) -> TriadCalibration:
-    """Scales and misalignments by Levenberg-Marquardt from one and zero, rates in deg/s taken for rad/s, bias removed
-    beforehand.
+    """Scales and misalignments by Levenberg-Marquardt from one and zero, rates in deg/s taken for
+    rad/s, bias removed beforehand.
 
-    The right scale, pi/180, is many turns away from the start: the search ends in a minimum near it.
+    The right scale, pi/180, is many turns away from the start: the search ends in a minimum near
+    it.
     """
     integration = TurnIntegration(turns, get_integrator(integrator))
-    before, after = (np.array([getattr(turn, key) for turn in turns]) for key in ("up_before", "up_after"))
+    before, after = (
+        np.array([getattr(turn, key) for turn in turns]) for key in ("up_before", "up_after")
+    )
     nothing = np.zeros(3)
 
     def difference(theta: np.ndarray) -> np.ndarray:
-        ends = integration.run(matrix_of(np.concatenate([theta, nothing]))[0], nothing).q_before_from_after
+        ends = integration.run(
+            matrix_of(np.concatenate([theta, nothing]))[0], nothing
+        ).q_before_from_after
         return (rotation.rotate(rotation.conjugate(ends), before) - after).ravel()
 
-    found = least_squares(difference, np.repeat([1.0, 0.0], [3, 6]), method="lm", max_nfev=MOST_EVALUATIONS)
+    found = least_squares(
+        difference, np.repeat([1.0, 0.0], [3, 6]), method="lm", max_nfev=MOST_EVALUATIONS
+    )
     return TriadCalibration("fit_in_degrees", matrix_of(np.concatenate([found.x, nothing]))[0])
 
 

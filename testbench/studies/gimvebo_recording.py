@@ -1,4 +1,6 @@
-"""A session of the protocol gimvebo_gyro, cut into what calibrations are made from and judged by."""
+"""A session of the protocol gimvebo_gyro, cut into what calibrations are made from and judged
+by.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from testbench.records.session import Session
 
 SENSOR = "imu"
 REST_SAMPLES, TURN_SAMPLES = 100, 200
-"""As Botina & Vergara 2018, section 3: 100 accelerations at rest on either side of 200 angular rates."""
+"""As Botina & Vergara 2018, section 3: 100 accelerations at rest on either side of 200 angular
+rates.
+"""
 SETTLING_S = 0.5
 """A pose counts from this long after the arm was to have come to rest [s]."""
 NONE = TriadCalibration("none")
@@ -28,9 +32,14 @@ class Part:
     """One sensor on the gimbal: what its session gives.
 
     Attributes:
-        session: Its name. gravity: Magnitude [m/s^2]. accelerometer: Fitted to the section `poses`. fit, held_out: Rests and
-        turns of these sections, gravity by the calibrated accelerometer. held_out_raw: The same, gravity by the raw one.
-        held_out_rests: Raw accelerations in the rests between the held-out turns, shape (n, 3) each [m/s^2].
+        session: Its name.
+        gravity: Magnitude [m/s^2].
+        accelerometer: Fitted to the section `poses`.
+        fit: Rests and turns of these sections, gravity by the calibrated accelerometer.
+        held_out: Rests and turns of these sections, gravity by the calibrated accelerometer.
+        held_out_raw: The same, gravity by the raw one.
+        held_out_rests: Raw accelerations in the rests between the held-out turns, shape (n, 3) each
+            [m/s^2].
     """
 
     session: str
@@ -50,14 +59,19 @@ def read_part(session: Session, estimate: Estimate) -> Part:
     """
     samples, time = session.imu(SENSOR), estimate.sensors[SENSOR].host_time_ns
     if len(samples) < 2 or (np.diff(samples.counter) != 1).any():
-        raise SessionError(f"{session.path}: samples of '{SENSOR}' are missing; this study needs them all")
+        raise SessionError(
+            f"{session.path}: samples of '{SENSOR}' are missing; this study needs them all"
+        )
     assert session.robot is not None  # the protocol ran on an arm
     gravity = float(np.linalg.norm(session.robot.gravity))
     interval = float(time[-1] - time[0]) / NANOSECONDS / (len(time) - 1)
     settling = round(SETTLING_S * NANOSECONDS)
     rests = np.array(
         [
-            [np.searchsorted(time, step.settled_ns + settling, side="right"), np.searchsorted(time, step.end_ns)]
+            [
+                np.searchsorted(time, step.settled_ns + settling, side="right"),
+                np.searchsorted(time, step.end_ns),
+            ]
             for step in session.steps
             if step.section == "poses"
         ]
@@ -68,7 +82,9 @@ def read_part(session: Session, estimate: Estimate) -> Part:
     up_sd = max(float(np.sqrt(np.mean(left**2))), 1e-6)
     cut = _Cut(samples.acc, samples.gyr, interval, up_sd)
     begins = {name: _begins(session, time, name, len(samples)) for name in ("fit", "held_out")}
-    borders = [_rests(begin)[0] for begin in begins["held_out"]] + [_rests(begins["held_out"][-1])[1]]
+    borders = [_rests(begin)[0] for begin in begins["held_out"]] + [
+        _rests(begins["held_out"][-1])[1]
+    ]
     return Part(
         session.name,
         gravity,
@@ -87,12 +103,16 @@ def _begins(session: Session, time: np.ndarray, section: str, n: int) -> list[in
     if not begins or begins[0] < REST_SAMPLES or begins[-1] + TURN_SAMPLES + REST_SAMPLES > n:
         raise SessionError(f"{session.path}: section '{section}' lacks the rests around its moves")
     if (np.diff(begins) < TURN_SAMPLES + REST_SAMPLES - 1).any():
-        raise SessionError(f"{session.path}: the moves of section '{section}' follow one another too soon")
+        raise SessionError(
+            f"{session.path}: the moves of section '{section}' follow one another too soon"
+        )
     return begins
 
 
 def _rests(begin: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Rows of the rests before and after the move that begins there; the last sample of one is the first of the turn."""
+    """Rows of the rests before and after the move that begins there; the last sample of one is the
+    first of the turn.
+    """
     after = begin + TURN_SAMPLES - 1
     return (begin + 1 - REST_SAMPLES, begin + 1), (after, after + REST_SAMPLES)
 
@@ -115,5 +135,7 @@ class _Cut:
             rests.append(Rest(self.gyr[b0:b1], before))
             turn = slice(begin, begin + TURN_SAMPLES)
             up, then = before / np.linalg.norm(before), after / np.linalg.norm(after)
-            turns.append(Turn(self.gyr[turn], self.interval, up, then, force=force[turn], up_sd=self.up_sd))
+            turns.append(
+                Turn(self.gyr[turn], self.interval, up, then, force=force[turn], up_sd=self.up_sd)
+            )
         return GyroscopeRecording(rests, turns)

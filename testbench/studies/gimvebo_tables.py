@@ -9,7 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.clock import Clock
-from testbench.estimation.calibration.gyroscope import gravity_direction_errors, gravity_turns, static_bias
+from testbench.estimation.calibration.gyroscope import (
+    gravity_direction_errors,
+    gravity_turns,
+    static_bias,
+)
 from testbench.frames import NANOSECONDS
 from testbench.model.integrators import Stages, get_integrator
 from testbench.records.calibration import TriadCalibration
@@ -34,7 +38,9 @@ MOST_OUTLIERS = 6
 
 @dataclass(frozen=True)
 class Calibrated:
-    """The gyroscope of a part, calibrated with one integrator on the section `fit`: nine parameters, or g-sensitivity too."""
+    """The gyroscope of a part, calibrated with one integrator on the section `fit`: nine
+    parameters, or g-sensitivity too.
+    """
 
     nine: TriadCalibration
     with_g: TriadCalibration
@@ -42,17 +48,27 @@ class Calibrated:
 
 def calibrate(part: Part, integrator: str) -> Calibrated:
     """Fit the gyroscope to the turns of the section `fit`."""
-    return Calibrated(gravity_turns(part.fit, integrator), gravity_turns(part.fit, integrator, g_sensitivity=True))
+    return Calibrated(
+        gravity_turns(part.fit, integrator), gravity_turns(part.fit, integrator, g_sensitivity=True)
+    )
 
 
 def angles(
-    part: Part, calibration: TriadCalibration, integrator: str, raw: bool = False, stages: Stages | None = None
+    part: Part,
+    calibration: TriadCalibration,
+    integrator: str,
+    raw: bool = False,
+    stages: Stages | None = None,
 ) -> np.ndarray:
-    """Angle between gravity by the accelerometer and by integration after each held-out turn, shape (10,) [deg].
+    """Angle between gravity by the accelerometer and by integration after each held-out turn, shape
+    (10,) [deg].
 
     Args:
-        part: Of the study. calibration: Of the gyroscope. integrator, stages: How to integrate. raw: Gravity by the raw
-        accelerometer.
+        part: Of the study.
+        calibration: Of the gyroscope.
+        integrator: How to integrate.
+        stages: How to integrate.
+        raw: Gravity by the raw accelerometer.
     """
     turns = (part.held_out_raw if raw else part.held_out).turns
     return np.degrees(gravity_direction_errors(calibration, turns, integrator, stages))
@@ -61,12 +77,18 @@ def angles(
 def box_values(box: BoxNumbers, decimals: int = 2) -> tuple[Value, ...]:
     """A box plot as the cells of a row."""
     several = len(box.outliers) > MOST_OUTLIERS
-    outliers = f"{len(box.outliers)} values" if several else ", ".join(f"{value:.{decimals}f}" for value in box.outliers)
+    outliers = (
+        f"{len(box.outliers)} values"
+        if several
+        else ", ".join(f"{value:.{decimals}f}" for value in box.outliers)
+    )
     return box.q1, box.median, box.q3, box.iqr, box.lower, box.upper, outliers or None
 
 
 def published_box(row: PublishedRow) -> tuple[Value, ...]:
-    """A published box plot as the cells of a row; the columns q1, median, q3, iqr, min, max stand first."""
+    """A published box plot as the cells of a row; the columns q1, median, q3, iqr, min, max stand
+    first.
+    """
     outliers = ", ".join(f"{value:g}" for value in row.outliers)
     if row.outlier_count:
         outliers = f"{row.outlier_count} values"
@@ -77,8 +99,12 @@ def magnitude_table(part: Part, published: PublishedTables) -> StudyTable:
     """Table 4.1: the accelerometer."""
     rows = []
     for label, calibration in (("raw", NONE), ("calibrated", part.accelerometer)):
-        single = np.concatenate([np.linalg.norm(calibration.apply(rest), axis=1) for rest in part.held_out_rests])
-        means = np.array([np.linalg.norm(calibration.apply(rest).mean(axis=0)) for rest in part.held_out_rests])
+        single = np.concatenate(
+            [np.linalg.norm(calibration.apply(rest), axis=1) for rest in part.held_out_rests]
+        )
+        means = np.array(
+            [np.linalg.norm(calibration.apply(rest).mean(axis=0)) for rest in part.held_out_rests]
+        )
         beside = published.tables["4.1"].row(label)
         for name, values in (
             (f"{label}, {len(single)} single samples", single),
@@ -108,19 +134,32 @@ def norm_table(part: Part, published: PublishedTables, bias: np.ndarray) -> Stud
         integrator = get_integrator(name)
         stages, found = integrator.best_stages, []
         for turn in part.held_out.turns:
-            rates = (turn.gyr - bias)[: len(turn.gyr) - (stages == "measured" and len(turn.gyr) % 2 == 0)]
-            found.append(np.linalg.norm(integrator.integrate(rates, turn.interval, stages=stages)[1:], axis=1))
+            rates = (turn.gyr - bias)[
+                : len(turn.gyr) - (stages == "measured" and len(turn.gyr) % 2 == 0)
+            ]
+            found.append(
+                np.linalg.norm(
+                    integrator.integrate(rates, turn.interval, stages=stages)[1:], axis=1
+                )
+            )
         values = np.concatenate(found)
         worst[name] = float(np.abs(values - 1).max())
-        theirs = (*published_box(published.tables["4.2"].row(name))[:6], None) if name in INTEGRATORS else ()
+        theirs = (
+            (*published_box(published.tables["4.2"].row(name))[:6], None)
+            if name in INTEGRATORS
+            else ()
+        )
         label = "Euler, not scaled back" if name == "euler_raw" else TITLES[name]
-        rows.append(StudyRow(label, (*box_values(BoxNumbers.of(values))[:6], f"{worst[name]:.1e}"), theirs))
+        rows.append(
+            StudyRow(label, (*box_values(BoxNumbers.of(values))[:6], f"{worst[name]:.1e}"), theirs)
+        )
     return StudyTable(
         "4.2",
         "Norm of the quaternion after each step, never scaled back",
         (*BOX[:6], "largest deviation from 1"),
         tuple(rows),
-        "How to read: rates in rad/s, all ten held-out turns; 1 means that the quaternion is still a rotation.",
+        "How to read: rates in rad/s, all ten held-out turns; 1 means that the quaternion is still "
+        "a rotation.",
         words.NORM.format(**worst),
         "4.2",
         (5, 5, 5, 5, 5, 5, 0),
@@ -128,19 +167,37 @@ def norm_table(part: Part, published: PublishedTables, bias: np.ndarray) -> Stud
     )
 
 
-def angle_table(part: Part, published: PublishedTables, integrator: str, calibrated: Calibrated) -> StudyTable:
+def angle_table(
+    part: Part, published: PublishedTables, integrator: str, calibrated: Calibrated
+) -> StudyTable:
     """Tables 4.3 to 4.5: gravity after the turn, with and without calibration."""
     number = INTEGRATORS[integrator]
     beside = published.tables[number]
     found = (
-        ("accelerometer and gyroscope calibrated", angles(part, calibrated.nine, integrator), "both"),
+        (
+            "accelerometer and gyroscope calibrated",
+            angles(part, calibrated.nine, integrator),
+            "both",
+        ),
         ("accelerometer alone calibrated", angles(part, NONE, integrator), "accelerometer"),
         ("neither calibrated", angles(part, NONE, integrator, raw=True), "none"),
-        ("both calibrated, gyroscope with g-sensitivity", angles(part, calibrated.with_g, integrator), ""),
-        ("accelerometer calibrated, bias alone of the gyroscope", angles(part, static_bias(part.fit), integrator), ""),
+        (
+            "both calibrated, gyroscope with g-sensitivity",
+            angles(part, calibrated.with_g, integrator),
+            "",
+        ),
+        (
+            "accelerometer calibrated, bias alone of the gyroscope",
+            angles(part, static_bias(part.fit), integrator),
+            "",
+        ),
     )
     rows = tuple(
-        StudyRow(label, box_values(BoxNumbers.of(values), 3), published_box(beside.row(theirs)) if theirs else ())
+        StudyRow(
+            label,
+            box_values(BoxNumbers.of(values), 3),
+            published_box(beside.row(theirs)) if theirs else (),
+        )
         for label, values, theirs in found
     )
     return StudyTable(
@@ -159,10 +216,16 @@ def angle_table(part: Part, published: PublishedTables, integrator: str, calibra
 def others_table(part: Part, calibrated: Mapping[str, Calibrated]) -> StudyTable:
     """The same angle by integrators that the publication does not have."""
     rows = [
-        StudyRow(f"{TITLES[name]}, {label}", box_values(BoxNumbers.of(angles(part, calibration, name)), 3))
+        StudyRow(
+            f"{TITLES[name]}, {label}",
+            box_values(BoxNumbers.of(angles(part, calibration, name)), 3),
+        )
         for name, found in calibrated.items()
         if name not in INTEGRATORS
-        for label, calibration in (("nine parameters", found.nine), ("with g-sensitivity", found.with_g))
+        for label, calibration in (
+            ("nine parameters", found.nine),
+            ("with g-sensitivity", found.with_g),
+        )
     ]
     return StudyTable(
         "others",
@@ -181,7 +244,9 @@ def stages_table(part: Part, published: PublishedTables) -> StudyTable:
     for stages in settings:
         found = gravity_turns(part.fit, "rk4", stages, g_sensitivity=True)
         box = BoxNumbers.of(angles(part, found, "rk4", stages=stages))
-        theirs = published_box(published.tables["4.6"].row(stages)) if stages != "interpolated" else ()
+        theirs = (
+            published_box(published.tables["4.6"].row(stages)) if stages != "interpolated" else ()
+        )
         rows.append(StudyRow(f"rate {stages} over the step", box_values(box, 4), theirs))
     return StudyTable(
         "4.6",
@@ -198,10 +263,19 @@ def stages_table(part: Part, published: PublishedTables) -> StudyTable:
 
 def time_table(part: Part, published: PublishedTables, clock: Clock) -> StudyTable:
     """Table 4.7: how long the whole calibration of the gyroscope takes."""
-    measured = np.array([[_timed(part, name, clock) for name in INTEGRATORS] for _ in range(RUNS)]).reshape(RUNS, -1)
-    theirs = np.array([published.tables["4.7"].row(f"run {i + 1}").values for i in range(RUNS)], dtype=float)
-    rows = [StudyRow(f"run {i + 1}", tuple(measured[i].tolist()), tuple(theirs[i].tolist())) for i in range(RUNS)]
-    rows.append(StudyRow("mean", tuple(measured.mean(axis=0).tolist()), tuple(theirs.mean(axis=0).tolist())))
+    measured = np.array(
+        [[_timed(part, name, clock) for name in INTEGRATORS] for _ in range(RUNS)]
+    ).reshape(RUNS, -1)
+    theirs = np.array(
+        [published.tables["4.7"].row(f"run {i + 1}").values for i in range(RUNS)], dtype=float
+    )
+    rows = [
+        StudyRow(f"run {i + 1}", tuple(measured[i].tolist()), tuple(theirs[i].tolist()))
+        for i in range(RUNS)
+    ]
+    rows.append(
+        StudyRow("mean", tuple(measured.mean(axis=0).tolist()), tuple(theirs.mean(axis=0).tolist()))
+    )
     return StudyTable(
         "4.7",
         "Run time of the whole calibration of the gyroscope",
@@ -244,7 +318,8 @@ def parts_table(parts: Sequence[Part]) -> StudyTable:
         "The same for other parts of the same kind",
         titles,
         tuple(rows),
-        "How to read: each row is a session with a part of its own errors; angle after the ten held-out turns, everything "
+        "How to read: each row is a session with a part of its own errors; angle after the ten "
+        "held-out turns, everything "
         "calibrated. The first row is the part of the tables above.",
         decimals=(3,) * len(titles),
     )

@@ -1,4 +1,6 @@
-"""Walking through the parameters of a filter: a grid over their ranges, then Nelder-Mead from its best point."""
+"""Walking through the parameters of a filter: a grid over their ranges, then Nelder-Mead from its
+best point.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ Point = tuple[float, ...]
 Cost = Callable[[Point], float]
 
 FEWEST_VALUES = 3
-"""Of a parameter in a grid of every combination; with fewer the parameters are walked through one after the other."""
+"""Of a parameter in a grid of every combination; with fewer the parameters are walked through one
+after the other.
+"""
 ROUNDS = 2
 """How often each parameter is visited where they are walked through one after the other."""
 FAILED = 1e9
@@ -26,7 +30,9 @@ FAILED = 1e9
 AT_EDGE = 1e-3
 """Nearer than this to an end of its range, in parts of it, an optimum is at the edge."""
 X_TOLERANCE, F_TOLERANCE = 2e-3, 1e-4
-"""Nelder-Mead is at rest when its points differ by less: in parts of the (logarithmic) range, and in degrees."""
+"""Nelder-Mead is at rest when its points differ by less: in parts of the (logarithmic) range, and
+in degrees.
+"""
 MOST_STEPS = 60
 """Of one run of Nelder-Mead, for each parameter."""
 MOST_STARTS = 4
@@ -42,7 +48,10 @@ class Axis:
     def __post_init__(self) -> None:
         p = self.parameter
         if p.scale != "switch" and not (p.low < p.high and (p.scale == "linear" or p.low > 0)):
-            raise InputError(f"the range of {p.name}, {p.low:g} to {p.high:g}, cannot be walked through ({p.scale})")
+            raise InputError(
+                f"the range of {p.name}, {p.low:g} to {p.high:g}, cannot be walked through "
+                f"({p.scale})"
+            )
 
     @property
     def continuous(self) -> bool:
@@ -86,7 +95,8 @@ class Space:
         """Those named, or all.
 
         Raises:
-            NotFoundError: No such parameter. InputError: There is none, or one is named twice.
+            NotFoundError: No such parameter.
+            InputError: There is none, or one is named twice.
         """
         known = {parameter.name: parameter for parameter in parameters}
         for name in names or []:
@@ -118,7 +128,9 @@ class Effort:
     """How hard to look.
 
     Attributes:
-        values: Of each parameter in the grid. points: Most points of a grid of every combination. refine: Go on by Nelder-Mead.
+        values: Of each parameter in the grid.
+        points: Most points of a grid of every combination.
+        refine: Go on by Nelder-Mead.
     """
 
     values: int = 9
@@ -139,8 +151,11 @@ class Optimum:
     """What a search found.
 
     Attributes:
-        point: Best of all tried. value: The cost there. tried: Every point of the grid, in order. evaluations: Different points
-        in all. converged: Whether Nelder-Mead came to rest; True where it had nothing to do.
+        point: Best of all tried.
+        value: The cost there.
+        tried: Every point of the grid, in order.
+        evaluations: Different points in all.
+        converged: Whether Nelder-Mead came to rest; True where it had nothing to do.
     """
 
     point: Point
@@ -154,8 +169,10 @@ def find_optimum(space: Space, start: Point, cost: Cost, effort: Effort) -> Opti
     """The point of least cost.
 
     Args:
-        space: Where to look. start: Values that the search begins with; it never ends worse than there. cost: To be made small;
-        infinite where the filter fails. effort: How hard to look.
+        space: Where to look.
+        start: Values that the search begins with; it never ends worse than there.
+        cost: To be made small; infinite where the filter fails.
+        effort: How hard to look.
     """
     seen: dict[Point, float] = {}
 
@@ -186,9 +203,16 @@ def find_optimum(space: Space, start: Point, cost: Cost, effort: Effort) -> Opti
 
 
 def _refine(space: Space, best: Point, cost: Cost, grid: list[list[float]]) -> bool:
-    """Nelder-Mead (Computer Journal 7, 1965) over what can be varied at the best point; whether it came to rest."""
-    parts = [axis.part(value) if axis.continuous else None for axis, value in zip(space.axes, best, strict=True)]
-    free = [i for i, part in enumerate(parts) if part is not None]  # a switch, or what is off, stays as it is
+    """Nelder-Mead (Computer Journal 7, 1965) over what can be varied at the best point; whether it
+    came to rest.
+    """
+    parts = [
+        axis.part(value) if axis.continuous else None
+        for axis, value in zip(space.axes, best, strict=True)
+    ]
+    free = [
+        i for i, part in enumerate(parts) if part is not None
+    ]  # a switch, or what is off, stays as it is
     if not free:
         return True
     start = np.array([parts[i] for i in free], dtype=float)
@@ -203,11 +227,15 @@ def _refine(space: Space, best: Point, cost: Cost, grid: list[list[float]]) -> b
     value = cost(best)
     for _ in range(
         MOST_STARTS
-    ):  # a simplex may fall flat: one that starts anew there finds out (Kelley, SIAM J. Optim. 10, 1999)
+        # a simplex may fall flat: one that starts anew there finds out (Kelley, SIAM J. Optim. 10,
+        # 1999)
+    ):
         options = {
             "initial_simplex": np.vstack([start, start + np.diag(step)]),
-            "xatol": X_TOLERANCE, "fatol": F_TOLERANCE, "maxfev": MOST_STEPS * len(free),
-        }  # fmt: skip
+            "xatol": X_TOLERANCE,
+            "fatol": F_TOLERANCE,
+            "maxfev": MOST_STEPS * len(free),
+        }
         found = minimize(of_parts, start, method="Nelder-Mead", options=options)
         if not found.success or value - found.fun <= F_TOLERANCE:
             return bool(found.success)
@@ -216,5 +244,7 @@ def _refine(space: Space, best: Point, cost: Cost, grid: list[list[float]]) -> b
 
 
 def _folded(x: np.ndarray) -> np.ndarray:
-    """Parts of the ranges; beyond an end they come back, so that the simplex is never pressed flat against it."""
+    """Parts of the ranges; beyond an end they come back, so that the simplex is never pressed flat
+    against it.
+    """
     return np.asarray(1.0 - np.abs(1.0 - np.mod(x, 2.0)))

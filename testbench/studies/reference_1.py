@@ -1,4 +1,6 @@
-"""The study `reference-1`: sensors at rest, calibration, and the elbow's flexion, beside Castellanos Alonso 2023."""
+"""The study `reference-1`: sensors at rest, calibration, and the elbow's flexion, beside
+Castellanos Alonso 2023.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ from testbench.studies.reference_1_elbow import (
 from testbench.studies.result import StudyResult
 
 QUESTION = (
-    "How well do two kinds of inertial sensors measure an elbow's flexion that a robot arm plays, calibrated and not, by "
+    "How well do two kinds of inertial sensors measure an elbow's flexion that a robot arm plays, "
+    "calibrated and not, by "
     "several filters and Euler sequences, and what does misalignment do to it?"
 )
 REST, TABLES, CHECK, ELBOW = "static_noise", "elbow_tables", "calibration_check", "elbow_flexion"
@@ -43,17 +46,26 @@ def run(bench: StudyBench) -> StudyRecord:
     }
     result = compare(rest, tables, check, elbow)
     sessions = [str(each.session.path) for each in (rest, tables, check, elbow)]
-    settings = {"protocols": ", ".join((REST, TABLES, CHECK, ELBOW)), "seed": bench.seed, "parts": 1}
+    settings = {
+        "protocols": ", ".join((REST, TABLES, CHECK, ELBOW)),
+        "seed": bench.seed,
+        "parts": 1,
+    }
     trace = "; ".join(f"{what}: {session}" for what, session in ours.items())
     title = "An elbow played by a robot arm"
-    return result.record("reference-1", title, QUESTION, started, settings, sessions, f"Of {trace}.")
+    return result.record(
+        "reference-1", title, QUESTION, started, settings, sessions, f"Of {trace}."
+    )
 
 
 def compare(rest: Result, tables: Result, check: Result, elbow: Result) -> StudyResult:
     """All tables, from runs of the four protocols with the same seed.
 
     Args:
-        rest: Of static_noise. tables: Of elbow_tables. check: Of calibration_check. elbow: Of elbow_flexion.
+        rest: Of static_noise.
+        tables: Of elbow_tables.
+        check: Of calibration_check.
+        elbow: Of elbow_flexion.
     """
     published, static = load_published(), load_published_tables("reference_1_static")
     theory = misalignment_study(session=elbow.session, evaluation=elbow.evaluation)
@@ -71,45 +83,67 @@ def compare(rest: Result, tables: Result, check: Result, elbow: Result) -> Study
     )
     curves = (flexion_curves(tables.evaluation, published), *theory.curves)
     return StudyResult(
-        published.source, _findings(calibration, flexion, growth, theory), (*first, *theory.tables), curves, theory.surfaces
+        published.source,
+        _findings(calibration, flexion, growth, theory),
+        (*first, *theory.tables),
+        curves,
+        theory.surfaces,
     )
 
 
-def _findings(calibration: StudyTable, flexion: StudyTable, growth: StudyTable, theory: StudyResult) -> tuple[str, ...]:
+def _findings(
+    calibration: StudyTable, flexion: StudyTable, growth: StudyTable, theory: StudyResult
+) -> tuple[str, ...]:
     def worst(published_method: bool) -> float:
-        return max(float(row.values[-1] or 0.0) for row in calibration.rows if bool(row.published) == published_method)
+        return max(
+            float(row.values[-1] or 0.0)
+            for row in calibration.rows
+            if bool(row.published) == published_method
+        )
 
     means = [float(row.values[-1] or 0.0) for row in flexion.rows]
     last = {row.label: f"{float(row.values[-2] or 0.0):.2f}" for row in growth.rows}
     theirs = [float(row.published[-1] or 0.0) for row in flexion.rows if row.published]
 
     def at_the_end(sequence: str) -> str:
-        measured = {label.partition(", ")[2]: value for label, value in last.items() if label.startswith(sequence)}
-        return ", ".join(f"{value} deg by {name}" for name, value in measured.items() if name != "theory")
+        measured = {
+            label.partition(", ")[2]: value
+            for label, value in last.items()
+            if label.startswith(sequence)
+        }
+        return ", ".join(
+            f"{value} deg by {name}" for name, value in measured.items() if name != "theory"
+        )
 
     theirs_mg = max(float(row.published[-1] or 0.0) for row in calibration.rows if row.published)
     model = heading_fit(load_published())
     fit = next(row for row in theory.table("fits").rows if row.label == "70 deg")
     calibrated = (
-        f"Calibrated by the published map R = A' pinv(B'), an accelerometer is off by up to {worst(True):.1f} mg in poses that "
+        "Calibrated by the published map R = A' pinv(B'), an accelerometer is off by up to "
+        f"{worst(True):.1f} mg in poses that "
         f"it has not seen (published: {theirs_mg:g} mg); with a bias in the "
         f"model by up to {worst(False):.2f} mg in the axes it covers."
     )
     aligned = (
-        f"Aligned in a reference pose, the mean |error| of the flexion is {min(means):.2f} to {max(means):.2f} deg, by filter "
+        f"Aligned in a reference pose, the mean |error| of the flexion is {min(means):.2f} to "
+        f"{max(means):.2f} deg, by filter "
         f"and sequence; the published means reach from {min(theirs):.2f} to {max(theirs):.2f} deg."
     )
     modelled = (
-        f"The published growth by YXZ (table 5.7) is consistent with two sensors {model.heading_deg:.1f} deg apart in heading "
-        f"on an elbow that starts at {model.offset_deg:.1f} deg: these two, fitted to its fifteen values, leave "
+        "The published growth by YXZ (table 5.7) is consistent with two sensors "
+        f"{model.heading_deg:.1f} deg apart in heading "
+        f"on an elbow that starts at {model.offset_deg:.1f} deg: these two, fitted to its fifteen "
+        "values, leave "
         f"{model.rms_deg:.2f} deg RMS and {model.largest_deg:.2f} deg at most."
     )
     grown = (
-        f"Misaligned by {GROWN_DEG:g} deg and flexed by 70 deg, YXZ is wrong by {last['YXZ, theory']} deg in theory, "
+        f"Misaligned by {GROWN_DEG:g} deg and flexed by 70 deg, YXZ is wrong by "
+        f"{last['YXZ, theory']} deg in theory, "
         f"{at_the_end('YXZ')}; ZXZ is wrong by {at_the_end('ZXZ')}."
     )
     fitted = (
-        f"Theory at 70 deg: a = {fit.values[0]:.5f} and c = {fit.values[4]:.4f}, published {fit.published[0]} and "
+        f"Theory at 70 deg: a = {fit.values[0]:.5f} and c = {fit.values[4]:.4f}, published "
+        f"{fit.published[0]} and "
         f"{fit.published[4]}."
     )
     return calibrated, aligned, modelled, grown, fitted

@@ -1,11 +1,14 @@
-"""Quijano & Valencia (Universidad del Cauca, 2018), tables 4.1 to 4.4, on our bench: pendulum, squat and gait.
+"""Quijano & Valencia (Universidad del Cauca, 2018), tables 4.1 to 4.4, on our bench: pendulum,
+squat and gait.
 
-Each protocol is run with several sensors of the same kind (seeds), for the bias that a sensor was born with decides a single
-run, and differences are judged by their spread over these parts; the two small rigs, whose errors are compared joint by joint,
-with `RIGS_A_PART` times as many. Both states of the filter see the same samples. What differs
-from the thesis: its rigs' dimensions, motions and references are not stated (ours are, in the protocols), its subject walked
-and ours is a model of 20 joints that moves by published curves without skin and heel strike, it shows the trial of five that
-fitted best, and its joint angles were judged by another measurement (Plug-in Gait), ours by the joints themselves.
+Each protocol is run with several sensors of the same kind (seeds), for the bias that a sensor was
+born with decides a single run, and differences are judged by their spread over these parts; the two
+small rigs, whose errors are compared joint by joint, with `RIGS_A_PART` times as many. Both states
+of the filter see the same samples. What differs from the thesis: its rigs' dimensions, motions and
+references are not stated (ours are, in the protocols), its subject walked and ours is a model of 20
+joints that moves by published curves without skin and heel strike, it shows the trial of five that
+fitted best, and its joint angles were judged by another measurement (Plug-in Gait), ours by the
+joints themselves.
 """
 
 from __future__ import annotations
@@ -27,17 +30,24 @@ from testbench.studies.spread import Change
 SERVO_PROTOCOLS = {"4.1": "pendulum", "4.2": "squat"}
 GAIT_PROTOCOL = "gait"
 AXES = {
-    ("hip", "X"): "hip_r_adduction", ("hip", "Y"): "hip_r_rotation", ("hip", "Z"): "hip_r_flexion",
+    ("hip", "X"): "hip_r_adduction",
+    ("hip", "Y"): "hip_r_rotation",
+    ("hip", "Z"): "hip_r_flexion",
     ("knee", "Z"): "knee_r_flexion",
-    ("ankle", "X"): "ankle_r_inversion", ("ankle", "Y"): "ankle_r_rotation", ("ankle", "Z"): "ankle_r_flexion",
-}  # fmt: skip
-"""The joint of robots/lower_limb that stands for an axis of the tables; the thesis has the right leg only."""
+    ("ankle", "X"): "ankle_r_inversion",
+    ("ankle", "Y"): "ankle_r_rotation",
+    ("ankle", "Z"): "ankle_r_flexion",
+}
+"""The joint of robots/lower_limb that stands for an axis of the tables; the thesis has the right
+leg only.
+"""
 QUANTITIES = ("angle", "rate", "acceleration")
 KINDS = ("rmse_deg", "rate_rmse_deg_s", "acceleration_rmse_deg_s2")
 KINEMATIC, FOURIER = "kinematic", "fourier"
 RIGS_A_PART = 20
-"""Runs of pendulum and squat for each of the walk: the ratio of two angles' errors scatters by a factor of two from run to
-run, so that five runs tell nothing of it and a hundred tell a fifth more."""
+"""Runs of pendulum and squat for each of the walk: the ratio of two angles' errors scatters by a
+factor of two from run to run, so that five runs tell nothing of it and a hundred tell a fifth more.
+"""
 
 
 @dataclass(frozen=True)
@@ -64,7 +74,10 @@ class ServoComparison:
     """One joint of tables 4.1 and 4.2.
 
     Attributes:
-        table, joint: Of the thesis. ours: By state. published: RMS of angle, rate and acceleration by state, as printed.
+        table: Of the thesis.
+        joint: Of the thesis.
+        ours: By state.
+        published: RMS of angle, rate and acceleration by state, as printed.
     """
 
     table: str
@@ -94,8 +107,11 @@ class Reference5:
     """All tables.
 
     Attributes:
-        published: What was printed. servo: Tables 4.1 and 4.2. gait: Tables 4.3 and 4.4. walk: Every joint of the gait by
-        state, those of tables 4.3 and 4.4 among them. sessions: Folders, by protocol, in the order of their seeds.
+        published: What was printed.
+        servo: Tables 4.1 and 4.2.
+        gait: Tables 4.3 and 4.4.
+        walk: Every joint of the gait by state, those of tables 4.3 and 4.4 among them.
+        sessions: Folders, by protocol, in the order of their seeds.
     """
 
     published: PublishedChain
@@ -116,14 +132,20 @@ class Reference5:
 
     def mean_magnitude_of_means(self, state: str) -> list[float]:
         """Mean over the seven axes of the magnitudes of their signed means [deg], by part."""
-        return np.mean([np.abs(row.ours[state].values("mean_error_deg")) for row in self.gait], axis=0).tolist()
+        return np.mean(
+            [np.abs(row.ours[state].values("mean_error_deg")) for row in self.gait], axis=0
+        ).tolist()
 
     def walking_rms(self, state: str) -> list[float]:
         """RMS over the seven axes [deg], by part."""
-        return np.sqrt(np.mean([np.square(row.ours[state].values("rmse_deg")) for row in self.gait], axis=0)).tolist()
+        return np.sqrt(
+            np.mean([np.square(row.ours[state].values("rmse_deg")) for row in self.gait], axis=0)
+        ).tolist()
 
     def distal_change(self, state: str) -> dict[str, Change]:
-        """Error of the second joint of the squat against that of the first, of each quantity; above zero in the thesis."""
+        """Error of the second joint of the squat against that of the first, of each quantity; above
+        zero in the thesis.
+        """
         first, second = [row for row in self.servo if row.table == "4.2"]
         return _changes(second.ours[state], first.ours[state])
 
@@ -140,10 +162,15 @@ def reference_5(
     """Run pendulum, squat and gait and put our errors beside the published ones.
 
     Args:
-        logs: Folder of the sessions. seeds: Of the simulated arms and sensors, one for each part.
-        protocols: Others in place of the shipped ones, by name. with_report: Whether the first sessions of each protocol, as
-        many as there are parts, get their report.html. clock: The machine's if None. say: Called with what is being run.
-        rigs_a_part: Runs of pendulum and squat for each part; part s takes the seeds from s times that on.
+        logs: Folder of the sessions.
+        seeds: Of the simulated arms and sensors, one for each part.
+        protocols: Others in place of the shipped ones, by name.
+        with_report: Whether the first sessions of each protocol, as many as there are parts, get
+            their report.html.
+        clock: The machine's if None.
+        say: Called with what is being run.
+        rigs_a_part: Runs of pendulum and squat for each part; part s takes the seeds from s times
+            that on.
     """
     published = load_published_chain()
     found: dict[str, dict[tuple[str, str], JointErrors]] = {}
@@ -170,7 +197,8 @@ def reference_5(
     walk = found[GAIT_PROTOCOL]
     states = list(dict.fromkeys(state for _, state in walk))
     gait = [
-        GaitComparison(row, {state: walk[AXES[row.joint, row.axis], state] for state in states}) for row in published.gait.rows
+        GaitComparison(row, {state: walk[AXES[row.joint, row.axis], state] for state in states})
+        for row in published.gait.rows
     ]
     return Reference5(published, servo, gait, walk, sessions)
 
@@ -184,5 +212,6 @@ def _by_joint_and_state(rows: list[ChainRow]) -> dict[tuple[str, str], JointErro
 
 def _changes(first: JointErrors, second: JointErrors) -> dict[str, Change]:
     return {
-        quantity: Change.of(first.values(kind), second.values(kind)) for quantity, kind in zip(QUANTITIES, KINDS, strict=True)
+        quantity: Change.of(first.values(kind), second.values(kind))
+        for quantity, kind in zip(QUANTITIES, KINDS, strict=True)
     }

@@ -1,4 +1,6 @@
-"""The study `reference-5`: tables 4.1 to 4.4 of Quijano & Valencia 2018 beside ours, as a record."""
+"""The study `reference-5`: tables 4.1 to 4.4 of Quijano & Valencia 2018 beside ours, as a
+record.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +8,20 @@ from testbench.records.session_writer import software_versions
 from testbench.records.study import StudyRecord, StudyRow, StudyTable, Value
 from testbench.studies import reference_5_words as words
 from testbench.studies.bench import StudyBench
-from testbench.studies.reference_5 import AXES, FOURIER, QUANTITIES, JointErrors, Reference5, reference_5
+from testbench.studies.reference_5 import (
+    AXES,
+    FOURIER,
+    QUANTITIES,
+    JointErrors,
+    Reference5,
+    reference_5,
+)
 from testbench.studies.spread import Change
 
 LEAST_COVERED_PERCENT = 80.0
-"""A state whose standard uncertainty covers less of its errors (95 of a hundred would be honest) is too sure of itself."""
+"""A state whose standard uncertainty covers less of its errors (95 of a hundred would be honest) is
+too sure of itself.
+"""
 
 
 def run(bench: StudyBench) -> StudyRecord:
@@ -24,12 +35,19 @@ def run(bench: StudyBench) -> StudyRecord:
         words.QUESTION,
         found.published.source,
         started,
-        {"seed": bench.seed, "parts": bench.parts, "runs of a rig": found.rigs, "protocols": ", ".join(found.sessions)},
+        {
+            "seed": bench.seed,
+            "parts": bench.parts,
+            "runs of a rig": found.rigs,
+            "protocols": ", ".join(found.sessions),
+        },
         tuple(str(path) for paths in found.sessions.values() for path in paths),
         findings(found),
         (
             *(_servo_table(found, table) for table in ("4.1", "4.2")),
-            _change_table("states", words.STATES, fourier_changes(found), _published_fourier(found)),
+            _change_table(
+                "states", words.STATES, fourier_changes(found), _published_fourier(found)
+            ),
             _change_table("order", words.ORDER, distal_changes(found), _published_distal(found)),
             _gait_table(found),
             _walk_table(found),
@@ -40,24 +58,40 @@ def run(bench: StudyBench) -> StudyRecord:
 
 def fourier_changes(found: Reference5) -> dict[str, Change]:
     """Of every quantity of every joint of both rigs."""
-    return {f"{quantity} of {row.joint}": change for row in found.servo for quantity, change in row.fourier_change().items()}
+    return {
+        f"{quantity} of {row.joint}": change
+        for row in found.servo
+        for quantity, change in row.fourier_change().items()
+    }
 
 
 def distal_changes(found: Reference5) -> dict[str, Change]:
     """Of every quantity by every state."""
     states = found.servo[0].ours
-    return {f"{q} by the {state} state": change for state in states for q, change in found.distal_change(state).items()}
+    return {
+        f"{q} by the {state} state": change
+        for state in states
+        for q, change in found.distal_change(state).items()
+    }
 
 
 def uncovered(found: Reference5) -> dict[tuple[str, str, str], JointErrors]:
-    """Joints whose stated uncertainty covers too few of the errors of all parts, by what is moved, joint and state."""
+    """Joints whose stated uncertainty covers too few of the errors of all parts, by what is moved,
+    joint and state.
+    """
     rigs = {
         ("pendulum" if row.table == "4.1" else "squat", row.joint, state): errors
         for row in found.servo
         for state, errors in row.ours.items()
     }
-    everything = rigs | {("gait", joint, state): errors for (joint, state), errors in found.walk.items()}
-    return {key: errors for key, errors in everything.items() if errors.mean("covered_percent") < LEAST_COVERED_PERCENT}
+    everything = rigs | {
+        ("gait", joint, state): errors for (joint, state), errors in found.walk.items()
+    }
+    return {
+        key: errors
+        for key, errors in everything.items()
+        if errors.mean("covered_percent") < LEAST_COVERED_PERCENT
+    }
 
 
 def findings(found: Reference5) -> tuple[str, ...]:
@@ -69,14 +103,22 @@ def findings(found: Reference5) -> tuple[str, ...]:
     states = list(dict.fromkeys(state for _, state in found.walk))
     sentences += [
         words.walked(
-            state, found.mean_magnitude_of_means(state), found.walking_rms(state), found.published.gait.mean_magnitude_deg
+            state,
+            found.mean_magnitude_of_means(state),
+            found.walking_rms(state),
+            found.published.gait.mean_magnitude_deg,
         )
         for state in states
     ]
     lost = uncovered(found)
     for state in states:
-        own = {f"{joint} ({rig})": errors for (rig, joint, key), errors in lost.items() if key == state}
-        told = {name: (errors.rms("rmse_deg"), errors.mean("covered_percent")) for name, errors in own.items()}
+        own = {
+            f"{joint} ({rig})": errors for (rig, joint, key), errors in lost.items() if key == state
+        }
+        told = {
+            name: (errors.rms("rmse_deg"), errors.mean("covered_percent"))
+            for name, errors in own.items()
+        }
         count = len([key for _, key in found.walk if key == state]) + len(found.servo)
         sentences.append(words.covered(state, told, count, LEAST_COVERED_PERCENT))
     return tuple(sentences)
@@ -95,7 +137,12 @@ def _servo_table(found: Reference5, table: str) -> StudyTable:
         for state, errors in row.ours.items()
     ]
     ratios = [
-        [a / b for row in found.servo for state in row.ours for a, b in [(row.pooled(state)[i], row.published[state][i])]]
+        [
+            a / b
+            for row in found.servo
+            for state in row.ours
+            for a, b in [(row.pooled(state)[i], row.published[state][i])]
+        ]
         for i in range(len(QUANTITIES))
     ]
     return StudyTable(
@@ -103,8 +150,10 @@ def _servo_table(found: Reference5, table: str) -> StudyTable:
         f"{words.RIGS[table]}: RMS errors",
         ("angle [deg]", "rate [deg/s]", "acceleration [deg/s²]", "covered [%]"),
         tuple(rows),
-        f"How to read: RMS over {words.run_times(found.rigs)}, each with other sensors of one kind, against the joints of the "
-        "arm; covered are the errors of the angle within 1.96 of the uncertainty that the filter states.",
+        f"How to read: RMS over {words.run_times(found.rigs)}, each with other sensors of one "
+        "kind, against the joints of the "
+        "arm; covered are the errors of the angle within 1.96 of the uncertainty that the filter "
+        "states.",
         words.sizes(ratios) if table == "4.1" else "",
         table,
         (4, 3, 2, 0),
@@ -115,11 +164,19 @@ def _too_sure(errors: JointErrors) -> str:
     return "too sure of itself" if errors.mean("covered_percent") < LEAST_COVERED_PERCENT else ""
 
 
-def _change_table(key: str, question: words.Question, changes: dict[str, Change], published: dict[str, float]) -> StudyTable:
+def _change_table(
+    key: str, question: words.Question, changes: dict[str, Change], published: dict[str, float]
+) -> StudyTable:
     rows = []
     for name, change in changes.items():
         low, high = change.interval or (None, None)
-        values: tuple[Value, ...] = (change.percent, low, high, float((change.ratios < 1).sum()), change.verdict)
+        values: tuple[Value, ...] = (
+            change.percent,
+            low,
+            high,
+            float((change.ratios < 1).sum()),
+            change.verdict,
+        )
         rows.append(StudyRow(name, values, (round(published[name], 1), None, None, None, None)))
     runs = len(next(iter(changes.values())).ratios)
     return StudyTable(
@@ -137,7 +194,8 @@ def _change_table(key: str, question: words.Question, changes: dict[str, Change]
 def _published_fourier(found: Reference5) -> dict[str, float]:
     """Change from the kinematic to the Fourier state [%], as the printed errors have it."""
     return {
-        f"{quantity} of {row.joint}": 100 * (row.published["fourier"][i] / row.published["kinematic"][i] - 1)
+        f"{quantity} of {row.joint}": 100
+        * (row.published["fourier"][i] / row.published["kinematic"][i] - 1)
         for row in found.servo
         for i, quantity in enumerate(QUANTITIES)
     }
@@ -147,7 +205,8 @@ def _published_distal(found: Reference5) -> dict[str, float]:
     """Change from the first joint of the squat to the second [%], as the printed errors have it."""
     first, second = [row for row in found.servo if row.table == "4.2"]
     return {
-        f"{quantity} by the {state} state": 100 * (second.published[state][i] / first.published[state][i] - 1)
+        f"{quantity} by the {state} state": 100
+        * (second.published[state][i] / first.published[state][i] - 1)
         for state in first.published
         for i, quantity in enumerate(QUANTITIES)
     }
@@ -166,12 +225,26 @@ def _gait_table(found: Reference5) -> StudyTable:
                 ours.mean("mean_abs_error_deg"),
                 ours.rms("rmse_deg"),
             )
-            theirs = (row.published.mean_error_deg, None, None, None, None) if state == FOURIER else ()
-            rows.append(StudyRow(f"{row.published.joint} {movement} ({row.published.axis}), {state}", values, theirs))
+            theirs = (
+                (row.published.mean_error_deg, None, None, None, None) if state == FOURIER else ()
+            )
+            rows.append(
+                StudyRow(
+                    f"{row.published.joint} {movement} ({row.published.axis}), {state}",
+                    values,
+                    theirs,
+                )
+            )
     return StudyTable(
         "table_4_3",
         "Walking, right leg: errors of the joint angles",
-        ("signed mean [deg]", "lowest of a part", "highest of a part", "mean |e| [deg]", "RMS [deg]"),
+        (
+            "signed mean [deg]",
+            "lowest of a part",
+            "highest of a part",
+            "mean |e| [deg]",
+            "RMS [deg]",
+        ),
         tuple(rows),
         words.GAIT_HOW.format(parts=words.counted(found.parts)),
         words.GAIT_WHY,
@@ -184,18 +257,28 @@ def _walk_table(found: Reference5) -> StudyTable:
     rows = []
     for (joint, state), errors in found.walk.items():
         values = (
-            errors.mean("mean_error_deg"), errors.rms("rmse_deg"), max(errors.values("rmse_deg")),
-            errors.rms("uncertainty_deg"), errors.mean("covered_percent"), min(errors.values("covered_percent")),
-        )  # fmt: skip
+            errors.mean("mean_error_deg"),
+            errors.rms("rmse_deg"),
+            max(errors.values("rmse_deg")),
+            errors.rms("uncertainty_deg"),
+            errors.mean("covered_percent"),
+            min(errors.values("covered_percent")),
+        )
         rows.append(StudyRow(f"{joint}, {state}", values, note=_too_sure(errors)))
     return StudyTable(
         "walk",
         "Walking: every joint of the chain, and how sure the filter is of it",
-        ("signed mean [deg]", "RMS [deg]", "largest RMS of a part [deg]", "stated uncertainty [deg]", "covered [%]",
-         "least of a part [%]"),
+        (
+            "signed mean [deg]",
+            "RMS [deg]",
+            "largest RMS of a part [deg]",
+            "stated uncertainty [deg]",
+            "covered [%]",
+            "least of a part [%]",
+        ),
         tuple(rows),
         words.WALK_HOW.format(parts=words.counted(found.parts), least=LEAST_COVERED_PERCENT),
         words.WALK_WHY,
         decimals=(3, 3, 3, 3, 0, 0),
         short="Every joint",
-    )  # fmt: skip
+    )

@@ -1,4 +1,6 @@
-"""What a question to one session answers: tables, curves and surfaces, before a study keeps them."""
+"""What a question to one session answers: tables, curves and surfaces, before a study keeps
+them.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ class StudyResult:
     """All that a study found.
 
     Attributes:
-        findings: The answer, in sentences. source: The publication it stands beside, as cited.
+        findings: The answer, in sentences.
+        source: The publication it stands beside, as cited.
     """
 
     source: str

@@ -1,4 +1,6 @@
-"""Whether one error is larger than another, over simulated parts: the change, its spread, and what may be said of it."""
+"""Whether one error is larger than another, over simulated parts: the change, its spread, and what
+may be said of it.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ class Change:
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Of the mean [%], by Student's t of the logarithms; None of a single part, which has no spread."""
+        """Of the mean [%], by Student's t of the logarithms; None of a single part, which has no
+        spread.
+        """
         n = len(self.ratios)
         if n < 2:
             return None
@@ -82,7 +86,10 @@ def told(change: Change) -> str:
     if interval is None:
         return "one part does not show which has less"
     n = len(change.ratios)
-    span = f"{in_percent(interval[0])} to {in_percent(interval[1])}, {100 * LEVEL:g} % interval over {n} parts"
+    span = (
+        f"{in_percent(interval[0])} to {in_percent(interval[1])}, {100 * LEVEL:g} % interval "
+        f"over {n} parts"
+    )
     if change.verdict == "not shown":
         return f"neither more nor less is shown ({span})"
     return f"{in_percent(change.percent)} ({span})"

@@ -1,6 +1,8 @@
-"""Tuning a filter: the parameters that suit each session best, one set for all of them, and what that set is worth elsewhere.
+"""Tuning a filter: the parameters that suit each session best, one set for all of them, and what
+that set is worth elsewhere.
 
-Sessions that choose parameters and sessions that test them are kept apart: the search is never given the latter.
+Sessions that choose parameters and sessions that test them are kept apart: the search is never
+given the latter.
 """
 
 from __future__ import annotations
@@ -34,7 +36,9 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Sessions:
-    """Sessions that choose the parameters, sessions that test them, and how they were told apart."""
+    """Sessions that choose the parameters, sessions that test them, and how they were told
+    apart.
+    """
 
     tuning: list[Session]
     test: list[Session] = field(default_factory=list)
@@ -50,19 +54,25 @@ class Sessions:
         """Whole sessions drawn for the test, whatever order they are given in.
 
         Args:
-            sessions: All. share: Part of them to test on, above 0 and below 1; at least one on either side. seed: Of the draw.
+            sessions: All.
+            share: Part of them to test on, above 0 and below 1; at least one on either side.
+            seed: Of the draw.
 
         Raises:
             InputError: They cannot be divided so.
         """
         if len(sessions) < 2 or not 0 < share < 1:
-            raise InputError(f"{len(sessions)} sessions cannot be divided with a part of {share:g} for the test")
+            raise InputError(
+                f"{len(sessions)} sessions cannot be divided with a part of {share:g} for the test"
+            )
         ordered = sorted(sessions, key=lambda session: session.fingerprint)
         count = min(max(round(share * len(ordered)), 1), len(ordered) - 1)
         drawn = set(random_stream(seed, "split").permutation(len(ordered))[:count].tolist())
         test = [session for i, session in enumerate(ordered) if i in drawn]
         return Sessions(
-            [s for s in sessions if s not in test], [s for s in sessions if s in test], Split(method="seeded", seed=seed)
+            [s for s in sessions if s not in test],
+            [s for s in sessions if s in test],
+            Split(method="seeded", seed=seed),
         )
 
 
@@ -70,8 +80,11 @@ class SessionTrials:
     """One session that a filter runs over again and again.
 
     Args:
-        session: The recording. objective: What to compute. kind: The filter; its parameters are those that are not tuned.
-        names: Of the tuned parameters. calibrations: To correct the samples with first.
+        session: The recording.
+        objective: What to compute.
+        kind: The filter; its parameters are those that are not tuned.
+        names: Of the tuned parameters.
+        calibrations: To correct the samples with first.
     """
 
     def __init__(
@@ -104,7 +117,9 @@ def with_values(kind: OrientationFilter, names: Sequence[str], point: Point) -> 
     try:
         return type(kind)({**kind.parameters, **dict(zip(names, point, strict=True))})
     except TypeError as error:
-        raise InputError(f"the filter {kind.name} cannot be made with parameters: {error}") from None
+        raise InputError(
+            f"the filter {kind.name} cannot be made with parameters: {error}"
+        ) from None
 
 
 def tune(
@@ -122,19 +137,28 @@ def tune(
     """Tune a filter.
 
     Args:
-        kind: The filter; the search begins with its parameters, and those not tuned keep their values. sessions: What to tune
-        and to test on. objective: As `Objective.parse` reads it. tuned_utc: Now, ISO 8601. names: Parameters to tune; all if
-        None. effort: How hard to look. leave_one_out: Also test each tuning session by the set that the others choose.
-        calibrations: To correct the raw samples with first. filter_source: Where a filter that is not the bench's came from.
+        kind: The filter; the search begins with its parameters, and those not tuned keep their
+            values.
+        sessions: What to tune and to test on.
+        objective: As `Objective.parse` reads it.
+        tuned_utc: Now, ISO 8601.
+        names: Parameters to tune; all if None.
+        effort: How hard to look.
+        leave_one_out: Also test each tuning session by the set that the others choose.
+        calibrations: To correct the raw samples with first.
+        filter_source: Where a filter that is not the bench's came from.
         say: Called with what is being done.
 
     Raises:
-        NotFoundError: An unknown parameter, objective, sensor or joint. InputError: A recording stands in the lists twice, or
-        the filter cannot run on one. SessionError: A session has no truth to judge by.
+        NotFoundError: An unknown parameter, objective, sensor or joint.
+        InputError: A recording stands in the lists twice, or the filter cannot run on one.
+        SessionError: A session has no truth to judge by.
     """
     effort, tell = effort or Effort(), say or _nothing
     wanted, space = Objective.parse(objective), Space.of(kind.PARAMETERS, names)
-    described = [describe(s, "tuning") for s in sessions.tuning] + [describe(s, "test") for s in sessions.test]
+    described = [describe(s, "tuning") for s in sessions.tuning] + [
+        describe(s, "test") for s in sessions.test
+    ]
     if not sessions.tuning:
         raise InputError("no session is left to tune on")
     if leave_one_out and len(sessions.tuning) < 2:
@@ -147,13 +171,17 @@ def tune(
         trials.append(SessionTrials(session, wanted, kind, space.names, calibrations))
 
     def optimum(rows: Sequence[int]) -> Optimum:
-        return find_optimum(space, start, lambda point: float(np.mean([trials[i](point) for i in rows])), effort)
+        return find_optimum(
+            space, start, lambda point: float(np.mean([trials[i](point) for i in rows])), effort
+        )
 
     tell("one set for all sessions")
     every = range(len(trials))
     shared = optimum(every)
     if shared.value >= FAILED:
-        raise InputError(f"{kind.name} gives no finite {objective} with any of the parameters tried")
+        raise InputError(
+            f"{kind.name} gives no finite {objective} with any of the parameters tried"
+        )
     entries = []
     for i, entry in enumerate(described[: len(trials)]):
         tell(f"best for {entry.session}")
@@ -169,7 +197,10 @@ def tune(
         if leave_one_out:
             others = optimum([j for j in every if j != i]).point
             entry = entry.model_copy(
-                update={"left_out_parameters": _named(space, others), "left_out_value": _finite(trials[i](others))}
+                update={
+                    "left_out_parameters": _named(space, others),
+                    "left_out_value": _finite(trials[i](others)),
+                }
             )
         entries.append(entry)
     for entry, session in zip(described[len(trials) :], sessions.test, strict=True):
@@ -195,7 +226,10 @@ def tune(
             design="every combination" if combined else "one parameter after the other",
             grid=dict(zip(space.names, grid, strict=True)),
             points=[
-                GridPoint(parameters=_named(space, point), values=[_finite(trial(point)) for trial in trials])
+                GridPoint(
+                    parameters=_named(space, point),
+                    values=[_finite(trial(point)) for trial in trials],
+                )
                 for point in shared.tried
             ],
             refinement="nelder-mead" if effort.refine else "none",

@@ -18,8 +18,14 @@ from tests.benchmarks.static_calibration import bench_static_calibration
 def main() -> None:
     """Run every benchmark."""
     begin = time.perf_counter()
-    print(f"Python {platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count()} cores")
-    print("Times are the shortest of a few repeats after one that does not count, unless a title says otherwise.")
+    print(
+        f"Python {platform.python_version()} on {platform.system()} {platform.machine()}, "
+        f"{os.cpu_count()} cores"
+    )
+    print(
+        "Times are the shortest of a few repeats after one that does not count, unless a title "
+        "says otherwise."
+    )
     bench_pipeline()
     bench_filters()
     bench_gyroscopes()

@@ -1,4 +1,6 @@
-"""Whether the stated expanded uncertainty covers the known truth: `python -m tests.benchmarks.coverage [sessions]`."""
+"""Whether the stated expanded uncertainty covers the known truth: `python -m
+tests.benchmarks.coverage [sessions]`.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ SESSIONS, PROCESSES = 500, 2
 
 
 def bench_coverage(sessions: int = SESSIONS) -> None:
-    """Simulate sessions with seeds from 0, and count how often the truth lies within the reported mean error and its U."""
+    """Simulate sessions with seeds from 0, and count how often the truth lies within the reported
+    mean error and its U.
+    """
     begin = time.perf_counter()
     with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
         parts = pool.map(cases, [range(start, sessions, PROCESSES) for start in range(PROCESSES)])
@@ -27,7 +31,14 @@ def bench_coverage(sessions: int = SESSIONS) -> None:
         rows.append([Text(joint), Text(section), *_numbers(own)])
     show(
         f"Coverage of the known mean flexion error: {sessions} sessions with wrong joint zeros",
-        ["joint", "section", "within U [%]", "mean U [deg]", "twice the scatter [deg]", "mean difference [deg]"],
+        [
+            "joint",
+            "section",
+            "within U [%]",
+            "mean U [deg]",
+            "twice the scatter [deg]",
+            "mean difference [deg]",
+        ],
         rows,
         f"target: 93 to 97 % within; {time.perf_counter() - begin:.0f} s",
     )
@@ -37,7 +48,12 @@ def _numbers(own: list[Case]) -> list[str | Text]:
     difference = np.array([case.reported - case.true for case in own])
     covered = 100 * np.mean([case.covered for case in own])
     expanded = np.mean([case.expanded for case in own])
-    return [f"{covered:.1f}", f"{expanded:.4f}", f"{2 * difference.std(ddof=1):.4f}", f"{difference.mean():+.4f}"]
+    return [
+        f"{covered:.1f}",
+        f"{expanded:.4f}",
+        f"{2 * difference.std(ddof=1):.4f}",
+        f"{difference.mean():+.4f}",
+    ]
 
 
 if __name__ == "__main__":

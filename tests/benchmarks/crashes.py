@@ -1,4 +1,6 @@
-"""Kill simulated runs at random moments: what is lost, and whether the resumed run is the undisturbed one."""
+"""Kill simulated runs at random moments: what is lost, and whether the resumed run is the
+undisturbed one.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +25,17 @@ def bench_crashes(count: int = 100) -> bool:
             for i, (speed, after) in enumerate(moments(count, 6.0, seed=1))
         ]
     rows: list[list[str | Text]] = [
-        [Text("killed before it was a session"), str(sum(not outcome.was_session for outcome in outcomes))],
+        [
+            Text("killed before it was a session"),
+            str(sum(not outcome.was_session for outcome in outcomes)),
+        ],
         [Text("sessions that open"), str(sum(outcome.opened for outcome in outcomes))],
         [Text("most that was lost [s]"), f"{max(outcome.lost for outcome in outcomes):.3f}"],
         [Text("same files after resuming"), str(sum(outcome.same_files for outcome in outcomes))],
-        [Text("same evaluation after resuming"), str(sum(outcome.same_evaluation for outcome in outcomes))],
+        [
+            Text("same evaluation after resuming"),
+            str(sum(outcome.same_evaluation for outcome in outcomes)),
+        ],
     ]
     show(f"{count} simulated runs, killed with SIGKILL at random moments", ["", "runs"], rows)
     return all(o.opened and o.same_files and o.same_evaluation and o.lost <= 1 for o in outcomes)

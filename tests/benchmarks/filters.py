@@ -1,4 +1,6 @@
-"""Samples a second of every orientation filter, beside another implementation of the same method where there is one."""
+"""Samples a second of every orientation filter, beside another implementation of the same method
+where there is one.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import ahrs
 import imufusion
@@ -45,21 +48,28 @@ def bench_filters() -> None:
             rows.append([Text(name), rate(1 / ours), Text("-"), "-", "-"])
             continue
         given = cut(samples, peer.samples)
-        # A loop in Python is as fast the first time as the third; compiled calls are short enough to repeat.
+        # A loop in Python is as fast the first time as the third; compiled calls are short enough
+        # to repeat.
         slow = peer.samples < SAMPLES
-        theirs = (once(lambda: peer.call(given))[0] if slow else seconds(lambda: peer.call(given))) / peer.samples  # noqa: B023
-        rows.append([Text(name), rate(1 / ours), Text(peer.name), rate(1 / theirs), ratio(ours, theirs)])
+        call = partial(peer.call, given)
+        theirs = (once(call)[0] if slow else seconds(call)) / peer.samples
+        rows.append(
+            [Text(name), rate(1 / ours), Text(peer.name), rate(1 / theirs), ratio(ours, theirs)]
+        )
     show(
         f"Filters: {SAMPLES:,} samples (the ahrs package: {PEER_SAMPLES:,})",
         ["filter", "samples", "peer", "samples", "ours : peer"],
         rows,
-        "vqf called directly is the same compiled code: a ratio of 1 means that the bench adds nothing to it.",
+        "vqf called directly is the same compiled code: a ratio of 1 means that the bench adds "
+        "nothing to it.",
     )
     first_call()
 
 
 def first_call() -> None:
-    """Processor time of a new process that imports, loads compiled code from disk and filters 100 samples."""
+    """Processor time of a new process that imports, loads compiled code from disk and filters 100
+    samples.
+    """
     code = (
         "import time\n"
         "import numpy as np\n"
@@ -71,21 +81,33 @@ def first_call() -> None:
     for name, kind in FILTERS.items():
         if issubclass(kind, KernelFilter):
             run = [sys.executable, "-c", code.format(name)]
-            times = [float(subprocess.run(run, check=True, capture_output=True, text=True).stdout) for _ in range(2)]
+            times = [
+                float(subprocess.run(run, check=True, capture_output=True, text=True).stdout)
+                for _ in range(2)
+            ]
             rows.append([Text(name), duration(min(times))])
-    show("Filters: first call in a new process, warm cache", ["filter", "processor time"], rows, "target: below 2 s")
+    show(
+        "Filters: first call in a new process, warm cache",
+        ["filter", "processor time"],
+        rows,
+        "target: below 2 s",
+    )
 
 
 def moving_sensor(n: int) -> UniformSamples:
     """A sensor that turns smoothly about all axes in a uniform field, with white noise."""
     t = INTERVAL * np.arange(n + 1)
-    angles = np.column_stack([1.2 * np.sin(0.7 * t), 0.8 * np.sin(1.1 * t + 1), 1.5 * np.sin(0.4 * t + 2)])
+    angles = np.column_stack(
+        [1.2 * np.sin(0.7 * t), 0.8 * np.sin(1.1 * t + 1), 1.5 * np.sin(0.4 * t + 2)]
+    )
     q = rotation.from_euler("ZYX", angles)
     step = rotation.multiply(rotation.conjugate(q[:-1]), q[1:])
     q, rng = q[1:], np.random.default_rng(0)
 
     def seen(vector: list[float], noise: float) -> np.ndarray:
-        return rotation.rotate(rotation.conjugate(q), np.array(vector)) + noise * rng.standard_normal((n, 3))
+        return rotation.rotate(
+            rotation.conjugate(q), np.array(vector)
+        ) + noise * rng.standard_normal((n, 3))
 
     gyr = 2 * step[:, 1:] * np.sign(step[:, :1]) / INTERVAL + 0.002 * rng.standard_normal((n, 3))
     return UniformSamples(INTERVAL, gyr, seen([0, 0, 9.81], 0.02), seen([0, 24, -39], 0.1), q)
@@ -99,18 +121,28 @@ def cut(samples: UniformSamples, n: int) -> UniformSamples:
 
 def _ahrs(kind: type, magnetometer: bool) -> Peer:
     def call(s: UniformSamples) -> object:
-        return kind(gyr=s.gyr, acc=s.acc, mag=s.mag if magnetometer else None, frequency=1 / s.interval)
+        return kind(
+            gyr=s.gyr, acc=s.acc, mag=s.mag if magnetometer else None, frequency=1 / s.interval
+        )
 
     return Peer(f"ahrs {kind.__name__}", PEER_SAMPLES, call)
 
 
 def _ahrs_rates() -> Peer:
-    return Peer("ahrs AngularRate", PEER_SAMPLES, lambda s: ahrs.filters.AngularRate(gyr=s.gyr, frequency=1 / s.interval))
+    return Peer(
+        "ahrs AngularRate",
+        PEER_SAMPLES,
+        lambda s: ahrs.filters.AngularRate(gyr=s.gyr, frequency=1 / s.interval),
+    )
 
 
 def _ahrs_pairs(kind: type) -> Peer:
     names = ("w1", "w2") if kind is ahrs.filters.TRIAD else ("acc", "mag")
-    return Peer(f"ahrs {kind.__name__}", PEER_SAMPLES, lambda s: kind(**dict(zip(names, (s.acc, s.mag), strict=True))))
+    return Peer(
+        f"ahrs {kind.__name__}",
+        PEER_SAMPLES,
+        lambda s: kind(**dict(zip(names, (s.acc, s.mag), strict=True))),
+    )
 
 
 def fusion_loop(samples: UniformSamples, magnetometer: bool) -> np.ndarray:
@@ -129,8 +161,12 @@ def fusion_loop(samples: UniformSamples, magnetometer: bool) -> np.ndarray:
 
 PEERS = {
     "vqf_6d": Peer("vqf directly", SAMPLES, lambda s: VQF(s.interval).updateBatch(s.gyr, s.acc)),
-    "vqf_9d": Peer("vqf directly", SAMPLES, lambda s: VQF(s.interval).updateBatch(s.gyr, s.acc, s.mag)),
-    "vqf_offline": Peer("vqf directly", SAMPLES, lambda s: offlineVQF(s.gyr, s.acc, s.mag, s.interval)),
+    "vqf_9d": Peer(
+        "vqf directly", SAMPLES, lambda s: VQF(s.interval).updateBatch(s.gyr, s.acc, s.mag)
+    ),
+    "vqf_offline": Peer(
+        "vqf directly", SAMPLES, lambda s: offlineVQF(s.gyr, s.acc, s.mag, s.interval)
+    ),
     "madgwick_imu": _ahrs(ahrs.filters.Madgwick, False),
     "madgwick_marg": _ahrs(ahrs.filters.Madgwick, True),
     "mahony_imu": _ahrs(ahrs.filters.Mahony, False),

@@ -28,7 +28,11 @@ def bench_gyroscopes() -> None:
         rows.append([Text(name), duration(ours), rate(1 / ours), *beside])
 
     for name in ("rk4", "cg4", "trapezoid", "midpoint", "euler"):
-        row(f"gravity_turns, {name}", lambda name=name: gravity_turns(recording, name), PUBLISHED_S.get(name))
+        row(
+            f"gravity_turns, {name}",
+            lambda name=name: gravity_turns(recording, name),
+            PUBLISHED_S.get(name),
+        )
     row("attitude", lambda: attitude(recording))
     row("rate_table", lambda: rate_table(recording))
     show(

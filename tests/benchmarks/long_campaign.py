@@ -1,4 +1,6 @@
-"""A long campaign on the simulated arm: memory and speed from its plan to its report, killed in the middle and resumed."""
+"""A long campaign on the simulated arm: memory and speed from its plan to its report, killed in the
+middle and resumed.
+"""
 
 from __future__ import annotations
 
@@ -109,7 +111,9 @@ print(json.dumps({"took_s": took, "peak_mb": peak, **found}))
 
 @dataclass(frozen=True)
 class Measured:
-    """One stage: wall-clock time without the start of Python [s], largest resident memory [MB], and what came of it."""
+    """One stage: wall-clock time without the start of Python [s], largest resident memory [MB], and
+    what came of it.
+    """
 
     took_s: float
     peak_mb: float
@@ -128,7 +132,9 @@ def write_campaign(folder: Path, hours: float) -> None:
 
 
 def measure(folder: Path, stage: str, block: int = 0) -> Measured:
-    """Run a stage of the campaign in a folder, in a process of its own; `block` is in place of `truth.BLOCK` unless 0."""
+    """Run a stage of the campaign in a folder, in a process of its own; `block` is in place of
+    `truth.BLOCK` unless 0.
+    """
     words = [sys.executable, "-c", PROGRAM, stage, str(folder), str(block)]
     result = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     if result.returncode != 0:
@@ -150,13 +156,17 @@ def break_off(folder: Path, part: float = 0.5) -> None:
 
 
 def bench_long_campaign(hours: float = 0.25) -> None:
-    """Elbow sweeps; eight hours take a quarter of an hour and 10 GB of disk: `python -m tests.benchmarks.long_campaign 8`."""
+    """Elbow sweeps; eight hours take a quarter of an hour and 10 GB of disk: `python -m
+    tests.benchmarks.long_campaign 8`.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_campaign(folder, hours)
         measured = {}
         for stage in STAGES:
-            if stage == "resume":  # the whole run was measured; another one is broken off and gone on with
+            if (
+                stage == "resume"
+            ):  # the whole run was measured; another one is broken off and gone on with
                 shutil.rmtree(folder / "logs")
                 break_off(folder)
             measured[stage] = measure(folder, stage)

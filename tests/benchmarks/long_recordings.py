@@ -1,4 +1,6 @@
-"""Long recordings: memory and speed from a CSV of hours to its report, stage by stage, each in a process of its own."""
+"""Long recordings: memory and speed from a CSV of hours to its report, stage by stage, each in a
+process of its own.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,9 @@ print(json.dumps({"took_s": took, "cpu_s": time.process_time(), "peak_mb": peak,
 
 @dataclass(frozen=True)
 class Measured:
-    """One stage: wall-clock time without the start of Python, processor time with it [s], largest resident memory [MB]."""
+    """One stage: wall-clock time without the start of Python, processor time with it [s], largest
+    resident memory [MB].
+    """
 
     took_s: float
     cpu_s: float
@@ -74,7 +78,9 @@ class Measured:
 
 
 def orientation(time: np.ndarray, seed: int) -> Rotation:
-    """A hand-held motion about all three axes: twenty seconds of rest, then half a minute of motion, over and over."""
+    """A hand-held motion about all three axes: twenty seconds of rest, then half a minute of
+    motion, over and over.
+    """
     rng = np.random.default_rng(seed)
     angles = np.zeros((len(time), 3))
     phase = time % 50.0
@@ -82,12 +88,16 @@ def orientation(time: np.ndarray, seed: int) -> Rotation:
     envelope = envelope**2 * (3 - 2 * envelope)  # no jerk at the ends
     for axis in range(3):
         for frequency in rng.uniform(0.1, 0.5, 3):
-            angles[:, axis] += rng.uniform(0.2, 0.4) * np.sin(2 * np.pi * (frequency * time + rng.random()))
+            angles[:, axis] += rng.uniform(0.2, 0.4) * np.sin(
+                2 * np.pi * (frequency * time + rng.random())
+            )
     return Rotation.from_euler("XYZ", angles * envelope[:, None])
 
 
 def write_sensor(path: Path, seconds: float, rate: float, seed: int) -> None:
-    """A CSV of a sensor with a clock of its own: time in us, rate in deg/s as means over each interval, force in m/s^2."""
+    """A CSV of a sensor with a clock of its own: time in us, rate in deg/s as means over each
+    interval, force in m/s^2.
+    """
     rng = np.random.default_rng(seed)
     bias = np.radians([0.3, -0.2, 0.1])
     total = int(seconds * rate)
@@ -98,11 +108,17 @@ def write_sensor(path: Path, seconds: float, rate: float, seed: int) -> None:
             before = host - 1 / rate
             now = orientation(host, seed)
             gyr = (
-                (orientation(before, seed).inv() * now).as_rotvec() * rate + bias + 0.002 * rng.standard_normal((len(index), 3))
+                (orientation(before, seed).inv() * now).as_rotvec() * rate
+                + bias
+                + 0.002 * rng.standard_normal((len(index), 3))
             )
             acc = now.inv().apply([0.0, 0.0, 9.80665]) + 0.02 * rng.standard_normal((len(index), 3))
-            columns: dict[str, np.ndarray] = {"time_us": np.round((index / rate + OFFSET_S) * 1e6).astype(np.int64)}
-            columns |= {f"gyr_{axis}": np.round(np.degrees(gyr[:, i]), 5) for i, axis in enumerate("xyz")}
+            columns: dict[str, np.ndarray] = {
+                "time_us": np.round((index / rate + OFFSET_S) * 1e6).astype(np.int64)
+            }
+            columns |= {
+                f"gyr_{axis}": np.round(np.degrees(gyr[:, i]), 5) for i, axis in enumerate("xyz")
+            }
             columns |= {f"acc_{axis}": np.round(acc[:, i], 5) for i, axis in enumerate("xyz")}
             csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=start == 0))
 
@@ -114,7 +130,9 @@ def write_truth(path: Path, seconds: float, seed: int) -> None:
         for start in range(0, total, CHUNK):
             time = np.arange(start, min(start + CHUNK, total)) / TRUTH_HZ
             q = orientation(time, seed).as_quat(scalar_first=True)
-            columns = {"time_s": np.round(time, 6)} | {f"q_{axis}": np.round(q[:, i], 7) for i, axis in enumerate("wxyz")}
+            columns = {"time_s": np.round(time, 6)} | {
+                f"q_{axis}": np.round(q[:, i], 7) for i, axis in enumerate("wxyz")
+            }
             csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=start == 0))
 
 
@@ -129,13 +147,19 @@ def write_case(folder: Path, sensors: int, seconds: float, rate: float) -> None:
             f"    file: sensor{i}.csv",
             "    gyr: {columns: [gyr_x, gyr_y, gyr_z], unit: deg/s}",
             "    acc: {columns: [acc_x, acc_y, acc_z], unit: m/s^2}",
-            f"    truth: {{file: truth{i}.csv, columns: [q_w, q_x, q_y, q_z], order: wxyz, time: {{column: time_s, unit: s}}}}",
+            (
+                f"    truth: {{file: truth{i}.csv, columns: [q_w, q_x, q_y, q_z], order: wxyz, "
+                "time: "
+                f"{{column: time_s, unit: s}}}}"
+            ),
         ]
     (folder / "map.yaml").write_text("\n".join(lines) + "\n")
 
 
 def measure(folder: Path, stage: str, kept: int = 0) -> Measured:
-    """Run a stage on the case in a folder, in a process of its own; `kept` is in place of `access.MOST_KEPT` unless 0."""
+    """Run a stage on the case in a folder, in a process of its own; `kept` is in place of
+    `access.MOST_KEPT` unless 0.
+    """
     words = [sys.executable, "-c", PROGRAM, stage, str(folder), str(kept)]
     result = subprocess.run(words, capture_output=True, text=True, check=False)
     if result.returncode != 0:
@@ -145,7 +169,9 @@ def measure(folder: Path, stage: str, kept: int = 0) -> Measured:
 
 
 def bench_long_recordings(hours_of_one: float = 8.0, hours_of_four: float = 1.0) -> None:
-    """Four sensors at 400 Hz for an hour, and one at 1 kHz for eight; takes some ten minutes and 6 GB of disk."""
+    """Four sensors at 400 Hz for an hour, and one at 1 kHz for eight; takes some ten minutes and 6
+    GB of disk.
+    """
     for sensors, hours, rate in ((4, hours_of_four, 400.0), (1, hours_of_one, 1000.0)):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
@@ -153,7 +179,12 @@ def bench_long_recordings(hours_of_one: float = 8.0, hours_of_four: float = 1.0)
             measured = {stage: measure(folder, stage) for stage in STAGES}
         total = sum(m.took_s for m in measured.values())
         rows: list[list[str | Text]] = [
-            [Text(stage), duration(m.took_s), f"{3600 * hours / m.took_s:.0f}", f"{m.peak_mb:.0f} MB"]
+            [
+                Text(stage),
+                duration(m.took_s),
+                f"{3600 * hours / m.took_s:.0f}",
+                f"{m.peak_mb:.0f} MB",
+            ]
             for stage, m in measured.items()
         ]
         rows.append(
@@ -165,7 +196,8 @@ def bench_long_recordings(hours_of_one: float = 8.0, hours_of_four: float = 1.0)
             ]
         )
         show(
-            f"Long recording: {sensors} x {hours:g} h at {rate:g} Hz, {sensors * hours * 3600 * rate / 1e6:.1f} M samples",
+            f"Long recording: {sensors} x {hours:g} h at {rate:g} Hz, "
+            f"{sensors * hours * 3600 * rate / 1e6:.1f} M samples",
             ["stage", "time", "times real time", "peak memory"],
             rows,
             "target: below 2 GB; more than 100 times real time",

@@ -16,14 +16,22 @@ from tests.system.test_security import CALIBRATION
 
 
 def bench_mutations(count: int = 10_000) -> bool:
-    """Print the figures; whether every file was read or refused in a sentence, in time, with nothing written elsewhere."""
+    """Print the figures; whether every file was read or refused in a sentence, in time, with
+    nothing written elsewhere.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "inside").mkdir()
         protocol = folder / "tiny.yaml"
         protocol.write_text(TINY, encoding="utf-8")
         session = execute(plan(protocol), folder, 1, session_name="session")
-        campaign = Campaign(folder / "inside", protocol, shipped_folder("robots") / "ur3e", session.path, CALIBRATION)
+        campaign = Campaign(
+            folder / "inside",
+            protocol,
+            shipped_folder("robots") / "ur3e",
+            session.path,
+            CALIBRATION,
+        )
         here = Path.cwd()
         try:
             for number in range(count):

@@ -38,7 +38,9 @@ def bench_physics() -> None:
     sensor = spec.sensors["forearm"]
 
     def record_imu() -> int:
-        imu = SimulatedImu("forearm", sensor, kinematics, spec.environment, the_plan.trajectory.at, 0)
+        imu = SimulatedImu(
+            "forearm", sensor, kinematics, spec.environment, the_plan.trajectory.at, 0
+        )
         return len(imu.read(end))
 
     def move_arm() -> int:
@@ -51,22 +53,47 @@ def bench_physics() -> None:
     arm = seconds(move_arm) / (end / NANOSECONDS * robot.spec.rates.control_hz)
 
     rows: list[list[str | Text]] = [
-        [Text("pose, rates, classical acceleration of a frame"), duration(ours), Text("Pinocchio, loop in Python"),
-         duration(loop), ratio(ours, loop)],
+        [
+            Text("pose, rates, classical acceleration of a frame"),
+            duration(ours),
+            Text("Pinocchio, loop in Python"),
+            duration(loop),
+            ratio(ours, loop),
+        ],
         [Text("Trajectory.at"), duration(at), Text("-"), "-", "-"],
-        [Text(f"nearest of {collision.pairs} pairs of bodies"), duration(clearance), Text("-"), "-", "-"],
+        [
+            Text(f"nearest of {collision.pairs} pairs of bodies"),
+            duration(clearance),
+            Text("-"),
+            "-",
+            "-",
+        ],
         [Text("simulated IMU, a sample"), duration(imu), Text("-"), "-", "-"],
         [Text("simulated arm, a control period"), duration(arm), Text("-"), "-", "-"],
-    ]  # fmt: skip
-    show("Physics: ur3e, time for each configuration or sample", ["what", "time", "peer", "time", "ours : peer"], rows)
+    ]
+    show(
+        "Physics: ur3e, time for each configuration or sample",
+        ["what", "time", "peer", "time", "ours : peer"],
+        rows,
+    )
 
 
-def pinocchio_loop(kinematics: Kinematics, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Callable[[], object]:
-    """The same by Pinocchio, one configuration after the other; what it is given is put together beforehand."""
+def pinocchio_loop(
+    kinematics: Kinematics, q: np.ndarray, v: np.ndarray, a: np.ndarray
+) -> Callable[[], object]:
+    """The same by Pinocchio, one configuration after the other; what it is given is put together
+    beforehand.
+    """
     model = kinematics.model
-    data, frame, world = model.createData(), model.getFrameId(LINK), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    data, frame, world = (
+        model.createData(),
+        model.getFrameId(LINK),
+        pin.ReferenceFrame.LOCAL_WORLD_ALIGNED,
+    )
     columns = [kinematics.robot.joint_names.index(name) for name in list(model.names)[1:]]
-    states = list(zip([kinematics.configuration(row) for row in q], v[:, columns], a[:, columns], strict=True))
+    states = list(
+        zip([kinematics.configuration(row) for row in q], v[:, columns], a[:, columns], strict=True)
+    )
 
     def loop() -> list[tuple[np.ndarray, ...]]:
         results = []
@@ -76,9 +103,15 @@ def pinocchio_loop(kinematics: Kinematics, q: np.ndarray, v: np.ndarray, a: np.n
             velocity = pin.getFrameVelocity(model, data, frame, world)
             acceleration = pin.getFrameClassicalAcceleration(model, data, frame, world)
             results.append(
-                (pose.translation.copy(), pose.rotation.copy(), velocity.linear.copy(), velocity.angular.copy(),
-                 acceleration.linear.copy(), acceleration.angular.copy())
-            )  # fmt: skip
+                (
+                    pose.translation.copy(),
+                    pose.rotation.copy(),
+                    velocity.linear.copy(),
+                    velocity.angular.copy(),
+                    acceleration.linear.copy(),
+                    acceleration.angular.copy(),
+                )
+            )
         return results
 
     return loop

@@ -1,4 +1,6 @@
-"""Runs through the real client libraries against the emulated controllers: poses, following, deadlines."""
+"""Runs through the real client libraries against the emulated controllers: poses, following,
+deadlines.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ from tests.emulated_arms import COMMAND_PORT, emulated_ur, emulated_xarm
 
 def flexion_of_40_poses(folder: Path) -> Plan:
     """elbow_flexion with 5 misalignments and 8 flexions, and no calibration."""
-    content = yaml.safe_load((shipped_folder("protocols") / "elbow_flexion.yaml").read_text(encoding="utf-8"))
+    content = yaml.safe_load(
+        (shipped_folder("protocols") / "elbow_flexion.yaml").read_text(encoding="utf-8")
+    )
     content["variables"] |= {
         "misalignment_deg": {"start": -20, "stop": 20, "step": 10},
         "flexion_deg": {"start": 0, "stop": 70, "step": 10},
@@ -80,7 +84,10 @@ def worst_pose(session: Session, plan: Plan) -> tuple[int, float]:
     for step in steps:
         rest = (arm.host_time_ns >= step.settled_ns) & (arm.host_time_ns <= step.end_ns)
         planned = plan.trajectory.at(np.array([plan.steps[step.index].settled_ns]))[0][0]
-        worst = max(worst, float(np.degrees(np.abs(np.median(arm.q_measured[rest], axis=0) - planned)).max()))
+        worst = max(
+            worst,
+            float(np.degrees(np.abs(np.median(arm.q_measured[rest], axis=0) - planned)).max()),
+        )
     return len(steps), worst
 
 
@@ -93,9 +100,11 @@ def following(session: Session, plan: Plan) -> tuple[float, float, float]:
     times = arm.host_time_ns[inside] - step.start_ns + plan.steps[step.index].start_ns
 
     def errors(lag: float) -> np.ndarray:
-        return np.asarray(np.degrees(np.abs(arm.q_measured[inside] - plan.trajectory.at(times - round(lag * 1e9))[0]))).max(
-            axis=1
-        )
+        return np.asarray(
+            np.degrees(
+                np.abs(arm.q_measured[inside] - plan.trajectory.at(times - round(lag * 1e9))[0])
+            )
+        ).max(axis=1)
 
     lags = np.arange(0, 0.2, 0.001)
     lag = float(lags[np.argmin([np.mean(errors(lag) ** 2) for lag in lags])])
@@ -131,7 +140,9 @@ def bench_real_arm() -> bool:
         poses, sweep = flexion_of_40_poses(folder), make_plan("quick")
         first = run(poses, emulator.address, folder / "logs")
         second = run(sweep, emulator.address, folder / "logs")
-        return show_figures("ur_rtde against the emulated controller", (first, poses), (second, sweep))
+        return show_figures(
+            "ur_rtde against the emulated controller", (first, poses), (second, sweep)
+        )
 
 
 def bench_xarm() -> bool:
@@ -141,7 +152,9 @@ def bench_xarm() -> bool:
         (folder / "xarm.yaml").write_text(XARM, encoding="utf-8")
         plan = make_plan(folder / "xarm.yaml")
         done = run(plan, emulator.address, folder / "logs")
-        return show_figures("xarm-python-sdk against the emulated controller", (done, plan), (done, plan))
+        return show_figures(
+            "xarm-python-sdk against the emulated controller", (done, plan), (done, plan)
+        )
 
 
 if __name__ == "__main__":

@@ -18,9 +18,17 @@ def bench_startup() -> None:
         return seconds(lambda: subprocess.run(command, check=True, capture_output=True), 5)
 
     python = run(sys.executable, "-c", "pass")
-    calls = {"testbench --help": [str(COMMAND), "--help"], "testbench protocols": [str(COMMAND), "protocols"]}
+    calls = {
+        "testbench --help": [str(COMMAND), "--help"],
+        "testbench protocols": [str(COMMAND), "protocols"],
+    }
     rows: list[list[str | Text]] = [[Text("python -c pass"), duration(python), "1 x"]]
     for name, command in calls.items():
         time = run(*command)
         rows.append([Text(name), duration(time), ratio(python, time)])
-    show("Start-up of the command line", ["call", "time", "of Python alone"], rows, "target: --help below 0.5 s")
+    show(
+        "Start-up of the command line",
+        ["call", "time", "of Python alone"],
+        rows,
+        "target: --help below 0.5 s",
+    )

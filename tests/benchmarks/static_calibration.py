@@ -7,7 +7,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.calibration import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS, Method, StaticPoses
+from testbench.estimation.calibration import (
+    ACCELEROMETER_METHODS,
+    MAGNETOMETER_METHODS,
+    Method,
+    StaticPoses,
+)
 from testbench.estimation.static_intervals import by_gyroscope, by_variance
 from testbench.frames import STANDARD_GRAVITY
 from tests.benchmarks.timing import Text, duration, rate, seconds, show
@@ -17,7 +22,9 @@ SAMPLES = 100_000
 
 
 def bench_static_calibration() -> None:
-    """Time each method on 24 poses, or on the six or four that it is made for, and the two ways to find rests by samples."""
+    """Time each method on 24 poses, or on the six or four that it is made for, and the two ways to
+    find rests by samples.
+    """
     rows: list[list[str | Text]] = []
     for kind, methods, vector in (
         ("accelerometer", ACCELEROMETER_METHODS, np.array([0.0, 0.0, STANDARD_GRAVITY])),
@@ -25,12 +32,23 @@ def bench_static_calibration() -> None:
     ):
         for method in methods.values():
             poses = _poses(method, vector)
-            once = seconds(lambda method=method, poses=poses: [method.function(poses) for _ in range(REPEATS)]) / REPEATS
-            rows.append([Text(f"{kind} {method.name}"), str(len(poses)), rate(1 / once), duration(once)])
+            once = (
+                seconds(
+                    lambda method=method, poses=poses: [
+                        method.function(poses) for _ in range(REPEATS)
+                    ]
+                )
+                / REPEATS
+            )
+            rows.append(
+                [Text(f"{kind} {method.name}"), str(len(poses)), rate(1 / once), duration(once)]
+            )
     show("Calibrations", ["method", "poses", "calibrations", "each"], rows)
     rng = np.random.default_rng(1)
     resting = (np.arange(SAMPLES) // 300) % 2 == 0
-    turns = np.repeat(Rotation.random(SAMPLES // 300 + 1, rng=rng).as_matrix()[:, 2], 300, axis=0)[:SAMPLES]
+    turns = np.repeat(Rotation.random(SAMPLES // 300 + 1, rng=rng).as_matrix()[:, 2], 300, axis=0)[
+        :SAMPLES
+    ]
     acc = (
         STANDARD_GRAVITY * turns
         + 0.01 * rng.standard_normal((SAMPLES, 3))
@@ -42,7 +60,10 @@ def bench_static_calibration() -> None:
         ["way", "samples"],
         [
             [Text("gyroscope"), rate(SAMPLES / seconds(lambda: by_gyroscope(gyr, 0.01)))],
-            [Text("variance, ten thresholds each calibrated"), rate(SAMPLES / seconds(lambda: by_variance(acc, 0.01)))],
+            [
+                Text("variance, ten thresholds each calibrated"),
+                rate(SAMPLES / seconds(lambda: by_variance(acc, 0.01))),
+            ],
         ],
     )
 

@@ -9,9 +9,11 @@ from typing import Any
 
 
 def seconds(call: Callable[[], Any], repeats: int = 3) -> float:
-    """Wall-clock time of a call [s]: the shortest of some repeats, after one call that does not count.
+    """Wall-clock time of a call [s]: the shortest of some repeats, after one call that does not
+    count.
 
-    The first call compiles, fills caches and reads files; the shortest of the rest is what the machine can do undisturbed.
+    The first call compiles, fills caches and reads files; the shortest of the rest is what the
+    machine can do undisturbed.
     """
     call()
     return min(once(call)[0] for _ in range(repeats))
@@ -38,7 +40,10 @@ def show(title: str, columns: list[str], rows: list[list[str | Text]], notes: st
     left = [isinstance(cell, Text) for cell in rows[0]]
 
     def line(cells: list[str]) -> str:
-        padded = [cell.ljust(w) if flush else cell.rjust(w) for cell, w, flush in zip(cells, widths, left, strict=True)]
+        padded = [
+            cell.ljust(w) if flush else cell.rjust(w)
+            for cell, w, flush in zip(cells, widths, left, strict=True)
+        ]
         return "  " + "  ".join(padded).rstrip()
 
     print(f"\n{title}")

@@ -24,7 +24,10 @@ def tables(draw: st.DrawFn) -> tuple[list[str], list[list[str]], list[bool]]:
     first = [draw(NUMBERS if own else WORDS) for own in numeric]
     count = draw(st.integers(1, 4))
     rows = [
-        [value if alike else draw(NUMBERS if own else WORDS) for own, alike, value in zip(numeric, same, first, strict=True)]
+        [
+            value if alike else draw(NUMBERS if own else WORDS)
+            for own, alike, value in zip(numeric, same, first, strict=True)
+        ]
         for _ in range(count)
     ]
     return columns, rows, numeric
@@ -46,7 +49,9 @@ def test_numbers_stay_whole_and_what_is_left_out_is_said(
     for i, width in zip(layout.kept, layout.widths, strict=True):
         assert not numeric[i] or width >= max(len(row[i]) for row in rows)
     if layout.width > room:  # only where nothing can be folded any more
-        assert all(numeric[i] or width <= 8 for i, width in zip(layout.kept, layout.widths, strict=True))
+        assert all(
+            numeric[i] or width <= 8 for i, width in zip(layout.kept, layout.widths, strict=True)
+        )
 
 
 def test_a_table_of_errors_fits_a_terminal_of_80_characters(
@@ -54,13 +59,34 @@ def test_a_table_of_errors_fits_a_terminal_of_80_characters(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    columns = ["section", "joint", "state", "mean", "U", "mean |e|", "RMSE", "largest", "stated", "covered [%]"]
-    rows = [["waves", joint, "kinematic", -0.19, 0.2, 0.19, 0.214, -0.472, 0.429, 93.725] for joint in
-            ("shoulder_pan_joint", "shoulder_lift_joint")]  # fmt: skip
+    columns = [
+        "section",
+        "joint",
+        "state",
+        "mean",
+        "U",
+        "mean |e|",
+        "RMSE",
+        "largest",
+        "stated",
+        "covered [%]",
+    ]
+    rows = [
+        ["waves", joint, "kinematic", -0.19, 0.2, 0.19, 0.214, -0.472, 0.429, 93.725]
+        for joint in ("shoulder_pan_joint", "shoulder_lift_joint")
+    ]
     say_table("Joints of the chain", columns, rows)
     lines = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines()
     assert max(map(len, lines)) <= 80
     assert lines[0] == "Joints of the chain; section waves; state kinematic"
     for joint in ("shoulder_pan_joint", "shoulder_lift_joint"):
         (line,) = (line for line in lines if joint in line)
-        assert line.split()[1:] == ["-0.190", "0.200", "0.190", "0.214", "-0.472", "0.429", "93.725"]
+        assert line.split()[1:] == [
+            "-0.190",
+            "0.200",
+            "0.190",
+            "0.214",
+            "-0.472",
+            "0.429",
+            "93.725",
+        ]

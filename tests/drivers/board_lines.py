@@ -18,4 +18,8 @@ def make_format(**changes: object) -> LineFormat:
 
 def line(number: int, period_ms: float = 2.5) -> bytes:
     """Line of a sample whose readings tell its number."""
-    return b"%.1f 0.5 -0.25 1 %d %.1f -3\r\n" % (number * period_ms, number % 200, number / 10 % 100)
+    return b"%.1f 0.5 -0.25 1 %d %.1f -3\r\n" % (
+        number * period_ms,
+        number % 200,
+        number / 10 % 100,
+    )

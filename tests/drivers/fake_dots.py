@@ -1,4 +1,6 @@
-"""GATT servers of Xsens DOTs that stand in for those that bleak's client would reach over the air."""
+"""GATT servers of Xsens DOTs that stand in for those that bleak's client would reach over the
+air.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ class FakeDot:
 
     def __init__(self, address: str, name: str = "Xsens DOT", rate: int = 60):
         self.address, self.name = address, name
-        self.control = bytearray(bytes.fromhex("00 00 00 0a 00 1e 00 05") + b"thigh".ljust(16, b"\0") + bytes(8))
+        self.control = bytearray(
+            bytes.fromhex("00 00 00 0a 00 1e 00 05") + b"thigh".ljust(16, b"\0") + bytes(8)
+        )
         self.control[24:26] = rate.to_bytes(2, "little")
         self.refuse_connections = 0
         self.connections = 0
@@ -35,7 +39,9 @@ class FakeDot:
     def payload(self, number: int, stamp_us: int | None = None) -> bytearray:
         """Custom mode 5; the first rate tells the number of the sample [deg/s]."""
         stamp = number * TICK_US if stamp_us is None else stamp_us
-        return bytearray(struct.pack("<I10f", stamp % 2**32, 1, 0, 0, 0, 0, 0, G, number, 0, 0).ljust(63, b"\0"))
+        return bytearray(
+            struct.pack("<I10f", stamp % 2**32, 1, 0, 0, 0, 0, 0, G, number, 0, 0).ljust(63, b"\0")
+        )
 
     def send(self, *packets: bytearray) -> None:
         """Notify, in the loop's thread as bleak does."""
@@ -89,7 +95,9 @@ class FakeClient:
         self._up()
         address = bytes.fromhex(self.dot.address.replace(":", ""))[::-1]
         return {
-            "15171001-4947-11e9-8646-d663bd873d93": bytearray(address + bytes((2, 0, 0)) + bytes(19) + b"XS-T02"),
+            "15171001-4947-11e9-8646-d663bd873d93": bytearray(
+                address + bytes((2, 0, 0)) + bytes(19) + b"XS-T02"
+            ),
             "15171002-4947-11e9-8646-d663bd873d93": self.dot.control,
             "15173001-4947-11e9-8646-d663bd873d93": bytearray((87, 0)),
         }[uuid]
@@ -122,11 +130,19 @@ class FakeScanner:
     @classmethod
     async def discover(cls, timeout: float, return_adv: bool) -> dict[str, tuple[Any, Any]]:
         assert return_adv
-        heard = {"00:11:22:33:44:55": (SimpleNamespace(address="00:11:22:33:44:55", name="Kettle"), {})}
+        heard = {
+            "00:11:22:33:44:55": (SimpleNamespace(address="00:11:22:33:44:55", name="Kettle"), {})
+        }
         for rssi, dot in enumerate(cls.air.values(), -60):
-            heard[dot.address] = (SimpleNamespace(address=dot.address, name=dot.name), {2182: b"\0"} if rssi % 2 else {})
+            heard[dot.address] = (
+                SimpleNamespace(address=dot.address, name=dot.name),
+                {2182: b"\0"} if rssi % 2 else {},
+            )
         return {
-            address: (device, SimpleNamespace(local_name=device.name, manufacturer_data=data, rssi=-60 + i))
+            address: (
+                device,
+                SimpleNamespace(local_name=device.name, manufacturer_data=data, rssi=-60 + i),
+            )
             for i, (address, (device, data)) in enumerate(heard.items())
         }
 
@@ -142,13 +158,17 @@ class Bench:
     def __init__(self, *dots: FakeDot):
         self.dots = dots
         air = {"air": {dot.address: dot for dot in dots}}
-        self.loop = BluetoothLoop(type("Client", (FakeClient,), air), type("Scanner", (FakeScanner,), air))
+        self.loop = BluetoothLoop(
+            type("Client", (FakeClient,), air), type("Scanner", (FakeScanner,), air)
+        )
         self.time = SessionTime(SystemClock())
         self.made: list[XsensDot] = []
 
     def sensor(self, target: str | int = 0, **options: Any) -> XsensDot:
         address = self.dots[target].address if isinstance(target, int) else target
-        self.made.append(XsensDot(address, self.time, self.loop, **{"backoff_s": (0.01, 0.05)} | options))
+        self.made.append(
+            XsensDot(address, self.time, self.loop, **{"backoff_s": (0.01, 0.05)} | options)
+        )
         return self.made[-1]
 
     def close(self) -> None:

@@ -1,4 +1,6 @@
-"""The controller's clock against the host's: drift and delays are not steps, steps are followed where something proves them."""
+"""The controller's clock against the host's: drift and delays are not steps, steps are followed
+where something proves them.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ OFFSET, LEAST = 123_456_789_000, 300_000
 
 
 class Packages:
-    """A controller's packages as they arrive; what its clock and its network do may change at any time."""
+    """A controller's packages as they arrive; what its clock and its network do may change at any
+    time.
+    """
 
     def __init__(self, seed: int = 0) -> None:
         self.clock, self.rng = ControllerClock(), np.random.default_rng(seed)
@@ -52,7 +56,9 @@ def test_packages_that_come_late_for_minutes_do_not_move_the_clock(packages):
     packages.delay = SECOND // 5
     for _ in range(20):
         packages.send(800)
-        lead = packages.clock.not_before(packages.stamp, packages.now - 3_000_000)  # a motion begins soon after its command
+        lead = packages.clock.not_before(
+            packages.stamp, packages.now - 3_000_000
+        )  # a motion begins soon after its command
         assert lead == 0
         assert abs(packages.error - LEAST) < 500_000
     assert packages.clock.steps() == []
@@ -89,7 +95,11 @@ def test_stamps_that_run_ahead_are_followed_at_once(packages):
 
 @settings(max_examples=40, deadline=None)
 @given(
-    changes=st.lists(st.tuples(st.sampled_from(["delay", "behind"]), st.floats(0.03, 1.5)), min_size=1, max_size=5),
+    changes=st.lists(
+        st.tuples(st.sampled_from(["delay", "behind"]), st.floats(0.03, 1.5)),
+        min_size=1,
+        max_size=5,
+    ),
     seed=st.integers(0, 1000),
 )
 def test_with_a_motion_now_and_then_no_step_and_no_delay_leaves_the_clock_wrong(changes, seed):

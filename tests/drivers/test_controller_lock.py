@@ -23,7 +23,11 @@ def own_folder(tmp_path, monkeypatch):
 
 
 def test_a_controller_is_locked_until_it_is_let_go_and_others_are_not():
-    first, second, other = ControllerLock("127.0.0.9"), ControllerLock("127.0.0.9"), ControllerLock("127.0.0.10")
+    first, second, other = (
+        ControllerLock("127.0.0.9"),
+        ControllerLock("127.0.0.9"),
+        ControllerLock("127.0.0.10"),
+    )
     assert first.take()
     assert not second.take()
     assert other.take()
@@ -43,9 +47,12 @@ def test_a_name_cannot_lead_out_of_the_folder(tmp_path):
 
 def test_a_killed_process_lets_go(tmp_path):
     holder = subprocess.Popen(
-        [sys.executable, "-c", HOLD, "127.0.0.9"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        [sys.executable, "-c", HOLD, "127.0.0.9"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
         env={"TMPDIR": str(tmp_path), "PYTHONPATH": ":".join(sys.path)},
-    )  # fmt: skip
+    )
     try:
         assert holder.stdout.readline() == "True\n"
         assert not ControllerLock("127.0.0.9").take()

@@ -33,7 +33,9 @@ def test_every_shipped_format_reads_a_line_of_its_board() -> None:
     for name, text in lines.items():
         found = LineParser(load_line_format(name)).parse(text)
         assert found is not None
-        np.testing.assert_allclose(found.values, expected.get(name, [rate, -2 * rate, 0, 0, -g / 2, g]), atol=1e-12)
+        np.testing.assert_allclose(
+            found.values, expected.get(name, [rate, -2 * rate, 0, 0, -g / 2, g]), atol=1e-12
+        )
     found = LineParser(load_line_format("mpu6050")).parse(lines["mpu6050"])
     assert found is not None
     assert (found.counter, found.time_ns) == (65535, (2**32 - 1) * 1000)
@@ -43,7 +45,8 @@ def test_every_shipped_format_reads_a_line_of_its_board() -> None:
 def test_a_wrong_format_is_refused_with_every_fault_and_its_place(tmp_path: Path) -> None:
     file = tmp_path / "board.yaml"
     file.write_text(
-        "description: x\nrate_hz: 100\ncolumns:\n  - {quantity: tme}\n  - {quantity: acceleration, unit: km}\nbaud: 9600\n"
+        "description: x\nrate_hz: 100\ncolumns:\n  - {quantity: tme}\n  - {quantity: acceleration, "
+        "unit: km}\nbaud: 9600\n"
     )
     with pytest.raises(FileProblems) as caught:
         load_line_format(file)
@@ -58,7 +61,10 @@ def test_a_wrong_format_is_refused_with_every_fault_and_its_place(tmp_path: Path
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ([{"quantity": "acceleration", "unit": "g"}], "angular_rate needs the axes x, y and z once each, not none"),
+        (
+            [{"quantity": "acceleration", "unit": "g"}],
+            "angular_rate needs the axes x, y and z once each, not none",
+        ),
         (
             [
                 {"quantity": "acceleration", "unit": "g", "axes": ["x", "y", "-y"]},
@@ -68,13 +74,15 @@ def test_a_wrong_format_is_refused_with_every_fault_and_its_place(tmp_path: Path
         ),
         (
             [
-                {"quantity": "time", "unit": "s"}, {"quantity": "time", "unit": "s"}, {"quantity": "acceleration", "unit": "g"},
+                {"quantity": "time", "unit": "s"},
+                {"quantity": "time", "unit": "s"},
+                {"quantity": "acceleration", "unit": "g"},
                 {"quantity": "angular_rate", "unit": "deg/s"},
             ],
             "time stands 2 times",
         ),
     ],
-)  # fmt: skip
+)
 def test_columns_that_make_no_sensor_are_refused(columns: list[dict], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make_format(columns=columns)
@@ -96,7 +104,13 @@ def test_the_documentation_shows_a_format_that_is_read_and_names_every_key() -> 
 def test_units_axes_counts_and_the_quaternions_direction_are_converted_once() -> None:
     columns = [
         {"quantity": "ignored", "count": 2},
-        {"quantity": "angular_rate", "unit": "deg/s", "axes": ["-y", "x", "-z"], "counts_per_unit": 10, "zero_counts": 5},
+        {
+            "quantity": "angular_rate",
+            "unit": "deg/s",
+            "axes": ["-y", "x", "-z"],
+            "counts_per_unit": 10,
+            "zero_counts": 5,
+        },
         {"quantity": "acceleration", "unit": "mg", "axes": ["z", "y"]},
         {"quantity": "acceleration", "unit": "mg", "axes": ["x"]},
         {"quantity": "magnetic_field", "unit": "G"},
@@ -116,7 +130,9 @@ def test_the_checksum_is_that_of_nmea_0183() -> None:
     # A GGA sentence as printed in many receivers' manuals; its check digits are 47.
     sentence = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47"
     line_format = make_format(prefix="$", checksum={"algorithm": "xor"}, separator="comma")
-    with pytest.raises(MalformedLine, match="has 15 columns"):  # the digits are right, the rest is no sample
+    with pytest.raises(
+        MalformedLine, match="has 15 columns"
+    ):  # the digits are right, the rest is no sample
         LineParser(line_format).parse(sentence)
     with pytest.raises(MalformedLine, match="its content gives 47"):
         LineParser(line_format).parse(sentence.replace(b"*47", b"*46"))
@@ -158,4 +174,6 @@ def test_four_boards_at_400_lines_a_second_cost_little() -> None:
     begin = time.process_time()
     for _ in range(4 * 400):
         parser.parse(text)
-    assert time.process_time() - begin < 0.2  # a fifth of one processor for parsing; a hundredth is usual
+    assert (
+        time.process_time() - begin < 0.2
+    )  # a fifth of one processor for parsing; a hundredth is usual

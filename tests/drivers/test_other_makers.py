@@ -1,4 +1,6 @@
-"""A driver refuses another maker's arm by its name, in the dry run and before anything is connected."""
+"""A driver refuses another maker's arm by its name, in the dry run and before anything is
+connected.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,11 @@ from testbench.records.robot import load_robot
     ("protocol", "arm", "said"),
     [
         ("quick", "xarm", "--arm xarm drives xarm6; the plan is for ur3e: say --arm ur"),
-        ("quick_xarm6", "ur", "--arm ur drives e-series arms such as ur3e; the plan is for xarm6: say --arm xarm"),
+        (
+            "quick_xarm6",
+            "ur",
+            "--arm ur drives e-series arms such as ur3e; the plan is for xarm6: say --arm xarm",
+        ),
     ],
 )
 @pytest.mark.parametrize("confirmed", [False, True])
@@ -32,7 +38,17 @@ def test_another_makers_arm_is_refused_by_name_before_anything_is_connected(
 
     monkeypatch.setattr(socket.socket, "connect", connect)
     options = ["--confirm-motion", "--hazards-checked"] if confirmed else []
-    asked = ["run", protocol, "--arm", arm, "--host", "192.0.2.1", "--simulate-imus", "--logs", str(tmp_path / "logs")]
+    asked = [
+        "run",
+        protocol,
+        "--arm",
+        arm,
+        "--host",
+        "192.0.2.1",
+        "--simulate-imus",
+        "--logs",
+        str(tmp_path / "logs"),
+    ]
     result = CliRunner().invoke(app, [*asked, *options])
     assert isinstance(result.exception, InputError) and str(result.exception) == said
     assert "Motion, from" not in result.output

@@ -46,7 +46,10 @@ def reported(times: np.ndarray, noise: float = 0.0) -> ArmSamples:
     rng = np.random.default_rng(0)
     t = times / SECOND
     q = np.stack([0.5 * np.sin(2 * np.pi * 0.4 * t), 0.2 * np.cos(2 * np.pi * 0.3 * t)], axis=1)
-    v = np.stack([0.5 * 0.8 * np.pi * np.cos(0.8 * np.pi * t), -0.2 * 0.6 * np.pi * np.sin(0.6 * np.pi * t)], axis=1)
+    v = np.stack(
+        [0.5 * 0.8 * np.pi * np.cos(0.8 * np.pi * t), -0.2 * 0.6 * np.pi * np.sin(0.6 * np.pi * t)],
+        axis=1,
+    )
     return ArmSamples(["a", "b"], times, q, q + noise * rng.standard_normal(q.shape), v)
 
 
@@ -61,7 +64,9 @@ def test_the_reported_motion_is_known_between_reports_with_its_derivatives():
     t = at / SECOND
     np.testing.assert_allclose(q, expected.q_measured, atol=2e-5)
     np.testing.assert_allclose(v, expected.v_measured, atol=5e-4)
-    np.testing.assert_allclose(a[:, 0], -0.5 * (0.8 * np.pi) ** 2 * np.sin(0.8 * np.pi * t), atol=0.02)
+    np.testing.assert_allclose(
+        a[:, 0], -0.5 * (0.8 * np.pi) ** 2 * np.sin(0.8 * np.pi * t), atol=0.02
+    )
     assert 3.85e9 < motion.known_until_ns < 4e9
 
 
@@ -101,7 +106,11 @@ def recorded(run_protocol, tiny):
 def replay(the_plan, log, logs):
     time = SessionTime(SystemClock())
     return execute_on_arm(
-        the_plan, ReplayArm(the_plan.robot, log, time), Sensors.simulated(the_plan, 1), time, ArmRunOptions(logs)
+        the_plan,
+        ReplayArm(the_plan.robot, log, time),
+        Sensors.simulated(the_plan, 1),
+        time,
+        ArmRunOptions(logs),
     )
 
 
@@ -110,7 +119,9 @@ def test_a_recorded_session_drives_the_bench_as_if_live(recorded, tiny, tmp_path
     session = replay(the_plan, recorded.path, tmp_path)
     assert session.status is RunStatus.COMPLETED
     assert session.manifest["arm"]["driver"] == "replay"
-    np.testing.assert_allclose(session.arm().q_measured, recorded.arm().q_measured[: len(session.arm().q_measured)])
+    np.testing.assert_allclose(
+        session.arm().q_measured, recorded.arm().q_measured[: len(session.arm().q_measured)]
+    )
     for found, original in zip(session.steps, recorded.steps, strict=True):
         assert found.index == original.index
         assert abs(found.settled_ns - original.settled_ns) < 0.5 * SECOND
@@ -122,7 +133,9 @@ def test_a_foreign_log_in_degrees_is_taken_too(recorded, tiny, tmp_path):
     log = tmp_path / "log.csv"
     header = ["time_s", *(f"q_{joint}_deg" for joint in arm.joint_names)]
     rows = np.column_stack([arm.host_time_ns / SECOND + 5, np.degrees(arm.q_measured)])[::2]
-    log.write_text(",".join(header) + "\n" + "\n".join(",".join(f"{x:.6f}" for x in row) for row in rows))
+    log.write_text(
+        ",".join(header) + "\n" + "\n".join(",".join(f"{x:.6f}" for x in row) for row in rows)
+    )
     replayed = ReplayArm(load_robot("ur3e"), log, SessionTime(SystemClock()))
     replayed.connect()
     replayed.check_way(plan(tiny))
@@ -138,7 +151,10 @@ def test_a_foreign_log_in_degrees_is_taken_too(recorded, tiny, tmp_path):
         ("time_s,x\n0\n1,2\n", "another length"),
         ("time_s,x\n0,zero\n", "cannot be read"),
         (
-            "time_s," + ",".join(f"q_{j}_rad" for j in load_robot("ur3e").joint_names) + "\n" + "1,0,0,0,0,0,0\n" * 3,
+            "time_s,"
+            + ",".join(f"q_{j}_rad" for j in load_robot("ur3e").joint_names)
+            + "\n"
+            + "1,0,0,0,0,0,0\n" * 3,
             "do not increase",
         ),
     ],
@@ -171,7 +187,9 @@ class MuteDevices(Devices):
         raise DriverError("sensor hand delivers no sample")
 
 
-def test_a_sensor_that_delivers_nothing_ends_the_run_before_the_arm_is_even_connected(recorded, tiny, tmp_path, monkeypatch):
+def test_a_sensor_that_delivers_nothing_ends_the_run_before_the_arm_is_even_connected(
+    recorded, tiny, tmp_path, monkeypatch
+):
     the_plan, time = plan(tiny), SessionTime(SystemClock())
     arm = ReplayArm(the_plan.robot, recorded.path, time)
     monkeypatch.setattr(arm, "connect", lambda: pytest.fail("the arm was connected"))

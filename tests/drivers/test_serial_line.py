@@ -29,7 +29,9 @@ DEG = np.pi / 180
 
 
 class Board:
-    """A board at the far end of a pseudo-terminal, reached through a link whose target changes when it is plugged in anew."""
+    """A board at the far end of a pseudo-terminal, reached through a link whose target changes when
+    it is plugged in anew.
+    """
 
     def __init__(self, folder: Path):
         self.link = folder / "ttyBOARD"
@@ -83,7 +85,9 @@ def make_imu(board: Board) -> Iterator[Maker]:
 
     def make(line_format: LineFormat | None = None, **options: object) -> SerialImu:
         options = {"backoff_s": (0.02, 0.1)} | options
-        imu = SerialImu(str(board.link), line_format or make_format(), SessionTime(SystemClock()), **options)  # type: ignore[arg-type]
+        imu = SerialImu(
+            str(board.link), line_format or make_format(), SessionTime(SystemClock()), **options
+        )  # type: ignore[arg-type]
         made.append(imu)
         imu.kickoff()
         return imu
@@ -105,7 +109,9 @@ def events_of(imu: SerialImu) -> dict[str, dict]:
     return {event.event: event.details for event in imu.events()}
 
 
-def test_every_line_at_400_hz_arrives_with_its_values_and_times(board: Board, make_imu: Maker) -> None:
+def test_every_line_at_400_hz_arrives_with_its_values_and_times(
+    board: Board, make_imu: Maker
+) -> None:
     imu = make_imu()
     board.send(b"\n")  # what comes before the first end of line may be half a line
     feeder = threading.Thread(target=board.send_steadily, args=(0, 400, 400.0))
@@ -120,17 +126,25 @@ def test_every_line_at_400_hz_arrives_with_its_values_and_times(board: Board, ma
     gyr = np.vstack([early.gyr, late.gyr])
     np.testing.assert_array_equal(device, np.arange(400) * 2_500_000)
     np.testing.assert_allclose(gyr[:, 0], DEG * (np.arange(400) % 200))
-    np.testing.assert_allclose(early.acc, np.tile(9.80665 * np.array([0.5, -0.25, 1]), (len(early), 1)))
+    np.testing.assert_allclose(
+        early.acc, np.tile(9.80665 * np.array([0.5, -0.25, 1]), (len(early), 1))
+    )
     np.testing.assert_array_equal(np.concatenate([early.counter, late.counter]), np.arange(400))
     assert (np.diff(host) >= 0).all()
     assert np.polyfit(device, host, 1)[0] == pytest.approx(1, abs=0.05)
-    assert np.median(np.abs(host - device - np.median(host - device))) < 5e6  # stamped as they come, not in lumps
+    assert (
+        np.median(np.abs(host - device - np.median(host - device))) < 5e6
+    )  # stamped as they come, not in lumps
     assert early.mag is None and early.device_q is None and not early.saturated.any()
 
 
-def test_half_a_line_at_the_start_is_no_sample_even_if_it_looks_like_one(board: Board, make_imu: Maker) -> None:
+def test_half_a_line_at_the_start_is_no_sample_even_if_it_looks_like_one(
+    board: Board, make_imu: Maker
+) -> None:
     imu = make_imu()
-    board.send(b"0.5 0 0 1 0 0 0\r\n" + b"".join(line(k) for k in range(5)))  # the rest of "1230.5 0 0 1 0 0 0"
+    board.send(
+        b"0.5 0 0 1 0 0 0\r\n" + b"".join(line(k) for k in range(5))
+    )  # the rest of "1230.5 0 0 1 0 0 0"
     wait_for(lambda: imu.queue.received == 5)
     assert everything(imu).device_time_ns[0] == 0
     assert events_of(imu)["partial_lines"]["count"] == 1
@@ -150,7 +164,9 @@ def test_garbage_is_counted_and_costs_only_itself(board: Board, make_imu: Maker)
     assert imu.statistics()["malformed_lines"] == 4
 
 
-def test_a_wrong_speed_that_never_ends_a_line_does_not_fill_the_memory(board: Board, make_imu: Maker) -> None:
+def test_a_wrong_speed_that_never_ends_a_line_does_not_fill_the_memory(
+    board: Board, make_imu: Maker
+) -> None:
     imu = make_imu()
     board.send(b"x" * (LONGEST_LINE + 1))
     wait_for(lambda: "malformed_lines" in imu.notices.totals)
@@ -159,25 +175,38 @@ def test_a_wrong_speed_that_never_ends_a_line_does_not_fill_the_memory(board: Bo
     assert "no end within" in events_of(imu)["malformed_lines"]["why"]
 
 
-def test_one_wrong_digit_in_a_time_loses_one_sample_and_not_the_clock(board: Board, make_imu: Maker) -> None:
+def test_one_wrong_digit_in_a_time_loses_one_sample_and_not_the_clock(
+    board: Board, make_imu: Maker
+) -> None:
     imu = make_imu()
     board.send(b"\n" + line(0) + line(1) + b"9999999 0 0 1 0 0 0\n" + line(3) + line(4))
     wait_for(lambda: imu.queue.received == 4)
-    np.testing.assert_array_equal(everything(imu).device_time_ns, np.array([0, 1, 3, 4]) * 2_500_000)
+    np.testing.assert_array_equal(
+        everything(imu).device_time_ns, np.array([0, 1, 3, 4]) * 2_500_000
+    )
     happened = events_of(imu)
-    assert happened["untimely_lines"]["stamp_s"] == 9999.999 and "device_clock_restarted" not in happened
+    assert (
+        happened["untimely_lines"]["stamp_s"] == 9999.999
+        and "device_clock_restarted" not in happened
+    )
 
 
-def test_a_board_that_reboots_is_noticed_and_its_time_goes_on(board: Board, make_imu: Maker) -> None:
+def test_a_board_that_reboots_is_noticed_and_its_time_goes_on(
+    board: Board, make_imu: Maker
+) -> None:
     imu = make_imu()
-    board.send(b"\n" + b"".join(line(k) for k in range(1000, 1003)) + b"".join(line(k) for k in range(3)))
+    board.send(
+        b"\n" + b"".join(line(k) for k in range(1000, 1003)) + b"".join(line(k) for k in range(3))
+    )
     wait_for(lambda: imu.queue.received == 5)
     times = everything(imu).device_time_ns
     assert (np.diff(times) > 0).all() and times[-1] - times[0] < 2 * S
     assert events_of(imu)["device_clock_restarted"]["device_time_s"] == pytest.approx(0.0025)
 
 
-def test_a_board_that_is_unplugged_is_found_again_and_the_gap_is_known(board: Board, make_imu: Maker) -> None:
+def test_a_board_that_is_unplugged_is_found_again_and_the_gap_is_known(
+    board: Board, make_imu: Maker
+) -> None:
     imu = make_imu()
     board.send(b"\n" + b"".join(line(k) for k in range(10)))
     wait_for(lambda: imu.queue.received == 10)
@@ -186,7 +215,9 @@ def test_a_board_that_is_unplugged_is_found_again_and_the_gap_is_known(board: Bo
     time.sleep(0.15)  # the gap
     board.plug_in()
     wait_for(lambda: "reconnected" in imu.notices.totals)
-    board.send(b"\n" + b"".join(line(k) for k in range(10)))  # it booted anew: its clock begins at 0
+    board.send(
+        b"\n" + b"".join(line(k) for k in range(10))
+    )  # it booted anew: its clock begins at 0
     wait_for(lambda: imu.queue.received >= 19)
     samples = everything(imu)
     assert (np.diff(samples.device_time_ns) > 0).all()
@@ -198,21 +229,27 @@ def test_a_board_that_is_unplugged_is_found_again_and_the_gap_is_known(board: Bo
     assert happened["disconnected"]["reason"]
 
 
-def test_nobody_reading_never_blocks_the_board_and_every_dropped_sample_is_counted(board: Board, make_imu: Maker) -> None:
+def test_nobody_reading_never_blocks_the_board_and_every_dropped_sample_is_counted(
+    board: Board, make_imu: Maker
+) -> None:
     imu = make_imu(queue_s=0.25)  # 100 samples
     begin = time.monotonic()
     board.send(b"\n" + b"".join(line(k) for k in range(2000)))  # twenty times the kernel's buffer
     assert time.monotonic() - begin < 3
     wait_for(lambda: imu.notices.totals.get("samples_dropped") == 1900)
     kept = everything(imu)
-    np.testing.assert_array_equal(kept.counter, np.arange(100))  # a bounded queue, and what is in it is whole
+    np.testing.assert_array_equal(
+        kept.counter, np.arange(100)
+    )  # a bounded queue, and what is in it is whole
     board.send(line(2000))
     wait_for(lambda: imu.queue.received == 101)
     assert everything(imu).counter[0] == 2000  # what was dropped shows in the counter
     assert events_of(imu)["samples_dropped"]["count"] == 1900
 
 
-def test_a_board_that_falls_silent_is_an_event(board: Board, make_imu: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_board_that_falls_silent_is_an_event(
+    board: Board, make_imu: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("testbench.drivers.imus.serial_line.SILENCE_S", 0.05)
     imu = make_imu()
     board.send(b"\n" + line(0))
@@ -259,7 +296,9 @@ def test_without_pyserial_the_error_names_the_extra(monkeypatch: pytest.MonkeyPa
         open_serial_port("/dev/null", 9600)
 
 
-def test_a_reader_that_fails_is_not_silent(board: Board, make_imu: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reader_that_fails_is_not_silent(
+    board: Board, make_imu: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
     imu = make_imu()
     monkeypatch.setattr(imu._parser, "parse", lambda raw: 1 / 0)
     board.send(b"\n" + line(0))
@@ -279,7 +318,9 @@ def heard_of(trial: SerialImu, patience_s: float = 3.0) -> None:
         trial.stop()
 
 
-def test_a_board_that_delivers_is_let_go_of_and_can_be_started(board: Board, make_imu: Maker) -> None:
+def test_a_board_that_delivers_is_let_go_of_and_can_be_started(
+    board: Board, make_imu: Maker
+) -> None:
     imu = SerialImu(str(board.link), make_format(), SessionTime(SystemClock()))
     sender = threading.Thread(target=board.send_steadily, args=(0, 120, 100.0))
     sender.start()
@@ -290,7 +331,9 @@ def test_a_board_that_delivers_is_let_go_of_and_can_be_started(board: Board, mak
     sender.join()
 
 
-def test_a_board_of_another_format_is_told_with_a_line_and_what_is_wrong_with_it(board: Board) -> None:
+def test_a_board_of_another_format_is_told_with_a_line_and_what_is_wrong_with_it(
+    board: Board,
+) -> None:
     imu = SerialImu(str(board.link), make_format(), SessionTime(SystemClock()))
 
     def send() -> None:
@@ -300,7 +343,10 @@ def test_a_board_of_another_format_is_told_with_a_line_and_what_is_wrong_with_it
 
     sender = threading.Thread(target=send)
     sender.start()
-    with pytest.raises(DriverError, match=r"sensor hand, .* lines arrive but none fits the format: .*'[0-9]+ 0\.1 0\.2 9\.81"):
+    with pytest.raises(
+        DriverError,
+        match=r"sensor hand, .* lines arrive but none fits the format: .*'[0-9]+ 0\.1 0\.2 9\.81",
+    ):
         heard_of(imu.trial(), 0.3)
     sender.join()
 

@@ -13,7 +13,12 @@ from testbench.records.plan import Plan
 from testbench.records.robot import Robot
 
 SECOND = 1_000_000_000
-PERFECT = {"encoder_resolution_deg": 0.0, "encoder_noise_deg": 0.0, "velocity_noise_deg_s": 0.0, "repeatability_deg": 0.0}
+PERFECT = {
+    "encoder_resolution_deg": 0.0,
+    "encoder_noise_deg": 0.0,
+    "velocity_noise_deg_s": 0.0,
+    "repeatability_deg": 0.0,
+}
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +41,18 @@ def read_all(arm: SimulatedArm, end_ns: int, chunk_ns: int) -> dict[str, np.ndar
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
 
-@pytest.mark.parametrize(("natural_frequency_hz", "damping_ratio"), [(12.0, 1.0), (5.0, 0.6), (20.0, 1.5)])
-def test_each_joint_follows_its_reference_as_a_second_order_system(quick_plan, natural_frequency_hz, damping_ratio):
-    arm = arm_with(quick_plan, natural_frequency_hz=natural_frequency_hz, damping_ratio=damping_ratio, **PERFECT)
+@pytest.mark.parametrize(
+    ("natural_frequency_hz", "damping_ratio"), [(12.0, 1.0), (5.0, 0.6), (20.0, 1.5)]
+)
+def test_each_joint_follows_its_reference_as_a_second_order_system(
+    quick_plan, natural_frequency_hz, damping_ratio
+):
+    arm = arm_with(
+        quick_plan,
+        natural_frequency_hz=natural_frequency_hz,
+        damping_ratio=damping_ratio,
+        **PERFECT,
+    )
     samples = arm.read(10 * SECOND)
     omega = 2 * np.pi * natural_frequency_hz
     system = TransferFunction([omega**2], [1, 2 * damping_ratio * omega, omega**2])
@@ -58,26 +72,36 @@ def test_on_a_ramp_the_joint_lags_by_twice_the_damping_over_the_frequency(quick_
     servo = quick_plan.robot.spec.servo
     lag = 2 * servo.damping_ratio / (2 * np.pi * servo.natural_frequency_hz)
     # long after the last change of speed
-    steady = np.array([np.all(np.abs(a[max(i - 20, 0) : i + 2, 5]) < 1e-6) for i in range(len(a))]) & (np.abs(v[:, 5]) > 0.1)
+    steady = np.array(
+        [np.all(np.abs(a[max(i - 20, 0) : i + 2, 5]) < 1e-6) for i in range(len(a))]
+    ) & (np.abs(v[:, 5]) > 0.1)
     if not steady.any():  # the protocol has no such stretch on this joint: look at the fastest one
         joint = int(np.argmax(np.abs(v).max(axis=0)))
-        steady = np.array([np.all(np.abs(a[max(i - 20, 0) : i + 2, joint]) < 1e-6) for i in range(len(a))])
+        steady = np.array(
+            [np.all(np.abs(a[max(i - 20, 0) : i + 2, joint]) < 1e-6) for i in range(len(a))]
+        )
         steady &= np.abs(v[:, joint]) > 0.1
     else:
         joint = 5
     assert steady.any()
-    np.testing.assert_allclose((samples.q_sent - samples.q_measured)[steady, joint], lag * v[steady, joint], rtol=1e-3)
+    np.testing.assert_allclose(
+        (samples.q_sent - samples.q_measured)[steady, joint], lag * v[steady, joint], rtol=1e-3
+    )
 
 
 def test_the_arm_reports_at_its_recording_rate(quick_plan):
     samples = arm_with(quick_plan).read(2 * SECOND)
-    np.testing.assert_array_equal(np.diff(samples.host_time_ns), round(SECOND / quick_plan.robot.spec.rates.record_hz))
+    np.testing.assert_array_equal(
+        np.diff(samples.host_time_ns), round(SECOND / quick_plan.robot.spec.rates.record_hz)
+    )
     assert samples.joint_names == quick_plan.robot.joint_names
 
 
 def test_encoders_round_to_whole_counts(quick_plan):
     resolution = 0.01
-    samples = arm_with(quick_plan, encoder_resolution_deg=resolution, encoder_noise_deg=0.0).read(5 * SECOND)
+    samples = arm_with(quick_plan, encoder_resolution_deg=resolution, encoder_noise_deg=0.0).read(
+        5 * SECOND
+    )
     exact = arm_with(quick_plan, encoder_resolution_deg=0.0, encoder_noise_deg=0.0).read(5 * SECOND)
     counts = np.degrees(samples.q_measured) / resolution
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
@@ -86,13 +110,17 @@ def test_encoders_round_to_whole_counts(quick_plan):
 
 
 def test_encoders_and_rates_hiss_with_the_stated_spread(quick_plan):
-    noisy = arm_with(quick_plan, **PERFECT | {"encoder_noise_deg": 0.01, "velocity_noise_deg_s": 0.5}).read(25 * SECOND)
+    noisy = arm_with(
+        quick_plan, **PERFECT | {"encoder_noise_deg": 0.01, "velocity_noise_deg_s": 0.5}
+    ).read(25 * SECOND)
     exact = arm_with(quick_plan, **PERFECT).read(25 * SECOND)
     assert np.degrees(np.std(noisy.q_measured - exact.q_measured)) == pytest.approx(0.01, rel=0.02)
     assert np.degrees(np.std(noisy.v_measured - exact.v_measured)) == pytest.approx(0.5, rel=0.02)
 
 
-def test_the_true_angles_miss_the_readings_by_the_repeatability_drawn_anew_for_each_move(quick_plan):
+def test_the_true_angles_miss_the_readings_by_the_repeatability_drawn_anew_for_each_move(
+    quick_plan,
+):
     sd = 0.02
     errors = []
     for seed in range(40):
@@ -100,7 +128,9 @@ def test_the_true_angles_miss_the_readings_by_the_repeatability_drawn_anew_for_e
         for step in quick_plan.steps:
             if step.kind == "move" and step.end_ns - step.settled_ns > SECOND // 2:
                 samples = arm.read(step.end_ns)
-                errors.append(arm.true_state(samples.host_time_ns[-1:])[0][0] - samples.q_measured[-1])
+                errors.append(
+                    arm.true_state(samples.host_time_ns[-1:])[0][0] - samples.q_measured[-1]
+                )
     errors = np.degrees(errors).reshape(40, -1, 6)
     assert errors.std() == pytest.approx(sd, rel=0.05)
     assert abs(errors.mean()) < 4 * sd / np.sqrt(errors.size)
@@ -122,7 +152,9 @@ def test_the_true_rates_and_accelerations_are_derivatives_of_the_true_angles(qui
     arm.read(8 * SECOND)
     times = np.arange(SECOND, 8 * SECOND - SECOND // 100, 3_700_001)
     step = 100_000
-    (before, v_before, _), (q, v, a), (after, v_after, _) = (arm.true_state(times + shift) for shift in (-step, 0, step))
+    (before, v_before, _), (q, v, a), (after, v_after, _) = (
+        arm.true_state(times + shift) for shift in (-step, 0, step)
+    )
     h = step * 1e-9
     assert np.abs(v).max() > 0.5
     np.testing.assert_allclose((after - before) / (2 * h), v, atol=1e-4)
@@ -140,8 +172,12 @@ def test_reading_in_pieces_gives_the_samples_of_reading_at_once_to_the_bit(quick
 
 
 @pytest.mark.parametrize("overlap_ns", [0, 1_000_000, 3_999_999])
-def test_the_true_state_just_before_a_border_between_readings_is_that_of_reading_at_once(quick_plan, overlap_ns):
-    """A sensor with jitter asks a little before the border, after the arm has been read beyond it."""
+def test_the_true_state_just_before_a_border_between_readings_is_that_of_reading_at_once(
+    quick_plan, overlap_ns
+):
+    """A sensor with jitter asks a little before the border, after the arm has been read beyond
+    it.
+    """
     moving = next(step for step in quick_plan.steps if step.kind == "move")
     border = ((moving.start_ns + moving.settled_ns) // 2) // 100_000_000 * 100_000_000
     whole, pieces = arm_with(quick_plan, 3), arm_with(quick_plan, 3)
@@ -159,8 +195,12 @@ def fast_moment(the_plan: Plan) -> int:
     return int(times[np.argmax(np.abs(the_plan.trajectory.at(times)[1]).max(axis=1))])
 
 
-@pytest.mark.parametrize("state", ["at rest before the first move", "in full motion", "in a dwell", "after the end"])
-def test_stop_brings_the_arm_to_rest_from_every_state_and_a_second_stop_does_nothing(quick_plan, state):
+@pytest.mark.parametrize(
+    "state", ["at rest before the first move", "in full motion", "in a dwell", "after the end"]
+)
+def test_stop_brings_the_arm_to_rest_from_every_state_and_a_second_stop_does_nothing(
+    quick_plan, state
+):
     when = {
         "at rest before the first move": 10_000_000,
         "in full motion": fast_moment(quick_plan),
@@ -219,7 +259,9 @@ def test_a_stopped_arm_stays_within_its_repeatability(quick_plan):
 
 
 def test_wrong_zeros_are_felt_all_through_a_run_and_not_seen_by_the_encoders(quick_plan):
-    blind, exact = (SimulatedArm(quick_plan.robot, 3, joint_errors=wrong) for wrong in (True, False))
+    blind, exact = (
+        SimulatedArm(quick_plan.robot, 3, joint_errors=wrong) for wrong in (True, False)
+    )
     readings, states = [], []
     for arm in (blind, exact):
         arm.prepare(quick_plan)
@@ -228,14 +270,18 @@ def test_wrong_zeros_are_felt_all_through_a_run_and_not_seen_by_the_encoders(qui
         states.append(arm.true_state(np.arange(0, 6 * SECOND, SECOND // 7)))
     np.testing.assert_array_equal(readings[0].q_measured, readings[1].q_measured)
     offsets = states[0][0] - states[1][0]
-    np.testing.assert_allclose(offsets, np.tile(draw_zero_errors(quick_plan.robot, 3), (len(offsets), 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        offsets, np.tile(draw_zero_errors(quick_plan.robot, 3), (len(offsets), 1)), atol=1e-12
+    )
     np.testing.assert_allclose(states[0][1], states[1][1], atol=1e-12)
 
 
 def test_wrong_zeros_scatter_over_seeds_as_the_robot_file_says(quick_plan):
     each = [0.0, 0.01, 0.02, 0.05, 0.1, 0.3]
     spec = quick_plan.robot.spec
-    changed = spec.model_copy(update={"uncertainty": spec.uncertainty.model_copy(update={"joint_angle_deg": each})})
+    changed = spec.model_copy(
+        update={"uncertainty": spec.uncertainty.model_copy(update={"joint_angle_deg": each})}
+    )
     robot = Robot(changed, quick_plan.robot.urdf, quick_plan.robot.text)
     drawn = np.degrees([draw_zero_errors(robot, seed) for seed in range(600)])
     np.testing.assert_allclose(drawn.std(axis=0), each, rtol=0.12)

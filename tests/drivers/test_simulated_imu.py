@@ -23,28 +23,50 @@ from testbench.records.strict import Placement
 
 SECOND = 1_000_000_000
 FACES = Placement(rotation_deg={"XYZ": [90, 90, 0]}, position_mm=[0, 0, 10])
-PERFECT_SERVO = {"encoder_resolution_deg": 0.0, "encoder_noise_deg": 0.0, "velocity_noise_deg_s": 0.0, "repeatability_deg": 0.0}
+PERFECT_SERVO = {
+    "encoder_resolution_deg": 0.0,
+    "encoder_noise_deg": 0.0,
+    "velocity_noise_deg_s": 0.0,
+    "repeatability_deg": 0.0,
+}
 
 
 class Bench:
     """The arm of a plan, with one sensor on it."""
 
     def __init__(
-        self, the_plan: Plan, seed: int = 0, environment: Environment | None = None, name: str = "hand",
-        preset: str = "ideal", error: Placement | None = None, **parameters: Any,
-    ):  # fmt: skip
+        self,
+        the_plan: Plan,
+        seed: int = 0,
+        environment: Environment | None = None,
+        name: str = "hand",
+        preset: str = "ideal",
+        error: Placement | None = None,
+        **parameters: Any,
+    ):
         spec = the_plan.robot.spec
         servo = spec.servo.model_copy(update=PERFECT_SERVO)
-        robot = Robot(spec.model_copy(update={"servo": servo}), the_plan.robot.urdf, the_plan.robot.text)
+        robot = Robot(
+            spec.model_copy(update={"servo": servo}), the_plan.robot.urdf, the_plan.robot.text
+        )
         self.kinematics = Kinematics(robot)
         self.sensor = Sensor(
-            preset=preset, link="wrist_3_link", mounting=FACES, mounting_error=error or Placement(), parameters=parameters
+            preset=preset,
+            link="wrist_3_link",
+            mounting=FACES,
+            mounting_error=error or Placement(),
+            parameters=parameters,
         )
         self.arm = SimulatedArm(robot, seed)
         self.arm.prepare(the_plan)
         self.arm.kickoff()
         self.imu = SimulatedImu(
-            name, self.sensor, self.kinematics, environment or Environment(arm_magnetism=False), self.arm.true_state, seed
+            name,
+            self.sensor,
+            self.kinematics,
+            environment or Environment(arm_magnetism=False),
+            self.arm.true_state,
+            seed,
         )
         self.imu.kickoff()
 
@@ -55,7 +77,9 @@ class Bench:
             until = round(now * SECOND)
             self.arm_samples = self.arm.read(until)
             parts.append(self.imu.read(until).to_columns())
-        return ImuSamples.from_columns({key: np.concatenate([part[key] for part in parts]) for key in parts[0]})
+        return ImuSamples.from_columns(
+            {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+        )
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +93,9 @@ def test_an_ideal_sensor_reports_the_motion_of_its_mount_at_its_own_instants(qui
     q, v, a = bench.arm.true_state(samples.device_time_ns)
     motion = bench.kinematics.frame_motion("wrist_3_link", q, v, a, Pose.from_placement(FACES))
     np.testing.assert_allclose(samples.gyr, motion.angular_velocity_in_frame, atol=1e-12)
-    np.testing.assert_allclose(samples.acc, motion.specific_force_in_frame(np.array([0, 0, -9.80665])), atol=1e-9)
+    np.testing.assert_allclose(
+        samples.acc, motion.specific_force_in_frame(np.array([0, 0, -9.80665])), atol=1e-9
+    )
     assert np.abs(samples.gyr).max() > 0.5
     assert not samples.saturated.any()
 
@@ -81,20 +107,34 @@ def test_samples_come_at_the_nominal_rate_and_none_is_taken_after_the_end(quick_
     assert samples.device_time_ns[-1] <= 5 * SECOND
 
 
-@pytest.mark.parametrize(("offset_ms", "drift_ppm"), [(50.0, 100.0), (-700.0, -250.0), (0.0, 5000.0)])
-def test_the_sensors_clock_is_ahead_by_its_offset_and_runs_fast_by_its_drift(quick_plan, offset_ms, drift_ppm):
+@pytest.mark.parametrize(
+    ("offset_ms", "drift_ppm"), [(50.0, 100.0), (-700.0, -250.0), (0.0, 5000.0)]
+)
+def test_the_sensors_clock_is_ahead_by_its_offset_and_runs_fast_by_its_drift(
+    quick_plan, offset_ms, drift_ppm
+):
     samples = Bench(quick_plan, clock={"offset_ms": offset_ms, "drift_ppm": drift_ppm}).read(20)
-    slope, start = np.polyfit(samples.host_time_ns.astype(float), samples.device_time_ns.astype(float), 1)
-    assert (slope - 1) * 1e6 == pytest.approx(drift_ppm, abs=1e-3)  # without latency a sample arrives when it is taken
+    slope, start = np.polyfit(
+        samples.host_time_ns.astype(float), samples.device_time_ns.astype(float), 1
+    )
+    assert (slope - 1) * 1e6 == pytest.approx(
+        drift_ppm, abs=1e-3
+    )  # without latency a sample arrives when it is taken
     assert start / 1e6 == pytest.approx(offset_ms, abs=1e-3)
-    np.testing.assert_allclose(np.diff(samples.device_time_ns), 1e7, atol=1)  # its own clock sees no drift
+    np.testing.assert_allclose(
+        np.diff(samples.device_time_ns), 1e7, atol=1
+    )  # its own clock sees no drift
 
 
 def test_offset_and_drift_are_drawn_anew_at_each_power_up_with_the_stated_spread(quick_plan):
     clocks = []
     for seed in range(150):
-        samples = Bench(quick_plan, seed, clock={"offset_sd_ms": 30.0, "drift_sd_ppm": 2000.0}).read(3)
-        slope, start = np.polyfit(samples.host_time_ns.astype(float), samples.device_time_ns.astype(float), 1)
+        samples = Bench(
+            quick_plan, seed, clock={"offset_sd_ms": 30.0, "drift_sd_ppm": 2000.0}
+        ).read(3)
+        slope, start = np.polyfit(
+            samples.host_time_ns.astype(float), samples.device_time_ns.astype(float), 1
+        )
         clocks.append([start / 1e6, (slope - 1) * 1e6])
     np.testing.assert_allclose(np.std(clocks, axis=0), [30, 2000], rtol=0.2)
 
@@ -124,14 +164,22 @@ def test_a_sensor_that_integrates_on_board_loses_no_turn_between_its_samples(qui
     q, v, a = whole.arm.true_state(samples.device_time_ns)
     true = whole.kinematics.frame_motion("wrist_3_link", q, v, a, Pose.from_placement(FACES))
     walked = true.q_world_from_frame[:1]
-    steps = rotation.from_rotation_vector(samples.gyr / 20.0)  # each is the mean rate over the interval before
+    steps = rotation.from_rotation_vector(
+        samples.gyr / 20.0
+    )  # each is the mean rate over the interval before
     for step in steps[1:]:
         walked = rotation.multiply(walked, step[None])
-    apart = rotation.angle(rotation.multiply(walked, rotation.conjugate(true.q_world_from_frame[-1:])))
+    apart = rotation.angle(
+        rotation.multiply(walked, rotation.conjugate(true.q_world_from_frame[-1:]))
+    )
     assert apart[0] < 1e-9
     assert np.abs(samples.gyr).max() > 0.5
     still = np.linalg.norm(v, axis=1) < 1e-9
-    np.testing.assert_allclose(samples.acc[still], true.specific_force_in_frame(np.array([0, 0, -9.80665]))[still], atol=0.05)
+    np.testing.assert_allclose(
+        samples.acc[still],
+        true.specific_force_in_frame(np.array([0, 0, -9.80665]))[still],
+        atol=0.05,
+    )
 
 
 def test_packets_arrive_in_order_and_never_sooner_than_the_shortest_delay(quick_plan):
@@ -140,7 +188,9 @@ def test_packets_arrive_in_order_and_never_sooner_than_the_shortest_delay(quick_
     delay = (samples.host_time_ns - samples.device_time_ns) / 1e6
     assert delay.min() >= 8.0 - 1e-6
     assert delay.min() < 8.1
-    assert np.median(delay) > 8 + 4 * np.log(2) - 0.5  # waiting for those before it adds to the exponential's median
+    assert (
+        np.median(delay) > 8 + 4 * np.log(2) - 0.5
+    )  # waiting for those before it adds to the exponential's median
 
 
 def test_lost_packets_are_missing_at_the_stated_rate_and_leave_holes_in_the_counter(quick_plan):
@@ -163,13 +213,21 @@ def test_without_loss_the_counter_counts_every_sample_from_zero(quick_plan):
 def heading(bench: Bench) -> float:
     samples = bench.read(1)
     q, _, _ = bench.arm.true_state(samples.device_time_ns[-1:])
-    true = bench.kinematics.frame_motion("wrist_3_link", q, offset=Pose.from_placement(FACES)).q_world_from_frame
+    true = bench.kinematics.frame_motion(
+        "wrist_3_link", q, offset=Pose.from_placement(FACES)
+    ).q_world_from_frame
     assert samples.device_q is not None
-    return float(rotation.heading_angle(rotation.multiply(samples.device_q[-1:], rotation.conjugate(true)))[0])
+    return float(
+        rotation.heading_angle(rotation.multiply(samples.device_q[-1:], rotation.conjugate(true)))[
+            0
+        ]
+    )
 
 
 def test_each_power_up_and_each_sensor_has_an_earth_of_its_own_heading(quick_plan):
-    headings = [heading(Bench(quick_plan, seed, name=name)) for seed in range(4) for name in ("arm", "hand")]
+    headings = [
+        heading(Bench(quick_plan, seed, name=name)) for seed in range(4) for name in ("arm", "hand")
+    ]
     assert np.unique(np.round(headings, 6)).size == 8
     assert heading(Bench(quick_plan, 1)) == headings[3]
 
@@ -179,7 +237,9 @@ def test_a_mounting_error_is_felt_by_the_sensor_and_unknown_to_the_truth(quick_p
     straight, crooked = Bench(quick_plan), Bench(quick_plan, error=error)
     felt, felt_crooked = straight.read(20), crooked.read(20)
     turn = rotation.to_matrix(rotation.from_euler("XYZ", np.radians([3, 0, 0])))
-    np.testing.assert_allclose(felt_crooked.gyr, felt.gyr @ turn, atol=1e-12)  # x_sensor = R' x_believed
+    np.testing.assert_allclose(
+        felt_crooked.gyr, felt.gyr @ turn, atol=1e-12
+    )  # x_sensor = R' x_believed
     lever = np.abs(felt_crooked.acc - felt.acc @ turn)
     assert 0.01 < lever.max() < 5  # and it sits further out
     for bench in (straight, crooked):
@@ -191,7 +251,10 @@ def test_a_mounting_error_is_felt_by_the_sensor_and_unknown_to_the_truth(quick_p
 
 
 def test_the_magnetometer_feels_the_earths_field_in_its_own_axes(quick_plan):
-    bench = Bench(quick_plan, environment=Environment(magnetic_field_uT=[1.0, 24.0, -39.0], arm_magnetism=False))
+    bench = Bench(
+        quick_plan,
+        environment=Environment(magnetic_field_uT=[1.0, 24.0, -39.0], arm_magnetism=False),
+    )
     samples = bench.read(10)
     q, _, _ = bench.arm.true_state(samples.device_time_ns)
     motion = bench.kinematics.frame_motion("wrist_3_link", q, offset=Pose.from_placement(FACES))
@@ -201,16 +264,25 @@ def test_the_magnetometer_feels_the_earths_field_in_its_own_axes(quick_plan):
 
 
 def test_a_magnetised_part_of_the_arm_disturbs_the_field_that_moves_with_it(quick_plan):
-    dipole = MagneticDipole(link="wrist_2_link", position_mm=[0, 30, 0], moment_A_m2=[0.0, 0.2, 0.1])
-    clean, disturbed = Bench(quick_plan), Bench(quick_plan, environment=Environment(dipoles=[dipole], arm_magnetism=False))
+    dipole = MagneticDipole(
+        link="wrist_2_link", position_mm=[0, 30, 0], moment_A_m2=[0.0, 0.2, 0.1]
+    )
+    clean, disturbed = (
+        Bench(quick_plan),
+        Bench(quick_plan, environment=Environment(dipoles=[dipole], arm_magnetism=False)),
+    )
     samples, undisturbed = disturbed.read(10), clean.read(10)
     q, _, _ = disturbed.arm.true_state(samples.device_time_ns)
     sensor = clean.kinematics.frame_motion("wrist_3_link", q, offset=Pose.from_placement(FACES))
-    source = clean.kinematics.frame_motion("wrist_2_link", q, offset=Pose(np.eye(3), np.array([0, 0.03, 0])))
+    source = clean.kinematics.frame_motion(
+        "wrist_2_link", q, offset=Pose(np.eye(3), np.array([0, 0.03, 0]))
+    )
     apart = sensor.position - source.position
     expected = []
     for row in range(0, len(q), 50):
-        field = dipole_field(apart[row : row + 1], source.R_world_from_frame[row] @ [0.0, 0.2, 0.1])[0]
+        field = dipole_field(
+            apart[row : row + 1], source.R_world_from_frame[row] @ [0.0, 0.2, 0.1]
+        )[0]
         expected.append(sensor.R_world_from_frame[row].T @ field)
     assert samples.mag is not None and undisturbed.mag is not None
     np.testing.assert_allclose((samples.mag - undisturbed.mag)[::50], expected, atol=1e-9)
@@ -221,7 +293,10 @@ def test_a_magnetised_part_of_the_arm_disturbs_the_field_that_moves_with_it(quic
 @pytest.mark.parametrize("chunk_s", [0.1, 0.33, 10.0])
 def test_reading_in_pieces_gives_the_bytes_of_reading_at_once(quick_plan, preset, chunk_s):
     for seed in range(3):
-        noisy = {"clock": {"jitter_us": 500.0, "latency_ms": 8.0, "latency_jitter_ms": 4.0}, "lost_packets_percent": 2.0}
+        noisy = {
+            "clock": {"jitter_us": 500.0, "latency_ms": 8.0, "latency_jitter_ms": 4.0},
+            "lost_packets_percent": 2.0,
+        }
         whole = Bench(quick_plan, seed, preset=preset, **noisy).read(13).to_columns()
         pieces = Bench(quick_plan, seed, preset=preset, **noisy).read(13, chunk_s).to_columns()
         for key, column in whole.items():

@@ -43,7 +43,10 @@ def test_a_dashboard_is_known_by_its_first_words():
 
 @pytest.mark.parametrize(
     ("greeting", "reply", "heard"),
-    [(b"", b"HTTP/1.0 400 Bad request\r\n\r\n", "HTTP/1.0 400 Bad request"), (b"SSH-2.0-x\x1b[2J\n", b"", "SSH-2.0-x?[2J")],
+    [
+        (b"", b"HTTP/1.0 400 Bad request\r\n\r\n", "HTTP/1.0 400 Bad request"),
+        (b"SSH-2.0-x\x1b[2J\n", b"", "SSH-2.0-x?[2J"),
+    ],
 )
 def test_another_server_is_named_by_what_it_says(greeting, reply, heard):
     with server(greeting, reply) as port:
@@ -54,5 +57,11 @@ def test_another_server_is_named_by_what_it_says(greeting, reply, heard):
 def test_nobody_and_somebody_who_never_answers_are_told_apart():
     with socket.create_server(("127.0.0.1", 0)) as silent:
         port = silent.getsockname()[1]
-        assert greet_dashboard("127.0.0.1", port, 0.2) == f"no controller answers at 127.0.0.1, port {port}: timed out"
-    assert greet_dashboard("127.0.0.1", port, 0.2) == f"no controller answers at 127.0.0.1, port {port}: Connection refused"
+        assert (
+            greet_dashboard("127.0.0.1", port, 0.2)
+            == f"no controller answers at 127.0.0.1, port {port}: timed out"
+        )
+    assert (
+        greet_dashboard("127.0.0.1", port, 0.2)
+        == f"no controller answers at 127.0.0.1, port {port}: Connection refused"
+    )

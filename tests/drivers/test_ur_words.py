@@ -17,7 +17,9 @@ JOINTS = ("pan", "lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 
 def worker(silent_for: float) -> Worker:
     client = SimpleNamespace(q=np.zeros(6), silent_for=silent_for)
-    return Worker(None, client, UrSettings("127.0.0.1", tracking=np.radians(5.0), joint_names=JOINTS))
+    return Worker(
+        None, client, UrSettings("127.0.0.1", tracking=np.radians(5.0), joint_names=JOINTS)
+    )
 
 
 def sent(*degrees: float) -> np.ndarray:
@@ -35,7 +37,9 @@ def test_an_arm_that_does_not_follow_is_told_with_its_joint():
 
 
 def test_where_the_arm_is_nobody_knows_after_a_silence():
-    with pytest.raises(ArmFault, match="the controller sent no data for 120 ms of a motion") as caught:
+    with pytest.raises(
+        ArmFault, match="the controller sent no data for 120 ms of a motion"
+    ) as caught:
         worker(0.12)._compare(sent(9, 6, 8))
     assert caught.value.kind == "rtde_silence"
 
@@ -56,7 +60,9 @@ def answer_after(seconds: float) -> bool:
 def test_a_program_that_ended_while_the_controller_kept_the_client_waiting_was_not_stopped_by_anybody():
     slow = client()
     slow._command("", answer_after, 0.25)
-    with pytest.raises(ArmFault, match=r"did not answer a command within 0\.\d s: its watchdog, which waits 0\.1 s") as caught:
+    with pytest.raises(
+        ArmFault, match=r"did not answer a command within 0\.\d s: its watchdog, which waits 0\.1 s"
+    ) as caught:
         slow.check()
     assert caught.value.kind == "slow_response"
 
@@ -65,7 +71,9 @@ def test_a_program_that_ended_while_this_machine_was_busy_was_not_stopped_by_any
     busy = client()
     busy._command("", answer_after, 0.0)
     time.sleep(0.25)
-    with pytest.raises(ArmFault, match=r"nothing was sent to the controller for 0\.\d s, this machine is too busy"):
+    with pytest.raises(
+        ArmFault, match=r"nothing was sent to the controller for 0\.\d s, this machine is too busy"
+    ):
         busy.check()
 
 
@@ -80,7 +88,11 @@ def test_a_program_that_ended_though_it_was_fed_was_stopped_by_somebody():
 
 @pytest.mark.parametrize(
     ("states", "told"),
-    [(["PAUSED mine.urp"] * 99, "paused"), (["PLAYING rtde_control"] * 99, "running"), (["PLAYING x", "STOPPED null"], None)],
+    [
+        (["PAUSED mine.urp"] * 99, "paused"),
+        (["PLAYING rtde_control"] * 99, "running"),
+        (["PLAYING x", "STOPPED null"], None),
+    ],
     ids=["paused", "running", "ended by its watchdog while it was asked for"],
 )
 def test_a_program_on_the_controller_is_somebody_elses_unless_it_is_just_ending(states, told):

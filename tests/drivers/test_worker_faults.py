@@ -1,4 +1,6 @@
-"""The process that drives an arm says what ended it, also between motions, and when it found that."""
+"""The process that drives an arm says what ended it, also between motions, and when it found
+that.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,9 @@ class Client(SimpleNamespace):
 def test_a_fault_between_motions_is_told_and_what_was_asked_meanwhile_is_not_done():
     bench, client = Bench([("alive",), ("approach", None), ("close",)]), Client()
     Worker(bench, client, UrSettings("nowhere")).serve()
-    assert bench.told[-1] == ("fault", "refused", "the watchdog could not be fed", 7_000_000_000), "when it was found"
+    assert bench.told[-1] == ("fault", "refused", "the watchdog could not be fed", 7_000_000_000), (
+        "when it was found"
+    )
     assert client.stopped == 1
     assert bench.asked == []
 
@@ -63,7 +67,9 @@ def test_a_driving_process_that_is_gone_before_the_start_is_a_fault_with_its_cau
     the_plan = plan("quick")
     arm = UrArm(the_plan.robot, ur_settings(the_plan, "nowhere"))
     arm.info = {"q_rad": [0.0] * 6}
-    arm._link = SimpleNamespace(**({name: lambda *message: [] for name in ("begin", "tell", "take")} | {stuck: gone}))
+    arm._link = SimpleNamespace(
+        **({name: lambda *message: [] for name in ("begin", "tell", "take")} | {stuck: gone})
+    )
     with pytest.raises(DriverError, match="is silent"):
         arm.prepare(the_plan)
     (event,) = arm.events()
@@ -77,15 +83,32 @@ def test_a_fault_has_the_time_at_which_it_was_found():
     arm._origin_ns = 1_000_000_000
     arm._fail(("fault", "rtde_silence", "no data", 6_500_000_000))
     (event,) = arm.events()
-    assert (event.host_time_ns, event.details) == (5_500_000_000, {"fault": "rtde_silence", "message": "no data"})
+    assert (event.host_time_ns, event.details) == (
+        5_500_000_000,
+        {"fault": "rtde_silence", "message": "no data"},
+    )
 
 
 def test_a_controller_that_sent_nothing_yet_has_no_sample_and_is_called_silent(monkeypatch):
     client = UrClient(UrSettings("1.2.3.4"))
-    empty = [f"get{name}" for name in ("ActualQ", "ActualQd", "TargetQ", "ActualCurrent", "JointTemperatures")]
-    zero = [f"get{name}" for name in ("RobotMode", "SafetyMode", "SafetyStatusBits", "TargetSpeedFraction", "SpeedScaling")]
+    empty = [
+        f"get{name}"
+        for name in ("ActualQ", "ActualQd", "TargetQ", "ActualCurrent", "JointTemperatures")
+    ]
+    zero = [
+        f"get{name}"
+        for name in (
+            "RobotMode",
+            "SafetyMode",
+            "SafetyStatusBits",
+            "TargetSpeedFraction",
+            "SpeedScaling",
+        )
+    ]
     values = {"getTimestamp": 0.0} | {name: [] for name in empty} | dict.fromkeys(zero, 0)
-    client._receive = SimpleNamespace(**{name: (lambda value=value: value) for name, value in values.items()})
+    client._receive = SimpleNamespace(
+        **{name: (lambda value=value: value) for name, value in values.items()}
+    )
     assert client.samples() == []
     monkeypatch.setattr("testbench.drivers.arms.client.SILENT_S", 0.02)
     with pytest.raises(ArmFault, match=r"1\.2\.3\.4 takes connections and sends no data") as caught:

@@ -1,4 +1,6 @@
-"""How the xArm driver reads reports: by the client library's own layout, however they are cut, and not if they are nonsense."""
+"""How the xArm driver reads reports: by the client library's own layout, however they are cut, and
+not if they are nonsense.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,11 @@ SIZE = 804  # of a whole report
 def report(k: int, state: int = 2, mode: int = 0, q: float | None = None) -> bytes:
     """The k-th report, 5 ms after the one before."""
     values = np.zeros(1, REPORT)
-    values["size"], values["time_us"], values["state_mode"] = SIZE, 1_000_000 + 5000 * k, state | mode << 4
+    values["size"], values["time_us"], values["state_mode"] = (
+        SIZE,
+        1_000_000 + 5000 * k,
+        state | mode << 4,
+    )
     values["q"] = 0.01 * k if q is None else q
     values["v"], values["q_target"], values["current"] = 2.0, 0.01 * k + 0.1, 0.5
     return values.tobytes().ljust(SIZE, b"\x5a")
@@ -70,7 +76,9 @@ def test_missing_reports_are_counted_and_those_without_angles_are_missing():
         assert np.isfinite(fed.client.q).all()
 
 
-@pytest.mark.parametrize("nonsense", [b"\x00\x00\x00\x00" * 100, b"\xff" * 400, b"HTTP/1.1 400 Bad Request\r\n" * 40])
+@pytest.mark.parametrize(
+    "nonsense", [b"\x00\x00\x00\x00" * 100, b"\xff" * 400, b"HTTP/1.1 400 Bad Request\r\n" * 40]
+)
 def test_what_is_no_report_is_a_lost_connection(nonsense):
     with Fed() as fed:
         fed.ours.sendall(report(0) + nonsense)
@@ -95,14 +103,21 @@ def test_a_paused_arm_and_another_mode_are_faults():
 
 
 def test_the_layout_is_the_client_librarys(monkeypatch, tmp_path):
-    monkeypatch.setenv("HOME", str(tmp_path))  # the library makes a folder there when it is imported
+    monkeypatch.setenv(
+        "HOME", str(tmp_path)
+    )  # the library makes a folder there when it is imported
     layouts = pytest.importorskip("xarm.x3.report", reason="xarm-python-sdk is not installed")
     theirs = type(layouts.ReportDataStructure.create(30000))
     names = {
-        "size": "data_size", "time_us": "timestamp", "state_mode": "state_mode", "commands": "cmd_num",
-        "q": "actual_joint_angle", "q_target": "target_joint_angle", "v": "actual_joint_velocity",
+        "size": "data_size",
+        "time_us": "timestamp",
+        "state_mode": "state_mode",
+        "commands": "cmd_num",
+        "q": "actual_joint_angle",
+        "q_target": "target_joint_angle",
+        "v": "actual_joint_velocity",
         "current": "actual_joint_current",
-    }  # fmt: skip
+    }
     assert set(names) == set(REPORT.names)
     for ours, name in names.items():
         kind, offset = REPORT.fields[ours][:2]

@@ -54,7 +54,9 @@ def numbers(samples: Any) -> list[int]:
     return [round(value) for value in np.degrees(samples.gyr[:, 0])]
 
 
-def test_a_sensor_is_set_up_started_and_stopped_in_the_order_of_the_specification(make_bench: Benches) -> None:
+def test_a_sensor_is_set_up_started_and_stopped_in_the_order_of_the_specification(
+    make_bench: Benches,
+) -> None:
     bench = make_bench(FakeDot("D4:22:CD:00:00:01", rate=20))
     sensor, dot = bench.sensor(), bench.dots[0]
     sensor.kickoff()
@@ -69,7 +71,9 @@ def test_a_sensor_is_set_up_started_and_stopped_in_the_order_of_the_specificatio
     assert (np.diff(samples.host_time_ns) >= 0).all() and samples.mag is None
     assert dot.log == ["rate 60", "start 26", "stop 26", "disconnect"] and dot.notify == {}
     about = sensor.describe()
-    assert about["firmware"] == "2.0.0" and about["tag"] == "thigh" and about["battery_percent"] == 87
+    assert (
+        about["firmware"] == "2.0.0" and about["tag"] == "thigh" and about["battery_percent"] == 87
+    )
     assert about["payload"] == "custom_mode_5" and about["rate_hz"] == 60 and about["orientation"]
 
 
@@ -89,11 +93,31 @@ def test_several_sensors_stream_at_once_and_keep_apart(make_bench: Benches) -> N
         assert numbers(samples_of(sensor)) == list(range(100 * i, 100 * i + 50))
 
 
-def test_packets_that_come_late_twice_or_never_are_put_right_and_counted(make_bench: Benches) -> None:
+def test_packets_that_come_late_twice_or_never_are_put_right_and_counted(
+    make_bench: Benches,
+) -> None:
     bench = make_bench()
     sensor, dot = bench.sensor(), bench.dots[0]
     sensor.kickoff()
-    order = [0, 1, 2, 4, 3, 5, 5, 6, 9, 10, 11, 12, 13, 14, 15, 7, 16]  # 8 is lost; 7 comes when it is too late
+    order = [
+        0,
+        1,
+        2,
+        4,
+        3,
+        5,
+        5,
+        6,
+        9,
+        10,
+        11,
+        12,
+        13,
+        14,
+        15,
+        7,
+        16,
+    ]  # 8 is lost; 7 comes when it is too late
     dot.send(*(dot.payload(k) for k in order), bytearray(10))
     wait_for(lambda: "malformed_packets" in sensor.notices.totals)
     samples = samples_of(sensor)
@@ -102,8 +126,12 @@ def test_packets_that_come_late_twice_or_never_are_put_right_and_counted(make_be
     assert (np.diff(samples.device_time_ns) > 0).all()
     counts = {key: value["count"] for key, value in events_of(sensor).items() if "count" in value}
     assert counts == {
-        "reordered_packets": 1, "repeated_samples": 1, "late_packets": 1, "samples_lost": 2, "malformed_packets": 1
-    }  # fmt: skip
+        "reordered_packets": 1,
+        "repeated_samples": 1,
+        "late_packets": 1,
+        "samples_lost": 2,
+        "malformed_packets": 1,
+    }
 
 
 def test_the_32_bit_stamp_wraps_and_time_goes_on(make_bench: Benches) -> None:
@@ -120,7 +148,9 @@ def test_the_32_bit_stamp_wraps_and_time_goes_on(make_bench: Benches) -> None:
 
 
 @pytest.mark.parametrize("restarts", [False, True])
-def test_a_lost_link_is_made_again_and_the_gap_is_known(make_bench: Benches, restarts: bool) -> None:
+def test_a_lost_link_is_made_again_and_the_gap_is_known(
+    make_bench: Benches, restarts: bool
+) -> None:
     bench = make_bench()
     sensor, dot = bench.sensor(), bench.dots[0]
     sensor.kickoff()
@@ -135,7 +165,10 @@ def test_a_lost_link_is_made_again_and_the_gap_is_known(make_bench: Benches, res
     dot.send(*(dot.payload(100 + k, begin + k * TICK_US) for k in range(10)))
     wait_for(lambda: sensor.queue.received >= 26)
     samples = samples_of(sensor)
-    assert numbers(samples) == [*range(20), *range(100, 110)]  # what was held back when the link broke is there
+    assert numbers(samples) == [
+        *range(20),
+        *range(100, 110),
+    ]  # what was held back when the link broke is there
     assert (np.diff(samples.device_time_ns) > 0).all()
     gap = samples.device_time_ns[20] - samples.device_time_ns[19]
     assert gap == pytest.approx(samples.host_time_ns[20] - samples.host_time_ns[19], abs=60e6)
@@ -167,14 +200,22 @@ def test_nobody_reading_drops_samples_and_counts_them(make_bench: Benches) -> No
     assert numbers(samples_of(sensor)) == list(range(30))
 
 
-def test_scanning_finds_dots_and_nothing_else_and_a_name_is_enough_if_it_is_unique(make_bench: Benches) -> None:
-    bench = make_bench(FakeDot("D4:22:CD:00:00:01", "Movella DOT"), FakeDot("D4:22:CD:00:00:02"), FakeDot("D4:22:CD:00:00:03"))
+def test_scanning_finds_dots_and_nothing_else_and_a_name_is_enough_if_it_is_unique(
+    make_bench: Benches,
+) -> None:
+    bench = make_bench(
+        FakeDot("D4:22:CD:00:00:01", "Movella DOT"),
+        FakeDot("D4:22:CD:00:00:02"),
+        FakeDot("D4:22:CD:00:00:03"),
+    )
     found = bench.loop.scan(0)
     assert [dot["address"][-1] for dot in found] == ["3", "2", "1"]  # strongest first
     sensor = bench.sensor("movella dot")
     sensor.kickoff()
     assert sensor.describe()["address"] == "D4:22:CD:00:00:01"
-    with pytest.raises(InputError, match="2 sensors have this name; use D4:22:CD:00:00:03 or D4:22:CD:00:00:02"):
+    with pytest.raises(
+        InputError, match="2 sensors have this name; use D4:22:CD:00:00:03 or D4:22:CD:00:00:02"
+    ):
         bench.sensor("Xsens DOT").kickoff()
     with pytest.raises(DriverError, match="not heard; sensors that were: Xsens DOT"):
         bench.sensor("Polar").kickoff()
@@ -182,7 +223,9 @@ def test_scanning_finds_dots_and_nothing_else_and_a_name_is_enough_if_it_is_uniq
         bench.sensor("D4:22:CD:00:00:09").kickoff()
 
 
-def test_what_cannot_be_recorded_is_refused_before_anything_is_connected(make_bench: Benches) -> None:
+def test_what_cannot_be_recorded_is_refused_before_anything_is_connected(
+    make_bench: Benches,
+) -> None:
     bench = make_bench()
     with pytest.raises(InputError, match=r"lacks angular rate or specific force; .*custom_mode_5"):
         bench.sensor(payload="complete_quaternion")
@@ -195,11 +238,15 @@ def test_what_cannot_be_recorded_is_refused_before_anything_is_connected(make_be
 def test_a_sensor_that_refuses_to_connect_is_one_sentence(make_bench: Benches) -> None:
     bench = make_bench()
     bench.dots[0].refuse_connections = 1
-    with pytest.raises(DriverError, match="D4:22:CD:00:00:01: Bluetooth failed: le-connection-abort-by-local"):
+    with pytest.raises(
+        DriverError, match="D4:22:CD:00:00:01: Bluetooth failed: le-connection-abort-by-local"
+    ):
         bench.sensor().kickoff()
 
 
-def test_a_recording_of_two_sensors_through_a_lost_link_is_one_session(make_bench: Benches, tmp_path: Path) -> None:
+def test_a_recording_of_two_sensors_through_a_lost_link_is_one_session(
+    make_bench: Benches, tmp_path: Path
+) -> None:
     bench = make_bench(FakeDot("D4:22:CD:00:00:01"), FakeDot("D4:22:CD:00:00:02"))
     dots = [f"shank={bench.dots[0].address}", bench.dots[1].address]
     devices = open_devices([], dots, SystemClock(), bluetooth=bench.loop)
@@ -228,7 +275,11 @@ def test_a_recording_of_two_sensors_through_a_lost_link_is_one_session(make_benc
         life.join()
     assert session.sensor_names == ["shank", "dot_D422CD000002"]
     assert session.analysis.estimate.filters == ["device", "vqf_6d"]
-    lost = [event.details["sensor"] for event in session.events if event.event in {"disconnected", "reconnected"}]
+    lost = [
+        event.details["sensor"]
+        for event in session.events
+        if event.event in {"disconnected", "reconnected"}
+    ]
     assert lost == ["shank", "shank"]
     for name in session.sensor_names:
         samples = session.imu(name)

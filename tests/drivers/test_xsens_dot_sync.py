@@ -1,4 +1,6 @@
-"""Synchronisation of Xsens DOTs: messages against the examples of the specification, the procedure against GATT servers."""
+"""Synchronisation of Xsens DOTs: messages against the examples of the specification, the procedure
+against GATT servers.
+"""
 
 from __future__ import annotations
 
@@ -35,12 +37,17 @@ def test_messages_are_those_of_the_specification() -> None:
     assert message(STOP) == bytes.fromhex("0201 02 FB")
     assert start_message(ROOT) == bytes.fromhex("0207 01 CCBBAACD22D4 02")
     assert parse(bytes.fromhex("0202 5109 A2")) == (0x51, b"\x09")
-    assert parse(bytes.fromhex("0202 5104 A7") + bytes(155)) == (0x51, b"\x04")  # the characteristic is longer
+    assert parse(bytes.fromhex("0202 5104 A7") + bytes(155)) == (
+        0x51,
+        b"\x04",
+    )  # the characteristic is longer
     assert parse(bytes.fromhex("0202 0300 F9")) == (0x03, b"\x00")
     assert parse(bytes.fromhex("0202 5000 AC")) == (0x50, b"\x00")
 
 
-@pytest.mark.parametrize("data", ["", "0202", "0202 5109 A3", "0102 5109 A3", "0209 5109 A2", "0200 FE 00"])
+@pytest.mark.parametrize(
+    "data", ["", "0202", "0202 5109 A3", "0102 5109 A3", "0209 5109 A2", "0200 FE 00"]
+)
 def test_what_is_no_message_of_synchronisation_is_none(data: str) -> None:
     assert parse(bytes.fromhex(data)) is None
 
@@ -114,7 +121,9 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Any]:
         own = Bench(*dots)
         own.loop.close()
         air = {"air": {dot.address: dot for dot in dots}}
-        own.loop = BluetoothLoop(type("Client", (SyncClient,), air), type("Scanner", (FakeScanner,), air))
+        own.loop = BluetoothLoop(
+            type("Client", (SyncClient,), air), type("Scanner", (FakeScanner,), air)
+        )
         made.append(own)
         return own
 
@@ -146,7 +155,11 @@ def test_sensors_listen_to_the_first_while_they_are_let_go_and_then_stream(bench
 def test_a_sensor_that_is_synchronised_already_is_stopped_first(bench: Any) -> None:
     own = bench(SyncDot(ROOT), SyncDot(OTHER, synced=True))
     synchronise(connected(own), 0.01)
-    assert own.dots[0].log == ["sync CC", "disconnect"] and own.dots[1].log == ["unsync", "sync CC", "disconnect"]
+    assert own.dots[0].log == ["sync CC", "disconnect"] and own.dots[1].log == [
+        "unsync",
+        "sync CC",
+        "disconnect",
+    ]
 
 
 def test_one_failure_is_tried_again_with_all_of_them(bench: Any) -> None:
@@ -155,17 +168,24 @@ def test_one_failure_is_tried_again_with_all_of_them(bench: Any) -> None:
     synchronise(sensors, 0.01)
     assert own.dots[0].log == ["sync CC", "disconnect", "unsync", "sync CC", "disconnect"]
     assert own.dots[1].log == ["sync CC", "disconnect", "sync CC", "disconnect"]
-    assert events_of(sensors[1])["synchronisation_failed"] == {"reason": "it heard too little of the root"}
+    assert events_of(sensors[1])["synchronisation_failed"] == {
+        "reason": "it heard too little of the root"
+    }
 
 
 def test_failing_twice_names_the_sensor_and_leaves_none_synchronised(bench: Any) -> None:
     own = bench(SyncDot(ROOT), SyncDot(OTHER, 0x07, 0x08))
-    with pytest.raises(DriverError, match=rf"synchronised: Xsens DOT {OTHER}: it started at a wrong time; .*--dot-sync"):
+    with pytest.raises(
+        DriverError,
+        match=rf"synchronised: Xsens DOT {OTHER}: it started at a wrong time; .*--dot-sync",
+    ):
         synchronise(connected(own), 0.01)
     assert not any(dot.synced for dot in own.dots)
 
 
-def test_a_connection_that_fails_after_listening_is_tried_again(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_connection_that_fails_after_listening_is_tried_again(
+    bench: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     own = bench(SyncDot(ROOT), SyncDot(OTHER))
     sensors = connected(own)
     monkeypatch.setattr(XsensDot, "wait", lambda self, seconds: None)
@@ -174,7 +194,9 @@ def test_a_connection_that_fails_after_listening_is_tried_again(bench: Any, monk
     assert own.dots[1].synced and own.dots[1].refuse_connections == 0
 
 
-def test_an_old_firmware_that_does_not_answer_is_named(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_old_firmware_that_does_not_answer_is_named(
+    bench: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     own = bench(SyncDot(ROOT), SyncDot(OTHER))
     own.dots[1].mute = True
     monkeypatch.setattr(xsens_dot_sync, "ANSWER_S", 0.05)
@@ -183,10 +205,14 @@ def test_an_old_firmware_that_does_not_answer_is_named(bench: Any, monkeypatch: 
     assert own.dots[0].log == []  # nothing was begun
 
 
-def test_devices_are_synchronised_before_any_of_them_streams(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_devices_are_synchronised_before_any_of_them_streams(
+    bench: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     own = bench(SyncDot(ROOT), SyncDot(OTHER))
     monkeypatch.setattr(xsens_dot_sync, "LISTEN_S", 0.01)
-    devices = open_devices([], [ROOT, OTHER], SystemClock(), bluetooth=own.loop, synchronise_dots=True)
+    devices = open_devices(
+        [], [ROOT, OTHER], SystemClock(), bluetooth=own.loop, synchronise_dots=True
+    )
     devices.kickoff()
     assert [dot.log for dot in own.dots] == [["sync CC", "disconnect", "start 26"]] * 2
     devices.close()

@@ -1,4 +1,6 @@
-"""Faults of emulated controllers as they are asked for: what each may be told, on the port for faults and in a scenario."""
+"""Faults of emulated controllers as they are asked for: what each may be told, on the port for
+faults and in a scenario.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def test_a_value_that_a_fault_cannot_have_is_refused_with_what_is_allowed(asked,
     assert sentence in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("asked", ["report_loss 2", "report_delay -1", "disconnect -3", "servo_error 1"])
+@pytest.mark.parametrize(
+    "asked", ["report_loss 2", "report_delay -1", "disconnect -3", "servo_error 1"]
+)
 def test_those_of_the_other_maker_too(asked):
     with pytest.raises(InputError, match=r"must be|takes no value"):
         parse_command(f"fault {asked}", XARM_FAULTS)
@@ -45,7 +49,10 @@ def test_every_fault_can_be_asked_for_without_a_value_and_those_that_take_one_wi
         assert parse_command(f"fault {name}", known) == ("fault", name, None)
         if kind.value is not None:
             assert parse_command(f"fault {name} {value}", known) == ("fault", name, value)
-    assert {name for name, kind in known.items() if kind.value is not None} >= {"disconnect", "slow_response"}
+    assert {name for name, kind in known.items() if kind.value is not None} >= {
+        "disconnect",
+        "slow_response",
+    }
 
 
 @pytest.mark.parametrize(

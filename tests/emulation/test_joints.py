@@ -14,7 +14,11 @@ QUIET = {"encoder_resolution_deg": 0.0, "encoder_noise_deg": 0.0, "velocity_nois
 @pytest.fixture(scope="module")
 def robot() -> Robot:
     arm = load_robot("ur3e")
-    return Robot(arm.spec.model_copy(update={"servo": arm.spec.servo.model_copy(update=QUIET)}), arm.urdf, arm.text)
+    return Robot(
+        arm.spec.model_copy(update={"servo": arm.spec.servo.model_copy(update=QUIET)}),
+        arm.urdf,
+        arm.text,
+    )
 
 
 def run(joints: Joints, count: int, scaling: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -26,8 +30,12 @@ def run(joints: Joints, count: int, scaling: float = 1.0) -> tuple[np.ndarray, n
     return np.array(q), np.array(v)
 
 
-@pytest.mark.parametrize(("distance", "speed", "acceleration"), [(1.0, 0.8, 1.4), (0.1, 1.05, 1.4), (2.0, 0.3, 3.0)])
-def test_movej_lasts_as_long_as_its_trapezoid_and_ends_where_it_was_sent(robot, distance, speed, acceleration):
+@pytest.mark.parametrize(
+    ("distance", "speed", "acceleration"), [(1.0, 0.8, 1.4), (0.1, 1.05, 1.4), (2.0, 0.3, 3.0)]
+)
+def test_movej_lasts_as_long_as_its_trapezoid_and_ends_where_it_was_sent(
+    robot, distance, speed, acceleration
+):
     joints = Joints(robot, robot.home)
     target = robot.home + np.array([distance, 0, 0, -distance / 2, 0, 0])
     joints.move(target, speed, acceleration)
@@ -39,7 +47,9 @@ def test_movej_lasts_as_long_as_its_trapezoid_and_ends_where_it_was_sent(robot, 
     assert moving == pytest.approx(expected, abs=3 * joints.period)
     np.testing.assert_allclose(q[-1], target, atol=1e-12)
     assert np.abs(v[:, 0]).max() == pytest.approx(peak, rel=0.02)
-    np.testing.assert_allclose((q[:, 3] - robot.home[3]) * -2, q[:, 0] - robot.home[0], atol=1e-9)  # a straight line
+    np.testing.assert_allclose(
+        (q[:, 3] - robot.home[3]) * -2, q[:, 0] - robot.home[0], atol=1e-9
+    )  # a straight line
 
 
 def test_the_speed_slider_stretches_a_move_and_does_not_change_its_path(robot):
@@ -57,11 +67,17 @@ def test_servoj_lags_a_ramp_by_the_lookahead_time_and_the_joint_by_its_servo_mor
     joints = Joints(robot, robot.home)
     rate, lookahead = 0.5, 0.1
     for k in range(1500):
-        joints.servo(robot.home + np.array([0, 0, 0, 0, 0, rate * k * joints.period]), lookahead, 300)
+        joints.servo(
+            robot.home + np.array([0, 0, 0, 0, 0, rate * k * joints.period]), lookahead, 300
+        )
         joints.step(1.0)
     sent = robot.home[5] + rate * 1499 * joints.period
-    servo_lag = 2 * robot.spec.servo.damping_ratio / (2 * np.pi * robot.spec.servo.natural_frequency_hz)
-    assert sent - joints.q_reference[5] == pytest.approx(rate * lookahead, abs=2 * rate * joints.period)
+    servo_lag = (
+        2 * robot.spec.servo.damping_ratio / (2 * np.pi * robot.spec.servo.natural_frequency_hz)
+    )
+    assert sent - joints.q_reference[5] == pytest.approx(
+        rate * lookahead, abs=2 * rate * joints.period
+    )
     assert joints.q_reference[5] - joints.q_measured[5] == pytest.approx(rate * servo_lag, rel=1e-3)
 
 
@@ -77,7 +93,9 @@ def test_stopping_decelerates_as_asked_and_ends_at_rest(robot):
     assert joints.steady
 
 
-def test_a_jump_of_the_servo_target_never_exceeds_the_acceleration_limits_and_trips_at_the_speed_limit(robot):
+def test_a_jump_of_the_servo_target_never_exceeds_the_acceleration_limits_and_trips_at_the_speed_limit(
+    robot,
+):
     joints = Joints(robot, robot.home)
     trips, v = [], []
     for _ in range(500):

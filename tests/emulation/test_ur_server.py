@@ -65,7 +65,11 @@ def test_rtde_negotiates_versions_recipes_and_sends_what_was_asked_for(clear):
         assert ask(connection, "V", struct.pack(">H", 2)) == ("V", b"\x01")
         assert ask(connection, "V", struct.pack(">H", 7)) == ("V", b"\x00")
         assert struct.unpack(">4I", ask(connection, "v")[1]) == (5, 17, 0, 128818)
-        kind, answer = ask(connection, "O", struct.pack(">d", 125) + b"timestamp,actual_q,robot_mode,robot_status_bits")
+        kind, answer = ask(
+            connection,
+            "O",
+            struct.pack(">d", 125) + b"timestamp,actual_q,robot_mode,robot_status_bits",
+        )
         assert (kind, answer[1:]) == ("O", b"DOUBLE,VECTOR6D,INT32,UINT32")
         kind, answer = ask(connection, "O", struct.pack(">d", 125) + b"timestamp,no_such_thing")
         assert b"NOT_FOUND" in answer
@@ -84,7 +88,14 @@ def test_rtde_negotiates_versions_recipes_and_sends_what_was_asked_for(clear):
 
 
 @pytest.mark.parametrize(
-    "bad", [b"\x00\x01U", b"\xff\xffU" + b"x" * 100, b"\x00\x05?ab", b"\x00\x09O1234xx", b"GET / HTTP/1.1\r\n\r\n" * 300]
+    "bad",
+    [
+        b"\x00\x01U",
+        b"\xff\xffU" + b"x" * 100,
+        b"\x00\x05?ab",
+        b"\x00\x09O1234xx",
+        b"GET / HTTP/1.1\r\n\r\n" * 300,
+    ],
 )
 def test_what_is_no_rtde_is_let_go_and_the_controller_goes_on(clear, bad):
     with rtde(clear.address) as connection:
@@ -98,14 +109,19 @@ def test_what_is_no_rtde_is_let_go_and_the_controller_goes_on(clear, bad):
 def test_the_real_client_moves_servos_and_stops(clear):
     interface = rtde_control.RTDEControlInterface
     receive = rtde_receive.RTDEReceiveInterface(clear.address, 500.0, [], False, True)
-    control = interface(clear.address, 500.0, interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS)
+    control = interface(
+        clear.address, 500.0, interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS
+    )
     try:
         assert control.isProgramRunning()
         assert control.setPayload(0.3, [0, 0, 0.02])
         target = [*receive.getActualQ()[:5], 0.4]
         assert control.moveJ(target, 1.0, 2.0)
         end = time.monotonic() + 5
-        while np.abs(np.array(receive.getActualQ()) - target).max() > np.radians(0.01) and time.monotonic() < end:
+        while (
+            np.abs(np.array(receive.getActualQ()) - target).max() > np.radians(0.01)
+            and time.monotonic() < end
+        ):
             time.sleep(0.01)
         np.testing.assert_allclose(receive.getActualQ(), target, atol=np.radians(0.01))
         for _ in range(100):

@@ -1,4 +1,6 @@
-"""The emulated xArm controller: frames over TCP, reports against the client library's own layouts, moves and faults."""
+"""The emulated xArm controller: frames over TCP, reports against the client library's own layouts,
+moves and faults.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ def address(controller: Controller) -> Iterator[str]:
         thread.join(10)
 
 
-def ask(connection: socket.socket, register: int, data: bytes = b"", transaction: int = 7) -> tuple[int, bytes]:
+def ask(
+    connection: socket.socket, register: int, data: bytes = b"", transaction: int = 7
+) -> tuple[int, bytes]:
     connection.sendall(struct.pack(">3HB", transaction, 2, len(data) + 1, register) + data)
     head = connection.recv(6, socket.MSG_WAITALL)
     number, protocol, length = struct.unpack(">3H", head)
@@ -49,7 +53,9 @@ def ask(connection: socket.socket, register: int, data: bytes = b"", transaction
     return body[1], body[2:]
 
 
-def test_commands_are_answered_with_their_number_and_the_state_of_the_controller(address, controller):
+def test_commands_are_answered_with_their_number_and_the_state_of_the_controller(
+    address, controller
+):
     with socket.create_connection((address, COMMAND_PORT), 5) as connection:
         assert ask(connection, 1)[1].startswith(b"6,6,XI")
         assert ask(connection, 13) == (0, bytes([2]))
@@ -57,7 +63,9 @@ def test_commands_are_answered_with_their_number_and_the_state_of_the_controller
         assert ask(connection, 13) == (0x10, bytes([4]))
         assert ask(connection, 19, bytes([1, 0]))[0] == 0x10
         assert ask(connection, 12, bytes([0])) == (0, b"")
-        assert ask(connection, 23, struct.pack("<10f", *[0.0] * 7, 1, 1, 0))[0] & 0x08  # a move in servo mode
+        assert (
+            ask(connection, 23, struct.pack("<10f", *[0.0] * 7, 1, 1, 0))[0] & 0x08
+        )  # a move in servo mode
         controller.fault("protective_stop")
         assert ask(connection, 15) == (0x50, bytes([31, 0]))
         assert ask(connection, 12, bytes([0])) == (0x50, b"")  # an error must be cleared first
@@ -65,7 +73,12 @@ def test_commands_are_answered_with_their_number_and_the_state_of_the_controller
 
 
 @pytest.mark.parametrize(
-    "bad", [b"\x00\x01\x00\x02\x00\x00\x0d", b"\x00\x01\x00\x02\xff\xff\x0d", b"GET / HTTP/1.1\r\n\r\n" * 300]
+    "bad",
+    [
+        b"\x00\x01\x00\x02\x00\x00\x0d",
+        b"\x00\x01\x00\x02\xff\xff\x0d",
+        b"GET / HTTP/1.1\r\n\r\n" * 300,
+    ],
 )
 def test_what_is_no_command_is_let_go_and_the_controller_goes_on(address, controller, bad):
     with socket.create_connection((address, COMMAND_PORT), 5) as connection:
@@ -79,9 +92,13 @@ def test_what_is_no_command_is_let_go_and_the_controller_goes_on(address, contro
 
 @pytest.fixture
 def layouts(monkeypatch, tmp_path):
-    """The client library's reading of reports; importing it prints, and makes a folder in the home directory."""
+    """The client library's reading of reports; importing it prints, and makes a folder in the home
+    directory.
+    """
     monkeypatch.setenv("HOME", str(tmp_path))
-    return pytest.importorskip("xarm.x3.report", reason="xarm-python-sdk is not installed").ReportDataStructure
+    return pytest.importorskip(
+        "xarm.x3.report", reason="xarm-python-sdk is not installed"
+    ).ReportDataStructure
 
 
 def test_the_client_library_reads_the_timely_reports_as_they_are_meant(layouts, controller):
@@ -100,7 +117,9 @@ def test_the_client_library_reads_the_timely_reports_as_they_are_meant(layouts, 
     }.items():
         np.testing.assert_allclose(getattr(report, name)[:6], values, atol=1e-6)
         assert getattr(report, name)[6] == 0
-    assert np.abs(np.array(report.actual_joint_angle) - report.target_joint_angle).max() > np.radians(0.5)
+    assert np.abs(
+        np.array(report.actual_joint_angle) - report.target_joint_angle
+    ).max() > np.radians(0.5)
 
 
 def test_the_client_library_reads_the_rich_reports_as_they_are_meant(layouts, controller):
@@ -113,7 +132,12 @@ def test_the_client_library_reads_the_rich_reports_as_they_are_meant(layouts, co
     assert report.temperatures[:6] == [30] * 6
     controller.clear()
     report.update(controller.rich_report())
-    assert (report.motor_enable_status, report.motor_brake_status, report.state, report.error_code) == (0x3F, 0x3F, 2, 0)
+    assert (
+        report.motor_enable_status,
+        report.motor_brake_status,
+        report.state,
+        report.error_code,
+    ) == (0x3F, 0x3F, 2, 0)
 
 
 def test_angles_that_are_asked_for_are_wanted_ones_unless_measured_ones_are_meant(controller):
@@ -145,15 +169,21 @@ def test_moves_wait_their_turn_and_a_stop_forgets_them(controller):
     for _ in range(400):
         controller.tick()
     assert controller.joints.steady
-    assert -0.2 < controller.joints.q_reference[5] < 0.1  # neither the rest of the one nor the other
+    assert (
+        -0.2 < controller.joints.q_reference[5] < 0.1
+    )  # neither the rest of the one nor the other
     controller.execute(12, bytes([0]))
     for _ in range(100):
         controller.tick()
     assert controller.joints.steady
 
 
-@pytest.mark.parametrize(("step", "way", "error"), [(0.004, 1.62, 23), (1.0, -2.0, 24)], ids=["range", "speed"])
-def test_a_target_beyond_a_joints_range_or_speed_is_an_error_of_the_makers_number(controller, step, way, error):
+@pytest.mark.parametrize(
+    ("step", "way", "error"), [(0.004, 1.62, 23), (1.0, -2.0, 24)], ids=["range", "speed"]
+)
+def test_a_target_beyond_a_joints_range_or_speed_is_an_error_of_the_makers_number(
+    controller, step, way, error
+):
     controller.execute(19, bytes([1, 0]))
     controller.execute(12, bytes([0]))
     q = controller.robot.home.copy()
@@ -191,7 +221,9 @@ def test_faults_come_by_the_port_for_faults_too(address, controller):
 def test_a_scenario_with_a_fault_of_another_makers_arm_is_refused(tmp_path):
     path = tmp_path / "faults.yaml"
     path.write_text("faults:\n  - {fault: slider, at_s: 1}\n")
-    with pytest.raises(InputError, match="unknown fault 'slider'; known: protective_stop, emergency_stop"):
+    with pytest.raises(
+        InputError, match="unknown fault 'slider'; known: protective_stop, emergency_stop"
+    ):
         make_controller("xarm6", scenario=path)
     path.write_text("faults:\n  - {fault: servo_error, at_s: 0.1, for_s: 0.2}\n")
     controller = make_controller("xarm6", scenario=path)

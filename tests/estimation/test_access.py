@@ -21,22 +21,31 @@ FILTERS = ["device", "vqf_6d", "vqf_9d", "fusion", "madgwick_imu", "vqf_offline"
 
 
 def samples_of(spoil=None) -> tuple[ImuSamples, Truth]:
-    """A motion with rests, 10 ms late and 50 ppm fast, with magnetometer and a device's orientation."""
+    """A motion with rests, 10 ms late and 50 ppm fast, with magnetometer and a device's
+    orientation.
+    """
     rng = np.random.default_rng(5)
     index = np.arange(int(RATE * SECONDS))
     host = index / RATE / (1 + 50e-6)
     turned = orientation(host, 3)
-    gyr = (orientation(host - 1 / RATE, 3).inv() * turned).as_rotvec() * RATE + 0.002 * rng.standard_normal((len(index), 3))
+    gyr = (
+        orientation(host - 1 / RATE, 3).inv() * turned
+    ).as_rotvec() * RATE + 0.002 * rng.standard_normal((len(index), 3))
     acc = turned.inv().apply([0, 0, 9.80665]) + 0.02 * rng.standard_normal((len(index), 3))
     mag = turned.inv().apply([0, 20.0, -40.0]) + 0.1 * rng.standard_normal((len(index), 3))
     device = np.round((index / RATE + 0.01) * NANOSECONDS).astype(np.int64)
-    arrival = np.maximum.accumulate(np.round((host + rng.exponential(0.002, len(host))) * NANOSECONDS).astype(np.int64))
+    arrival = np.maximum.accumulate(
+        np.round((host + rng.exponential(0.002, len(host))) * NANOSECONDS).astype(np.int64)
+    )
     q = turned.as_quat(scalar_first=True)
     columns = [device, arrival, gyr, acc, mag, q, index, np.zeros(len(index), dtype=bool)]
     if spoil is not None:
         columns = spoil(columns)
     seen = np.arange(0, SECONDS, 0.02)
-    truth = Truth(np.round(seen * NANOSECONDS).astype(np.int64), orientation(seen, 3).as_quat(scalar_first=True))
+    truth = Truth(
+        np.round(seen * NANOSECONDS).astype(np.int64),
+        orientation(seen, 3).as_quat(scalar_first=True),
+    )
     return ImuSamples(*columns), truth
 
 
@@ -113,7 +122,8 @@ def test_every_filter_that_can_go_on_gives_the_same_orientation(case):
     assert "all" in pieces.skipped["vqf_offline"]
     assert any("one of 7 samples" in remark for remark in pieces.remarks)
     for key, q in pieces.orientation.items() if name != "dark" else ():
-        # the clock and the mounting are fitted to fewer samples; what a filter does between is the same
+        # the clock and the mounting are fitted to fewer samples; what a filter does between is the
+        # same
         turned = np.abs(np.sum(q * whole.orientation[key][EVERY - 1 :: EVERY][: len(q)], axis=1))
         expected = 0.2 if name in {"damaged", "lost"} else 0.05
         assert np.degrees(2 * np.arccos(np.minimum(np.quantile(turned, 0.02), 1))) < expected, key
@@ -123,8 +133,12 @@ def test_a_filter_that_needs_the_whole_recording_gets_it_while_it_is_not_too_lon
     _, session, whole, pieces = case
     clock, kinds = whole.sensors["imu"].clock, {"vqf_offline": access_filter("vqf_offline")}
     every = pieces.sensors["imu"].every
-    (_, expected), *_ = access.WholeRecording(session, "imu").orientations(kinds, clock, lambda samples: samples)
-    (_, found), *_ = access.PiecewiseRecording(session, "imu", every).orientations(kinds, clock, lambda samples: samples)
+    (_, expected), *_ = access.WholeRecording(session, "imu").orientations(
+        kinds, clock, lambda samples: samples
+    )
+    (_, found), *_ = access.PiecewiseRecording(session, "imu", every).orientations(
+        kinds, clock, lambda samples: samples
+    )
     np.testing.assert_array_equal(found, expected[every - 1 :: every])
 
 
@@ -139,9 +153,13 @@ def test_the_filters_see_the_same_samples_bit_for_bit_when_the_clock_is_given(ca
         ours = dict(cut.orientations(kinds, clock, lambda uniform: uniform))
     for key, expected in plain.orientations(kinds, clock, lambda uniform: uniform):
         rows = slice(EVERY - 1, None, EVERY)
-        before = slice(0, 14_000 // EVERY if name == "dark" else None)  # then nobody knows, and guesses differ
+        before = slice(
+            0, 14_000 // EVERY if name == "dark" else None
+        )  # then nobody knows, and guesses differ
         assert np.isfinite(ours[key]).all()
-        np.testing.assert_allclose(ours[key][before], expected[rows][: len(ours[key])][before], atol=1e-9, err_msg=key)
+        np.testing.assert_allclose(
+            ours[key][before], expected[rows][: len(ours[key])][before], atol=1e-9, err_msg=key
+        )
 
 
 def access_filter(key):
@@ -177,13 +195,18 @@ def test_errors_and_noise_are_the_same(case, tmp_path):
     pieces.save(tmp_path)
     again = Estimate.load(tmp_path)
     assert again.sensors["imu"].every == EVERY
-    one, other = evaluate(session, whole), evaluate(session, replace(again, fingerprint=whole.fingerprint))
+    one, other = (
+        evaluate(session, whole),
+        evaluate(session, replace(again, fingerprint=whole.fingerprint)),
+    )
     mine = {row.filter: row for row in other.orientation}
     for row in one.orientation:
         if row.filter in mine and name != "dark":
-            assert mine[row.filter].inclination_rmse_deg == pytest.approx(row.inclination_rmse_deg, rel=0.1, abs=0.05), (
-                row.filter
-            )
+            assert mine[row.filter].inclination_rmse_deg == pytest.approx(
+                row.inclination_rmse_deg, rel=0.1, abs=0.05
+            ), row.filter
     sd = {(row.quantity, row.axis): row.sd for row in other.noise}
     for row in one.noise:
-        assert sd[row.quantity, row.axis] == pytest.approx(row.sd, rel=0.1)  # of raw samples, not of every seventh
+        assert sd[row.quantity, row.axis] == pytest.approx(
+            row.sd, rel=0.1
+        )  # of raw samples, not of every seventh

@@ -12,10 +12,15 @@ from testbench.formats.axes import find_axes
 from testbench.model import rotation
 from testbench.records.samples import ImuSamples, Truth
 
-RIGHT_HANDED = [Rotation.from_matrix(m).as_matrix().round().astype(int) for m in Rotation.create_group("O").as_matrix()]
+RIGHT_HANDED = [
+    Rotation.from_matrix(m).as_matrix().round().astype(int)
+    for m in Rotation.create_group("O").as_matrix()
+]
 
 
-def moving(seed: int = 0, n: int = 4000, axes: tuple[int, ...] = (0, 1, 2)) -> tuple[ImuSamples, Truth, np.ndarray]:
+def moving(
+    seed: int = 0, n: int = 4000, axes: tuple[int, ...] = (0, 1, 2)
+) -> tuple[ImuSamples, Truth, np.ndarray]:
     """A sensor that stops often and turns about some axes between, by SciPy alone."""
     rng = np.random.default_rng(seed)
     time = np.arange(n) / 100
@@ -36,7 +41,14 @@ def moving(seed: int = 0, n: int = 4000, axes: tuple[int, ...] = (0, 1, 2)) -> t
         return size * rng.standard_normal((n, 3))
 
     samples = ImuSamples(
-        ns, ns, rate + noise(0.01) + 0.02, acc + noise(0.05), mag + noise(0.3), q.copy(), np.arange(n), np.zeros(n, bool)
+        ns,
+        ns,
+        rate + noise(0.01) + 0.02,
+        acc + noise(0.05),
+        mag + noise(0.3),
+        q.copy(),
+        np.arange(n),
+        np.zeros(n, bool),
     )
     return samples, Truth(ns, q, rate, None), np.linalg.norm(rate, axis=1) == 0
 
@@ -47,7 +59,9 @@ def identify(samples, truth, static):
 
 def test_a_sound_sensor_needs_no_remark():
     found = identify(*moving())
-    assert [found[t].axes for t in ("gyr", "acc", "mag", "device_q")] == [STRAIGHT] * 3 + [AS_DOCUMENTED]
+    assert [found[t].axes for t in ("gyr", "acc", "mag", "device_q")] == [STRAIGHT] * 3 + [
+        AS_DOCUMENTED
+    ]
     assert remarks_on(found) == []
     assert found["gyr"].gain == pytest.approx(1, abs=0.01)
 
@@ -57,7 +71,12 @@ def test_a_sound_sensor_needs_no_remark():
 def test_every_axis_map_is_found_and_undone_by_the_importers_map(k, seed):
     samples, truth, static = moving(seed)
     swapped = RIGHT_HANDED[k]
-    turned = replace(samples, gyr=samples.gyr @ swapped.T, acc=samples.acc @ swapped.T, mag=samples.mag @ swapped.T)
+    turned = replace(
+        samples,
+        gyr=samples.gyr @ swapped.T,
+        acc=samples.acc @ swapped.T,
+        mag=samples.mag @ swapped.T,
+    )
     found = identify(turned, truth, static)
     for triad in ("gyr", "acc", "mag"):
         undone = find_axes(found[triad].axes).vectors(getattr(turned, triad))
@@ -69,7 +88,9 @@ def test_a_mirrored_triad_and_wrong_units_are_named():
     found = identify(replace(samples, gyr=samples.gyr * [1, 1, -1]), truth, static)
     assert (found["gyr"].axes, found["gyr"].right_handed) == ("x: +x, y: +y, z: -z", False)
     assert "mirrors the sensor" in remarks_on(found)[0]
-    found = identify(replace(samples, gyr=np.degrees(samples.gyr), acc=samples.acc / 9.80665), truth, static)
+    found = identify(
+        replace(samples, gyr=np.degrees(samples.gyr), acc=samples.acc / 9.80665), truth, static
+    )
     assert "deg/s were taken for rad/s" in remarks_on(found)[0]
     assert "g were taken for m/s^2" in remarks_on(found)[1]
 
@@ -88,7 +109,10 @@ def test_a_magnetometer_with_a_wrong_sign_is_named_in_both_its_readings(signs, n
     (remark,) = remarks_on(found)
     (other,) = {northern, southern} - {found["mag"].axes}
     assert f"it fits '{found['mag'].axes}' or that with all signs reversed, '{other}'" in remark
-    assert f"'{northern}' if the field points down" in remark and f"'{southern}' if it points up" in remark
+    assert (
+        f"'{northern}' if the field points down" in remark
+        and f"'{southern}' if it points up" in remark
+    )
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -96,12 +120,16 @@ def test_a_magnetometer_with_all_signs_reversed_differs_by_the_dip_alone(sign):
     samples, truth, static = moving()
     found = identify(replace(samples, mag=sign * samples.mag), truth, static)
     assert found["mag"].axes == STRAIGHT and not remarks_on(found)
-    assert found["mag"].field_dip_deg == pytest.approx(sign * np.degrees(np.arctan2(39, 24)), abs=0.5)
+    assert found["mag"].field_dip_deg == pytest.approx(
+        sign * np.degrees(np.arctan2(39, 24)), abs=0.5
+    )
 
 
 def test_a_level_field_does_not_tell_the_two_readings_apart():
     samples, truth, static = moving()
-    level = Rotation.from_quat(truth.q_world_from_sensor, scalar_first=True).inv().apply([0, 45.0, 0.5])
+    level = (
+        Rotation.from_quat(truth.q_world_from_sensor, scalar_first=True).inv().apply([0, 45.0, 0.5])
+    )
     (remark,) = remarks_on(identify(replace(samples, mag=level * [1, -1, 1]), truth, static))
     assert "all signs reversed" in remark and "points" not in remark
 
@@ -111,7 +139,10 @@ def test_a_level_field_does_not_tell_the_two_readings_apart():
     [
         (lambda q: rotation.conjugate(q), "w x y z, sensor from earth, z up"),
         (lambda q: q[:, [1, 2, 3, 0]], "x y z w, earth from sensor, z up"),
-        (lambda q: rotation.multiply(np.array([0.0, 2**-0.5, 2**-0.5, 0.0]), q), "w x y z, earth from sensor, z down"),
+        (
+            lambda q: rotation.multiply(np.array([0.0, 2**-0.5, 2**-0.5, 0.0]), q),
+            "w x y z, earth from sensor, z down",
+        ),
     ],
 )
 def test_a_quaternion_of_another_convention_is_named(changed, named):

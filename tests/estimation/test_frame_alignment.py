@@ -1,4 +1,6 @@
-"""Frame alignment: the heading of the filter's earth and the sensor's mounting, from one known pose."""
+"""Frame alignment: the heading of the filter's earth and the sensor's mounting, from one known
+pose.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ def poses(n: int = 30, seed: int = 0) -> np.ndarray:
 
 
 def seen_by_filter(true: np.ndarray, heading_deg: float, mounting: np.ndarray) -> np.ndarray:
-    """q_earth_from_sensor by a filter whose earth has a heading; `mounting` is q_believed_from_sensor."""
+    """q_earth_from_sensor by a filter whose earth has a heading; `mounting` is
+    q_believed_from_sensor.
+    """
     earth_from_world = rotation.conjugate(rotation.from_heading(np.radians(heading_deg)))
     return rotation.multiply(rotation.multiply(earth_from_world, true), mounting)
 
@@ -39,7 +43,9 @@ def test_a_heading_is_found_in_any_pose_and_taken_out_of_every_other(heading_deg
 @pytest.mark.parametrize("tilt_deg", [(3.0, 0.0), (0.0, -5.0), (2.0, 4.0)])
 def test_a_mounting_tilted_against_the_vertical_is_found_beside_the_heading(tilt_deg):
     true = poses()
-    level = np.radians([tilt_deg[0], tilt_deg[1], 0.0])  # about a horizontal axis of the world, in the reference pose
+    level = np.radians(
+        [tilt_deg[0], tilt_deg[1], 0.0]
+    )  # about a horizontal axis of the world, in the reference pose
     in_sensor = rotation.rotate(rotation.conjugate(true[0]), level)
     mounting = rotation.from_rotation_vector(in_sensor)
     estimated = seen_by_filter(true, 71.0, mounting)
@@ -51,7 +57,9 @@ def test_a_mounting_tilted_against_the_vertical_is_found_beside_the_heading(tilt
 
 def test_the_reference_pose_itself_is_always_met_whatever_the_mounting():
     true = poses()
-    estimated = seen_by_filter(true, -50.0, rotation.from_rotation_vector(np.array([0.2, -0.3, 0.4])))
+    estimated = seen_by_filter(
+        true, -50.0, rotation.from_rotation_vector(np.array([0.2, -0.3, 0.4]))
+    )
     fit = fit_frames(estimated[:1], true[:1], "reference_pose")
     assert largest_error_deg(apply_frames(estimated[:1], fit), true[:1]) < 1e-6
 
@@ -67,7 +75,9 @@ def test_one_pose_cannot_tell_a_mounting_about_the_vertical_from_a_heading():
 
 def test_the_method_heading_leaves_the_mounting_alone():
     true = poses()
-    mounting = rotation.from_rotation_vector(rotation.rotate(rotation.conjugate(true[0]), np.array([0.05, 0.0, 0.0])))
+    mounting = rotation.from_rotation_vector(
+        rotation.rotate(rotation.conjugate(true[0]), np.array([0.05, 0.0, 0.0]))
+    )
     fit = fit_frames(seen_by_filter(true, 30.0, mounting)[:1], true[:1], "heading")
     assert fit.mounting_deg == (0.0, 0.0, 0.0)
     assert fit.heading_deg == pytest.approx(30, abs=1e-6)

@@ -1,4 +1,6 @@
-"""World and mounting from motion: recovered, blind to signs, and honest about what the motion cannot show."""
+"""World and mounting from motion: recovered, blind to signs, and honest about what the motion
+cannot show.
+"""
 
 import numpy as np
 import pytest
@@ -14,14 +16,21 @@ RICH = np.stack([np.sin(TIME), 0.7 * np.sin(1.3 * TIME), 0.5 * np.sin(0.7 * TIME
 
 
 def pairs(motion, seed, noise_deg=0.0):
-    """Orientations of a body, and of a sensor on it in another world, with the rotations that join them."""
+    """Orientations of a body, and of a sensor on it in another world, with the rotations that join
+    them.
+    """
     rng = np.random.default_rng(seed)
     body = Rotation.from_euler("XYZ", motion)
     X, Z = Rotation.random(rng=rng), Rotation.random(rng=rng)
     noise = Rotation.from_rotvec(np.radians(noise_deg) * rng.standard_normal((len(motion), 3)))
     sensor = Z.inv() * body * X * noise
     signs = rng.choice([-1, 1], (2, len(motion), 1))
-    return signs[0] * body.as_quat(scalar_first=True), signs[1] * sensor.as_quat(scalar_first=True), X, Z
+    return (
+        signs[0] * body.as_quat(scalar_first=True),
+        signs[1] * sensor.as_quat(scalar_first=True),
+        X,
+        Z,
+    )
 
 
 def angle_deg(q, expected):
@@ -43,7 +52,9 @@ def test_with_noise_the_error_agrees_with_the_stated_uncertainty():
     for seed in range(30):
         body, sensor, X, _ = pairs(RICH[::10], seed, noise_deg=1.0)
         found = solve_hand_eye(body, sensor)
-        error = (X.inv() * Rotation.from_quat(found.q_body_from_sensor, scalar_first=True)).as_rotvec()
+        error = (
+            X.inv() * Rotation.from_quat(found.q_body_from_sensor, scalar_first=True)
+        ).as_rotvec()
         z.append(error / found.mounting_sd)
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.4
 
@@ -69,7 +80,10 @@ def test_the_frames_that_are_fitted_bring_the_filter_to_the_truth():
     fit, warning = fit_frames_by_motion(sensor, body, 60.0)
     assert fit.method == "motion"
     assert warning is None
-    error = Rotation.from_quat(apply_frames(sensor, fit), scalar_first=True) * Rotation.from_quat(body, scalar_first=True).inv()
+    error = (
+        Rotation.from_quat(apply_frames(sensor, fit), scalar_first=True)
+        * Rotation.from_quat(body, scalar_first=True).inv()
+    )
     assert np.degrees(error.magnitude().max()) < 1e-6
 
 

@@ -7,7 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.model import rotation
-from testbench.model.joint_angle import joint_angle_series, joint_angles, segment_from_sensor, segment_orientation
+from testbench.model.joint_angle import (
+    joint_angle_series,
+    joint_angles,
+    segment_from_sensor,
+    segment_orientation,
+)
 from testbench.records.joint_definition import FlexionAngle
 from testbench.records.protocol import Segment, Sensor
 from testbench.records.strict import Placement
@@ -69,7 +74,9 @@ def test_the_rotation_between_sensor_and_segment_turns_vectors_of_the_sensor_int
     x = np.array([0.3, -0.5, 0.7])
     in_link = Rotation.from_euler("ZYX", [20, -30, 40], degrees=True).apply(x)
     in_segment = Rotation.from_euler("XYZ", [90, 0, 0], degrees=True).inv().apply(in_link)
-    np.testing.assert_allclose(rotation.rotate(segment_from_sensor(SENSOR), x), in_segment, atol=1e-12)
+    np.testing.assert_allclose(
+        rotation.rotate(segment_from_sensor(SENSOR), x), in_segment, atol=1e-12
+    )
 
 
 def test_only_a_series_of_a_continuous_definition_is_followed_through_half_a_turn():
@@ -79,5 +86,9 @@ def test_only_a_series_of_a_continuous_definition_is_followed_through_half_a_tur
     followed = hinge.model_copy(update={"continuous": True})
     principal = joint_angles(still, quaternion(turns), followed)[:, 0]
     assert np.ptp(principal) < 2 * np.pi
-    np.testing.assert_array_equal(joint_angle_series(still, quaternion(turns), hinge)[:, 0], principal)
-    np.testing.assert_allclose(np.diff(joint_angle_series(still, quaternion(turns), followed)[:, 0]), 7 / 199, atol=1e-9)
+    np.testing.assert_array_equal(
+        joint_angle_series(still, quaternion(turns), hinge)[:, 0], principal
+    )
+    np.testing.assert_allclose(
+        np.diff(joint_angle_series(still, quaternion(turns), followed)[:, 0]), 7 / 199, atol=1e-9
+    )

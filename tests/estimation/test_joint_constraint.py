@@ -1,4 +1,6 @@
-"""The heading between two sensors over time, from the axes of their joint: drifts that were put in come out again."""
+"""The heading between two sensors over time, from the axes of their joint: drifts that were put in
+come out again.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def drifted(draw, degrees_a_minute=2.0, ramp=0.0):
 
 
 def seen(draw, drift, twist=True, misfit=0.0, noise=0.005):
-    """Both segments as filters give them: the distal one in a world that turns away by `drift`, its axis off by `misfit`."""
+    """Both segments as filters give them: the distal one in a world that turns away by `drift`, its
+    axis off by `misfit`.
+    """
     proximal = carried(draw)
     distal = proximal * bent(draw, twist) * Rotation.from_rotvec(misfit * draw.standard_normal(3))
     distal = Rotation.from_rotvec(np.outer(-drift, [0.0, 0.0, 1.0])) * distal
@@ -53,14 +57,22 @@ def seen(draw, drift, twist=True, misfit=0.0, noise=0.005):
     return quaternions(proximal), quaternions(distal * Rotation.from_rotvec(errors))
 
 
-@pytest.mark.parametrize(("constraint", "twist", "most_deg"), [(TWO_AXES, True, 1.2), (HINGE, False, 3.5)])
-def test_a_heading_that_walks_away_is_followed_and_its_uncertainty_is_honest(constraint, twist, most_deg):
-    misfit = np.radians(constraint.axes_sd_deg) / np.sqrt(2)  # stated is what both axes are off by together
+@pytest.mark.parametrize(
+    ("constraint", "twist", "most_deg"), [(TWO_AXES, True, 1.2), (HINGE, False, 3.5)]
+)
+def test_a_heading_that_walks_away_is_followed_and_its_uncertainty_is_honest(
+    constraint, twist, most_deg
+):
+    misfit = np.radians(constraint.axes_sd_deg) / np.sqrt(
+        2
+    )  # stated is what both axes are off by together
     inside, normalised = [], []
     for seed in range(12):
         draw = np.random.default_rng(seed)
         drift = drifted(draw, ramp=np.radians(0.05))  # 15 deg in five minutes besides
-        track = track_heading(TIME_NS, *seen(draw, drift, twist, misfit), constraint, int(TIME_NS[0]))
+        track = track_heading(
+            TIME_NS, *seen(draw, drift, twist, misfit), constraint, int(TIME_NS[0])
+        )
         error = track.heading - drift
         assert np.degrees(np.sqrt(np.mean(error**2))) < most_deg
         inside.append(np.abs(error) < 1.96 * track.sd)
@@ -72,7 +84,9 @@ def test_a_heading_that_walks_away_is_followed_and_its_uncertainty_is_honest(con
 def test_exact_axes_and_no_noise_leave_next_to_nothing():
     exact = TWO_AXES.model_copy(update={"axes_sd_deg": 0.1})
     drift = np.radians(20) * np.sin(2 * np.pi * TIME / SECONDS)
-    track = track_heading(TIME_NS, *seen(np.random.default_rng(3), drift, noise=0.0), exact, int(TIME_NS[0]))
+    track = track_heading(
+        TIME_NS, *seen(np.random.default_rng(3), drift, noise=0.0), exact, int(TIME_NS[0])
+    )
     np.testing.assert_allclose(track.heading[60:-60], drift[60:-60], atol=np.radians(0.5))
 
 
@@ -80,7 +94,9 @@ def test_the_heading_is_known_where_it_was_aligned_and_followed_to_both_ends():
     draw = np.random.default_rng(4)
     drift = drifted(draw, ramp=np.radians(0.1))
     middle = len(TIME) // 2
-    track = track_heading(TIME_NS, *seen(draw, drift - drift[middle]), TWO_AXES, int(TIME_NS[middle]))
+    track = track_heading(
+        TIME_NS, *seen(draw, drift - drift[middle]), TWO_AXES, int(TIME_NS[middle])
+    )
     error = np.degrees(track.heading - (drift - drift[middle]))
     assert np.sqrt(np.mean(error**2)) < 1.0
     assert abs(np.mean(error[:middle])) < 0.5
@@ -100,14 +116,19 @@ def test_vertical_axes_tell_nothing_and_the_uncertainty_says_so():
     track = track_heading(TIME_NS, upright, upright, vertical, int(TIME_NS[0]))
     np.testing.assert_allclose(track.heading, 0.0, atol=1e-6)
     minutes = TIME / 60
-    np.testing.assert_allclose(track.sd, np.sqrt(START_SD**2 + np.radians(2) ** 2 * minutes), rtol=1e-3)
+    np.testing.assert_allclose(
+        track.sd, np.sqrt(START_SD**2 + np.radians(2) ** 2 * minutes), rtol=1e-3
+    )
     with pytest.raises(PoorExcitation, match="heading"):
         track_heading(TIME_NS, upright, upright, vertical, None)
 
 
 def test_a_posture_that_lasts_is_not_ever_more_knowledge():
     """At rest, with axes that are off by 3 deg, the stated uncertainty must not fall below them."""
-    still, off = Rotation.from_euler("XYZ", [0.3, 0.2, 0.3]), Rotation.from_rotvec([0.0, 0.0, np.radians(3)])
+    still, off = (
+        Rotation.from_euler("XYZ", [0.3, 0.2, 0.3]),
+        Rotation.from_rotvec([0.0, 0.0, np.radians(3)]),
+    )
     q1, q2 = (np.tile(np.roll(q.as_quat(), 1), (len(TIME), 1)) for q in (still, still * off))
     track = track_heading(TIME_NS, q1, q2, HINGE, int(TIME_NS[0]))
     assert np.degrees(track.sd[-1]) > 2.5

@@ -37,8 +37,14 @@ def test_a_sound_recording_passes_every_gate():
     [
         ("saturated", lambda s: s.saturated.__setitem__(slice(50, 60), True)),
         ("not finite", lambda s: s.acc.__setitem__((slice(50, 60), 1), np.nan)),
-        ("stuck", lambda s: [column.__setitem__(slice(49, 60), column[49]) for column in (s.gyr, s.acc)]),
-        ("quaternion not of unit length", lambda s: s.device_q.__setitem__((slice(50, 60), 0), 0.9)),
+        (
+            "stuck",
+            lambda s: [column.__setitem__(slice(49, 60), column[49]) for column in (s.gyr, s.acc)],
+        ),
+        (
+            "quaternion not of unit length",
+            lambda s: s.device_q.__setitem__((slice(50, 60), 0), 0.9),
+        ),
     ],
 )
 def test_a_fault_is_flagged_where_it_is(reason, spoil):
@@ -66,7 +72,9 @@ def test_a_model_without_noise_may_rest_in_a_recording_that_moves_for_the_most_p
 def test_the_second_after_a_long_gap_is_flagged():
     samples = recording()
     keep = np.r_[0:500, 550:N]
-    cut = ImuSamples(*[None if column is None else column[keep] for column in vars(samples).values()])
+    cut = ImuSamples(
+        *[None if column is None else column[keep] for column in vars(samples).values()]
+    )
     flagged = np.flatnonzero(gates(cut).flags["after a gap"])
     assert flagged[0] == 500
     assert len(flagged) == 101
@@ -75,7 +83,9 @@ def test_the_second_after_a_long_gap_is_flagged():
 def test_after_a_gap_of_seconds_nothing_counts_any_more():
     samples = recording()
     keep = np.r_[0:500, 700:N]
-    cut = ImuSamples(*[None if column is None else column[keep] for column in vars(samples).values()])
+    cut = ImuSamples(
+        *[None if column is None else column[keep] for column in vars(samples).values()]
+    )
     assert np.flatnonzero(gates(cut).flags["after a gap"]).tolist() == list(range(500, len(keep)))
 
 
@@ -98,7 +108,9 @@ def test_a_jump_of_the_truth_is_blanked_and_counted_and_a_sign_flip_is_not():
     q = np.tile([1.0, 0.0, 0.0, 0.0], (100, 1))
     q[30:] *= -1
     q[60] = [0.0, 1.0, 0.0, 0.0]
-    truth, count = without_jumps(Truth((np.arange(100) * 1e7).astype(np.int64), q), fastest=lambda: 1.0)
+    truth, count = without_jumps(
+        Truth((np.arange(100) * 1e7).astype(np.int64), q), fastest=lambda: 1.0
+    )
     assert count == 3
     assert np.flatnonzero(np.isnan(truth.q_world_from_sensor[:, 0])).tolist() == [59, 60, 61]
 
@@ -112,7 +124,14 @@ def test_the_audit_counts_gaps_lost_packets_repeated_and_backward_stamps():
     keep = np.r_[0:500, 505:N]
     audit = audit_timing(
         ImuSamples(
-            time[keep], time[keep], samples.gyr[keep], samples.acc[keep], None, None, counter[keep], samples.saturated[keep]
+            time[keep],
+            time[keep],
+            samples.gyr[keep],
+            samples.acc[keep],
+            None,
+            None,
+            counter[keep],
+            samples.saturated[keep],
         ),
         RATE,
     )
@@ -131,5 +150,14 @@ def test_an_accelerometer_that_lags_the_gyroscope_is_found_out(lag):
     gyr = np.column_stack([rate, 0 * rate, 0 * rate])
     acc = 9.80665 * np.column_stack([0 * angle, np.sin(angle), np.cos(angle)])
     stamp = (time * 1e9).astype(np.int64)
-    late = ImuSamples(stamp, stamp, gyr, np.roll(acc, lag, axis=0), None, None, np.arange(6000), np.zeros(6000, dtype=bool))
+    late = ImuSamples(
+        stamp,
+        stamp,
+        gyr,
+        np.roll(acc, lag, axis=0),
+        None,
+        None,
+        np.arange(6000),
+        np.zeros(6000, dtype=bool),
+    )
     assert audit_timing(late, RATE).acc_after_gyr_ms == pytest.approx(10 * lag, abs=1.0)

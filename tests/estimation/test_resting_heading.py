@@ -22,7 +22,9 @@ def turning(resting_deg_s: float, moving_deg_s: float) -> np.ndarray:
 
 @pytest.mark.parametrize("drift", [0.0, 0.02, 0.7, -20.0])
 def test_the_drift_at_rest_is_found_whatever_happens_in_motion(drift):
-    assert np.degrees(resting_drift(turning(drift, 35.0), TIME_NS, RESTING)) == pytest.approx(abs(drift), abs=1e-9)
+    assert np.degrees(resting_drift(turning(drift, 35.0), TIME_NS, RESTING)) == pytest.approx(
+        abs(drift), abs=1e-9
+    )
 
 
 def test_without_a_rest_there_is_none():
@@ -31,8 +33,9 @@ def test_without_a_rest_there_is_none():
 
 def test_a_drift_is_named_for_filters_that_have_no_magnetometer():
     imufilter, marg = get_filter("imufilter"), get_filter("madgwick_marg")
-    assert "imufilter: its heading turns by 0.7 deg/s while the sensor rests (median over 30 s of rest)" in (
-        drift_remark(imufilter, turning(0.7, 0.0), TIME_NS, RESTING) or ""
+    assert (
+        "imufilter: its heading turns by 0.7 deg/s while the sensor rests (median over 30 s of "
+        "rest)" in (drift_remark(imufilter, turning(0.7, 0.0), TIME_NS, RESTING) or "")
     )
     assert drift_remark(imufilter, turning(0.02, 50.0), TIME_NS, RESTING) is None
     assert drift_remark(marg, turning(0.7, 0.0), TIME_NS, RESTING) is None

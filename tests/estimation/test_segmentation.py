@@ -52,7 +52,9 @@ def test_a_recording_is_static_within_the_dwells_of_its_steps_and_nowhere_else(q
         well_inside = (time > step.settled_ns + 350_000_000) & (time < step.end_ns - 220_000_000)
         if step.kind == "move" and well_inside.any():
             assert static[well_inside].mean() > 0.95, step.name
-    still = np.linalg.norm(truth.rate, axis=1) < np.radians(2.0)  # moves of the other joint leave this sensor nearly at rest
+    still = np.linalg.norm(truth.rate, axis=1) < np.radians(
+        2.0
+    )  # moves of the other joint leave this sensor nearly at rest
     allowed |= np.interp(time, truth.host_time_ns, still) > 0.5
     assert (static & ~allowed).sum() == 0
 
@@ -60,7 +62,9 @@ def test_a_recording_is_static_within_the_dwells_of_its_steps_and_nowhere_else(q
 def test_a_straight_line_over_a_gap_does_not_set_the_measure_of_rest():
     rng = np.random.default_rng(2)
     gyr = 0.01 * rng.standard_normal((6000, 3))
-    gyr[2000:3000] += np.linspace(0.5, 1.0, 1000)[:, None]  # turns, then packets are lost until it turns on
+    gyr[2000:3000] += np.linspace(0.5, 1.0, 1000)[
+        :, None
+    ]  # turns, then packets are lost until it turns on
     gyr[3000:4500] = np.linspace(1.0, 0.5, 1500)[:, None]
     real = np.r_[0:3000, 4500:6000]
     static = detect_static(gyr, 0.01, real)

@@ -8,15 +8,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.static_intervals import between_peaks, by_events, by_gyroscope, by_variance, compare, intervals_of
+from testbench.estimation.static_intervals import (
+    between_peaks,
+    by_events,
+    by_gyroscope,
+    by_variance,
+    compare,
+    intervals_of,
+)
 
 INTERVAL, GRAVITY = 0.01, 9.80665
 REST, MOVE = 300, 150
 """Samples."""
 
 
-def session(moves: int, noise: float = 0.01, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gyroscope, accelerometer and the true rests of a sensor that is turned from pose to pose about a new axis each time."""
+def session(
+    moves: int, noise: float = 0.01, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gyroscope, accelerometer and the true rests of a sensor that is turned from pose to pose
+    about a new axis each time.
+    """
     draw = np.random.default_rng(seed)
     q, rates, forces, rests = Rotation.identity(), [], [], []
     profile = np.sin(np.pi * (np.arange(MOVE) + 0.5) / MOVE) ** 2
@@ -38,12 +49,20 @@ def session(moves: int, noise: float = 0.01, seed: int = 0) -> tuple[np.ndarray,
         count += MOVE
     gyr, acc = (np.vstack(parts) for parts in (rates, forces))
     bias = np.array([0.01, -0.02, 0.005])
-    return gyr + bias + 2e-3 * draw.standard_normal(gyr.shape), acc + noise * draw.standard_normal(acc.shape), np.array(rests)
+    return (
+        gyr + bias + 2e-3 * draw.standard_normal(gyr.shape),
+        acc + noise * draw.standard_normal(acc.shape),
+        np.array(rests),
+    )
 
 
 def test_runs_are_counted_as_a_person_would():
-    np.testing.assert_array_equal(intervals_of(np.array([1, 1, 0, 1, 0, 0, 1, 1, 1], bool)), [[0, 2], [3, 4], [6, 9]])
-    np.testing.assert_array_equal(intervals_of(np.array([1, 1, 0, 1, 0, 0, 1, 1, 1], bool), 2), [[0, 2], [6, 9]])
+    np.testing.assert_array_equal(
+        intervals_of(np.array([1, 1, 0, 1, 0, 0, 1, 1, 1], bool)), [[0, 2], [3, 4], [6, 9]]
+    )
+    np.testing.assert_array_equal(
+        intervals_of(np.array([1, 1, 0, 1, 0, 0, 1, 1, 1], bool), 2), [[0, 2], [6, 9]]
+    )
     assert intervals_of(np.zeros(0, bool)).shape == (0, 2)
 
 

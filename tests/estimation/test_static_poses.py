@@ -13,7 +13,9 @@ from testbench.model.imu import TriadModel
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 SIX = rotation.from_matrix(
     Rotation.from_euler(
-        "XYZ", [[0, 0, 0], [180, 0, 0], [90, 0, 0], [-90, 0, 0], [0, 90, 0], [0, -90, 0]], degrees=True
+        "XYZ",
+        [[0, 0, 0], [180, 0, 0], [90, 0, 0], [-90, 0, 0], [0, 90, 0], [0, -90, 0]],
+        degrees=True,
     ).as_matrix()
 )
 
@@ -26,7 +28,9 @@ def force(q_world_from_sensor: np.ndarray) -> np.ndarray:
 class Part:
     """A sensor with known errors, at rest."""
 
-    def __init__(self, seed: int, bias_sd: float = 0.1, scale_sd: float = 0.005, g_sd: float = 1.8e-4):
+    def __init__(
+        self, seed: int, bias_sd: float = 0.1, scale_sd: float = 0.005, g_sd: float = 1.8e-4
+    ):
         rng = np.random.default_rng(seed)
         self.rng = rng
         self.matrix = np.eye(3) + scale_sd * rng.standard_normal((3, 3))
@@ -38,7 +42,9 @@ class Part:
         acc, gyr = [], []
         for f in force(q):
             acc.append(self.matrix @ f + self.bias + 0.01 * self.rng.standard_normal((samples, 3)))
-            gyr.append(self.gyr_bias + self.g_matrix @ f + 7e-4 * self.rng.standard_normal((samples, 3)))
+            gyr.append(
+                self.gyr_bias + self.g_matrix @ f + 7e-4 * self.rng.standard_normal((samples, 3))
+            )
         return acc, gyr
 
 
@@ -58,7 +64,9 @@ def test_the_correction_undoes_the_errors_in_poses_it_has_not_seen():
     fit = fit_static_poses(acc, gyr, list(SIX), GRAVITY)
     new = rotation.normalise(np.random.default_rng(1).normal(size=(20, 4)))
     acc, gyr = part.rest(new)
-    rates, forces, _ = fit.apply(np.array([g.mean(axis=0) for g in gyr]), np.array([a.mean(axis=0) for a in acc]), None)
+    rates, forces, _ = fit.apply(
+        np.array([g.mean(axis=0) for g in gyr]), np.array([a.mean(axis=0) for a in acc]), None
+    )
     assert np.abs(forces - force(new)).max() < 0.02
     assert np.degrees(np.abs(rates).max()) < 0.03
 
@@ -101,10 +109,14 @@ def test_no_pose_means_no_correction():
         np.testing.assert_allclose(found, before, rtol=1e-14)
 
 
-def test_a_protocol_with_the_calibration_poses_finds_the_errors_its_simulated_sensor_has(elbow_flexion):
+def test_a_protocol_with_the_calibration_poses_finds_the_errors_its_simulated_sensor_has(
+    elbow_flexion,
+):
     sensor = elbow_flexion.session.analysis.sensors["forearm"]
     parameters = sensor.imu()
-    real = TriadModel(parameters.accelerometer.triad(), parameters.rate_hz, 1, "forearm", "accelerometer").errors
+    real = TriadModel(
+        parameters.accelerometer.triad(), parameters.rate_hz, 1, "forearm", "accelerometer"
+    ).errors
     fit = elbow_flexion.estimate.sensors["forearm"].calibration
     assert fit.poses >= 6
     assert np.abs(real.bias).max() > 0.03
@@ -112,14 +124,23 @@ def test_a_protocol_with_the_calibration_poses_finds_the_errors_its_simulated_se
     np.testing.assert_allclose(fit.acc_matrix @ real.matrix, np.eye(3), atol=3e-3)
 
 
-PLANAR = [rotation.from_euler("XYZ", np.radians(angles)) for angles in ((0.0, 0, 0), (0.0, 90, 0), (0.0, -90, 0))]
+PLANAR = [
+    rotation.from_euler("XYZ", np.radians(angles))
+    for angles in ((0.0, 0, 0), (0.0, 90, 0), (0.0, -90, 0))
+]
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("poses", [SIX, PLANAR], ids=["six", "planar"])
 def test_a_crooked_mounting_is_found_even_from_poses_in_one_plane(axis, poses):
-    turned = rotation.from_rotation_vector(np.radians(5.0) * np.eye(3)[axis])  # q_believed_from_sensor
+    turned = rotation.from_rotation_vector(
+        np.radians(5.0) * np.eye(3)[axis]
+    )  # q_believed_from_sensor
     felt = rotation.rotate(rotation.conjugate(turned), force(np.array(poses)))
-    fit = fit_static_poses([np.tile(f, (50, 1)) for f in felt], [np.zeros((50, 3))] * len(poses), list(poses), GRAVITY)
-    error = rotation.multiply(rotation.from_matrix(fit.R_believed_from_sensor), rotation.conjugate(turned))
+    fit = fit_static_poses(
+        [np.tile(f, (50, 1)) for f in felt], [np.zeros((50, 3))] * len(poses), list(poses), GRAVITY
+    )
+    error = rotation.multiply(
+        rotation.from_matrix(fit.R_believed_from_sensor), rotation.conjugate(turned)
+    )
     assert np.degrees(rotation.angle(error)) < 0.25

@@ -18,7 +18,14 @@ def samples(kept: np.ndarray, period_ns: int = 10_000_000, first: int = 0) -> Im
     slope = t[:, None] * np.array([1.0, -2.0, 0.5])
     own = 123_456 + t * period_ns
     return ImuSamples(
-        own[kept], own[kept], slope[kept], -slope[kept], 3 * slope[kept], turn[kept], first + t[kept], np.zeros(len(kept), bool)
+        own[kept],
+        own[kept],
+        slope[kept],
+        -slope[kept],
+        3 * slope[kept],
+        turn[kept],
+        first + t[kept],
+        np.zeros(len(kept), bool),
     )
 
 
@@ -35,7 +42,11 @@ def test_gaps_are_filled_on_the_line_between_their_ends_and_taken_out_again():
     given, whole = samples(kept, first=1000), samples(np.arange(100))
     uniform, rows = fill_gaps(given, ClockFit())
     assert uniform.mag is not None and uniform.device_q is not None
-    for filled, expected in ((uniform.gyr, whole.gyr), (uniform.acc, whole.acc), (uniform.mag, whole.mag)):
+    for filled, expected in (
+        (uniform.gyr, whole.gyr),
+        (uniform.acc, whole.acc),
+        (uniform.mag, whole.mag),
+    ):
         np.testing.assert_allclose(filled, expected, atol=1e-12)
     np.testing.assert_allclose(uniform.device_q, whole.device_q, atol=1e-9)
     np.testing.assert_array_equal(rows, kept)
@@ -48,7 +59,11 @@ def test_the_interval_is_in_seconds_of_the_host():
     assert uniform.interval == pytest.approx(0.01 / 1.01, rel=1e-12)
 
 
-@pytest.mark.parametrize("counter", [np.zeros(100), np.arange(100)[::-1], np.arange(100) * 1000], ids=["stuck", "back", "wild"])
+@pytest.mark.parametrize(
+    "counter",
+    [np.zeros(100), np.arange(100)[::-1], np.arange(100) * 1000],
+    ids=["stuck", "back", "wild"],
+)
 def test_a_counter_that_cannot_be_trusted_is_not_trusted(counter):
     good = samples(np.arange(100))
     strange = ImuSamples(**{**vars(good), "counter": counter.astype(np.int64)})
@@ -74,7 +89,9 @@ def test_intervals_that_the_stamps_show_to_differ_are_passed_on_and_others_are_n
     uneven = stamped(rng.integers(-3_000_000, 3_000_000, 100))
     uniform, _ = fill_gaps(uneven, ClockFit(drift_ppm=1000.0))
     assert uniform.intervals is not None
-    np.testing.assert_allclose(uniform.intervals[1:], np.diff(uneven.device_time_ns) / 1e9 / 1.001, rtol=1e-9)
+    np.testing.assert_allclose(
+        uniform.intervals[1:], np.diff(uneven.device_time_ns) / 1e9 / 1.001, rtol=1e-9
+    )
     assert fill_gaps(stamped(rng.integers(-100_000, 100_000, 100)), ClockFit())[0].intervals is None
     bursts = stamped(-10_000_000 * (np.arange(100) % 4))  # four at a time
     assert fill_gaps(bursts, ClockFit())[0].intervals is None

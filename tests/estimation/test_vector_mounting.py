@@ -40,12 +40,20 @@ def test_one_axis_of_turning_is_refused_and_gravity_helps():
 def test_the_stated_uncertainty_is_that_of_repeats():
     rng = np.random.default_rng(6)
     X = Rotation.random(rng=rng)
-    rate, force = rng.standard_normal((200, 3)) * [1, 0.4, 0.1], Rotation.random(20, rng=rng).apply([0, 0, 9.8])
+    rate, force = (
+        rng.standard_normal((200, 3)) * [1, 0.4, 0.1],
+        Rotation.random(20, rng=rng).apply([0, 0, 9.8]),
+    )
     errors, stated = [], []
     for _ in range(300):
-        noisy = [(X.apply(v), v + size * rng.standard_normal(v.shape), len(v)) for v, size in ((rate, 0.05), (force, 0.02))]
+        noisy = [
+            (X.apply(v), v + size * rng.standard_normal(v.shape), len(v))
+            for v, size in ((rate, 0.05), (force, 0.02))
+        ]
         found = mounting_from_vectors(noisy)
-        errors.append((X.inv() * Rotation.from_quat(found.q_body_from_sensor, scalar_first=True)).as_rotvec())
+        errors.append(
+            (X.inv() * Rotation.from_quat(found.q_body_from_sensor, scalar_first=True)).as_rotvec()
+        )
         stated.append(found.sd)
     np.testing.assert_allclose(np.std(errors, axis=0), np.mean(stated, axis=0), rtol=0.15)
 

@@ -1,4 +1,6 @@
-"""A recording whose arm moves before it was commanded, or of which much did not come, is told of."""
+"""A recording whose arm moves before it was commanded, or of which much did not come, is told
+of.
+"""
 
 from __future__ import annotations
 
@@ -96,9 +98,16 @@ def test_what_the_driver_found_of_the_clocks_is_told(copied):
 def step(index: int, kind: str = "move", section: str = "static") -> PlannedStep:
     start = index * 2 * SECOND
     return PlannedStep(
-        index=index, section=section, role="evaluation", name="a", kind=kind, variables={}, start_ns=start,
-        settled_ns=start + SECOND, end_ns=start + 2 * SECOND,
-    )  # fmt: skip
+        index=index,
+        section=section,
+        role="evaluation",
+        name="a",
+        kind=kind,
+        variables={},
+        start_ns=start,
+        settled_ns=start + SECOND,
+        end_ns=start + 2 * SECOND,
+    )
 
 
 TIME = np.arange(0, 12 * SECOND, SECOND // 100)
@@ -121,7 +130,10 @@ def test_every_step_that_does_not_count_is_told_with_its_reason():
     for reason in ("at rest in 1", "not known in 1", "samples of 1 are flagged"):
         assert reason in note
     (note,) = left_out_notes("hand", steps, TIME, ~within(3, 4), YES, YES)
-    assert note == "hand, section static: 1 of 6 poses not judged: the sensors were not at rest in them"
+    assert (
+        note
+        == "hand, section static: 1 of 6 poses not judged: the sensors were not at rest in them"
+    )
 
 
 def test_a_section_that_vanishes_wholly_is_told_and_one_of_which_little_is_left():
@@ -132,7 +144,11 @@ def test_a_section_that_vanishes_wholly_is_told_and_one_of_which_little_is_left(
     ]
     little = within(1.9, 2) | within(3.9, 4)
     (note,) = left_out_notes("hand", steps[:2], TIME, little, YES, YES)
-    assert note == "hand, section static: only 22 of 152 samples judged: the sensors were not at rest in them"
+    assert (
+        note
+        == "hand, section static: only 22 of 152 samples judged: the sensors were not at rest in "
+        "them"
+    )
 
 
 def test_a_step_without_samples_is_told():

@@ -54,8 +54,12 @@ def test_resampled_sums_are_those_of_the_rows_that_were_drawn(n, length, seed):
     length = min(length, n)
     columns = rng.normal(size=(n, 2))
     starts = rng.integers(0, n, (7, -(-n // length)))
-    rows = ((starts[:, :, None] + np.arange(length)) % n).reshape(7, -1)[:, :n]  # the circle, and the last block cut
-    np.testing.assert_allclose(resampled_sums(columns, starts, length), columns[rows].sum(axis=1), atol=1e-12)
+    rows = ((starts[:, :, None] + np.arange(length)) % n).reshape(7, -1)[
+        :, :n
+    ]  # the circle, and the last block cut
+    np.testing.assert_allclose(
+        resampled_sums(columns, starts, length), columns[rows].sum(axis=1), atol=1e-12
+    )
 
 
 def test_intervals_cover_the_mean_of_a_series_with_memory_where_naive_ones_do_not():
@@ -76,14 +80,18 @@ def test_intervals_of_few_independent_poses_are_as_wide_as_students():
     inside = 0
     for _ in range(400):
         errors = rng.normal(1.0, 0.3, 7)
-        found = intervals(step_series(errors, [np.array([i]) for i in range(7)], moving=False, equally=True), rng)
+        found = intervals(
+            step_series(errors, [np.array([i]) for i in range(7)], moving=False, equally=True), rng
+        )
         inside += found.mean[0] <= 1.0 <= found.mean[1]
     assert 0.90 < inside / 400 < 0.98
 
 
 def test_the_same_seed_gives_the_same_interval():
     series = sample_series(np.random.default_rng(5).standard_normal(500))
-    assert intervals(series, np.random.default_rng(0)) == intervals(series, np.random.default_rng(0))
+    assert intervals(series, np.random.default_rng(0)) == intervals(
+        series, np.random.default_rng(0)
+    )
 
 
 def test_an_error_of_constant_size_has_intervals_of_no_width():

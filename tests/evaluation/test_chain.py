@@ -1,4 +1,6 @@
-"""The chain filter's joints in the verdict, the budgets, the report and on the terminal, from one short run of the pendulum."""
+"""The chain filter's joints in the verdict, the budgets, the report and on the terminal, from one
+short run of the pendulum.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,11 @@ LIMITS = [
 def short(spec, joint_errors=False):
     spec["sections"][1]["steps"][0]["sweep"]["knee"]["sine"]["cycles"] = 6
     spec["environment"] = {"joint_errors": joint_errors}
-    spec["estimate"]["chain"] = {"states": ["kinematic"], "settling_s": 2, "jerk_deg_s3_sqrthz": 2000}
+    spec["estimate"]["chain"] = {
+        "states": ["kinematic"],
+        "settling_s": 2,
+        "jerk_deg_s3_sqrthz": 2000,
+    }
     spec["accept"] = LIMITS
 
 
@@ -36,20 +42,37 @@ def result(run_protocol, altered_protocol):
 
 
 def test_limits_on_joints_of_the_chain_give_a_verdict(result):
-    judged = {metric.name: metric for metric in result.evaluation.metrics if metric.outcome is not None}
+    judged = {
+        metric.name: metric for metric in result.evaluation.metrics if metric.outcome is not None
+    }
     assert list(judged) == [limit["metric"] for limit in LIMITS]
     (row,) = result.evaluation.chain
     rms, largest, mean = judged.values()
-    assert (rms.value, rms.filter, rms.section, rms.outcome) == (row.rmse_deg, "kinematic", "swing", Outcome.PASS)
+    assert (rms.value, rms.filter, rms.section, rms.outcome) == (
+        row.rmse_deg,
+        "kinematic",
+        "swing",
+        Outcome.PASS,
+    )
     assert largest.value == abs(row.largest_error_deg)
     assert mean.value == row.mean_error_deg
-    assert largest.outcome is (Outcome.FAIL if largest.value > largest.expanded_uncertainty + 0.001 else Outcome.MARGINAL)
+    assert largest.outcome is (
+        Outcome.FAIL if largest.value > largest.expanded_uncertainty + 0.001 else Outcome.MARGINAL
+    )
     assert result.evaluation.outcome is largest.outcome
 
 
 def test_metrics_over_all_joints_count_every_joint_alike(result):
     row = result.evaluation.chain[0]
-    other = type(row)(**{**vars(row), "joint": "hip", "rmse_deg": 3.0, "largest_error_deg": -7.0, "covered_percent": 50.0})
+    other = type(row)(
+        **{
+            **vars(row),
+            "joint": "hip",
+            "rmse_deg": 3.0,
+            "largest_error_deg": -7.0,
+            "covered_percent": 50.0,
+        }
+    )
     several = Evaluation("s", [], [], [], Outcome.NOT_MEASURED, chain=[row, other])
     found = {metric.name: metric.value for metric in summarise_metrics(several)}
     assert len(found) == 3 * len(CHAIN_METRICS) - 1  # no signed mean over all
@@ -62,11 +85,20 @@ def test_metrics_over_all_joints_count_every_joint_alike(result):
 @pytest.mark.parametrize(
     ("limit", "said"),
     [
-        ({"metric": "knee.angle_rms"}, "unknown metric 'knee.angle_rms'; known: .*chain.angle_rmse_deg"),
+        (
+            {"metric": "knee.angle_rms"},
+            "unknown metric 'knee.angle_rms'; known: .*chain.angle_rmse_deg",
+        ),
         ({"metric": "chain.angle_mean_error_deg"}, "unknown metric"),
         ({"metric": "hip.angle_rmse_deg"}, "unknown joint of pendulum 'hip'; known: knee"),
-        ({"metric": "knee.angle_rmse_deg", "filter": "fourier"}, "unknown state of the chain 'fourier'; known: kinematic"),
-        ({"metric": "knee.angle_rmse_deg", "sequence": "XYZ"}, "sequence goes with metrics of a joint only"),
+        (
+            {"metric": "knee.angle_rmse_deg", "filter": "fourier"},
+            "unknown state of the chain 'fourier'; known: kinematic",
+        ),
+        (
+            {"metric": "knee.angle_rmse_deg", "sequence": "XYZ"},
+            "sequence goes with metrics of a joint only",
+        ),
     ],
 )
 def test_a_limit_that_nothing_meets_is_refused_with_what_there_is(altered_protocol, limit, said):
@@ -93,7 +125,8 @@ def test_settling_that_leaves_nothing_is_refused_at_the_key(altered_protocol):
         spec["estimate"]["chain"]["settling_s"] = 800
 
     with pytest.raises(
-        FileProblems, match=r"pendulum.yaml:\d+:\d+: estimate.chain.settling_s: .* nothing would be judged"
+        FileProblems,
+        match=r"pendulum.yaml:\d+:\d+: estimate.chain.settling_s: .* nothing would be judged",
     ) as refused:
         plan(altered_protocol("pendulum", change))
     lasts = float(str(refused.value).split("must be below ")[1].split(" s")[0])
@@ -115,14 +148,20 @@ def test_a_chain_of_which_nothing_is_judged_says_why(result):
 
     analysis = result.session.analysis
     settling = analysis.estimate.chain.model_copy(update={"settling_s": 800.0})
-    changed = analysis.model_copy(update={"estimate": analysis.estimate.model_copy(update={"chain": settling})})
+    changed = analysis.model_copy(
+        update={"estimate": analysis.estimate.model_copy(update={"chain": settling})}
+    )
 
     class Settled(type(result.session)):
         analysis = changed
 
     again = evaluate(Settled(result.session.path), result.estimate)
     assert again.chain == []
-    [note] = [note for note in again.notes if note.startswith("chain, section swing, kinematic: not judged")]
+    [note] = [
+        note
+        for note in again.notes
+        if note.startswith("chain, section swing, kinematic: not judged")
+    ]
     assert "settling_s" in note
     page = report(result.session, result.estimate, replace(again, series={})).read_text()
     assert note in page
@@ -137,19 +176,35 @@ def test_the_truths_uncertainty_is_that_of_the_arms_joint(result):
     zero = once["kinematic calibration, knee"]
     stated = np.degrees(result.plan.robot.joint_angle_uncertainty[0])
     assert (zero.sensitivity, zero.contribution_deg) == (pytest.approx(1), pytest.approx(stated))
-    assert once["repeatability of the arm"].contribution_deg == pytest.approx(spec.servo.repeatability_deg)
-    assert budget.combined_deg == pytest.approx(np.sqrt(sum(s.contribution_deg**2 for s in budget.sources)))
+    assert once["repeatability of the arm"].contribution_deg == pytest.approx(
+        spec.servo.repeatability_deg
+    )
+    assert budget.combined_deg == pytest.approx(
+        np.sqrt(sum(s.contribution_deg**2 for s in budget.sources))
+    )
     (row,) = result.evaluation.chain
-    assert row.expanded_uncertainty_deg == budget.expanded_deg == pytest.approx(2 * budget.combined_deg)
+    assert (
+        row.expanded_uncertainty_deg
+        == budget.expanded_deg
+        == pytest.approx(2 * budget.combined_deg)
+    )
     assert row.expanded_uncertainty_magnitude_deg == budget.expanded_magnitude_deg
 
 
-def test_zeros_that_encoders_do_not_see_are_the_error_that_the_budget_speaks_of(altered_protocol, run_protocol):
+def test_zeros_that_encoders_do_not_see_are_the_error_that_the_budget_speaks_of(
+    altered_protocol, run_protocol
+):
     results = [
-        run_protocol(altered_protocol("pendulum", lambda spec: short(spec, joint_errors=True)), seed) for seed in range(4)
+        run_protocol(
+            altered_protocol("pendulum", lambda spec: short(spec, joint_errors=True)), seed
+        )
+        for seed in range(4)
     ]
     rows = [result.evaluation.chain[0] for result in results]
-    drawn = [np.degrees(SimulatedArm(result.plan.robot, seed, True).zero_errors[0]) for seed, result in enumerate(results)]
+    drawn = [
+        np.degrees(SimulatedArm(result.plan.robot, seed, True).zero_errors[0])
+        for seed, result in enumerate(results)
+    ]
     assert np.ptp(drawn) > 0.1
     np.testing.assert_allclose([row.mean_error_deg for row in rows], drawn, atol=0.08)
     assert all(abs(row.mean_error_deg) < 1.5 * row.expanded_uncertainty_deg for row in rows)
@@ -164,7 +219,11 @@ def test_the_terminal_and_the_cards_show_the_joints(result, capsys):
     say_evaluation(result.evaluation, "s", None)
     shown = capsys.readouterr().out
     assert "Joints of the chain, error [deg]" in shown
-    assert any("knee" in line and "kinematic" in line and "swing" in line for line in shown.splitlines())
+    assert any(
+        "knee" in line and "kinematic" in line and "swing" in line for line in shown.splitlines()
+    )
     page = report(result.session, result.estimate, result.evaluation).read_text()
     assert "RMS error of 1 chain joint" in page
-    assert page.index('id="chain"') < page.index('id="orientation"') < page.index('id="uncertainty"')
+    assert (
+        page.index('id="chain"') < page.index('id="orientation"') < page.index('id="uncertainty"')
+    )

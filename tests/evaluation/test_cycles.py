@@ -1,4 +1,6 @@
-"""Average cycles: a known error of range, offset and noise comes back, a cut that is shifted is seen, and a run has them."""
+"""Average cycles: a known error of range, offset and noise comes back, a cut that is shifted is
+seen, and a run has them.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,20 @@ START_S = 3.0
 PLANNED = PlannedCycles(HZ, 1 / HZ, 12, 14 / HZ)
 END_S = START_S + PLANNED.motion_s
 STEP = PlannedStep(
-    4, "walk", "evaluation", "walk, all", "sweep", {"a": 1.0}, int(3e9), int(END_S * 1e9), int(END_S * 1e9) + 10**9,
+    4,
+    "walk",
+    "evaluation",
+    "walk, all",
+    "sweep",
+    {"a": 1.0},
+    int(3e9),
+    int(END_S * 1e9),
+    int(END_S * 1e9) + 10**9,
     cycles=PLANNED,
-)  # fmt: skip
-instants = np.arange(0, int((END_S + 1) * 1e9), 10**7) + np.random.default_rng(1).integers(-(10**6), 10**6, 2150)
+)
+instants = np.arange(0, int((END_S + 1) * 1e9), 10**7) + np.random.default_rng(1).integers(
+    -(10**6), 10**6, 2150
+)
 IN_STEP = (instants >= STEP.start_ns) & (instants <= STEP.settled_ns)
 
 
@@ -51,7 +63,17 @@ def joint(error, true=None, step=STEP, rows=None):
     rows = np.flatnonzero(IN_STEP) if rows is None else rows
     key = ("vqf_6d", "ZXZ")
     errors = JointErrors(
-        "knee", None, instants, true, {key: true + error}, {key: error}, {}, {}, [(step, rows)], {}, np.zeros((len(true), 2))
+        "knee",
+        None,
+        instants,
+        true,
+        {key: true + error},
+        {key: error},
+        {},
+        {},
+        [(step, rows)],
+        {},
+        np.zeros((len(true), 2)),
     )
     return joint_cycles(errors)
 
@@ -60,8 +82,19 @@ def test_a_known_error_of_range_offset_and_noise_comes_back():
     gain, offset, noise = 0.06, np.radians(-1.5), np.radians(0.4)
     error = gain * (wave() - CENTRE) + offset
     [(clean, average)] = joint(error)
-    assert (clean.joint, clean.filter, clean.sequence, clean.section, clean.step) == ("knee", "vqf_6d", "ZXZ", "walk", 4)
-    assert (clean.cycles, clean.left_out, clean.frequency_hz, clean.variables) == (12, 0, HZ, {"a": 1.0})
+    assert (clean.joint, clean.filter, clean.sequence, clean.section, clean.step) == (
+        "knee",
+        "vqf_6d",
+        "ZXZ",
+        "walk",
+        4,
+    )
+    assert (clean.cycles, clean.left_out, clean.frequency_hz, clean.variables) == (
+        12,
+        0,
+        HZ,
+        {"a": 1.0},
+    )
     assert clean.true_rom_deg == pytest.approx(50, abs=0.05)
     assert clean.rom_error_deg == pytest.approx(0.06 * 50, abs=0.01)
     assert clean.rom_deg == pytest.approx(clean.true_rom_deg + clean.rom_error_deg)
@@ -69,15 +102,23 @@ def test_a_known_error_of_range_offset_and_noise_comes_back():
     assert clean.rmse_deg == pytest.approx(np.hypot(1.5, 0.06 * 25 / np.sqrt(2)), abs=0.02)
     assert clean.error_sd_deg < 0.01 and clean.true_sd_deg < 0.05
     percent = np.linspace(0, 1, POINTS)
-    np.testing.assert_allclose(average["true"], CENTRE + AMPLITUDE * np.sin(2 * np.pi * percent), atol=np.radians(0.05))
     np.testing.assert_allclose(
-        average["estimated"], CENTRE + offset + (1 + gain) * AMPLITUDE * np.sin(2 * np.pi * percent), atol=np.radians(0.05)
+        average["true"], CENTRE + AMPLITUDE * np.sin(2 * np.pi * percent), atol=np.radians(0.05)
+    )
+    np.testing.assert_allclose(
+        average["estimated"],
+        CENTRE + offset + (1 + gain) * AMPLITUDE * np.sin(2 * np.pi * percent),
+        atol=np.radians(0.05),
     )
     white = np.random.default_rng(3).normal(0, noise, len(instants))
     [(noisy, average)] = joint(error + white)
-    assert noisy.error_sd_deg == pytest.approx(0.4, rel=0.25)  # interpolation between samples takes up to half the variance
+    assert noisy.error_sd_deg == pytest.approx(
+        0.4, rel=0.25
+    )  # interpolation between samples takes up to half the variance
     assert noisy.mean_error_deg == pytest.approx(-1.5, abs=0.05)
-    assert 0 < noisy.rom_error_deg - clean.rom_error_deg < 4 * 0.4  # noise widens what it is laid upon
+    assert (
+        0 < noisy.rom_error_deg - clean.rom_error_deg < 4 * 0.4
+    )  # noise widens what it is laid upon
     assert noisy.rom_error_sd_deg > 10 * clean.rom_error_sd_deg
     assert noisy.cmc < 1
 
@@ -91,7 +132,11 @@ def test_a_cut_that_is_shifted_is_seen():
         moved = round(part / HZ * 1e9)
         step = replace(STEP, start_ns=STEP.start_ns + moved, settled_ns=STEP.settled_ns + moved)
         [(_, found)] = joint(np.zeros(len(instants)), step=step)
-        shift = np.interp(np.linspace(0, 1, POINTS) + part, np.linspace(-1, 2, 301), np.tile(right["true"][:-1], 4)[:301])
+        shift = np.interp(
+            np.linspace(0, 1, POINTS) + part,
+            np.linspace(-1, 2, 301),
+            np.tile(right["true"][:-1], 4)[:301],
+        )
         np.testing.assert_allclose(found["true"], shift, atol=np.radians(0.1))
         assert abs(found["true"] - right["true"]).max() > np.radians(2.5)
 
@@ -110,7 +155,10 @@ def test_cycles_of_the_wrong_length_are_remarked_upon():
     found = joint(np.zeros(len(instants)), step=wrong)
     assert found[0][0].true_sd_deg > 5
     [note] = cycle_notes("joint 'knee'", [wrong], found)
-    assert note.startswith("joint 'knee': the true angle of knee in step 4 differs") and "not periodic as planned" in note
+    assert (
+        note.startswith("joint 'knee': the true angle of knee in step 4 differs")
+        and "not periodic as planned" in note
+    )
     assert cycle_notes("joint 'knee'", [STEP], joint(np.zeros(len(instants)))) == []
 
 
@@ -223,12 +271,26 @@ SQUATS = {"amplitude_deg": 40, "frequency_hz": 0.5, "cycles": 5}
 @pytest.fixture(scope="module")
 def squat(run_protocol, altered_protocol):
     def change(spec):
-        spec["sections"][1]["steps"][0]["sweep"] = {"ankle": {"sine": SQUATS | {"amplitude_deg": 12}}, "knee": {"sine": SQUATS}}
+        spec["sections"][1]["steps"][0]["sweep"] = {
+            "ankle": {"sine": SQUATS | {"amplitude_deg": 12}},
+            "knee": {"sine": SQUATS},
+        }
         spec["sections"][1]["steps"].append({"sweep": {"knee": {"sine": SQUATS | {"cycles": 2}}}})
-        spec["estimate"]["chain"] = {"states": ["kinematic"], "settling_s": 1, "jerk_deg_s3_sqrthz": 2000}
+        spec["estimate"]["chain"] = {
+            "states": ["kinematic"],
+            "settling_s": 1,
+            "jerk_deg_s3_sqrthz": 2000,
+        }
         for name in ("shank", "thigh"):
             spec["sensors"][name]["segment"] = {"name": name}
-        spec["joints"] = {"knee_flexion": {"proximal": "shank", "distal": "thigh", "sequence": "YXZ", "flexion": "first"}}
+        spec["joints"] = {
+            "knee_flexion": {
+                "proximal": "shank",
+                "distal": "thigh",
+                "sequence": "YXZ",
+                "flexion": "first",
+            }
+        }
 
     return run_protocol(altered_protocol("squat", change))
 

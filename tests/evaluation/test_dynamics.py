@@ -30,7 +30,9 @@ def angle(t: np.ndarray) -> np.ndarray:
 def orientation(t: np.ndarray) -> np.ndarray:
     return rotation.multiply(
         rotation.from_heading(0.5 * np.sin(2 * t)),
-        rotation.from_rotation_vector(np.column_stack([0.4 * np.sin(3 * t), 0.3 * np.cos(2.2 * t), 0 * t])),
+        rotation.from_rotation_vector(
+            np.column_stack([0.4 * np.sin(3 * t), 0.3 * np.cos(2.2 * t), 0 * t])
+        ),
     )
 
 
@@ -43,7 +45,9 @@ def test_a_delay_of_an_angle_is_found_to_a_fraction_of_a_sample(delay):
 
 
 def test_an_offset_and_a_gain_are_no_delay():
-    found, _ = angle_delay(TIME_NS, 1.05 * angle(T) + 0.02, angle(T), [np.arange(100, 900), np.arange(1000, 1900)])
+    found, _ = angle_delay(
+        TIME_NS, 1.05 * angle(T) + 0.02, angle(T), [np.arange(100, 900), np.arange(1000, 1900)]
+    )
     assert found == pytest.approx(0, abs=1e-5)
 
 

@@ -19,10 +19,25 @@ from testbench.records.evaluation import Evaluation, Outcome
 from testbench.records.plan import PlannedStep
 
 JOINT_KEYS = {
-    "joint", "filter", "sequence", "misalignment_deg", "flexion_deg", "n", "flexion_mean_error_deg",
-    "flexion_mean_abs_error_deg", "flexion_sd_deg", "flexion_rmse_deg", "flexion_max_abs_error_deg",
-}  # fmt: skip
-ORIENTATION_KEYS = {"sensor", "filter", "total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg"}
+    "joint",
+    "filter",
+    "sequence",
+    "misalignment_deg",
+    "flexion_deg",
+    "n",
+    "flexion_mean_error_deg",
+    "flexion_mean_abs_error_deg",
+    "flexion_sd_deg",
+    "flexion_rmse_deg",
+    "flexion_max_abs_error_deg",
+}
+ORIENTATION_KEYS = {
+    "sensor",
+    "filter",
+    "total_rmse_deg",
+    "heading_rmse_deg",
+    "inclination_rmse_deg",
+}
 METRIC_KEYS = {"name", "value", "unit", "lower", "upper", "outcome", "meaning"}
 
 
@@ -38,13 +53,16 @@ def with_flexion(result, flexion: np.ndarray) -> Estimate:
     angles = joint.angles["device", "ZXZ"].copy()
     angles[:, 1] = flexion
     return dataclasses.replace(
-        result.estimate, joints={"elbow": JointEstimate(joint.host_time_ns, {("device", "ZXZ"): angles})}
+        result.estimate,
+        joints={"elbow": JointEstimate(joint.host_time_ns, {("device", "ZXZ"): angles})},
     )
 
 
 @pytest.mark.parametrize("offset_deg", [2.0, -0.7, 0.0])
 @pytest.mark.parametrize("turns", [0, 1, -2])
-def test_a_constant_error_of_the_flexion_is_reported_as_it_is_in_every_row(quick, offset_deg, turns):
+def test_a_constant_error_of_the_flexion_is_reported_as_it_is_in_every_row(
+    quick, offset_deg, turns
+):
     estimate = with_flexion(quick, true_flexion(quick) + np.radians(offset_deg + 360 * turns))
     rows = evaluate(quick.session, estimate).joint_angle
     assert len(rows) == 7  # two by three poses, one more before the sweep, and the sweep
@@ -60,7 +78,9 @@ def test_a_constant_error_of_the_flexion_is_reported_as_it_is_in_every_row(quick
 def test_an_alternating_error_cancels_in_the_mean_and_not_in_the_magnitude(quick):
     flexion = true_flexion(quick)
     sign = np.where(np.arange(len(flexion)) % 2, 1.0, -1.0)
-    for row in evaluate(quick.session, with_flexion(quick, flexion + np.radians(3.0) * sign)).joint_angle:
+    for row in evaluate(
+        quick.session, with_flexion(quick, flexion + np.radians(3.0) * sign)
+    ).joint_angle:
         assert abs(row.flexion_mean_error_deg) < 3.0 * 1.01 / row.n
         assert row.flexion_mean_abs_error_deg == pytest.approx(3, abs=1e-9)
         assert row.flexion_sd_deg == pytest.approx(3, rel=0.05)
@@ -73,12 +93,18 @@ def test_an_error_outside_the_judged_windows_is_not_seen(quick):
         begin, end = window(step)
         moving &= (joint.host_time_ns < begin) | (joint.host_time_ns > end)
     assert 0.2 < moving.mean() < 0.9
-    rows = evaluate(quick.session, with_flexion(quick, flexion + np.where(moving, 1.0, 0.0))).joint_angle
+    rows = evaluate(
+        quick.session, with_flexion(quick, flexion + np.where(moving, 1.0, 0.0))
+    ).joint_angle
     assert max(row.flexion_max_abs_error_deg for row in rows) < 1e-9
 
 
 def test_the_rows_name_the_commanded_pose_section_and_sequence(quick):
-    rows = [row for row in quick.evaluation.joint_angle if row.filter == "device" and row.sequence == "ZXZ"]
+    rows = [
+        row
+        for row in quick.evaluation.joint_angle
+        if row.filter == "device" and row.sequence == "ZXZ"
+    ]
     static = [(row.misalignment_deg, row.flexion_deg) for row in rows if row.section == "static"]
     assert static == [(d, f) for d in (0, 20) for f in (0, 30, 60)]
     sweep = [row for row in rows if row.section == "sweep"]
@@ -95,15 +121,24 @@ def test_in_gimbal_lock_the_two_other_angles_are_not_judged(quick):
                 assert all(0 <= value < 10 for value in row.other_mean_abs_error_deg)
 
 
-@pytest.mark.parametrize(("error_deg", "total", "heading", "inclination"), [((0, 0, 3.0), 3, 3, 0), ((1.2, 0, 0), 1.2, 0, 1.2)])
-def test_a_constant_error_of_the_orientation_is_reported_as_it_is(quick, error_deg, total, heading, inclination):
+@pytest.mark.parametrize(
+    ("error_deg", "total", "heading", "inclination"),
+    [((0, 0, 3.0), 3, 3, 0), ((1.2, 0, 0), 1.2, 0, 1.2)],
+)
+def test_a_constant_error_of_the_orientation_is_reported_as_it_is(
+    quick, error_deg, total, heading, inclination
+):
     sensors = {}
     turn = rotation.from_rotation_vector(np.radians(error_deg))
     for name, sensor in quick.estimate.sensors.items():
         truth = quick.session.truth(name)
         q = rotation.interpolate(truth.host_time_ns, truth.q_world_from_sensor, sensor.host_time_ns)
-        sensors[name] = dataclasses.replace(sensor, orientation={"vqf_6d": rotation.multiply(turn, q)})
-    rows = evaluate(quick.session, dataclasses.replace(quick.estimate, sensors=sensors, joints={})).orientation
+        sensors[name] = dataclasses.replace(
+            sensor, orientation={"vqf_6d": rotation.multiply(turn, q)}
+        )
+    rows = evaluate(
+        quick.session, dataclasses.replace(quick.estimate, sensors=sensors, joints={})
+    ).orientation
     assert [row.sensor for row in rows] == ["arm", "forearm"]
     for row in rows:
         assert row.total_rmse_deg == pytest.approx(total, abs=1e-6)
@@ -117,12 +152,17 @@ def step(kind="move", role="evaluation", start=0, settled=10**9, end=3 * 10**9) 
 
 def test_a_dwell_counts_once_the_arm_has_swung_in_and_a_sweep_while_it_moves():
     assert window(step()) == (10**9 + SETTLING_NS, 3 * 10**9)
-    assert window(step(end=10**9 + 400_000_000)) == (10**9 + 100_000_000, 10**9 + 400_000_000)  # a quarter of a short one
+    assert window(step(end=10**9 + 400_000_000)) == (
+        10**9 + 100_000_000,
+        10**9 + 400_000_000,
+    )  # a quarter of a short one
     assert window(step("sweep")) == (0, 10**9)
 
 
 def test_evaluation_sections_are_judged_and_calibration_only_where_there_is_nothing_else():
-    evaluation, reference, calibration = (step(role=role) for role in ("evaluation", "reference", "calibration"))
+    evaluation, reference, calibration = (
+        step(role=role) for role in ("evaluation", "reference", "calibration")
+    )
     assert judged_steps([calibration, reference, evaluation]) == [evaluation]
     assert judged_steps([calibration, reference]) == [reference]
     assert judged_steps([calibration]) == [calibration]
@@ -130,11 +170,17 @@ def test_evaluation_sections_are_judged_and_calibration_only_where_there_is_noth
 
 def test_evaluation_json_has_the_keys_that_others_build_on(quick):
     data = json.loads((quick.session.path / "evaluation.json").read_text())
-    assert {"schema_version", "session", "joint_angle", "orientation", "metrics", "outcome"} <= set(data)
+    assert {"schema_version", "session", "joint_angle", "orientation", "metrics", "outcome"} <= set(
+        data
+    )
     assert data["schema_version"] == 2
     assert data["session"] == quick.session.name
     assert data["outcome"] in {"pass", "marginal", "fail", "not_measured"}
-    for rows, keys in (("joint_angle", JOINT_KEYS), ("orientation", ORIENTATION_KEYS), ("metrics", METRIC_KEYS)):
+    for rows, keys in (
+        ("joint_angle", JOINT_KEYS),
+        ("orientation", ORIENTATION_KEYS),
+        ("metrics", METRIC_KEYS),
+    ):
         assert data[rows], rows
         for row in data[rows]:
             assert keys <= set(row), rows
@@ -153,13 +199,23 @@ def test_every_filter_sensor_and_joint_is_evaluated(quick):
 
 def test_the_error_signals_are_kept_on_the_time_of_the_estimate(quick):
     series = quick.evaluation.series
-    assert set(series) == {"orientation_arm", "orientation_forearm", "joint_elbow", "magnetic_arm", "magnetic_forearm"}
+    assert set(series) == {
+        "orientation_arm",
+        "orientation_forearm",
+        "joint_elbow",
+        "magnetic_arm",
+        "magnetic_forearm",
+    }
     elbow = series["joint_elbow"]
     error = rotation.wrap(elbow["device_ZXZ_flexion_rad"] - elbow["reference_rad"])
     known = np.isfinite(error)
     np.testing.assert_allclose(elbow["device_ZXZ_error_rad"][known], error[known], atol=1e-12)
     judged = elbow["judged"]
-    rows = [row for row in quick.evaluation.joint_angle if row.filter == "device" and row.sequence == "ZXZ"]
+    rows = [
+        row
+        for row in quick.evaluation.joint_angle
+        if row.filter == "device" and row.sequence == "ZXZ"
+    ]
     assert judged.sum() == sum(row.n for row in rows)
 
 
@@ -208,17 +264,26 @@ def test_an_evaluation_of_another_schema_is_refused(tmp_path):
 def test_the_summary_of_a_section_gives_every_pose_the_same_weight(quick):
     for summary in quick.evaluation.joint_summary:
         rows = [
-            row for row in quick.evaluation.joint_angle
-            if (row.filter, row.sequence, row.section) == (summary.filter, summary.sequence, summary.section)
+            row
+            for row in quick.evaluation.joint_angle
+            if (row.filter, row.sequence, row.section)
+            == (summary.filter, summary.sequence, summary.section)
             and (row.kind == "sweep") == (summary.motion == "dynamic")
-        ]  # fmt: skip
+        ]
         if summary.motion == "all":
             continue
         e = summary.errors
         assert (e.steps, e.n) == (len(rows), sum(row.n for row in rows))
-        assert e.mean_error_deg == pytest.approx(np.mean([row.flexion_mean_error_deg for row in rows]))
-        assert e.rmse_deg == pytest.approx(np.sqrt(np.mean([row.flexion_rmse_deg**2 for row in rows])))
-        for value, interval in ((e.mean_abs_error_deg, e.mean_abs_error_ci95_deg), (e.rmse_deg, e.rmse_ci95_deg)):
+        assert e.mean_error_deg == pytest.approx(
+            np.mean([row.flexion_mean_error_deg for row in rows])
+        )
+        assert e.rmse_deg == pytest.approx(
+            np.sqrt(np.mean([row.flexion_rmse_deg**2 for row in rows]))
+        )
+        for value, interval in (
+            (e.mean_abs_error_deg, e.mean_abs_error_ci95_deg),
+            (e.rmse_deg, e.rmse_ci95_deg),
+        ):
             assert interval is None or interval[0] <= value <= interval[1]
 
 
@@ -231,7 +296,9 @@ def test_a_sweep_says_what_it_was_and_a_delay_put_into_it_is_found(quick):
     assert row.amplitude_deg == pytest.approx(20, abs=0.5)  # as the protocol commands it
     assert row.frequency_hz == pytest.approx(0.5, rel=0.15)  # the ramps are slower
     assert row.latency_ms == pytest.approx(1e3 * late, abs=0.3)
-    assert row.flexion_correlation == pytest.approx(np.cos(2 * np.pi * row.frequency_hz * late), abs=3e-4)
+    assert row.flexion_correlation == pytest.approx(
+        np.cos(2 * np.pi * row.frequency_hz * late), abs=3e-4
+    )
     summary = next(s for s in evaluation.joint_summary if s.section == "sweep")
     assert summary.errors.latency_ms == pytest.approx(1e3 * late, abs=0.3)
 
@@ -242,7 +309,11 @@ def test_an_error_that_decays_after_each_move_is_seen_to_settle(quick):
     poses = [step for step in judged_steps(quick.session.steps) if step.section == "static"]
     for step in poses:
         since = (joint.host_time_ns - step.settled_ns) / 1e9
-        error = np.where((since >= 0) & (joint.host_time_ns <= step.end_ns), np.radians(1.0) * np.exp(-since / tau), error)
+        error = np.where(
+            (since >= 0) & (joint.host_time_ns <= step.end_ns),
+            np.radians(1.0) * np.exp(-since / tau),
+            error,
+        )
     rows = evaluate(quick.session, with_flexion(quick, true_flexion(quick) + error)).joint_angle
     times = [row.convergence_s for row in rows if row.section == "static"]
     assert times == pytest.approx([tau * np.log(10)] * len(poses), abs=0.04)
@@ -252,7 +323,9 @@ def test_filters_are_ranked_for_every_section_and_sensor(quick):
     owners = {(row.owner, row.section) for row in quick.evaluation.ranking}
     assert owners == {("arm", None), ("forearm", None), ("elbow", "static"), ("elbow", "sweep")}
     for owner, section in owners:
-        own = [row for row in quick.evaluation.ranking if (row.owner, row.section) == (owner, section)]
+        own = [
+            row for row in quick.evaluation.ranking if (row.owner, row.section) == (owner, section)
+        ]
         criteria = {row.criterion for row in own}
         assert criteria == ({MEAN_SQUARE} if section is None else {MEAN_MAGNITUDE, MEAN_SQUARE})
         for criterion in criteria:
@@ -275,16 +348,28 @@ def test_the_total_error_of_a_joint_is_the_angle_between_the_true_and_the_estima
             segments = []
             for name in (joint.proximal, joint.distal):
                 truth, own = quick.session.truth(name), quick.estimate.sensors[name]
-                at, q = (truth.host_time_ns, truth.q_world_from_sensor) if place == "true" else (
-                    own.host_time_ns, own.orientation[key])  # fmt: skip
-                found = Slerp(at, Rotation.from_quat(q, scalar_first=True))(np.clip(time[judged], at[0], at[-1]))
+                at, q = (
+                    (truth.host_time_ns, truth.q_world_from_sensor)
+                    if place == "true"
+                    else (own.host_time_ns, own.orientation[key])
+                )
+                found = Slerp(at, Rotation.from_quat(q, scalar_first=True))(
+                    np.clip(time[judged], at[0], at[-1])
+                )
                 sensor = quick.session.analysis.sensors[name]
-                (s, angles), (m, turns) = (*sensor.segment.rotation_deg.items(), *sensor.mounting.rotation_deg.items())
-                turn = Rotation.from_euler(m, turns, degrees=True).inv() * Rotation.from_euler(s, angles, degrees=True)
+                (s, angles), (m, turns) = (
+                    *sensor.segment.rotation_deg.items(),
+                    *sensor.mounting.rotation_deg.items(),
+                )
+                turn = Rotation.from_euler(m, turns, degrees=True).inv() * Rotation.from_euler(
+                    s, angles, degrees=True
+                )
                 segments.append(found * turn)
             relative.append(segments[0].inv() * segments[1])
         expected = (relative[0].inv() * relative[1]).magnitude()
-        np.testing.assert_allclose(series[f"{key}_total_error_rad"][judged], expected, atol=np.radians(2e-3))
+        np.testing.assert_allclose(
+            series[f"{key}_total_error_rad"][judged], expected, atol=np.radians(2e-3)
+        )
         assert not np.isfinite(series[f"{key}_total_error_rad"][~judged]).any()
 
 
@@ -293,14 +378,20 @@ def test_an_error_put_into_the_calibrated_bias_is_reported_as_such(quick):
 
     def evaluated(bias: np.ndarray):
         sensors = {
-            name: dataclasses.replace(sensor, calibration=CalibrationFit(gyr_bias=bias, method="static_poses"))
+            name: dataclasses.replace(
+                sensor, calibration=CalibrationFit(gyr_bias=bias, method="static_poses")
+            )
             for name, sensor in quick.estimate.sensors.items()
         }
-        return evaluate(quick.session, dataclasses.replace(quick.estimate, sensors=sensors)).gyroscope_bias
+        return evaluate(
+            quick.session, dataclasses.replace(quick.estimate, sensors=sensors)
+        ).gyroscope_bias
 
     assert quick.evaluation.gyroscope_bias == []  # nothing was calibrated
     right, off = evaluated(np.zeros(3)), evaluated(wrong)
     assert len(right) == len(off) == 6
-    shifts = [after.error_deg_s - before.error_deg_s for before, after in zip(right, off, strict=True)]
+    shifts = [
+        after.error_deg_s - before.error_deg_s for before, after in zip(right, off, strict=True)
+    ]
     assert shifts == pytest.approx([-0.5, 0.0, 0.2] * 2, abs=1e-9)
     assert all(0 < row.error_sd_deg_s < 0.05 for row in right)

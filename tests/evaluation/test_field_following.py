@@ -1,4 +1,6 @@
-"""How much of the field's heading a filter follows: series of known shares, and filters with and without the disturbance."""
+"""How much of the field's heading a filter follows: series of known shares, and filters with and
+without the disturbance.
+"""
 
 from __future__ import annotations
 
@@ -34,17 +36,23 @@ def times(n: int) -> np.ndarray:
 
 
 def drifting(field: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """Heading error of a filter that follows so much of the field, and drifts: steadily, at random, and with noise."""
+    """Heading error of a filter that follows so much of the field, and drifts: steadily, at random,
+    and with noise.
+    """
     n = len(field)
     steady = np.radians(0.5) / 60 * np.arange(n) / RATE_HZ
     walk = np.cumsum(rng.standard_normal(n)) * np.radians(0.3) / np.sqrt(60 * RATE_HZ)
-    around = np.radians(0.3) * smooth(n / RATE_HZ, 3.0, rng) + np.radians(0.2) * rng.standard_normal(n)
+    around = np.radians(0.3) * smooth(n / RATE_HZ, 3.0, rng) + np.radians(
+        0.2
+    ) * rng.standard_normal(n)
     return -share * field + steady + walk + around
 
 
 @settings(max_examples=40)
 @given(st.floats(-1, 2), st.floats(0.05, 3), st.floats(-3, 3), st.floats(-3, 3), st.integers(0, 99))
-def test_a_share_without_noise_is_found_whatever_the_offset_and_the_size_of_the_field(share, size, offset, other, seed):
+def test_a_share_without_noise_is_found_whatever_the_offset_and_the_size_of_the_field(
+    share, size, offset, other, seed
+):
     """A constant, and turns of a whole circle on the way, change nothing."""
     field = np.radians(5 * size) * smooth(200, 6.0, np.random.default_rng(seed))
     wrapped = (np.array([field + offset, other - share * field]) + np.pi) % (2 * np.pi) - np.pi
@@ -57,7 +65,9 @@ def test_a_compass_turns_against_the_field_and_a_steady_drift_follows_nothing():
     time = np.arange(3000) / RATE_HZ
     field = 0.1 * np.sin(2 * np.pi * time / 7)
     assert following(times(3000), field, -field).share == pytest.approx(1)
-    assert following(times(3000), field + 1e-3 * time, -1e-2 * time).share == pytest.approx(0, abs=1e-9)
+    assert following(times(3000), field + 1e-3 * time, -1e-2 * time).share == pytest.approx(
+        0, abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4])
@@ -85,13 +95,19 @@ def test_levels_against_levels_would_have_followed_a_field_that_the_filter_does_
     assert np.std(plain) > 5 * np.std(found)
 
 
-def judged_by(field: np.ndarray, errors: dict[str, np.ndarray]) -> tuple[SensorErrors, FieldDeviation]:
+def judged_by(
+    field: np.ndarray, errors: dict[str, np.ndarray]
+) -> tuple[SensorErrors, FieldDeviation]:
     """A sensor of which only the headings matter."""
     n = len(field)
     nothing: Any = None
-    estimate = SensorEstimate(times(n), np.ones(n, bool), {}, nothing, nothing, {}, {}, np.zeros(n, bool))
+    estimate = SensorEstimate(
+        times(n), np.ones(n, bool), {}, nothing, nothing, {}, {}, np.zeros(n, bool)
+    )
     split = {key: OrientationErrors(np.abs(e), e, np.zeros(n)) for key, e in errors.items()}
-    sensor = SensorErrors("hand", estimate, np.tile([1.0, 0, 0, 0], (n, 1)), np.ones(n, bool), None, split)
+    sensor = SensorErrors(
+        "hand", estimate, np.tile([1.0, 0, 0, 0], (n, 1)), np.ones(n, bool), None, split
+    )
     return sensor, FieldDeviation(45.0, 1.0, np.zeros(n), np.zeros(n), field)
 
 
@@ -104,7 +120,9 @@ def test_rows_say_nothing_where_the_field_hardly_changes_or_too_short():
     gyroscope = GYROSCOPE_DEG / compass.field_change_deg
     assert compass.followed_ci95 == pytest.approx([1 - gyroscope, 1 + gyroscope], abs=1e-6)
     assert half.followed_ci95 is not None and half.followed_ci95[0] < 0.5 < half.followed_ci95[1]
-    assert half.n == pytest.approx(1200, abs=1) and half.field_change_deg == pytest.approx(3, rel=0.2)
+    assert half.n == pytest.approx(1200, abs=1) and half.field_change_deg == pytest.approx(
+        3, rel=0.2
+    )
     still = following_rows(*judged_by(field / 30, errors))
     short = following_rows(*judged_by(field[:1700], {key: e[:1700] for key, e in errors.items()}))
     for row in still + short:
@@ -113,7 +131,9 @@ def test_rows_say_nothing_where_the_field_hardly_changes_or_too_short():
 
 
 def reduced(name: str, disturbed: bool) -> Any:
-    """A change to a shipped elbow protocol: few poses or sweeps, four filters, with the arm's magnetism or without."""
+    """A change to a shipped elbow protocol: few poses or sweeps, four filters, with the arm's
+    magnetism or without.
+    """
     variables = {
         "elbow_flexion": {"misalignment_deg": [-20, 20], "flexion_deg": [0, 35, 70]},
         "elbow_dynamic": {"amplitude_deg": [30], "frequency_hz": [0.2, 0.5]},
@@ -122,7 +142,9 @@ def reduced(name: str, disturbed: bool) -> Any:
     def change(content: dict[str, Any]) -> None:
         content["variables"] = variables[name]
         content["environment"] = {"arm_magnetism": disturbed}
-        content["sections"] = [section for section in content["sections"] if section["name"] != "calibration_2d"]
+        content["sections"] = [
+            section for section in content["sections"] if section["name"] != "calibration_2d"
+        ]
         content["estimate"]["filters"] = ["ecompass", "triad", "vqf_6d", "vqf_9d"]
         content["estimate"].pop("filter_parameters", None)
         content.pop("accept", None)
@@ -134,14 +156,21 @@ def reduced(name: str, disturbed: bool) -> Any:
 
 @pytest.fixture(scope="module", params=["elbow_flexion", "elbow_dynamic"])
 def pair(request, altered_protocol, run_protocol) -> tuple[Evaluation, Evaluation]:
-    """The same protocol and seed with the arm's magnetic disturbance and without it: the noise is the same."""
-    found = [run_protocol(altered_protocol(request.param, reduced(request.param, on)), seed=0) for on in (True, False)]
+    """The same protocol and seed with the arm's magnetic disturbance and without it: the noise is
+    the same.
+    """
+    found = [
+        run_protocol(altered_protocol(request.param, reduced(request.param, on)), seed=0)
+        for on in (True, False)
+    ]
     return found[0].evaluation, found[1].evaluation
 
 
 def joint_total(evaluation: Evaluation, key: str) -> float:
     series = evaluation.series["joint_elbow"]
-    return float(np.degrees(np.sqrt(np.mean(np.square(series[f"{key}_total_error_rad"][series["judged"]])))))
+    return float(
+        np.degrees(np.sqrt(np.mean(np.square(series[f"{key}_total_error_rad"][series["judged"]]))))
+    )
 
 
 def test_the_arms_disturbance_costs_compasses_their_heading_and_vqf_no_inclination(pair):
@@ -153,23 +182,34 @@ def test_the_arms_disturbance_costs_compasses_their_heading_and_vqf_no_inclinati
         np.testing.assert_allclose(with_it[column], without[column], rtol=0, atol=1e-9)
     judged = with_it["judged"]
     flexion = [series["vqf_9d_ZXZ_error_rad"][judged] for series in (with_it, without)]
-    assert np.degrees(np.abs(flexion[0] - flexion[1])).max() < 0.002  # a heading tells on it where the arm is not level
+    assert (
+        np.degrees(np.abs(flexion[0] - flexion[1])).max() < 0.002
+    )  # a heading tells on it where the arm is not level
     for sensor in ("arm", "forearm"):
-        with_it, without = disturbed.series[f"orientation_{sensor}"], clean.series[f"orientation_{sensor}"]
+        with_it, without = (
+            disturbed.series[f"orientation_{sensor}"],
+            clean.series[f"orientation_{sensor}"],
+        )
         for column in ("vqf_6d_heading_rad", "vqf_6d_inclination_rad"):
             np.testing.assert_allclose(with_it[column], without[column], rtol=0, atol=1e-9)
-        column = "vqf_9d_inclination_rad"  # of quaternions turned by another heading: equal but for rounding
+        # of quaternions turned by another heading: equal but for rounding
+        column = "vqf_9d_inclination_rad"
         np.testing.assert_allclose(with_it[column], without[column], rtol=0, atol=1e-6)
-        assert not np.allclose(with_it["vqf_9d_heading_rad"], without["vqf_9d_heading_rad"], atol=1e-5)
+        assert not np.allclose(
+            with_it["vqf_9d_heading_rad"], without["vqf_9d_heading_rad"], atol=1e-5
+        )
 
 
 def followed_of_the_difference(pair: tuple[Evaluation, Evaluation], sensor: str, key: str) -> float:
     """How much of what the disturbance did to the field's heading it did to a filter's."""
     fields = [evaluation.series[f"magnetic_{sensor}"] for evaluation in pair]
-    errors = [evaluation.series[f"orientation_{sensor}"][f"{key}_heading_rad"] for evaluation in pair]
+    errors = [
+        evaluation.series[f"orientation_{sensor}"][f"{key}_heading_rad"] for evaluation in pair
+    ]
     judged = fields[0]["judged"] & fields[1]["judged"]
     field, error = (
-        values[0][judged].astype(float) - values[1][judged] for values in ([f["heading_rad"] for f in fields], errors)
+        values[0][judged].astype(float) - values[1][judged]
+        for values in ([f["heading_rad"] for f in fields], errors)
     )
     return following(fields[0]["host_time_ns"][judged], field, error).share
 
@@ -177,7 +217,10 @@ def followed_of_the_difference(pair: tuple[Evaluation, Evaluation], sensor: str,
 def test_compasses_follow_the_disturbance_wholly_and_vqf_without_a_magnetometer_not_at_all(pair):
     """The difference of the two runs is what the disturbance did, and nothing else."""
     for sensor in ("arm", "forearm"):
-        followed = {key: followed_of_the_difference(pair, sensor, key) for key in ("ecompass", "triad", "vqf_6d", "vqf_9d")}
+        followed = {
+            key: followed_of_the_difference(pair, sensor, key)
+            for key in ("ecompass", "triad", "vqf_6d", "vqf_9d")
+        }
         assert followed["ecompass"] == pytest.approx(1, abs=0.1)
         assert followed["triad"] == pytest.approx(followed["ecompass"], abs=1e-6)
         assert followed["vqf_6d"] == pytest.approx(0, abs=1e-9)

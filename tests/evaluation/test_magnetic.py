@@ -1,4 +1,6 @@
-"""The disturbance of the field as evaluated, against fields that were put in; and what it does to filters."""
+"""The disturbance of the field as evaluated, against fields that were put in; and what it does to
+filters.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +56,9 @@ def with_field(quick, norm_percent: np.ndarray, dip_deg: np.ndarray, heading_deg
     known = np.isfinite(errors.q_true[:, 0])
     mag = np.full((len(known), 3), np.nan)
     from_sensor = Rotation.from_quat(errors.q_true[known], scalar_first=True)
-    mag[known] = from_sensor.inv().apply(45 * (1 + norm_percent[known] / 100)[:, None] * north[known])
+    mag[known] = from_sensor.inv().apply(
+        45 * (1 + norm_percent[known] / 100)[:, None] * north[known]
+    )
     samples = dataclasses.replace(session.imu("forearm"), mag=mag)
     return errors, samples
 
@@ -72,25 +76,39 @@ def test_deviations_put_into_the_field_are_found_in_norm_dip_and_heading(quick):
     known = np.isfinite(found.norm_percent)
     assert known[errors.judged].all()
     for own, expected in zip(
-        (found.norm_percent, np.degrees(found.dip_rad), np.degrees(found.heading_rad)), put_in, strict=True
+        (found.norm_percent, np.degrees(found.dip_rad), np.degrees(found.heading_rad)),
+        put_in,
+        strict=True,
     ):
         np.testing.assert_allclose(own[known], expected[known], atol=1e-6)
     row = next(row for row in field_rows(errors, found) if row.motion == "all")
     assert row.n == errors.judged.sum()
     assert row.norm_rms_percent == pytest.approx(np.sqrt(np.mean(put_in[0][errors.judged] ** 2)))
-    assert row.field_heading_p95_deg == pytest.approx(np.quantile(np.abs(put_in[2][errors.judged]), 0.95), abs=1e-6)
+    assert row.field_heading_p95_deg == pytest.approx(
+        np.quantile(np.abs(put_in[2][errors.judged]), 0.95), abs=1e-6
+    )
 
 
 def test_heading_errors_are_sorted_by_how_far_the_field_was_disturbed(quick):
     time = quick.estimate.sensors["forearm"].host_time_ns
-    rising = np.linspace(0, 30, len(time)) * (time > max(s.end_ns for s in quick.session.steps if s.role == "reference"))
+    rising = np.linspace(0, 30, len(time)) * (
+        time > max(s.end_ns for s in quick.session.steps if s.role == "reference")
+    )
     errors, samples = with_field(quick, rising, 0 * rising, 0 * rising)
     found = field_deviation(errors, samples, quick.session.steps)
     assert found is not None
-    rows = [row for row in field_error_rows(errors, found) if (row.quantity, row.filter) == ("norm", "vqf_9d")]
+    rows = [
+        row
+        for row in field_error_rows(errors, found)
+        if (row.quantity, row.filter) == ("norm", "vqf_9d")
+    ]
     assert sum(row.n for row in rows) <= errors.judged.sum()
     for row in rows:
-        inside = errors.judged & (rising >= row.low) & (rising < (np.inf if row.high is None else row.high))
+        inside = (
+            errors.judged
+            & (rising >= row.low)
+            & (rising < (np.inf if row.high is None else row.high))
+        )
         assert (row.low, np.inf if row.high is None else row.high) in set(pairwise(EDGES))
         heading = np.degrees(errors.errors["vqf_9d"].heading[inside])
         assert abs(row.n - inside.sum()) <= 1
@@ -98,8 +116,12 @@ def test_heading_errors_are_sorted_by_how_far_the_field_was_disturbed(quick):
 
 
 def test_without_a_magnetometer_nothing_is_said_of_the_field(quick):
-    errors, samples = with_field(quick, *np.zeros((3, len(quick.estimate.sensors["forearm"].host_time_ns))))
-    assert field_deviation(errors, dataclasses.replace(samples, mag=None), quick.session.steps) is None
+    errors, samples = with_field(
+        quick, *np.zeros((3, len(quick.estimate.sensors["forearm"].host_time_ns)))
+    )
+    assert (
+        field_deviation(errors, dataclasses.replace(samples, mag=None), quick.session.steps) is None
+    )
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +133,9 @@ def passage(tmp_path_factory):
 
 
 def test_a_compass_follows_every_disturbance_it_passes_and_vqf_does_not(passage):
-    """ecompass and TRIAD have no memory; VQF averages the heading over 9 s while the gyroscope carries it."""
+    """ecompass and TRIAD have no memory; VQF averages the heading over 9 s while the gyroscope
+    carries it.
+    """
     _, evaluation = passage
     field = {(row.sensor, row.motion): row for row in evaluation.magnetic_field}
     heading = {
@@ -126,7 +150,9 @@ def test_a_compass_follows_every_disturbance_it_passes_and_vqf_does_not(passage)
         assert heading[sensor, "ecompass"] > 0.6 * disturbed
         assert heading[sensor, "vqf_9d"] < 0.7 * heading[sensor, "ecompass"]
     ranks = {
-        row.filter: row for row in evaluation.ranking if (row.owner, row.section, row.sequence) == ("wrist", "passes", None)
+        row.filter: row
+        for row in evaluation.ranking
+        if (row.owner, row.section, row.sequence) == ("wrist", "passes", None)
     }
     assert ranks["vqf_9d"].worst_rank == 1
     assert {ranks["ecompass"].best_rank, ranks["triad"].best_rank} == {2}
@@ -136,8 +162,14 @@ def test_a_disturbance_that_stays_turns_vqf_as_well(passage):
     session, evaluation = passage
     end = next(step.end_ns for step in session.steps if step.section == "stay")
     series = evaluation.series["orientation_forearm"]
-    last = (series["host_time_ns"] > end - 5_000_000_000) & (series["host_time_ns"] < end) & series["judged"]
-    headings = {key: np.degrees(series[f"{key}_heading_rad"][last]).mean() for key in ("ecompass", "vqf_9d")}
+    last = (
+        (series["host_time_ns"] > end - 5_000_000_000)
+        & (series["host_time_ns"] < end)
+        & series["judged"]
+    )
+    headings = {
+        key: np.degrees(series[f"{key}_heading_rad"][last]).mean() for key in ("ecompass", "vqf_9d")
+    }
     assert abs(headings["ecompass"]) > 2
     assert headings["vqf_9d"] == pytest.approx(headings["ecompass"], abs=0.5)
 
@@ -146,7 +178,9 @@ def test_the_manifest_says_what_disturbed_the_field(passage):
     session, _ = passage
     environment = session.manifest["environment"]
     assert environment["magnetic_field_uT"] == [0.0, 24.0, -39.0]
-    assert [d["name"] for d in environment["dipoles"]] == [d.name for d in session.robot.spec.magnetism.dipoles]
+    assert [d["name"] for d in environment["dipoles"]] == [
+        d.name for d in session.robot.spec.magnetism.dipoles
+    ]
     assert "de Vries" in environment["why"] and len(environment["dipoles"]) == 20
     assert Path(session.path / "robot.yaml").read_text(encoding="utf-8").count("moment_A_m2") == 20
 
@@ -158,8 +192,12 @@ def test_a_filter_that_runs_away_is_an_outlier_with_what_is_known_of_it(quick):
         errors = dataclasses.replace(item.errors, rmse_deg=80.0) if away else item.errors
         summaries.append(dataclasses.replace(item, errors=errors))
         if item.filter == "vqf_9d":
-            summaries.append(dataclasses.replace(item, filter="another"))  # of four filters none is said to be far
-    found = outlier_rows(dataclasses.replace(quick.evaluation, orientation_summary=summaries), {"fusion": "It runs."})
+            summaries.append(
+                dataclasses.replace(item, filter="another")
+            )  # of four filters none is said to be far
+    found = outlier_rows(
+        dataclasses.replace(quick.evaluation, orientation_summary=summaries), {"fusion": "It runs."}
+    )
     mine = [row for row in found if (row.owner, row.quantity) == ("arm", "heading")]
     assert {(row.filter, row.known) for row in mine} == {("fusion", "It runs.")}
     assert all(row.value_deg == 80 and 1 < row.fence_deg < 80 for row in mine)

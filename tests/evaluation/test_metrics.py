@@ -17,7 +17,9 @@ N = 500
 
 
 def true_orientations(n: int = N) -> np.ndarray:
-    return rotation.from_rotation_vector(np.cumsum(np.random.default_rng(0).normal(0, 0.02, (n, 3)), axis=0))
+    return rotation.from_rotation_vector(
+        np.cumsum(np.random.default_rng(0).normal(0, 0.02, (n, 3)), axis=0)
+    )
 
 
 def truth(n: int = N) -> Truth:
@@ -27,7 +29,14 @@ def truth(n: int = N) -> Truth:
 def estimate(q: np.ndarray) -> SensorEstimate:
     time = np.arange(len(q)) * 8_000_000
     return SensorEstimate(
-        time, np.ones(len(q), bool), {"vqf_6d": q}, ClockFit(), CalibrationFit(), {}, {}, np.zeros(len(q), bool)
+        time,
+        np.ones(len(q), bool),
+        {"vqf_6d": q},
+        ClockFit(),
+        CalibrationFit(),
+        {},
+        {},
+        np.zeros(len(q), bool),
     )
 
 
@@ -41,9 +50,13 @@ def estimate(q: np.ndarray) -> SensorEstimate:
         ((0, 0, 179), 179, 179, 0),
     ],
 )
-def test_an_error_about_one_axis_of_the_world_is_split_into_heading_and_inclination(error_deg, total, heading, inclination):
+def test_an_error_about_one_axis_of_the_world_is_split_into_heading_and_inclination(
+    error_deg, total, heading, inclination
+):
     true = true_orientations()
-    errors = orientation_errors(rotation.multiply(rotation.from_rotation_vector(np.radians(error_deg)), true), true)
+    errors = orientation_errors(
+        rotation.multiply(rotation.from_rotation_vector(np.radians(error_deg)), true), true
+    )
     np.testing.assert_allclose(np.degrees(errors.total), total, atol=1e-9)
     np.testing.assert_allclose(np.degrees(errors.heading), heading, atol=1e-9)
     np.testing.assert_allclose(np.degrees(errors.inclination), inclination, atol=1e-9)
@@ -51,7 +64,10 @@ def test_an_error_about_one_axis_of_the_world_is_split_into_heading_and_inclinat
 
 def test_an_error_of_both_kinds_is_told_apart():
     true = true_orientations()
-    heading, tilt = rotation.from_heading(np.radians(10)), rotation.from_rotation_vector(np.radians([3, 4, 0]))
+    heading, tilt = (
+        rotation.from_heading(np.radians(10)),
+        rotation.from_rotation_vector(np.radians([3, 4, 0])),
+    )
     errors = orientation_errors(rotation.multiply(rotation.multiply(heading, tilt), true), true)
     np.testing.assert_allclose(np.degrees(errors.heading), 10, atol=1e-9)
     np.testing.assert_allclose(np.degrees(errors.inclination), 5, atol=1e-9)
@@ -77,7 +93,9 @@ def test_only_what_the_recording_marks_is_judged():
     (row,), _ = evaluate_sensor("hand", estimate(q), marked, None)
     assert row.n == 100
     assert row.total_rmse_deg == pytest.approx(np.degrees(0.01), rel=1e-9)
-    np.testing.assert_array_equal(judged_rows(None, marked, marked.host_time_ns, np.ones(N, bool)), marks)
+    np.testing.assert_array_equal(
+        judged_rows(None, marked, marked.host_time_ns, np.ones(N, bool)), marks
+    )
 
 
 def test_where_nobody_knows_the_truth_nothing_is_judged():
@@ -85,7 +103,9 @@ def test_where_nobody_knows_the_truth_nothing_is_judged():
     lost[200:300] = np.nan
     times = truth().host_time_ns
     q = rotation.multiply(rotation.from_heading(0.02), true_orientations())
-    q[200:300] = rotation.from_rotation_vector(np.array([2.0, 0, 0]))  # nonsense where it cannot be seen
+    q[200:300] = rotation.from_rotation_vector(
+        np.array([2.0, 0, 0])
+    )  # nonsense where it cannot be seen
     (row,), series = evaluate_sensor("hand", estimate(q), Truth(times, lost), None)
     assert 395 <= row.n <= 400
     assert row.total_max_deg == pytest.approx(np.degrees(0.02), rel=1e-6)
@@ -95,7 +115,10 @@ def test_where_nobody_knows_the_truth_nothing_is_judged():
 def test_the_truth_is_interpolated_over_a_breath_and_never_beyond_its_ends():
     q = true_orientations()
     q[100:110] = np.nan  # 80 ms
-    known = truth_at(Truth(truth().host_time_ns, q), np.array([-1, 0, 105 * 8_000_000, 499 * 8_000_000, 500 * 8_000_000]))
+    known = truth_at(
+        Truth(truth().host_time_ns, q),
+        np.array([-1, 0, 105 * 8_000_000, 499 * 8_000_000, 500 * 8_000_000]),
+    )
     np.testing.assert_array_equal(np.isfinite(known[:, 0]), [False, True, True, True, False])
 
 
@@ -124,10 +147,15 @@ def test_a_summary_is_what_numpy_says(values):
     found = summarise(errors)
     low, middle, high = np.quantile(errors, [0.25, 0.5, 0.75])
     wanted = {
-        "mean": errors.mean(), "mean_abs": np.abs(errors).mean(), "rmse": np.sqrt(np.mean(errors**2)), "median": middle,
-        "iqr": high - low, "p95_abs": np.quantile(np.abs(errors), 0.95), "max_abs": np.abs(errors).max(),
+        "mean": errors.mean(),
+        "mean_abs": np.abs(errors).mean(),
+        "rmse": np.sqrt(np.mean(errors**2)),
+        "median": middle,
+        "iqr": high - low,
+        "p95_abs": np.quantile(np.abs(errors), 0.95),
+        "max_abs": np.abs(errors).max(),
         "sd": errors.std(ddof=1) if len(errors) > 1 else 0.0,
-    }  # fmt: skip
+    }
     for name, value in wanted.items():
         assert getattr(found, name) == pytest.approx(value, rel=1e-9, abs=1e-9), name
 

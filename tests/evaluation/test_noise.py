@@ -34,9 +34,12 @@ def test_the_data_sheet_that_was_simulated_is_measured_again():
     for axis, density in (("x", 120.0), ("y", 120.0), ("z", 200.0)):
         row = rows["acc", axis]
         assert row.noise_density_unit == "ug/sqrt(Hz)"
-        assert row.noise_density == pytest.approx(density, abs=4 * row.noise_density_sd + 0.03 * density)
+        assert row.noise_density == pytest.approx(
+            density, abs=4 * row.noise_density_sd + 0.03 * density
+        )
     gyr = rows["gyr", "x"]
-    # 16.4 counts per deg/s round to 0.061 deg/s, whose own noise adds to the 0.007 deg/s/sqrt(Hz) of the sheet
+    # 16.4 counts per deg/s round to 0.061 deg/s, whose own noise adds to the 0.007 deg/s/sqrt(Hz)
+    # of the sheet
     quantised = np.hypot(0.007, (1 / 16.4) / np.sqrt(12) / np.sqrt(RATE / 2))
     assert gyr.noise_density == pytest.approx(quantised, rel=0.1)
     assert gyr.random_walk == pytest.approx(gyr.noise_density / np.sqrt(2) * 60, rel=1e-9)
@@ -46,7 +49,9 @@ def test_the_mean_norm_is_compared_with_gravity():
     samples = at_rest()
     scaled = ImuSamples(*{**vars(samples), "acc": samples.acc * 0.98}.values())
     plain = norm_error_percent(rest_of(samples))
-    assert norm_error_percent(rest_of(scaled)) == pytest.approx(0.98 * (100 + plain) - 100, abs=1e-9)
+    assert norm_error_percent(rest_of(scaled)) == pytest.approx(
+        0.98 * (100 + plain) - 100, abs=1e-9
+    )
 
 
 def test_the_longest_rest_ends_at_motion_and_at_gaps():
@@ -68,6 +73,8 @@ def test_a_quantity_that_is_unknown_somewhere_or_never_changes_gives_no_row():
     samples = at_rest()
     samples.gyr[100, 1] = np.nan
     samples.acc[:] = [0.0, 0.0, STANDARD_GRAVITY]
-    assert {row.quantity for row in noise_rows("dot", rest_of(samples))} == {"acc"}  # its axes differ
+    assert {row.quantity for row in noise_rows("dot", rest_of(samples))} == {
+        "acc"
+    }  # its axes differ
     samples.acc[:] = 1.0
     assert noise_rows("dot", rest_of(samples)) == []

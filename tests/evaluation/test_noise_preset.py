@@ -1,4 +1,6 @@
-"""A sensor made of its noise at rest: from made-up readings whose noise is known, none of it counted twice."""
+"""A sensor made of its noise at rest: from made-up readings whose noise is known, none of it
+counted twice.
+"""
 
 from __future__ import annotations
 
@@ -54,4 +56,6 @@ def test_a_random_walk_that_was_found_leaves_no_other_slow_noise_of_the_data_she
 def test_a_rest_that_shows_no_slow_noise_leaves_that_of_the_data_sheet():
     sensor, kept = measured_sensor(noise_rows("s", rest(2.0)), BASE, "a test")
     assert sensor.gyroscope.in_run_bias_deg_h == BASE.gyroscope.in_run_bias_deg_h
-    assert any("bias instability not shown" in sentence and "10 kept" in sentence for sentence in kept)
+    assert any(
+        "bias instability not shown" in sentence and "10 kept" in sentence for sentence in kept
+    )

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from testbench.evaluation.blocks import sample_series, step_series
-from testbench.evaluation.ranking import FEWEST_RANKED, MEAN_MAGNITUDE, MEAN_SQUARE, group_letters, holm, rank_filters
+from testbench.evaluation.ranking import (
+    FEWEST_RANKED,
+    MEAN_MAGNITUDE,
+    MEAN_SQUARE,
+    group_letters,
+    holm,
+    rank_filters,
+)
 
 
 def test_holm_corrects_as_the_textbook_does():
@@ -49,7 +56,11 @@ def test_a_filter_that_is_worse_is_shown_to_be_and_equal_ones_are_not_parted(cri
     assert [row.filter for row in rows][-1] == "bad"
     assert by_name["bad"].best_rank == by_name["bad"].worst_rank == 3
     for name in ("good", "as_good"):
-        assert (by_name[name].best_rank, by_name[name].worst_rank, by_name[name].group) == (1, 2, "a")
+        assert (by_name[name].best_rank, by_name[name].worst_rank, by_name[name].group) == (
+            1,
+            2,
+            "a",
+        )
     assert by_name["good"].no_difference == ["as_good"]
     assert by_name["bad"].no_difference == []
     assert len(comparisons) == 3
@@ -72,20 +83,27 @@ def test_a_difference_below_a_hundredth_of_a_degree_is_none_however_sure():
     series = {"one": sample_series(signal), "two": sample_series(signal + 0.005)}
     rows, comparisons = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series)
     assert comparisons[0].p == 1.0 and {row.group for row in rows} == {"a"}
-    shown, _ = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series | {"three": sample_series(signal + 0.1)})
+    shown, _ = rank_filters(
+        "elbow", None, None, MEAN_MAGNITUDE, series | {"three": sample_series(signal + 0.1)}
+    )
     assert shown[-1].filter == "three" and shown[-1].group == "b"
 
 
 def test_slow_errors_alone_seldom_part_filters_that_are_alike():
     parted = 0
     for seed in range(200):
-        series = {name: sample_series(errors(0.5, 1000 * i + seed, 400, 0.9)) for i, name in enumerate(("one", "two"))}
+        series = {
+            name: sample_series(errors(0.5, 1000 * i + seed, 400, 0.9))
+            for i, name in enumerate(("one", "two"))
+        }
         _, comparisons = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series)
         parted += comparisons[0].p_holm < 0.05
     assert parted < 0.12 * 200
 
 
-@pytest.mark.parametrize(("blocks", "ranked"), [(2, False), (FEWEST_RANKED - 1, False), (FEWEST_RANKED, True)])
+@pytest.mark.parametrize(
+    ("blocks", "ranked"), [(2, False), (FEWEST_RANKED - 1, False), (FEWEST_RANKED, True)]
+)
 def test_on_too_few_blocks_nothing_is_ranked(blocks, ranked):
     noise = np.random.default_rng(6).standard_normal((2, blocks))
     series = {"one": sample_series(noise[0]), "two": sample_series(80 + noise[1])}
@@ -103,9 +121,14 @@ def test_four_sweeps_are_enough_for_filters_that_are_far_apart():
         name: step_series(error, sweeps, moving=True, equally=True)
         for name, error in (("good", noise[0]), ("as_good", noise[1]), ("lost", drift))
     }
-    rows = {row.filter: row for row in rank_filters("shank", "walk", "ZXZ", MEAN_MAGNITUDE, series)[0]}
+    rows = {
+        row.filter: row for row in rank_filters("shank", "walk", "ZXZ", MEAN_MAGNITUDE, series)[0]
+    }
     assert rows["lost"].best_rank == 3 and not set(rows["lost"].group) & set(rows["good"].group)
-    still = {name: step_series(error, sweeps, moving=False, equally=True) for name, error in (("a", noise[0]), ("b", drift))}
+    still = {
+        name: step_series(error, sweeps, moving=False, equally=True)
+        for name, error in (("a", noise[0]), ("b", drift))
+    }
     assert rank_filters("shank", "poses", "ZXZ", MEAN_MAGNITUDE, still) == ([], [])
 
 
@@ -116,6 +139,8 @@ def test_a_filter_that_drifts_all_the_time_does_not_take_the_ranking_from_the_ot
         for i, (name, bias) in enumerate(zip(names, (0, 0, 5), strict=True))
     }
     drifting = series | {"drifting": sample_series(np.linspace(0, 80, 24))}
-    alone, together = (rank_filters("elbow", None, None, MEAN_MAGNITUDE, given)[0] for given in (series, drifting))
+    alone, together = (
+        rank_filters("elbow", None, None, MEAN_MAGNITUDE, given)[0] for given in (series, drifting)
+    )
     assert {row.filter for row in together} == set(names)
     assert together == alone

@@ -1,4 +1,6 @@
-"""The budget of the truth: against hand calculation and closed forms; what it must and must not depend on."""
+"""The budget of the truth: against hand calculation and closed forms; what it must and must not
+depend on.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +38,12 @@ def pose(d: float, f: float) -> np.ndarray:
 
 @pytest.mark.parametrize(("d", "f"), [(0, 30), (20, 30), (15, 60), (-10, 45)])
 def test_sensitivities_of_an_euler_angle_are_those_of_its_closed_form(elbow, d, f):
-    # The middle YXZ angle of this elbow is -asin(sin f cos d) (Castellanos Alonso 2023); wrist 2 turns by 90 deg - d.
+    # The middle YXZ angle of this elbow is -asin(sin f cos d) (Castellanos Alonso 2023); wrist 2
+    # turns by 90 deg - d.
     kinematics, spec = elbow
-    joint = JointDefinition(proximal="arm", distal="forearm", sequence="YXZ", flexion="second", sign=-1)
+    joint = JointDefinition(
+        proximal="arm", distal="forearm", sequence="YXZ", flexion="second", sign=-1
+    )
     found, _ = flexion_by_joints(kinematics, spec.sensors, joint, pose(d, f))
     d, f = np.radians(d), np.radians(f)
     root = np.sqrt(1 - (np.sin(f) * np.cos(d)) ** 2)
@@ -56,7 +61,9 @@ def test_the_joint_that_is_the_truth_has_a_sensitivity_of_one_and_the_others_non
 def test_at_a_kink_the_larger_change_counts(elbow):
     kinematics, spec = elbow
     joint = JointDefinition(proximal="arm", distal="forearm", sequence="ZXZ", flexion="second")
-    found, _ = flexion_by_joints(kinematics, spec.sensors, joint, pose(0, 0))  # the middle angle is |f| there
+    found, _ = flexion_by_joints(
+        kinematics, spec.sensors, joint, pose(0, 0)
+    )  # the middle angle is |f| there
     assert abs(found[0][WRIST_3]) == pytest.approx(1, abs=1e-3)
 
 
@@ -74,7 +81,9 @@ def test_joints_turn_a_sensor_about_their_axes(elbow):
     np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1, atol=1e-6)
     np.testing.assert_allclose(axes[0], [0, 0, 1], atol=1e-6)  # the arm stands upright
     beyond = turning_by_joints(kinematics, spec.sensors["arm"], pose(10, 30))[0]
-    np.testing.assert_allclose(beyond[[WRIST_2, WRIST_3]], 0, atol=1e-9)  # they move nothing before them
+    np.testing.assert_allclose(
+        beyond[[WRIST_2, WRIST_3]], 0, atol=1e-9
+    )  # they move nothing before them
 
 
 def test_what_lasts_does_not_average_out_and_what_is_redrawn_does():
@@ -90,7 +99,10 @@ def test_what_lasts_does_not_average_out_and_what_is_redrawn_does():
 
 def test_sources_add_as_squares_and_their_freedom_by_welch_and_satterthwaite():
     fitted = ClockFit(offset_sd_s=1e-3, method="angular_rate")
-    lines = [clock_source("a", fitted, JudgedMotion(*rates, 9.0)) for rates in ((30.0, 40.0), (-40.0, 50.0))]
+    lines = [
+        clock_source("a", fitted, JudgedMotion(*rates, 9.0))
+        for rates in ((30.0, 40.0), (-40.0, 50.0))
+    ]
     lines = [dataclasses.replace(line, degrees_of_freedom=8.0) for line in lines]
     budget = combine("elbow", "flexion", "s", lines, [])
     assert budget.combined_deg == pytest.approx(0.05)
@@ -103,31 +115,41 @@ def test_a_time_that_nobody_knows_forbids_a_statement_only_where_the_truth_moves
     arrival = ClockFit(method="arrival")
     assert clock_source("a", arrival, JudgedMotion(0.0, 20.0, 30.0)) is None
     assert clock_source("a", arrival, JudgedMotion(0.0, 20.0, float("nan"))) is None
-    # a standing arm whose encoders hiss by 0.04 deg: no time does more than that, whatever its rate by differences
+    # a standing arm whose encoders hiss by 0.04 deg: no time does more than that, whatever its rate
+    # by differences
     still = clock_source("a", arrival, JudgedMotion(0.0, 3.0, 0.04))
     assert still.contribution_deg == still.magnitude_deg == pytest.approx(0.02 / np.sqrt(3))
     assert clock_source("a", ClockFit(), JudgedMotion(0.0, 20.0, 30.0)).standard_uncertainty == 0
     budget = combine("elbow", "flexion", "s", [], [unknown_time("a")])
-    assert not budget.complete and budget.expanded_deg is None and budget.notes == [unknown_time("a")]
+    assert (
+        not budget.complete and budget.expanded_deg is None and budget.notes == [unknown_time("a")]
+    )
 
 
 def test_a_flexion_is_divided_between_the_segments_that_make_it():
     time = np.arange(0, 4, 0.01)
     thigh, shank = np.radians(10 * np.sin(time)), np.radians(200 * time)  # beyond a whole turn
     joint = JointDefinition(sequence="ZXY", flexion="first", proximal="a", distal="b")
-    q_thigh, q_shank = (Rotation.from_euler("z", a[:, None]).as_quat(scalar_first=True) for a in (thigh, shank))
+    q_thigh, q_shank = (
+        Rotation.from_euler("z", a[:, None]).as_quat(scalar_first=True) for a in (thigh, shank)
+    )
     turned = turned_by_sensor(q_thigh, q_shank, joint)
     np.testing.assert_allclose(np.abs(turned), np.abs(np.column_stack([thigh, shank])), atol=1e-9)
     np.testing.assert_allclose(np.abs(turned.sum(axis=1)), np.abs(shank - thigh), atol=1e-9)
     still = turned_by_sensor(np.tile(q_thigh[:1], (len(time), 1)), q_shank, joint)
     assert np.abs(still[:, 0]).max() < 1e-12
-    found = judged_motion((time * 1e9).astype(np.int64), turned[:, 1], [np.arange(10, 50), np.arange(100, 140)])
+    found = judged_motion(
+        (time * 1e9).astype(np.int64), turned[:, 1], [np.arange(10, 50), np.arange(100, 140)]
+    )
     assert abs(found.mean_rate) == pytest.approx(200) == found.rms_rate
     assert found.swing == pytest.approx(200 * 0.39)
 
 
 def with_clocks(estimate: Estimate, **clocks: ClockFit) -> Estimate:
-    sensors = {name: dataclasses.replace(own, clock=clocks.get(name, own.clock)) for name, own in estimate.sensors.items()}
+    sensors = {
+        name: dataclasses.replace(own, clock=clocks.get(name, own.clock))
+        for name, own in estimate.sensors.items()
+    }
     return dataclasses.replace(estimate, sensors=sensors)
 
 
@@ -136,7 +158,9 @@ def test_the_time_of_a_sensor_that_stands_still_does_not_matter(quick):
     whole = of(quick.evaluation, "elbow", "flexion", "sweep")
     lost = evaluate(quick.session, with_clocks(quick.estimate, arm=ClockFit(method="arrival")))
     for section in ("static", "sweep"):
-        assert of(lost, "elbow", "flexion", section).expanded_deg == pytest.approx(whole.expanded_deg, rel=0.05)
+        assert of(lost, "elbow", "flexion", section).expanded_deg == pytest.approx(
+            whole.expanded_deg, rel=0.05
+        )
     assert all(m.no_uncertainty is None for m in lost.metrics if m.name.startswith("elbow"))
     assert lost.outcome is quick.evaluation.outcome
     assert line(of(lost, "elbow", "flexion", "sweep"), "clock alignment, forearm").magnitude_deg > 0
@@ -148,7 +172,9 @@ def test_nothing_passes_where_a_moving_sensors_time_is_not_known(quick):
     assert of(lost, "elbow", "flexion", "static").complete
     budget = of(lost, "elbow", "flexion", "sweep")
     assert not budget.complete and budget.notes == [unknown_time("forearm")]
-    moving = [m for m in lost.metrics if m.section == "sweep" and m.name == "elbow.flexion_rmse_deg"]
+    moving = [
+        m for m in lost.metrics if m.section == "sweep" and m.name == "elbow.flexion_rmse_deg"
+    ]
     assert moving and all(m.no_uncertainty == unknown_time("forearm") for m in moving)
     limit = AcceptanceLimit(metric="elbow.flexion_rmse_deg", section="sweep", max=90.0)
     session = Session(quick.session.path)
@@ -160,7 +186,11 @@ def test_nothing_passes_where_a_moving_sensors_time_is_not_known(quick):
 
 
 def of(evaluation, owner, quantity, section=None):
-    return next(b for b in evaluation.uncertainty if (b.owner, b.quantity, b.section) == (owner, quantity, section))
+    return next(
+        b
+        for b in evaluation.uncertainty
+        if (b.owner, b.quantity, b.section) == (owner, quantity, section)
+    )
 
 
 def line(budget, name):
@@ -172,19 +202,28 @@ def test_the_budget_of_a_run_is_what_a_hand_calculation_gives(quick):
     spec = quick.session.robot.spec
     calibration = line(budget, "kinematic calibration, wrist_3_joint")
     assert calibration.contribution_deg == pytest.approx(spec.uncertainty.joint_angle_deg)
-    assert sum(source.source.startswith("kinematic") for source in budget.sources) == 1  # the truth is that joint alone
+    assert (
+        sum(source.source.startswith("kinematic") for source in budget.sources) == 1
+    )  # the truth is that joint alone
     poses = 6
-    assert line(budget, "repeatability").contribution_deg == pytest.approx(spec.servo.repeatability_deg / np.sqrt(poses))
+    assert line(budget, "repeatability").contribution_deg == pytest.approx(
+        spec.servo.repeatability_deg / np.sqrt(poses)
+    )
     resolution = spec.servo.encoder_resolution_deg / 2 / np.sqrt(3) / np.sqrt(poses)
     assert line(budget, "resolution").contribution_deg == pytest.approx(resolution)
-    # the scatter of one reading: rounding and noise of the servo block; about a hundred readings in each pose
-    reading = np.hypot(spec.servo.encoder_noise_deg, spec.servo.encoder_resolution_deg / np.sqrt(12))
+    # the scatter of one reading: rounding and noise of the servo block; about a hundred readings in
+    # each pose
+    reading = np.hypot(
+        spec.servo.encoder_noise_deg, spec.servo.encoder_resolution_deg / np.sqrt(12)
+    )
     assert 0.1 * reading / 2 < line(budget, "static averaging").value < 0.1 * reading * 2
     assert line(budget, "tracking").contribution_deg == 0 and line(budget, "tracking").value > 0
     assert line(budget, "mounting").contribution_deg == 0  # the reference pose takes it out
     total = np.sqrt(sum(source.contribution_deg**2 for source in budget.sources))
     assert budget.expanded_deg == pytest.approx(2 * total)
-    assert 8 <= budget.degrees_of_freedom < 8.1  # one source of 25 % reliability makes nearly all of it
+    assert (
+        8 <= budget.degrees_of_freedom < 8.1
+    )  # one source of 25 % reliability makes nearly all of it
 
 
 def test_the_uncertainty_stands_beside_every_mean_error(quick):
@@ -193,12 +232,16 @@ def test_the_uncertainty_stands_beside_every_mean_error(quick):
         assert summary.expanded_uncertainty_deg == budget.expanded_deg > 0.19
     for summary in quick.evaluation.orientation_summary:
         assert summary.expanded_uncertainty_magnitude_deg > 0.19
-    means = [m for m in quick.evaluation.metrics if m.unit == "deg" and not m.name.endswith("iqr_deg")]
+    means = [
+        m for m in quick.evaluation.metrics if m.unit == "deg" and not m.name.endswith("iqr_deg")
+    ]
     assert len(means) > 40 and all(m.expanded_uncertainty is not None for m in means)
 
 
 def test_a_heading_does_not_mind_a_tilted_base_and_an_inclination_does(quick):
-    heading, inclination = (of(quick.evaluation, "arm", part) for part in ("heading", "inclination"))
+    heading, inclination = (
+        of(quick.evaluation, "arm", part) for part in ("heading", "inclination")
+    )
     assert not any(source.source.startswith("levelling") for source in heading.sources)
     assert line(inclination, "levelling").contribution_deg == pytest.approx(np.sqrt(2) * 0.1)
     assert {s.source for s in heading.sources if s.source.startswith("kinematic")} == {
@@ -230,20 +273,30 @@ def test_without_an_alignment_the_mounting_counts(quick):
     )
     session.__dict__["analysis"] = aligned
     evaluation = evaluate(session, quick.estimate)
-    # each sensor about the flexion axis; at no flexion, where the angle has a kink, about any axis across the forearm
-    assert 0.99 * np.sqrt(2) < line(of(evaluation, "elbow", "flexion", "static"), "mounting").sensitivity < 2
-    assert line(of(evaluation, "arm", "inclination"), "mounting").magnitude_deg == pytest.approx(0.5 * np.sqrt(2))
+    # each sensor about the flexion axis; at no flexion, where the angle has a kink, about any axis
+    # across the forearm
+    assert (
+        0.99 * np.sqrt(2)
+        < line(of(evaluation, "elbow", "flexion", "static"), "mounting").sensitivity
+        < 2
+    )
+    assert line(of(evaluation, "arm", "inclination"), "mounting").magnitude_deg == pytest.approx(
+        0.5 * np.sqrt(2)
+    )
 
 
 def test_a_clock_that_is_less_sure_makes_sweeps_less_sure_and_leaves_poses_alone(quick):
     def slower(sensor):
-        return dataclasses.replace(sensor, clock=dataclasses.replace(sensor.clock, offset_sd_s=0.02))
+        return dataclasses.replace(
+            sensor, clock=dataclasses.replace(sensor.clock, offset_sd_s=0.02)
+        )
 
     sensors = {name: slower(sensor) for name, sensor in quick.estimate.sensors.items()}
     evaluation = evaluate(quick.session, dataclasses.replace(quick.estimate, sensors=sensors))
     for section, moves in (("static", False), ("sweep", True)):
         clock = line(of(evaluation, "elbow", "flexion", section), "clock alignment, forearm")
-        # a sine of 20 deg at 0.5 Hz turns at 44 deg/s RMS where it has its full size; the ramps take some of it
+        # a sine of 20 deg at 0.5 Hz turns at 44 deg/s RMS where it has its full size; the ramps
+        # take some of it
         assert (clock.magnitude_deg > 0.5) == moves
         assert clock.contribution_deg < 0.05  # there and back: the mean hardly notices
 

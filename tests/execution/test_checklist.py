@@ -17,7 +17,8 @@ class Person(io.StringIO):
     """Reads the questions on a terminal, and types an answer once each of them stands there.
 
     Args:
-        keys: The other end of the terminal. answers: One for each question.
+        keys: The other end of the terminal.
+        answers: One for each question.
     """
 
     def __init__(self, keys: int, answers: list[str]):

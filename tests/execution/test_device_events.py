@@ -14,7 +14,9 @@ from testbench.records.session import Event, RunStatus, list_sessions
 
 
 class Unsteady(SimulatedImu):
-    """A sensor whose link breaks at 1 s and is made again at 2.5 s; it says so when it is next asked, newest first."""
+    """A sensor whose link breaks at 1 s and is made again at 2.5 s; it says so when it is next
+    asked, newest first.
+    """
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
@@ -50,20 +52,33 @@ class Failing(Unsteady):
 
 
 def device_events(session):
-    return [(event.event, event.host_time_ns) for event in session.events if event.details.get("sensor") == "hand"]
+    return [
+        (event.event, event.host_time_ns)
+        for event in session.events
+        if event.details.get("sensor") == "hand"
+    ]
 
 
-def test_events_of_a_live_sensor_are_in_the_session_once_and_in_order(tiny, tmp_path, clock, monkeypatch):
+def test_events_of_a_live_sensor_are_in_the_session_once_and_in_order(
+    tiny, tmp_path, clock, monkeypatch
+):
     monkeypatch.setattr(executor, "SimulatedImu", Unsteady)
     monkeypatch.setattr(executor, "FAST_CHUNK_NS", NANOSECONDS // 2)
     session = execute(plan(tiny), tmp_path, 1, clock=clock)
     found = device_events(session)
-    assert [name for name, _ in found] == ["connected", "disconnected", "reconnected", "samples_lost"]
+    assert [name for name, _ in found] == [
+        "connected",
+        "disconnected",
+        "reconnected",
+        "samples_lost",
+    ]
     assert [time for _, time in found][:3] == [0, NANOSECONDS, 5 * NANOSECONDS // 2]
     lost = next(event for event in session.events if event.event == "reconnected")
     assert lost.details == {"sensor": "hand", "gap_s": 1.5, "attempts": 3}
     assert session.events[-1].event == "run_completed"
-    assert [step.index for step in session.steps] == list(range(len(session.steps)))  # and the steps are as they were
+    assert [step.index for step in session.steps] == list(
+        range(len(session.steps))
+    )  # and the steps are as they were
 
 
 def test_what_a_sensor_said_last_is_kept_when_it_fails(tiny, tmp_path, clock, monkeypatch):
@@ -73,4 +88,8 @@ def test_what_a_sensor_said_last_is_kept_when_it_fails(tiny, tmp_path, clock, mo
         execute(plan(tiny), tmp_path, 1, clock=clock)
     (session,) = list_sessions(tmp_path)
     assert session.status is RunStatus.ERROR
-    assert {name for name, _ in device_events(session)} >= {"connected", "disconnected", "samples_lost"}
+    assert {name for name, _ in device_events(session)} >= {
+        "connected",
+        "disconnected",
+        "samples_lost",
+    }

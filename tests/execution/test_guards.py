@@ -28,13 +28,20 @@ def imu(times_s, field=(0.0, 24.0, -39.0)) -> ImuSamples:
     times = np.round(np.asarray(times_s) * SECOND).astype(np.int64)
     zero = np.zeros((len(times), 3))
     mag = np.tile(np.asarray(field, float), (len(times), 1))
-    return ImuSamples(times, times, zero, zero, mag, None, np.arange(len(times)), np.zeros(len(times), bool))
+    return ImuSamples(
+        times, times, zero, zero, mag, None, np.arange(len(times)), np.zeros(len(times), bool)
+    )
 
 
 def arm(**extras: float) -> ArmSamples:
     zero = np.zeros((1, 1))
     return ArmSamples(
-        ["elbow"], np.zeros(1, np.int64), zero, zero, zero, {key: np.array([value]) for key, value in extras.items()}
+        ["elbow"],
+        np.zeros(1, np.int64),
+        zero,
+        zero,
+        zero,
+        {key: np.array([value]) for key, value in extras.items()},
     )
 
 
@@ -56,7 +63,9 @@ def test_a_silent_sensor_trips_once_and_again_after_it_was_heard():
 def test_a_gap_is_seen_within_a_piece_and_between_two():
     guards = Guards(sample_gap_s=Guard(limit=0.3, action="warn"))
     within = GuardWatch(guards, ["hand"])
-    assert [trip.guard for trip in within.look(SECOND, arm(), {"hand": imu([0.0, 0.1, 0.6])})] == ["sample_gap_s"]
+    assert [trip.guard for trip in within.look(SECOND, arm(), {"hand": imu([0.0, 0.1, 0.6])})] == [
+        "sample_gap_s"
+    ]
     between = GuardWatch(guards, ["hand"])
     assert between.look(SECOND, arm(), {"hand": imu([0.0, 0.1])}) == []
     (trip,) = between.look(SECOND, arm(), {"hand": imu([0.5, 0.6])})
@@ -80,7 +89,9 @@ def test_heat_and_batteries_are_watched_where_they_are_reported():
     assert (hot.guard, hot.subject, hot.action) == ("temperature_degC", "elbow", "warn")
     (low,) = watch.look(0, arm(), {}, {"hand": [Event(0, "connected", {"battery_percent": 8})]})
     assert low.guard == "battery_percent"
-    assert watch.look(0, arm(), {}, {"hand": [Event(0, "connected", {"battery_percent": 80})]}) == []
+    assert (
+        watch.look(0, arm(), {}, {"hand": [Event(0, "connected", {"battery_percent": 80})]}) == []
+    )
 
 
 def test_a_guard_that_is_off_says_nothing():
@@ -123,7 +134,12 @@ def test_every_hazard_must_be_confirmed():
 
 def test_keys_pause_resume_and_stop():
     operator = Operator()
-    for key, paused, stopped in (("x", False, False), ("p", True, False), ("r", False, False), ("q", False, True)):
+    for key, paused, stopped in (
+        ("x", False, False),
+        ("p", True, False),
+        ("r", False, False),
+        ("q", False, True),
+    ):
         operator.key(key)
         assert (operator.pause_asked, operator.stop_asked) == (paused, stopped)
 
@@ -138,13 +154,23 @@ def test_a_simulated_run_says_what_a_guard_found_and_that_it_waits(tiny, tmp_pat
         if line.startswith("PAUSED"):
             os.kill(os.getpid(), signal.SIGUSR2)
 
-    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path / "logs", speed="realtime", clock=clock, say=hear)
+    session = execute(
+        plan(tmp_path / "tiny.yaml"), tmp_path / "logs", speed="realtime", clock=clock, say=hear
+    )
     assert session.status is RunStatus.COMPLETED
-    assert said[0].startswith("warning: sample gap of hand: ") and said[0].endswith("the limit is 0.001 s")
-    assert said[1:] == [f"PAUSED (guard: {said[0].removeprefix('warning: ')}): SIGUSR2 goes on, SIGINT stops", "going on"]
+    assert said[0].startswith("warning: sample gap of hand: ") and said[0].endswith(
+        "the limit is 0.001 s"
+    )
+    assert said[1:] == [
+        f"PAUSED (guard: {said[0].removeprefix('warning: ')}): SIGUSR2 goes on, SIGINT stops",
+        "going on",
+    ]
 
 
-FIELD = Guards(magnetic_disturbance_percent=Guard(limit=20, action="warn"), sample_gap_s=Guard(limit=9, action="off"))
+FIELD = Guards(
+    magnetic_disturbance_percent=Guard(limit=20, action="warn"),
+    sample_gap_s=Guard(limit=9, action="off"),
+)
 
 
 def disturbances(percents, seconds: float = 0.1) -> tuple[GuardWatch, list]:
@@ -153,7 +179,9 @@ def disturbances(percents, seconds: float = 0.1) -> tuple[GuardWatch, list]:
     watch.look(SECOND, arm(), {"hand": imu(np.linspace(0, 1, 60), (0, 0, 50))})
     for percent in percents:
         begin += seconds
-        trips = watch.look(round(begin * SECOND), arm(), {"hand": imu([begin], (0, 0, 50 * (1 + percent / 100)))})
+        trips = watch.look(
+            round(begin * SECOND), arm(), {"hand": imu([begin], (0, 0, 50 * (1 + percent / 100)))}
+        )
         told += [(round(begin, 3), trip) for trip in trips]
     return watch, told
 
@@ -168,7 +196,9 @@ def test_it_is_told_again_once_it_was_clearly_below_for_some_seconds():
     clearly, barely = [10.0] * 32, [17.0] * 100
     assert len(disturbances([21, *barely, 21])[1]) == 1
     assert len(disturbances([21, *clearly, 21])[1]) == 2
-    assert len(disturbances([21, *clearly[:20], 18, *clearly[:20], 21])[1]) == 1, "not for long enough at a time"
+    assert len(disturbances([21, *clearly[:20], 18, *clearly[:20], 21])[1]) == 1, (
+        "not for long enough at a time"
+    )
 
 
 @given(st.lists(st.floats(0, 40), min_size=1, max_size=60))
@@ -180,7 +210,9 @@ def test_between_two_warnings_the_field_was_clearly_below_for_three_seconds(perc
         assert (np.array(percents)[between] < 16.0001).sum() >= 7
 
 
-@pytest.mark.parametrize(("value", "shown"), [(20.0253, "20.03"), (20.1, "20.1"), (20.0004, "20.0004"), (35.27, "35.3")])
+@pytest.mark.parametrize(
+    ("value", "shown"), [(20.0253, "20.03"), (20.1, "20.1"), (20.0004, "20.0004"), (35.27, "35.3")]
+)
 def test_the_value_is_visibly_beyond_its_limit(value, shown):
     trip = Trip("magnetic_disturbance_percent", "hand", value, 20.0, "warn")
     assert trip.sentence == f"magnetic disturbance of hand: {shown} %, the limit is 20 %"

@@ -1,4 +1,6 @@
-"""Journals and tables on disk: what survives a cut, what is verified, and what a foreign reader sees."""
+"""Journals and tables on disk: what survives a cut, what is verified, and what a foreign reader
+sees.
+"""
 
 from __future__ import annotations
 
@@ -49,10 +51,14 @@ def journal(tmp_path):
 def test_a_journal_gives_back_what_was_put_in(journal):
     schema, batches = journal_batches(journal)
     assert schema.metadata == {b"content": b"test"}
-    np.testing.assert_array_equal(np.concatenate([b["host_time_ns"].to_numpy() for b in batches]), np.arange(15))
+    np.testing.assert_array_equal(
+        np.concatenate([b["host_time_ns"].to_numpy() for b in batches]), np.arange(15)
+    )
 
 
-def test_a_journal_cut_at_any_byte_gives_back_its_whole_batches_and_never_a_wrong_number(journal, tmp_path):
+def test_a_journal_cut_at_any_byte_gives_back_its_whole_batches_and_never_a_wrong_number(
+    journal, tmp_path
+):
     whole = journal.read_bytes()
     cut_file = tmp_path / "cut.arrows"
     counts = []
@@ -67,7 +73,9 @@ def test_a_journal_cut_at_any_byte_gives_back_its_whole_batches_and_never_a_wron
         for index, batch in enumerate(batches):
             expected = rows(5 * index, 5)
             for name in COLUMNS:
-                np.testing.assert_array_equal(batch[name].to_numpy(zero_copy_only=False), expected[name])
+                np.testing.assert_array_equal(
+                    batch[name].to_numpy(zero_copy_only=False), expected[name]
+                )
     assert counts[0] == -1 and counts[-1] == 3
     assert counts == sorted(counts)  # more bytes, never fewer batches
     assert set(counts) == {-1, 0, 1, 2, 3}
@@ -112,12 +120,20 @@ def test_compaction_of_a_cut_journal_keeps_its_whole_batches(journal, tmp_path):
     assert compact(journal, tmp_path / "imu.parquet") in {5, 10}
 
 
-def test_a_table_that_reads_back_differently_is_refused_and_the_journal_kept(journal, tmp_path, monkeypatch):
+def test_a_table_that_reads_back_differently_is_refused_and_the_journal_kept(
+    journal, tmp_path, monkeypatch
+):
     honest = pq.ParquetWriter.write_table
-    for change in (lambda table: table.slice(1), lambda table: pa.concat_tables([table, table]), _one_value_changed):
+    for change in (
+        lambda table: table.slice(1),
+        lambda table: pa.concat_tables([table, table]),
+        _one_value_changed,
+    ):
         with monkeypatch.context() as patch:
             patch.setattr(
-                pq.ParquetWriter, "write_table", lambda file, table, change=change, **more: honest(file, change(table), **more)
+                pq.ParquetWriter,
+                "write_table",
+                lambda file, table, change=change, **more: honest(file, change(table), **more),
             )
             with pytest.raises(SessionError, match="differs from its journal"):
                 compact(journal, tmp_path / "imu.parquet")
@@ -139,10 +155,14 @@ def test_pieces_of_any_length_make_the_same_file_as_the_whole(tmp_path):
     assert write_parquet_batches(tmp_path / "pieces.parquet", whole.schema, pieces) == count
     write_parquet_batches(tmp_path / "whole.parquet", whole.schema, [whole])
     assert (tmp_path / "pieces.parquet").read_bytes() == (tmp_path / "whole.parquet").read_bytes()
-    read = list(read_parquet_batches(tmp_path / "pieces.parquet", ["host_time_ns", "saturated"], 1000))
+    read = list(
+        read_parquet_batches(tmp_path / "pieces.parquet", ["host_time_ns", "saturated"], 1000)
+    )
     assert [list(piece) for piece in read[:1]] == [["host_time_ns", "saturated"]]
     assert max(len(piece["saturated"]) for piece in read) <= 1000
-    np.testing.assert_array_equal(np.concatenate([piece["host_time_ns"] for piece in read]), np.arange(count))
+    np.testing.assert_array_equal(
+        np.concatenate([piece["host_time_ns"] for piece in read]), np.arange(count)
+    )
     assert parquet_shape(tmp_path / "pieces.parquet") == (count, list(COLUMNS))
 
 
@@ -163,12 +183,17 @@ def test_a_damaged_or_missing_table_is_a_sentence_and_not_a_traceback(tmp_path):
 def test_a_table_keeps_types_and_nothing_half_written_is_left(tmp_path):
     write_parquet(tmp_path / "t.parquet", rows(0, 100), {"units": "as named"})
     back = read_parquet(tmp_path / "t.parquet")
-    assert {name: column.dtype for name, column in back.items()} == {name: np.dtype(t) for name, t in COLUMNS.items()}
+    assert {name: column.dtype for name, column in back.items()} == {
+        name: np.dtype(t) for name, t in COLUMNS.items()
+    }
     assert [path.name for path in tmp_path.iterdir()] == ["t.parquet"]
 
 
 def test_json_has_null_where_a_number_is_not_finite(tmp_path):
-    write_json(tmp_path / "a.json", {"value": float("nan"), "list": np.array([1.0, np.inf]), "n": np.int64(3)})
+    write_json(
+        tmp_path / "a.json",
+        {"value": float("nan"), "list": np.array([1.0, np.inf]), "n": np.int64(3)},
+    )
     text = (tmp_path / "a.json").read_text()
     assert "NaN" not in text and "Infinity" not in text
     assert read_json(tmp_path / "a.json") == {"value": None, "list": [1.0, None], "n": 3}

@@ -1,4 +1,6 @@
-"""`testbench record`: devices on pseudo-terminals become a session that the later stages read; interruptions keep it whole."""
+"""`testbench record`: devices on pseudo-terminals become a session that the later stages read;
+interruptions keep it whole.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,13 @@ from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.exceptions import DriverError, InputError, RunInterrupted, SessionError
 from testbench.execution import device_recorder
-from testbench.execution.device_recorder import Devices, open_devices, record_devices, recover_recording, scan_devices
+from testbench.execution.device_recorder import (
+    Devices,
+    open_devices,
+    record_devices,
+    recover_recording,
+    scan_devices,
+)
 from testbench.pipeline import analyse
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Event, RunStatus
@@ -37,7 +45,9 @@ pytest.importorskip("serial")
 
 
 class Feeder:
-    """A board that writes `t ax ay az gx gy gz` in ms, g and deg/s to a pseudo-terminal until it is closed."""
+    """A board that writes `t ax ay az gx gy gz` in ms, g and deg/s to a pseudo-terminal until it is
+    closed.
+    """
 
     def __init__(self, rate: float = 100.0):
         self.master, self.slave = os.openpty()
@@ -51,7 +61,10 @@ class Feeder:
         begin, k = time.monotonic(), 0
         while not self.ended.wait(max(begin + k / self.rate - time.monotonic(), 0)):
             wobble = 0.01 * math.sin(3 * k)
-            text = f"{k * 1000 / self.rate:.0f} {wobble:.4f} 0.0 {1 - wobble:.4f} {wobble:.4f} 20.0 {wobble:.4f}\n"
+            text = (
+                f"{k * 1000 / self.rate:.0f} {wobble:.4f} 0.0 {1 - wobble:.4f} {wobble:.4f} "
+                f"20.0 {wobble:.4f}\n"
+            )
             with suppress(BlockingIOError):
                 os.write(self.master, text.encode())
             k += 1
@@ -73,8 +86,11 @@ def board() -> Iterator[Feeder]:
 def command(*arguments: str, **options: Any) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "testbench", "record", *arguments],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
 
 
 def wait_for_samples(logs: Path) -> Path:
@@ -88,13 +104,20 @@ def wait_for_samples(logs: Path) -> Path:
     raise AssertionError("nothing was recorded")
 
 
-def test_a_recording_is_a_session_that_is_estimated_evaluated_and_reported(board: Feeder, tmp_path: Path) -> None:
+def test_a_recording_is_a_session_that_is_estimated_evaluated_and_reported(
+    board: Feeder, tmp_path: Path
+) -> None:
     devices = open_devices([f"wrist={board.port}:mpu6050_plain"], [], SystemClock())
     session = record_devices(devices, tmp_path, duration_s=1.2, name="desk")
     assert session.status is RunStatus.COMPLETED and session.path.name.endswith("_desk")
     manifest = session.manifest
     assert manifest["kind"] == "recording" and manifest["duration_s"] == 1.2
-    assert session.robot is None and session.arm() is None and session.truth("wrist") is None and not session.steps
+    assert (
+        session.robot is None
+        and session.arm() is None
+        and session.truth("wrist") is None
+        and not session.steps
+    )
     samples = session.imu("wrist")
     assert 100 < len(samples) <= 121
     assert manifest["sensors"]["wrist"]["statistics"]["samples"] == len(samples)
@@ -102,9 +125,12 @@ def test_a_recording_is_a_session_that_is_estimated_evaluated_and_reported(board
     np.testing.assert_array_equal(np.diff(samples.device_time_ns), 10_000_000)
     np.testing.assert_allclose(samples.gyr[:, 1], np.radians(20))
     assert [event.event for event in session.events if event.event.startswith("recording")] == [
-        "recording_started", "recording_completed"
-    ]  # fmt: skip
-    assert {event.details["sensor"] for event in session.events if event.event == "connected"} == {"wrist"}
+        "recording_started",
+        "recording_completed",
+    ]
+    assert {event.details["sensor"] for event in session.events if event.event == "connected"} == {
+        "wrist"
+    }
     assert not list(session.path.glob("*.arrows"))
     result = analyse(session)
     assert list(result.estimate.sensors["wrist"].orientation) == ["vqf_6d"]
@@ -116,7 +142,17 @@ def test_a_recording_is_a_session_that_is_estimated_evaluated_and_reported(board
 def test_the_command_line_records_and_evaluates_with_exit_0(board: Feeder, tmp_path: Path) -> None:
     shell = CliRunner()
     ran = shell.invoke(
-        app, ["record", "--serial", f"{board.port}:mpu6050_plain", "--duration", "0.6", "--logs", str(tmp_path), "--json"]
+        app,
+        [
+            "record",
+            "--serial",
+            f"{board.port}:mpu6050_plain",
+            "--duration",
+            "0.6",
+            "--logs",
+            str(tmp_path),
+            "--json",
+        ],
     )
     assert ran.exit_code == 0, ran.output
     answer = json.loads(ran.stdout)
@@ -127,7 +163,9 @@ def test_the_command_line_records_and_evaluates_with_exit_0(board: Feeder, tmp_p
         json.loads(done.stdout)
 
 
-@pytest.mark.parametrize(("duration", "code", "status"), [(None, 0, "completed"), ("60", 130, "interrupted")])
+@pytest.mark.parametrize(
+    ("duration", "code", "status"), [(None, 0, "completed"), ("60", 130, "interrupted")]
+)
 def test_ctrl_c_is_the_end_of_an_open_recording_and_an_interruption_of_a_timed_one(
     board: Feeder, tmp_path: Path, duration: str | None, code: int, status: str
 ) -> None:
@@ -143,7 +181,9 @@ def test_ctrl_c_is_the_end_of_an_open_recording_and_an_interruption_of_a_timed_o
     assert "Traceback" not in err
 
 
-def test_a_killed_recording_keeps_what_was_on_disk_and_can_be_recovered(board: Feeder, tmp_path: Path) -> None:
+def test_a_killed_recording_keeps_what_was_on_disk_and_can_be_recovered(
+    board: Feeder, tmp_path: Path
+) -> None:
     ran = command("--serial", f"{board.port}:mpu6050_plain", "--logs", str(tmp_path))
     path = wait_for_samples(tmp_path)
     with pytest.raises(SessionError, match="still being recorded"):
@@ -197,14 +237,22 @@ def make_devices(clock: Any, **imus: Imu) -> Devices:
     return Devices(dict(imus), SessionTime(clock))
 
 
-def test_events_of_every_device_are_recorded_under_its_name_in_order(clock: Any, tmp_path: Path) -> None:
-    session = record_devices(make_devices(clock, b=Scripted(), a=Scripted()), tmp_path, 1.0, clock=clock)
-    hiccups = [(e.details["sensor"], e.details["depth"]) for e in session.events if e.event == "hiccup"]
+def test_events_of_every_device_are_recorded_under_its_name_in_order(
+    clock: Any, tmp_path: Path
+) -> None:
+    session = record_devices(
+        make_devices(clock, b=Scripted(), a=Scripted()), tmp_path, 1.0, clock=clock
+    )
+    hiccups = [
+        (e.details["sensor"], e.details["depth"]) for e in session.events if e.event == "hiccup"
+    ]
     assert hiccups[:4] == [("b", 1), ("a", 1), ("b", 2), ("a", 2)]
     assert all(sensor in {"a", "b"} for sensor, _ in hiccups)
 
 
-def test_a_device_that_fails_closes_the_session_as_an_error_and_releases_the_others(clock: Any, tmp_path: Path) -> None:
+def test_a_device_that_fails_closes_the_session_as_an_error_and_releases_the_others(
+    clock: Any, tmp_path: Path
+) -> None:
     good, bad = Scripted(), Scripted(fails_at=3)
     with pytest.raises(DriverError, match="on fire"):
         record_devices(make_devices(clock, good=good, bad=bad), tmp_path, 60.0, clock=clock)
@@ -218,18 +266,31 @@ def test_a_device_that_fails_closes_the_session_as_an_error_and_releases_the_oth
 def test_a_device_that_cannot_be_opened_leaves_nothing_behind(clock: Any, tmp_path: Path) -> None:
     good = Scripted()
     with pytest.raises(DriverError, match="cable"):
-        record_devices(make_devices(clock, good=good, bad=Scripted(refuses=True)), tmp_path, clock=clock)
+        record_devices(
+            make_devices(clock, good=good, bad=Scripted(refuses=True)), tmp_path, clock=clock
+        )
     assert not list(tmp_path.iterdir()) and good.stopped
 
 
 def test_no_sample_at_all_is_an_error_and_some_silence_a_note(clock: Any, tmp_path: Path) -> None:
-    with pytest.raises(DriverError, match="no device gave a sample; left: no samples; it sent nothing"):
-        record_devices(make_devices(clock, left=Scripted(mute=True)), tmp_path / "a", 0.5, clock=clock)
-    session = record_devices(make_devices(clock, left=Scripted(mute=True), right=Scripted()), tmp_path / "b", 0.5, clock=clock)
+    with pytest.raises(
+        DriverError, match="no device gave a sample; left: no samples; it sent nothing"
+    ):
+        record_devices(
+            make_devices(clock, left=Scripted(mute=True)), tmp_path / "a", 0.5, clock=clock
+        )
+    session = record_devices(
+        make_devices(clock, left=Scripted(mute=True), right=Scripted()),
+        tmp_path / "b",
+        0.5,
+        clock=clock,
+    )
     assert session.manifest["notes"] == ["left: no samples; it sent nothing."]
 
 
-def test_ctrl_c_in_the_middle_of_a_timed_recording_raises_after_the_session_is_closed(clock: Any, tmp_path: Path) -> None:
+def test_ctrl_c_in_the_middle_of_a_timed_recording_raises_after_the_session_is_closed(
+    clock: Any, tmp_path: Path
+) -> None:
     class Interrupted(Scripted):
         def read(self, until_ns: int) -> ImuSamples:
             if self.reads == 2:
@@ -266,8 +327,12 @@ def test_ports_may_hold_colons_and_devices_are_named_by_hand_or_by_number() -> N
     assert [imu.describe()["port"] for imu in devices.imus.values()] == [path, path]
 
 
-@pytest.mark.parametrize(("name", "duration"), [("no good", 1.0), ("../up", 1.0), ("fine", 0.0), ("fine", -1.0)])
-def test_a_name_or_a_duration_that_cannot_be_is_refused(clock: Any, tmp_path: Path, name: str, duration: float) -> None:
+@pytest.mark.parametrize(
+    ("name", "duration"), [("no good", 1.0), ("../up", 1.0), ("fine", 0.0), ("fine", -1.0)]
+)
+def test_a_name_or_a_duration_that_cannot_be_is_refused(
+    clock: Any, tmp_path: Path, name: str, duration: float
+) -> None:
     with pytest.raises(InputError):
         record_devices(make_devices(clock, a=Scripted()), tmp_path, duration, name, clock)
     assert not list(tmp_path.iterdir())
@@ -279,6 +344,12 @@ def test_scanning_says_what_it_could_not_search(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(device_recorder, "BluetoothLoop", broken)
     monkeypatch.setattr(device_recorder, "list_serial_ports", lambda: [{"port": "/dev/ttyACM0"}])
-    assert scan_devices(0) == {"serial": [{"port": "/dev/ttyACM0"}], "dots": [], "notes": ["no Bluetooth here"]}
-    heard = SimpleNamespace(scan=lambda duration: [{"address": "D4:22:CD:00:00:01"}], close=lambda: None)
+    assert scan_devices(0) == {
+        "serial": [{"port": "/dev/ttyACM0"}],
+        "dots": [],
+        "notes": ["no Bluetooth here"],
+    }
+    heard = SimpleNamespace(
+        scan=lambda duration: [{"address": "D4:22:CD:00:00:01"}], close=lambda: None
+    )
     assert scan_devices(0, heard)["dots"] == [{"address": "D4:22:CD:00:00:01"}]  # type: ignore[arg-type]

@@ -46,7 +46,11 @@ def test_a_step_that_takes_longer_than_planned_does_not_count_for_more(the_plan)
 def test_the_table_of_a_motion_has_a_row_for_every_way_to_a_step_that_does_not_follow(the_plan):
     rows = motion_rows(the_plan)
     assert [row.index for row in rows] == [step.index for step in the_plan.steps]
-    moved = next(k for k in range(1, len(rows)) if rows[k].kind == "move" and rows[k].pose_deg != rows[k - 1].pose_deg)
+    moved = next(
+        k
+        for k in range(1, len(rows))
+        if rows[k].kind == "move" and rows[k].pose_deg != rows[k - 1].pose_deg
+    )
     left_out = motion_rows(the_plan, [step for step in the_plan.steps if step.index != moved])
     (way,) = [k for k, row in enumerate(left_out) if row.kind == "connect"]
     assert left_out[way].pose_deg == pytest.approx(rows[moved].pose_deg)
@@ -56,9 +60,16 @@ def test_the_table_of_a_motion_has_a_row_for_every_way_to_a_step_that_does_not_f
 def test_the_row_of_a_sweep_says_which_joint_turns_from_where_to_where(the_plan):
     sweeps = [row for row in motion_rows(the_plan) if row.kind == "sweep"]
     assert sweeps
-    for row, step in zip(sweeps, [step for step in the_plan.steps if step.kind == "sweep"], strict=True):
-        inside = (the_plan.trajectory.time_ns >= step.start_ns) & (the_plan.trajectory.time_ns <= step.settled_ns)
+    for row, step in zip(
+        sweeps, [step for step in the_plan.steps if step.kind == "sweep"], strict=True
+    ):
+        inside = (the_plan.trajectory.time_ns >= step.start_ns) & (
+            the_plan.trajectory.time_ns <= step.settled_ns
+        )
         for joint, (low, high) in row.swings_deg.items():
-            q = the_plan.trajectory.q[inside, the_plan.robot.joint_names.index(joint)] * 57.29577951308232
+            q = (
+                the_plan.trajectory.q[inside, the_plan.robot.joint_names.index(joint)]
+                * 57.29577951308232
+            )
             assert (low, high) == pytest.approx((q.min(), q.max()))
             assert high - low > 0.05

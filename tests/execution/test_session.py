@@ -1,4 +1,6 @@
-"""A recorded session: the files that are promised, what they say, and that the same seed writes the same bytes."""
+"""A recorded session: the files that are promised, what they say, and that the same seed writes the
+same bytes.
+"""
 
 from __future__ import annotations
 
@@ -37,10 +39,21 @@ def tiny_plan(tiny):
 def test_a_session_holds_the_files_that_are_promised(quick):
     found = {path.name for path in quick.session.path.iterdir()}
     assert found == {
-        "manifest.json", "protocol.yaml", "robot.yaml", "robot.urdf", "plan.parquet", "arm.parquet", "events.jsonl",
-        "imu_arm.parquet", "imu_forearm.parquet", "truth_arm.parquet", "truth_forearm.parquet",
-        "estimate", "evaluation", "evaluation.json",
-    }  # fmt: skip
+        "manifest.json",
+        "protocol.yaml",
+        "robot.yaml",
+        "robot.urdf",
+        "plan.parquet",
+        "arm.parquet",
+        "events.jsonl",
+        "imu_arm.parquet",
+        "imu_forearm.parquet",
+        "truth_arm.parquet",
+        "truth_forearm.parquet",
+        "estimate",
+        "evaluation",
+        "evaluation.json",
+    }
 
 
 def test_the_manifest_says_how_it_went_with_what_and_from_which_files(quick):
@@ -55,12 +68,16 @@ def test_the_manifest_says_how_it_went_with_what_and_from_which_files(quick):
     assert manifest["duration_s"] == pytest.approx(quick.plan.duration + 1, abs=0.02)
     for name, digest in manifest["files"].items():
         assert hashlib.sha256((quick.session.path / name).read_bytes()).hexdigest() == digest, name
-    assert {"arm.parquet", "imu_arm.parquet", "truth_arm.parquet", "events.jsonl"} <= set(manifest["files"])
+    assert {"arm.parquet", "imu_arm.parquet", "truth_arm.parquet", "events.jsonl"} <= set(
+        manifest["files"]
+    )
 
 
 def test_protocol_and_robot_are_kept_verbatim(quick):
     session, the_plan = quick.session, quick.plan
-    assert (session.path / "protocol.yaml").read_bytes() == the_plan.protocol.document.file.read_bytes()
+    assert (
+        session.path / "protocol.yaml"
+    ).read_bytes() == the_plan.protocol.document.file.read_bytes()
     assert (session.path / "robot.urdf").read_bytes() == the_plan.robot.urdf.read_bytes()
     assert (session.path / "robot.yaml").read_text() == the_plan.robot.text
 
@@ -68,14 +85,31 @@ def test_protocol_and_robot_are_kept_verbatim(quick):
 def test_foreign_readers_find_the_documented_columns_types_and_notes(quick):
     imu = pd.read_parquet(quick.session.path / "imu_arm.parquet")
     assert list(imu.columns) == [
-        "device_time_ns", "host_time_ns", "counter",
-        "gyr_x_rad_s", "gyr_y_rad_s", "gyr_z_rad_s", "acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2",
-        "mag_x_uT", "mag_y_uT", "mag_z_uT", "device_q_w", "device_q_x", "device_q_y", "device_q_z", "saturated",
-    ]  # fmt: skip
+        "device_time_ns",
+        "host_time_ns",
+        "counter",
+        "gyr_x_rad_s",
+        "gyr_y_rad_s",
+        "gyr_z_rad_s",
+        "acc_x_m_s2",
+        "acc_y_m_s2",
+        "acc_z_m_s2",
+        "mag_x_uT",
+        "mag_y_uT",
+        "mag_z_uT",
+        "device_q_w",
+        "device_q_x",
+        "device_q_y",
+        "device_q_z",
+        "saturated",
+    ]
     assert imu["device_time_ns"].dtype == imu["host_time_ns"].dtype == np.int64
     assert not imu.isna().any().any()
     truth = pd.read_parquet(quick.session.path / "truth_arm.parquet")
-    assert list(truth.columns[:5]) == ["host_time_ns", *(f"q_world_from_sensor_{part}" for part in "wxyz")]
+    assert list(truth.columns[:5]) == [
+        "host_time_ns",
+        *(f"q_world_from_sensor_{part}" for part in "wxyz"),
+    ]
     np.testing.assert_allclose(np.linalg.norm(truth.iloc[:, 1:5], axis=1), 1, atol=1e-12)
     notes = pq.read_schema(quick.session.path / "imu_arm.parquet").metadata
     assert b"sensor frame" in notes[b"content"] and b"q_earth_from_sensor" in notes[b"device_q"]
@@ -90,10 +124,14 @@ def test_the_truth_is_made_of_measured_angles_and_is_not_the_plan(quick):
     step = next(step for step in quick.session.steps if step.kind == "sweep")
     moving = (truth.host_time_ns > step.start_ns) & (truth.host_time_ns < step.settled_ns)
     measured = np.interp(truth.host_time_ns[moving], arm.host_time_ns, arm.v_measured[:, 5])
-    np.testing.assert_allclose(np.linalg.norm(truth.rate[moving], axis=1), np.abs(measured), atol=2e-3)
+    np.testing.assert_allclose(
+        np.linalg.norm(truth.rate[moving], axis=1), np.abs(measured), atol=2e-3
+    )
 
 
-def test_the_same_seed_writes_the_same_bytes_and_another_one_other_noise(tiny_plan, tmp_path, clock):
+def test_the_same_seed_writes_the_same_bytes_and_another_one_other_noise(
+    tiny_plan, tmp_path, clock
+):
     first, again, other = (execute(tiny_plan, tmp_path, seed, clock=clock) for seed in (5, 5, 6))
     for name in RAW:
         assert (first.path / name).read_bytes() == (again.path / name).read_bytes(), name
@@ -104,7 +142,9 @@ def test_the_same_seed_writes_the_same_bytes_and_another_one_other_noise(tiny_pl
 
 
 @pytest.mark.parametrize("seed", [5, 6, 7])
-def test_a_run_in_real_time_writes_the_bytes_of_a_fast_one_and_keeps_its_rhythm(tiny_plan, tmp_path, clock, seed):
+def test_a_run_in_real_time_writes_the_bytes_of_a_fast_one_and_keeps_its_rhythm(
+    tiny_plan, tmp_path, clock, seed
+):
     fast = execute(tiny_plan, tmp_path, seed, clock=clock)
     assert clock.slept == []
     started = clock.now_ns
@@ -127,7 +167,17 @@ def test_steps_start_settle_and_end_in_order_and_the_run_frames_them(quick):
 
 def test_the_steps_read_back_are_the_steps_planned(quick):
     for found, planned in zip(quick.session.steps, quick.plan.steps, strict=True):
-        for key in ("index", "section", "role", "name", "kind", "variables", "start_ns", "settled_ns", "end_ns"):
+        for key in (
+            "index",
+            "section",
+            "role",
+            "name",
+            "kind",
+            "variables",
+            "start_ns",
+            "settled_ns",
+            "end_ns",
+        ):
             assert getattr(found, key) == getattr(planned, key)
 
 
@@ -145,7 +195,9 @@ def test_progress_counts_up_to_the_end(tiny_plan, tmp_path, clock):
     assert {p.step for p in seen} == {step.name for step in tiny_plan.steps}
 
 
-def test_a_sensor_that_fails_is_a_bench_error_and_the_session_keeps_what_was_recorded(tiny_plan, tmp_path, clock, monkeypatch):
+def test_a_sensor_that_fails_is_a_bench_error_and_the_session_keeps_what_was_recorded(
+    tiny_plan, tmp_path, clock, monkeypatch
+):
     honest = SimulatedImu.read
 
     def failing(self, until_ns):
@@ -202,7 +254,12 @@ def test_joint_accelerations_are_the_derivative_of_the_rates():
     zero = np.zeros_like(rate)
     samples = ArmSamples(["j"], (t * 1e9).astype(np.int64), zero, zero, rate)
     expected = 2 * np.pi * 0.5 * np.cos(2 * np.pi * 0.5 * t)
-    assert np.abs(Smoothing.of(samples.host_time_ns).acceleration(samples.v_measured)[:, 0] - expected).max() < 0.01 * np.pi
+    assert (
+        np.abs(
+            Smoothing.of(samples.host_time_ns).acceleration(samples.v_measured)[:, 0] - expected
+        ).max()
+        < 0.01 * np.pi
+    )
 
 
 @pytest.mark.parametrize("count", [0, 1, 4, 5, 6, 13])
@@ -242,12 +299,16 @@ execute(plan(sys.argv[1]), sys.argv[2], seed=3, speed="realtime", progress=kill,
 
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory, tiny_plan):
-    """The logs folder of a run in real time that was killed after 1.6 s, and how far it had come [s]."""
+    """The logs folder of a run in real time that was killed after 1.6 s, and how far it had come
+    [s].
+    """
     logs = tmp_path_factory.mktemp("killed")
     done = subprocess.run(
         [sys.executable, "-c", KILLED, str(tiny_plan.protocol.document.file), str(logs)],
-        capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert done.returncode == -9, done.stderr
     return logs, float(done.stdout.split()[-1])
 
@@ -267,7 +328,9 @@ def test_reading_a_killed_run_says_how_to_recover_it(killed):
         session.imu("hand")
 
 
-def test_a_recovered_run_equals_the_beginning_of_an_undisturbed_one(killed, tiny_plan, tmp_path, clock):
+def test_a_recovered_run_equals_the_beginning_of_an_undisturbed_one(
+    killed, tiny_plan, tmp_path, clock
+):
     shutil.copytree(killed[0] / "killed", tmp_path / "killed")
     session = recover(Session(tmp_path / "killed"))
     assert session.status is RunStatus.ABORTED
@@ -289,7 +352,10 @@ def test_the_truth_of_a_long_run_is_the_same_in_pieces(quick, tmp_path, monkeypa
     monkeypatch.setattr(truth, "BLOCK", 500)
     truth.write_truth(folder, session.robot, session.analysis.sensors)
     for name in session.sensor_names:
-        pieces, whole = read_parquet(folder / f"truth_{name}.parquet"), read_parquet(session.path / f"truth_{name}.parquet")
+        pieces, whole = (
+            read_parquet(folder / f"truth_{name}.parquet"),
+            read_parquet(session.path / f"truth_{name}.parquet"),
+        )
         assert list(pieces) == list(whole)
         for column, values in whole.items():
             np.testing.assert_allclose(pieces[column], values, rtol=0, atol=1e-9, err_msg=column)

@@ -18,7 +18,11 @@ class Motion:
     """Rest, then turns about all axes, then rest; in SI units, without noise.
 
     Attributes:
-        t: [s]. q: q_earth_from_sensor, w first. gyr, acc, mag: In the sensor frame; mag in uT.
+        t: [s].
+        q: q_earth_from_sensor, w first.
+        gyr: In the sensor frame; mag in uT.
+        acc: In the sensor frame; mag in uT.
+        mag: In the sensor frame; mag in uT.
     """
 
     t: np.ndarray
@@ -31,7 +35,9 @@ class Motion:
 def turned(n: int = 600, rate: float = 100.0) -> Motion:
     t = np.arange(n) / rate
     moving = np.clip((t - 1.5) / 0.5, 0, 1) * np.clip((t[-1] - 1.5 - t) / 0.5, 0, 1)
-    gyr = moving[:, None] * np.stack([1.1 * np.sin(2.1 * t), 0.8 * np.sin(1.3 * t + 1), 0.9 * np.cos(1.7 * t)], axis=1)
+    gyr = moving[:, None] * np.stack(
+        [1.1 * np.sin(2.1 * t), 0.8 * np.sin(1.3 * t + 1), 0.9 * np.cos(1.7 * t)], axis=1
+    )
     rotation = Rotation.from_euler("ZYX", [40, 10, -15], degrees=True)
     orientations = []
     for rate_now in gyr:
@@ -39,7 +45,13 @@ def turned(n: int = 600, rate: float = 100.0) -> Motion:
         rotation = rotation * Rotation.from_rotvec(rate_now / rate)
     whole = Rotation.concatenate(orientations)
     down = whole.inv()
-    return Motion(t, whole.as_quat(scalar_first=True), gyr, down.apply([0, 0, G]), down.apply([0.0, 24.0, -39.0]))
+    return Motion(
+        t,
+        whole.as_quat(scalar_first=True),
+        gyr,
+        down.apply([0, 0, G]),
+        down.apply([0.0, 24.0, -39.0]),
+    )
 
 
 @pytest.fixture(scope="session")
@@ -68,7 +80,14 @@ def table(tmp_path: Path) -> Writer:
     ) -> Path:
         texts = [[text_of(value, form) for value in values] for values in columns.values()]
         lines = [separator.join(row) for row in zip(*texts, strict=True)]
-        text = above + separator.join(columns) + "\n" + below + "\n".join(lines).replace(".", decimal) + "\n"
+        text = (
+            above
+            + separator.join(columns)
+            + "\n"
+            + below
+            + "\n".join(lines).replace(".", decimal)
+            + "\n"
+        )
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")

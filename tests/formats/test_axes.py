@@ -35,7 +35,9 @@ def test_a_map_is_its_matrix(names: AxisNames, vector: tuple[float, float, float
 
 
 @given(st.sampled_from(PROPER), vectors, st.tuples(numbers, numbers, numbers, numbers))
-def test_vectors_and_orientations_turn_together(names: AxisNames, vector: tuple[float, ...], q: tuple[float, ...]) -> None:
+def test_vectors_and_orientations_turn_together(
+    names: AxisNames, vector: tuple[float, ...], q: tuple[float, ...]
+) -> None:
     q_earth_from_file = rotation.normalise(np.array([q]) + [[1e-3, 0, 0, 0]])
     axes = AxisMap.from_names(names)
     before = rotation.rotate(q_earth_from_file, np.array([vector]))

@@ -15,7 +15,8 @@ from testbench.formats import FORMATS, import_recording
 from testbench.pipeline import analyse
 from testbench.records.session import RunStatus
 
-# Published by the dataset's authors for the vqf package with its defaults [deg]; data/README.md of the recordings.
+# Published by the dataset's authors for the vqf package with its defaults [deg]; data/README.md of
+# the recordings.
 VQF_TOTAL_DEG = {"02": 1.38, "05": 0.99, "14": 0.73, "16": 0.74, "30": 2.57}
 
 
@@ -25,11 +26,17 @@ def trial_file(data: Path, number: str, suffix: str = "mat") -> Path:
 
 
 def vqf_called_directly(file: Path) -> float:
-    """RMSE of the total error during movement [deg], as the dataset defines it, without any code of ours."""
+    """RMSE of the total error during movement [deg], as the dataset defines it, without any code of
+    ours.
+    """
     content = loadmat(file)
-    arrays = [np.ascontiguousarray(content[key], dtype=float) for key in ("imu_gyr", "imu_acc", "imu_mag")]
+    arrays = [
+        np.ascontiguousarray(content[key], dtype=float) for key in ("imu_gyr", "imu_acc", "imu_mag")
+    ]
     q = VQF(1 / float(content["sampling_rate"].squeeze())).updateBatch(*arrays)["quat9D"]
-    counted = content["movement"].squeeze().astype(bool) & np.isfinite(content["opt_quat"]).all(axis=1)
+    counted = content["movement"].squeeze().astype(bool) & np.isfinite(content["opt_quat"]).all(
+        axis=1
+    )
     estimated = Rotation.from_quat(q[counted], scalar_first=True)
     true = Rotation.from_quat(content["opt_quat"][counted], scalar_first=True)
     return float(np.degrees(np.sqrt(np.mean((estimated * true.inv()).magnitude() ** 2))))
@@ -37,7 +44,9 @@ def vqf_called_directly(file: Path) -> float:
 
 @pytest.mark.data
 @pytest.mark.parametrize("number", VQF_TOTAL_DEG)
-def test_a_trial_through_import_and_evaluation_gives_the_error_of_the_package_called_directly(data, number, tmp_path, clock):
+def test_a_trial_through_import_and_evaluation_gives_the_error_of_the_package_called_directly(
+    data, number, tmp_path, clock
+):
     file = trial_file(data, number)
     session = import_recording("broad", [file], tmp_path / number, clock)
     evaluation = analyse(session, ["vqf_9d"], with_report=False).evaluation
@@ -49,7 +58,8 @@ def test_a_trial_through_import_and_evaluation_gives_the_error_of_the_package_ca
 @pytest.mark.data
 def test_the_two_forms_of_a_trial_give_the_same_session(data, tmp_path, clock):
     sessions = [
-        import_recording("broad", [trial_file(data, "02", suffix)], tmp_path / suffix, clock) for suffix in ("mat", "hdf5")
+        import_recording("broad", [trial_file(data, "02", suffix)], tmp_path / suffix, clock)
+        for suffix in ("mat", "hdf5")
     ]
     tables = [{**s.imu("imu").to_columns(), **s.truth("imu").to_columns()} for s in sessions]
     assert list(tables[0]) == list(tables[1])
@@ -63,12 +73,24 @@ def test_the_two_forms_of_a_trial_give_the_same_session(data, tmp_path, clock):
 def test_an_imported_trial_is_a_session_like_any_other(data, tmp_path, clock):
     session = import_recording("broad", [trial_file(data, "05")], tmp_path / "trial", clock)
     assert session.status is RunStatus.COMPLETED
-    assert session.sensor_names == ["imu"] and session.steps == [] and session.arm() is None and session.robot is None
+    assert (
+        session.sensor_names == ["imu"]
+        and session.steps == []
+        and session.arm() is None
+        and session.robot is None
+    )
     samples = session.imu("imu")
     assert samples.device_q is None and samples.mag is not None
-    assert (len(samples) - 1) / (samples.device_time_ns[-1] / 1e9) == pytest.approx(285.714, rel=1e-4)
+    assert (len(samples) - 1) / (samples.device_time_ns[-1] / 1e9) == pytest.approx(
+        285.714, rel=1e-4
+    )
     result = analyse(session, None, with_report=False)
-    assert {row.filter for row in result.evaluation.orientation} == {"vqf_6d", "vqf_9d", "fusion", "madgwick_imu"}
+    assert {row.filter for row in result.evaluation.orientation} == {
+        "vqf_6d",
+        "vqf_9d",
+        "fusion",
+        "madgwick_imu",
+    }
     assert result.evaluation.joint_angle == []
     assert result.estimate.sensors["imu"].clock.method == "none"
 
@@ -76,9 +98,13 @@ def test_an_imported_trial_is_a_session_like_any_other(data, tmp_path, clock):
 def made_up(n: int = 1000) -> dict[str, object]:
     """A trial that was never recorded: at rest, level."""
     return {
-        "imu_gyr": np.zeros((n, 3)), "imu_acc": np.tile([0, 0, 9.81], (n, 1)), "imu_mag": np.tile([0, 24.0, -39], (n, 1)),
-        "opt_quat": np.tile([1.0, 0, 0, 0], (n, 1)), "movement": np.ones((n, 1)), "sampling_rate": 100.0,
-    }  # fmt: skip
+        "imu_gyr": np.zeros((n, 3)),
+        "imu_acc": np.tile([0, 0, 9.81], (n, 1)),
+        "imu_mag": np.tile([0, 24.0, -39], (n, 1)),
+        "opt_quat": np.tile([1.0, 0, 0, 0], (n, 1)),
+        "movement": np.ones((n, 1)),
+        "sampling_rate": 100.0,
+    }
 
 
 def test_a_trial_at_rest_has_no_error(tmp_path, clock):
@@ -165,7 +191,9 @@ def test_a_missing_file_a_folder_and_two_files_are_refused(tmp_path, clock):
         with pytest.raises(FileProblems, match="does not exist"):
             import_recording("broad", [missing], tmp_path / "session", clock)
     with pytest.raises(InputError, match="is one file, 2 were given"):
-        import_recording("broad", [tmp_path / "a.mat", tmp_path / "b.mat"], tmp_path / "session", clock)
+        import_recording(
+            "broad", [tmp_path / "a.mat", tmp_path / "b.mat"], tmp_path / "session", clock
+        )
 
 
 def test_an_existing_folder_is_never_written_over(tmp_path, clock):

@@ -1,4 +1,6 @@
-"""docs/formats.md: its examples are valid, and it names every format, option and shipped mapping."""
+"""docs/formats.md: its examples are valid, and it names every format, option and shipped
+mapping.
+"""
 
 from __future__ import annotations
 
@@ -24,12 +26,33 @@ def test_the_examples_are_valid_mappings(number, tmp_path):
 
 
 def test_everything_that_can_be_asked_for_is_on_the_page():
-    wanted = [*FORMATS, *list_mappings(), *axis_presets(), *[unit for quantity in QUANTITIES for unit in unit_names(quantity)]]
-    options = ["--unit", "--rate", "--axes", "--mapping", "--truth", "--robot", "--link", "--mounting", "--dwell", "--move"]
+    wanted = [
+        *FORMATS,
+        *list_mappings(),
+        *axis_presets(),
+        *[unit for quantity in QUANTITIES for unit in unit_names(quantity)],
+    ]
+    options = [
+        "--unit",
+        "--rate",
+        "--axes",
+        "--mapping",
+        "--truth",
+        "--robot",
+        "--link",
+        "--mounting",
+        "--dwell",
+        "--move",
+    ]
     options += ["--truth-offset", "--truth-rate", "--joint-unit"]
     assert [name for name in wanted + options if name not in PAGE] == []
     parts = MappingSpec.model_json_schema()["$defs"]
-    keys = {name for kind, part in parts.items() if kind != "ChainEstimation" for name in part.get("properties", {})}
+    keys = {
+        name
+        for kind, part in parts.items()
+        if kind != "ChainEstimation"
+        for name in part.get("properties", {})
+    }
     theirs = {
         "filters",
         "filter_parameters",

@@ -33,7 +33,11 @@ def load(tmp_path, clock):
     def read(mapping: str, *files: Path, **options):
         (tmp_path / "map.yaml").write_text(mapping, encoding="utf-8")
         return import_recording(
-            "generic", list(files), tmp_path / "session", clock, Options(str(tmp_path / "map.yaml"), **options)
+            "generic",
+            list(files),
+            tmp_path / "session",
+            clock,
+            Options(str(tmp_path / "map.yaml"), **options),
         )
 
     return read
@@ -43,8 +47,15 @@ def load(tmp_path, clock):
 def plain(table, xyz):
     """A file with the columns that PLAIN names, in any units and layout."""
 
-    def write(m, name: str = "data.csv", acc: float = 1.0, gyr: float = 1.0, more=None, **layout) -> Path:
-        columns = {"t": m.t} | xyz("a{}", m.acc / acc, "xyz") | xyz("w{}", m.gyr / gyr, "xyz") | (more or {})
+    def write(
+        m, name: str = "data.csv", acc: float = 1.0, gyr: float = 1.0, more=None, **layout
+    ) -> Path:
+        columns = (
+            {"t": m.t}
+            | xyz("a{}", m.acc / acc, "xyz")
+            | xyz("w{}", m.gyr / gyr, "xyz")
+            | (more or {})
+        )
         return table(name, columns, **layout)
 
     return write
@@ -58,7 +69,9 @@ def check(samples, m) -> None:
 @pytest.mark.data
 def test_the_real_ferraris_session_imports_by_its_shipped_mapping(data, tmp_path, clock):
     file = data / "imucal" / "example_ferraris_session.csv"
-    session = import_recording("generic", [file], tmp_path / "session", clock, Options("imucal_ferraris"))
+    session = import_recording(
+        "generic", [file], tmp_path / "session", clock, Options("imucal_ferraris")
+    )
     samples, raw = session.imu("imu"), np.genfromtxt(file, delimiter=",", skip_header=1)
     np.testing.assert_allclose(samples.gyr, 2 * np.radians(raw[:, 1:4]), rtol=1e-12)
     np.testing.assert_array_equal(samples.acc, raw[:, 4:7])
@@ -84,18 +97,31 @@ def test_every_shipped_mapping_is_valid_and_says_where_it_is_from(name):
 
 def test_the_lines_of_a_serial_board_import_by_their_shipped_mapping(tmp_path, motion, clock):
     m = motion(600)
-    np.savetxt(tmp_path / "log.txt", np.column_stack([m.t, m.acc, m.gyr]), fmt="%.3f" + " %.2f" * 6, newline="\r\n")
-    session = import_recording("generic", [tmp_path / "log.txt"], tmp_path / "s", clock, Options("bno080_serial"))
+    np.savetxt(
+        tmp_path / "log.txt",
+        np.column_stack([m.t, m.acc, m.gyr]),
+        fmt="%.3f" + " %.2f" * 6,
+        newline="\r\n",
+    )
+    session = import_recording(
+        "generic", [tmp_path / "log.txt"], tmp_path / "s", clock, Options("bno080_serial")
+    )
     np.testing.assert_allclose(session.imu("imu").gyr, m.gyr, atol=0.0051)
     assert session.manifest["sensors"]["imu"]["rate_hz"] == pytest.approx(100)
 
 
 @pytest.mark.parametrize(
     ("acc", "acc_factor", "gyr", "gyr_factor"),
-    [("g", G, "deg/s", np.pi / 180), ("mg", G / 1000, "mdeg/s", np.pi / 180e3), ("m/s^2", 1.0, "rad/s", 1.0)],
+    [
+        ("g", G, "deg/s", np.pi / 180),
+        ("mg", G / 1000, "mdeg/s", np.pi / 180e3),
+        ("m/s^2", 1.0, "rad/s", 1.0),
+    ],
 )
 @pytest.mark.parametrize("stated", [True, False])
-def test_units_stated_or_told_by_gravity_and_turns(plain, motion, load, acc, acc_factor, gyr, gyr_factor, stated):
+def test_units_stated_or_told_by_gravity_and_turns(
+    plain, motion, load, acc, acc_factor, gyr, gyr_factor, stated
+):
     m = motion(600)
     text = PLAIN.replace("unit: m/s^2", f"unit: {acc}").replace("unit: rad/s", f"unit: {gyr}")
     if not stated:
@@ -107,7 +133,9 @@ def test_a_unit_that_cannot_be_told_is_asked_for_by_its_key(plain, motion, load,
     m = motion(600)
     text = PLAIN.replace(", unit: m/s^2}", "}")
     with pytest.raises(
-        InputError, match=r"\|acc\| at rest is 3.*the key sensors\.imu\.acc\.unit of the mapping, or --unit acc=UNIT"
+        InputError,
+        match=r"\|acc\| at rest is 3.*the key sensors\.imu\.acc\.unit of the mapping, or --unit "
+        r"acc=UNIT",
     ):
         load(text, plain(m, acc=9.80665 / 3))
     assert not (tmp_path / "session").exists()
@@ -132,7 +160,10 @@ def test_layouts_of_text(plain, motion, load, layout, key):
     check(load(f"{PLAIN}{key}\n", plain(m, form="%.10f", **layout)).imu("imu"), m)
 
 
-@pytest.mark.parametrize(("encoding", "key"), [("utf-8-sig", ""), ("utf-16", ""), ("latin-1", "text: {encoding: latin-1}\n")])
+@pytest.mark.parametrize(
+    ("encoding", "key"),
+    [("utf-8-sig", ""), ("utf-16", ""), ("latin-1", "text: {encoding: latin-1}\n")],
+)
 def test_encodings(plain, motion, load, encoding, key):
     m = motion(600)
     path = plain(m, more={"température": m.t})
@@ -143,7 +174,11 @@ def test_encodings(plain, motion, load, encoding, key):
 def test_columns_by_number_without_titles(tmp_path, motion, load):
     m = motion(600)
     np.savetxt(tmp_path / "d.csv", np.column_stack([m.t, m.gyr, m.acc]), delimiter=",")
-    text = PLAIN.replace("column: t", "column: 1").replace("[ax, ay, az]", "[5, 6, 7]").replace("[wx, wy, wz]", "[2, 3, 4]")
+    text = (
+        PLAIN.replace("column: t", "column: 1")
+        .replace("[ax, ay, az]", "[5, 6, 7]")
+        .replace("[wx, wy, wz]", "[2, 3, 4]")
+    )
     check(load(text + "text: {header: false}\n", tmp_path / "d.csv").imu("imu"), m)
 
 
@@ -151,10 +186,14 @@ def test_counts_with_offset_and_scale_can_be_recovered(plain, motion, load):
     m = motion(600)
     counts = np.round(m.acc / G * 2048 + 32768)
     path = plain(m, more={"cx": counts[:, 0], "cy": counts[:, 1], "cz": counts[:, 2]}, form="%.12g")
-    text = PLAIN.replace("[ax, ay, az], unit: m/s^2", f"[cx, cy, cz], unit: g, offset: 32768, scale: {1 / 2048}")
+    text = PLAIN.replace(
+        "[ax, ay, az], unit: m/s^2", f"[cx, cy, cz], unit: g, offset: 32768, scale: {1 / 2048}"
+    )
     session = load(text, path)
     kept = session.manifest["sensors"]["imu"]["raw_counts"]["acc"]
-    np.testing.assert_array_equal(np.round(session.imu("imu").acc / G / kept["scale"] + kept["offset"]), counts)
+    np.testing.assert_array_equal(
+        np.round(session.imu("imu").acc / G / kept["scale"] + kept["offset"]), counts
+    )
 
 
 def test_a_wrapping_clock_in_milliseconds(plain, motion, load):
@@ -168,9 +207,14 @@ def test_a_wrapping_clock_in_milliseconds(plain, motion, load):
 def test_a_rate_in_place_of_times_and_a_counter_that_lost_some(plain, motion, load):
     m = motion(600)
     counter = np.arange(600) + 7 * (np.arange(600) > 250)
-    text = PLAIN.replace("time: {column: t, unit: s}", "rate_hz: 100").replace("  imu:\n", "  imu:\n    counter: n\n")
+    text = PLAIN.replace("time: {column: t, unit: s}", "rate_hz: 100").replace(
+        "  imu:\n", "  imu:\n    counter: n\n"
+    )
     samples = load(text, plain(m, more={"n": counter})).imu("imu")
-    assert np.argmax(np.diff(samples.host_time_ns)) == 250 and samples.host_time_ns[-1] == 6_060_000_000
+    assert (
+        np.argmax(np.diff(samples.host_time_ns)) == 250
+        and samples.host_time_ns[-1] == 6_060_000_000
+    )
 
 
 @pytest.mark.parametrize("axes", ["left_leg_frontal", "{x: -z, y: -y, z: -x}"])
@@ -189,8 +233,12 @@ def test_axes_by_option_do_the_same_for_any_format(plain, motion, tmp_path, cloc
     m = motion(600)
     (tmp_path / "map.yaml").write_text(PLAIN)
     options = Options(str(tmp_path / "map.yaml"))
-    session = import_recording("generic", [plain(m)], tmp_path / "session", clock, options, axes="x: -z, y: -y, z: -x")
-    np.testing.assert_allclose(session.imu("imu").acc, m.acc @ np.array([[0, 0, -1], [0, -1, 0], [-1, 0, 0]]).T, atol=1e-6)
+    session = import_recording(
+        "generic", [plain(m)], tmp_path / "session", clock, options, axes="x: -z, y: -y, z: -x"
+    )
+    np.testing.assert_allclose(
+        session.imu("imu").acc, m.acc @ np.array([[0, 0, -1], [0, -1, 0], [-1, 0, 0]]).T, atol=1e-6
+    )
     assert "axes of every sensor: x: -z, y: -y, z: -x" in session.manifest["notes"]
 
 
@@ -200,7 +248,10 @@ def test_orders_and_directions_of_quaternions(plain, motion, load, xyz, order, d
     m = motion(600)
     q = m.q if direction == "earth_from_sensor" else m.q * [1, -1, -1, -1]
     names = [f"q{axis}" for axis in order]
-    text = PLAIN + f"    quaternion: {{columns: [{', '.join(names)}], order: {order}, direction: {direction}}}\n"
+    text = (
+        PLAIN + f"    quaternion: {{columns: [{', '.join(names)}], order: {order}, direction: "
+        f"{direction}}}\n"
+    )
     samples = load(text, plain(m, more=xyz("q{}", q, "wxyz"))).imu("imu")
     np.testing.assert_allclose(samples.device_q, m.q, atol=1e-8)
 
@@ -230,7 +281,9 @@ def test_a_session_reads_as_parquet_of_its_own(plain, motion, load, tmp_path):
     check(load(text, tmp_path / "again.parquet").imu("imu"), m)
 
 
-def test_one_mapping_for_several_files_and_several_sensors_in_one_file(plain, motion, load, tmp_path, xyz):
+def test_one_mapping_for_several_files_and_several_sensors_in_one_file(
+    plain, motion, load, tmp_path, xyz
+):
     m = motion(600)
     session = load(PLAIN, plain(m, "left_20260101_101010.csv"), plain(m, "right.csv"))
     assert session.sensor_names == ["left", "right"]
@@ -253,7 +306,12 @@ def test_sensors_name_their_files_by_pattern(plain, motion, load):
 def test_the_mapping_may_stand_among_the_files(plain, motion, tmp_path, clock):
     (tmp_path / "map.yaml").write_text(PLAIN)
     m = motion(600)
-    check(import_recording("generic", [tmp_path / "map.yaml", plain(m)], tmp_path / "s", clock).imu("imu"), m)
+    check(
+        import_recording("generic", [tmp_path / "map.yaml", plain(m)], tmp_path / "s", clock).imu(
+            "imu"
+        ),
+        m,
+    )
 
 
 # --- truth in the mapping
@@ -283,7 +341,9 @@ def test_truth_in_the_same_rows_with_gaps_and_flipped_signs(plain, motion, load,
 def test_truth_in_a_file_of_its_own_at_a_lower_rate(plain, motion, load, table, xyz):
     m = motion(3000)
     plain(m)
-    table("optical.csv", {"ms": 1000 * m.t[::7] + 40.0} | xyz("Q{}", m.q[::7, [1, 2, 3, 0]], "xyzw"))
+    table(
+        "optical.csv", {"ms": 1000 * m.t[::7] + 40.0} | xyz("Q{}", m.q[::7, [1, 2, 3, 0]], "xyzw")
+    )
     text = PLAIN + (
         "    truth:\n      file: optical.csv\n      columns: [Qx, Qy, Qz, Qw]\n      order: xyzw\n"
         "      time: {column: ms, unit: ms}\n"
@@ -300,7 +360,8 @@ def test_truth_on_the_clock_of_the_samples_keeps_its_place(plain, motion, load, 
     m = motion(600)
     table("optical.csv", {"t": m.t[50::7]} | xyz("q{}", m.q[50::7], "wxyz"))
     text = PLAIN + (
-        "    truth:\n      file: optical.csv\n      columns: [qw, qx, qy, qz]\n      order: wxyz\n      same_clock: true\n"
+        "    truth:\n      file: optical.csv\n      columns: [qw, qx, qy, qz]\n      order: wxyz\n "
+        "     same_clock: true\n"
         "      time: {column: t, unit: s}\n"
     )
     session = load(text, plain(m))
@@ -311,9 +372,12 @@ def test_truth_on_the_clock_of_the_samples_keeps_its_place(plain, motion, load, 
 def test_truth_of_a_body_that_carries_the_sensor(plain, motion, load, xyz):
     m = motion(600)
     body_from_sensor = Rotation.from_euler("ZYX", [0, 90, 0], degrees=True)
-    q_body = (Rotation.from_quat(m.q, scalar_first=True) * body_from_sensor.inv()).as_quat(scalar_first=True)
+    q_body = (Rotation.from_quat(m.q, scalar_first=True) * body_from_sensor.inv()).as_quat(
+        scalar_first=True
+    )
     text = PLAIN + (
-        "    truth:\n      columns: [qw, qx, qy, qz]\n      order: wxyz\n      mounting: {rotation_deg: {ZYX: [0, 90, 0]}}\n"
+        "    truth:\n      columns: [qw, qx, qy, qz]\n      order: wxyz\n      mounting: "
+        "{rotation_deg: {ZYX: [0, 90, 0]}}\n"
     )
     truth = load(text, plain(m, more=xyz("q{}", q_body, "wxyz"))).truth("imu")
     assert np.abs(np.sum(truth.q_world_from_sensor * m.q, axis=1)).min() > 1 - 1e-9
@@ -338,10 +402,17 @@ def test_truth_of_a_body_that_carries_the_sensor(plain, motion, load, xyz):
         ("    gyr:", "    axes: {x: x, y: x, z: z}\n    gyr:", 6, "exactly once"),
         ("    gyr:", "    axes: nowhere\n    gyr:", 6, "unknown axis map 'nowhere'"),
         ("  imu:", "  ../imu:", 4, "must be a name"),
-        ("    gyr:", "    truth: {file: no, columns: [a, b, c, d], order: wxyz}\n    gyr:", 6, "needs either time or rate_hz"),
+        (
+            "    gyr:",
+            "    truth: {file: no, columns: [a, b, c, d], order: wxyz}\n    gyr:",
+            6,
+            "needs either time or rate_hz",
+        ),
     ],
-)  # fmt: skip
-def test_faults_of_a_mapping_are_named_with_their_line(plain, motion, load, tmp_path, old, new, line, said):
+)
+def test_faults_of_a_mapping_are_named_with_their_line(
+    plain, motion, load, tmp_path, old, new, line, said
+):
     assert old in PLAIN
     with pytest.raises(FileProblems) as caught:
         load(PLAIN.replace(old, new, 1), plain(motion(600)))
@@ -358,14 +429,20 @@ def test_a_mapping_is_needed_and_found_by_name(plain, motion, tmp_path, clock):
     (tmp_path / "map.yaml").write_text(PLAIN.replace("  imu:\n", "  imu:\n    file: data*\n"))
     with pytest.raises(InputError, match="no sensor of the mapping reads it"):
         import_recording(
-            "generic", [path, plain(motion(100), "other.csv")], tmp_path / "s", clock, Options(str(tmp_path / "map.yaml"))
+            "generic",
+            [path, plain(motion(100), "other.csv")],
+            tmp_path / "s",
+            clock,
+            Options(str(tmp_path / "map.yaml")),
         )
 
 
 def test_every_key_of_a_mapping_is_described():
     def undescribed(schema: dict) -> list[str]:
         return [
-            name for name, part in schema.get("properties", {}).items() if "description" not in part and "$ref" not in str(part)
+            name
+            for name, part in schema.get("properties", {}).items()
+            if "description" not in part and "$ref" not in str(part)
         ]
 
     schema = MappingSpec.model_json_schema()

@@ -1,4 +1,6 @@
-"""Malformed files through the command line: one clear message, exit code 2, nothing written, whatever the format."""
+"""Malformed files through the command line: one clear message, exit code 2, nothing written,
+whatever the format.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,12 @@ def refused(monkeypatch, capsys, tmp_path, *words: str | Path) -> str:
     code, said = run(monkeypatch, capsys, "import", *words, "--out", tmp_path / "session")
     assert code == 2, said
     assert not (tmp_path / "session").exists()
-    assert said.startswith("error: ") and said.count("error: ") == 1 and "Traceback" not in said and len(said) < 700
+    assert (
+        said.startswith("error: ")
+        and said.count("error: ") == 1
+        and "Traceback" not in said
+        and len(said) < 700
+    )
     return said
 
 
@@ -53,31 +60,68 @@ TEXT = {
     "empty": (b"", "the file is empty"),
     "blank": (b"\n\n \n", "nothing but blank lines"),
     "header only": (GOOD.split("\n1,")[0].encode() + b"\n", "no samples after the header"),
-    "cut off": (GOOD.encode()[:9000], r":\d+: has \d fields where 9 are expected; the file may be cut off"),
+    "cut off": (
+        GOOD.encode()[:9000],
+        r":\d+: has \d fields where 9 are expected; the file may be cut off",
+    ),
     "cut header": (GOOD.encode()[:90], "not an Xsens DOT export|no column|no samples"),
-    "word": (replaced("9.8,0.1,-0.2,0.3,0\n11,", "up,0.1,-0.2,0.3,0\n11,"), r":16: 'up' in the column Acc_Z is not a number"),
-    "mixed encoding": (GOOD.encode()[:4000] + b"\xe9\xe8" + GOOD.encode()[4000:], r":\d+: the bytes 0xE9 .* are not utf-8"),
+    "word": (
+        replaced("9.8,0.1,-0.2,0.3,0\n11,", "up,0.1,-0.2,0.3,0\n11,"),
+        r":16: 'up' in the column Acc_Z is not a number",
+    ),
+    "mixed encoding": (
+        GOOD.encode()[:4000] + b"\xe9\xe8" + GOOD.encode()[4000:],
+        r":\d+: the bytes 0xE9 .* are not utf-8",
+    ),
     "latin header": (GOOD.encode("latin-1"), r":4: the bytes 0xA9 .* are not utf-8 text"),
     "half utf-16": (GOOD.encode() + GOOD.encode("utf-16"), r":\d+: "),
-    "zero bytes": (GOOD.encode()[:5000] + bytes(100) + GOOD.encode()[5000:], r":\d+: holds zero bytes"),
-    "decimal commas": (GOOD.replace("9.8", "9,8").encode(), r":7: has 10 fields where 9 are expected; if its decimals are"),
-    "decimal commas among semicolons, once": (
-        replaced("9.8", "9,8").replace(b",", b";").replace(b"9;8", b"9,8"), r":7: '9,8'|decimal"
+    "zero bytes": (
+        GOOD.encode()[:5000] + bytes(100) + GOOD.encode()[5000:],
+        r":\d+: holds zero bytes",
     ),
-    "unsorted": (replaced(f"200,{16_667 * 200},", f"200,{16_667 * 100},"), r":206: time goes back from 3.316\d+ s to 1.66"),
-    "too many fields": (replaced("\n300,", "\n7,300,"), r":306: has 10 fields where 9 are expected"),
+    "decimal commas": (
+        GOOD.replace("9.8", "9,8").encode(),
+        r":7: has 10 fields where 9 are expected; if its decimals are",
+    ),
+    "decimal commas among semicolons, once": (
+        replaced("9.8", "9,8").replace(b",", b";").replace(b"9;8", b"9,8"),
+        r":7: '9,8'|decimal",
+    ),
+    "unsorted": (
+        replaced(f"200,{16_667 * 200},", f"200,{16_667 * 100},"),
+        r":206: time goes back from 3.316\d+ s to 1.66",
+    ),
+    "too many fields": (
+        replaced("\n300,", "\n7,300,"),
+        r":306: has 10 fields where 9 are expected",
+    ),
     "missing time": (replaced(f"200,{16_667 * 200},", "200,,"), r":206: "),
     "no such columns": (GOOD.replace("Acc_", "Foo_").replace("Gyr_", "Bar_").encode(), "column"),
-    "twice the same column": (GOOD.replace("Gyr_Z", "Acc_Z").encode(), "stands twice|no column|more than one"),
-    "another format": (b"Time (s),W,X,Y,Z\n0,1,0,0,0\n0.1,1,0,0,0\n", "not an Xsens DOT export|no column"),
-    "prose": (b"Dear colleague,\nplease find the data attached.\n" * 30, "not an Xsens DOT export|no column"),
+    "twice the same column": (
+        GOOD.replace("Gyr_Z", "Acc_Z").encode(),
+        "stands twice|no column|more than one",
+    ),
+    "another format": (
+        b"Time (s),W,X,Y,Z\n0,1,0,0,0\n0.1,1,0,0,0\n",
+        "not an Xsens DOT export|no column",
+    ),
+    "prose": (
+        b"Dear colleague,\nplease find the data attached.\n" * 30,
+        "not an Xsens DOT export|no column",
+    ),
     "zip": (b"PK\x03\x04" + os.urandom(3000), "this is a zip archive"),
     "gzip": (gzip.compress(GOOD.encode()), "this is a gzip archive"),
-    "noise": (bytes(np.random.default_rng(1).integers(0, 256, 20_000, dtype=np.uint8)), "is not text|zero bytes|are not utf-8"),
+    "noise": (
+        bytes(np.random.default_rng(1).integers(0, 256, 20_000, dtype=np.uint8)),
+        "is not text|zero bytes|are not utf-8",
+    ),
     "one endless line": (b"1," * 3_000_000, "longer than 1 MB|too long"),
     "endless line below": (GOOD.encode() + b"9" * 3_000_000, "longer than 1 MB"),
-    "all zero": (b"PacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z\n" + b"0,0,0,0,0\n" * 20, "every sample is zero"),
-}  # fmt: skip
+    "all zero": (
+        b"PacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z\n" + b"0,0,0,0,0\n" * 20,
+        "every sample is zero",
+    ),
+}
 
 
 @pytest.mark.parametrize("case", TEXT)
@@ -94,22 +138,44 @@ def test_malformed_text_of_a_vendor(case, tmp_path, monkeypatch, capsys):
 def test_malformed_text_by_a_mapping(case, tmp_path, monkeypatch, capsys):
     (tmp_path / "bad.csv").write_bytes(TEXT[case][0])
     (tmp_path / "map.yaml").write_text(MAPPING)
-    message = refused(monkeypatch, capsys, tmp_path, "generic", tmp_path / "bad.csv", "--mapping", tmp_path / "map.yaml")
+    message = refused(
+        monkeypatch,
+        capsys,
+        tmp_path,
+        "generic",
+        tmp_path / "bad.csv",
+        "--mapping",
+        tmp_path / "map.yaml",
+    )
     assert "bad.csv" in message
 
 
 def test_the_sound_file_is_imported(tmp_path, monkeypatch, capsys):
     (tmp_path / "good.csv").write_text(GOOD, encoding="utf-8")
     monkeypatch.setattr(
-        sys, "argv", ["testbench", "import", "xsens_dot", str(tmp_path / "good.csv"), "--out", str(tmp_path / "s")]
+        sys,
+        "argv",
+        [
+            "testbench",
+            "import",
+            "xsens_dot",
+            str(tmp_path / "good.csv"),
+            "--out",
+            str(tmp_path / "s"),
+        ],
     )
     with pytest.raises(SystemExit) as ended:
         main()
     assert not ended.value.code and "good: 399 samples at 60 Hz" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", ["xsens_dot", "matrix", "technaid", "shimmer", "ngimu", "mtw", "mti_mat", "broad", "imu_tk"])
-@pytest.mark.parametrize("case", ["empty", "prose", "noise", "zip", "header only", "another format", "missing", "folder"])
+@pytest.mark.parametrize(
+    "name",
+    ["xsens_dot", "matrix", "technaid", "shimmer", "ngimu", "mtw", "mti_mat", "broad", "imu_tk"],
+)
+@pytest.mark.parametrize(
+    "case", ["empty", "prose", "noise", "zip", "header only", "another format", "missing", "folder"]
+)
 def test_every_format_refuses_what_is_not_its_own(name, case, tmp_path, monkeypatch, capsys):
     path = tmp_path / "bad.dat"
     if case == "folder":
@@ -149,7 +215,13 @@ def test_damaged_parquet(tmp_path, monkeypatch, capsys):
     for content in (b"", b"PAR1", b"PAR1" + os.urandom(500) + b"PAR1"):
         (tmp_path / "bad.parquet").write_bytes(content)
         message = refused(
-            monkeypatch, capsys, tmp_path, "generic", tmp_path / "bad.parquet", "--mapping", tmp_path / "map.yaml"
+            monkeypatch,
+            capsys,
+            tmp_path,
+            "generic",
+            tmp_path / "bad.parquet",
+            "--mapping",
+            tmp_path / "map.yaml",
         )
         assert "not a readable Parquet file" in message
 
@@ -176,7 +248,11 @@ def test_wrong_options_are_refused(words, said, tmp_path, monkeypatch, capsys):
 
 
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(position=st.integers(0, len(GOOD.encode()) - 1), junk=st.binary(min_size=1, max_size=6), remove=st.integers(0, 40))
+@given(
+    position=st.integers(0, len(GOOD.encode()) - 1),
+    junk=st.binary(min_size=1, max_size=6),
+    remove=st.integers(0, 40),
+)
 def test_random_damage_is_either_harmless_or_refused(position, junk, remove, tmp_path_factory):
     from testbench.exceptions import InputError
     from testbench.formats import import_recording

@@ -51,11 +51,21 @@ def test_the_stamp_of_the_vendors_app_is_left_out() -> None:
 @pytest.mark.parametrize(
     ("quantity", "text", "factor"),
     [
-        ("acc", "g", 9.80665), ("acc", "mg", 9.80665e-3), ("acc", "m/(s^2)", 1), ("acc", "m/s²", 1),
-        ("gyr", "dps", np.pi / 180), ("gyr", "°/s", np.pi / 180), ("gyr", "rad/s", 1),
-        ("mag", "G", 100), ("mag", "gauss", 100), ("mag", "mG", 0.1), ("mag", "uT", 1), ("mag", "µT", 1), ("mag", "nT", 1e-3),
+        ("acc", "g", 9.80665),
+        ("acc", "mg", 9.80665e-3),
+        ("acc", "m/(s^2)", 1),
+        ("acc", "m/s²", 1),
+        ("gyr", "dps", np.pi / 180),
+        ("gyr", "°/s", np.pi / 180),
+        ("gyr", "rad/s", 1),
+        ("mag", "G", 100),
+        ("mag", "gauss", 100),
+        ("mag", "mG", 0.1),
+        ("mag", "uT", 1),
+        ("mag", "µT", 1),
+        ("mag", "nT", 1e-3),
     ],
-)  # fmt: skip
+)
 def test_units_by_their_usual_spellings(quantity: str, text: str, factor: float) -> None:
     assert find_unit(quantity, text).factor == pytest.approx(factor)
 
@@ -74,14 +84,21 @@ def test_an_answer_that_nobody_asked_for_is_refused() -> None:
 
 def test_titles_in_many_styles_are_recognised() -> None:
     for titles in (
-        ["AccX", "AccY", "AccZ"], [" Acc_X ", "Acc_Y", "Acc_Z"], ["acc_x [g]", "acc_y [g]", "acc_z [g]"],
-        ["Accelerometer X (g)", "Accelerometer Y (g)", "Accelerometer Z (g)"], ["accel.x", "accel.y", "accel.z"],
-    ):  # fmt: skip
+        ["AccX", "AccY", "AccZ"],
+        [" Acc_X ", "Acc_Y", "Acc_Z"],
+        ["acc_x [g]", "acc_y [g]", "acc_z [g]"],
+        ["Accelerometer X (g)", "Accelerometer Y (g)", "Accelerometer Z (g)"],
+        ["accel.x", "accel.y", "accel.z"],
+    ):
         (found,) = find_sensors(titles).values()
         assert found.columns["acc"] == titles
-    sensors = find_sensors([f"IMU{n} {kind}{axis}" for n in (1, 2) for kind in ("Acc", "Gyr") for axis in "XYZ"])
+    sensors = find_sensors(
+        [f"IMU{n} {kind}{axis}" for n in (1, 2) for kind in ("Acc", "Gyr") for axis in "XYZ"]
+    )
     assert list(sensors) == ["IMU1", "IMU2"]
-    assert find_sensors(["q0", "q1", "q2", "q3"])[""].columns == {"quaternion": ["q0", "q1", "q2", "q3"]}
+    assert find_sensors(["q0", "q1", "q2", "q3"])[""].columns == {
+        "quaternion": ["q0", "q1", "q2", "q3"]
+    }
     assert find_sensors(["AccX", "AccY", "temperature"]) == {}
 
 

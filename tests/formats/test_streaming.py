@@ -46,15 +46,26 @@ def write(path: Path, rows: int) -> None:
         for start in range(0, rows, 500_000):
             count = min(500_000, rows - start)
             noise = np.round(rng.normal(0, 0.01, (count, 6)) + [0, 0, 9.81, 0, 0, 0], 5)
-            columns = {"t": np.arange(start, start + count)} | {str(i): noise[:, i] for i in range(6)}
+            columns = {"t": np.arange(start, start + count)} | {
+                str(i): noise[:, i] for i in range(6)
+            }
             csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=False))
 
 
 def measure(folder: Path, rows: int) -> tuple[int, float, float]:
-    """Samples, times faster than they were taken, and peak memory [MB], of an import in a process of its own."""
+    """Samples, times faster than they were taken, and peak memory [MB], of an import in a process
+    of its own.
+    """
     write(folder / f"{rows}.csv", rows)
     (folder / "map.yaml").write_text(MAPPING)
-    words = [sys.executable, "-c", PROGRAM, folder / f"{rows}.csv", folder / f"session{rows}", folder / "map.yaml"]
+    words = [
+        sys.executable,
+        "-c",
+        PROGRAM,
+        folder / f"{rows}.csv",
+        folder / f"session{rows}",
+        folder / "map.yaml",
+    ]
     result = subprocess.run(words, capture_output=True, text=True, check=False, timeout=300)
     assert result.returncode == 0, result.stderr
     count, speed, peak = result.stdout.split()
@@ -94,11 +105,22 @@ class Cut(Exception):
     """Stands for whatever may end an import in its middle."""
 
 
-@pytest.mark.parametrize("fault", [KeyboardInterrupt(), MemoryError(), OSError(28, "No space left on device"), Cut()])
+@pytest.mark.parametrize(
+    "fault", [KeyboardInterrupt(), MemoryError(), OSError(28, "No space left on device"), Cut()]
+)
 def test_an_import_that_is_cut_off_leaves_nothing(fault, tmp_path, clock):
     def chunk(start: int) -> ImuSamples:
         time = np.arange(start, start + 100) * 10_000_000
-        return ImuSamples(time, time, np.zeros((100, 3)), np.ones((100, 3)), None, None, time, np.zeros(100, dtype=bool))
+        return ImuSamples(
+            time,
+            time,
+            np.zeros((100, 3)),
+            np.ones((100, 3)),
+            None,
+            None,
+            time,
+            np.zeros(100, dtype=bool),
+        )
 
     class Chunks:
         def __iter__(self):
@@ -106,7 +128,9 @@ def test_an_import_that_is_cut_off_leaves_nothing(fault, tmp_path, clock):
             yield chunk(100)
             raise fault
 
-    recording = Recording("cut", "cut off", {"imu": ImportedSensor(Chunks(), 100.0, "")}, Analysis())
+    recording = Recording(
+        "cut", "cut off", {"imu": ImportedSensor(Chunks(), 100.0, "")}, Analysis()
+    )
     expected = SessionError if isinstance(fault, OSError) else type(fault)
     with pytest.raises(expected):
         write_recording(recording, [tmp_path / "a.csv"], "made up", tmp_path / "session", clock)

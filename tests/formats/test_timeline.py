@@ -1,4 +1,6 @@
-"""Time: counters that wrap, whatever the pieces they come in; stamps of whole seconds; times of day."""
+"""Time: counters that wrap, whatever the pieces they come in; stamps of whole seconds; times of
+day.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ def test_a_wrapped_counter_is_unwrapped_in_any_pieces(bits: int, data: st.DataOb
 
 
 @given(st.sampled_from([8, 16, 32]), st.data())
-def test_a_sample_counter_is_unwrapped_without_knowing_its_width(bits: int, data: st.DataObject) -> None:
+def test_a_sample_counter_is_unwrapped_without_knowing_its_width(
+    bits: int, data: st.DataObject
+) -> None:
     start = data.draw(st.integers((1 << bits) - 30, (1 << bits) - 1))
     steps = data.draw(st.lists(st.integers(1, 40), min_size=2, max_size=60))
     true = start + np.concatenate([[0], np.cumsum(steps)])
@@ -57,7 +61,9 @@ def test_a_step_back_without_a_wrap_stays_a_step_back() -> None:
 def test_microseconds_of_32_bits_go_on_after_71_minutes() -> None:
     true = np.arange(2**32 - 50_000, 2**32 + 50_000, 16_667)
     time = StampedTime("t", "us", bits=32)
-    result = np.concatenate([time({"t": part % 2**32}, len(part)) for part in np.array_split(true, 3)])
+    result = np.concatenate(
+        [time({"t": part % 2**32}, len(part)) for part in np.array_split(true, 3)]
+    )
     np.testing.assert_array_equal(np.diff(result), 16_667_000)
     assert result.dtype == np.int64
 
@@ -74,7 +80,10 @@ def test_nanoseconds_since_1970_keep_every_digit() -> None:
 
 def test_a_time_of_day_passes_midnight() -> None:
     time = StampedTime("t", "clock")
-    first, second = time({"t": np.array([86_398.5, 86_399.5])}, 2), time({"t": np.array([0.5, 1.5])}, 2)
+    first, second = (
+        time({"t": np.array([86_398.5, 86_399.5])}, 2),
+        time({"t": np.array([0.5, 1.5])}, 2),
+    )
     assert list(np.diff(np.concatenate([first, second]))) == [1_000_000_000] * 3
 
 
@@ -87,7 +96,9 @@ def test_a_missing_time_is_refused_with_its_row() -> None:
 def test_a_rate_alone_counts_on_across_pieces_and_over_lost_samples() -> None:
     plain, counted = RegularTime(200.0), RegularTime(200.0, "n")
     assert list(np.concatenate([plain({}, 2), plain({}, 1)])) == [0, 5_000_000, 10_000_000]
-    times = np.concatenate([counted({"n": np.array([65_534, 65_535])}, 2), counted({"n": np.array([2])}, 1)])
+    times = np.concatenate(
+        [counted({"n": np.array([65_534, 65_535])}, 2), counted({"n": np.array([2])}, 1)]
+    )
     assert list(times) == [0, 5_000_000, 20_000_000]
 
 
@@ -123,7 +134,9 @@ def test_a_rate_that_the_stamps_deny_is_refused() -> None:
 
 
 def test_the_rate_is_measured_from_whole_seconds_and_kept_where_they_cannot_deny_it() -> None:
-    assert rate_of_stamps(stamps_of(np.arange(60_000) / 98.0), 100.0)[0] == pytest.approx(98.0, rel=1e-3)
+    assert rate_of_stamps(stamps_of(np.arange(60_000) / 98.0), 100.0)[0] == pytest.approx(
+        98.0, rel=1e-3
+    )
     assert rate_of_stamps(stamps_of(np.arange(1000) / 99.9), 100.0)[0] == 100.0
 
 
@@ -131,7 +144,12 @@ def test_hours_at_an_odd_rate_are_spread_without_a_jump() -> None:
     true = 0.6 + np.arange(900_000) / 99.87
     rate, _ = rate_of_stamps(stamps_of(true), 100.0)
     time = SpreadTime("t", rate)
-    result = np.concatenate([time({"t": stamps_of(part)}, len(part)) for part in np.array_split(true, 9)]) / 1e9
+    result = (
+        np.concatenate(
+            [time({"t": stamps_of(part)}, len(part)) for part in np.array_split(true, 9)]
+        )
+        / 1e9
+    )
     assert time.gaps == 0 and np.abs(result - true - np.median(result - true)).max() < 0.1
 
 

@@ -14,7 +14,10 @@ from testbench.formats.options import Options
 from testbench.pipeline import analyse
 from testbench.records.session import Session
 
-ABOVE = "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nSyncStatus:,{sync}\nOutputRate:,{rate}Hz\nStartTime: ,now\n\n"
+ABOVE = (
+    "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nSyncStatus:,{sync}\nOutputRate:,{rate}Hz\nStartTime: "
+    ",now\n\n"
+)
 UP = np.array([0.0, 0.0, 9.80665])
 
 
@@ -27,23 +30,35 @@ def dot(table, xyz, tmp_path, clock):
     """Writes and imports one file with the wanted groups of columns."""
 
     def make(
-        groups: dict[str, np.ndarray], above: str = ABOVE.format(sync="Un-synced", rate=60), rate: float = 60.0, **more
+        groups: dict[str, np.ndarray],
+        above: str = ABOVE.format(sync="Un-synced", rate=60),
+        rate: float = 60.0,
+        **more,
     ) -> Session:
         n = len(next(iter(groups.values())))
-        columns = {"PacketCounter": np.arange(1, n + 1), "SampleTimeFine": ticks(n, rate)} | more.pop("first", {})
+        columns = {
+            "PacketCounter": np.arange(1, n + 1),
+            "SampleTimeFine": ticks(n, rate),
+        } | more.pop("first", {})
         patterns = {"Quat": ("Quat_{}", "WXYZ"), "dq": ("dq_{}", "WXYZ"), "dv": ("dv[{}]", "123")}
         for name, array in groups.items():
             pattern, axes = patterns.get(name, (name + "_{}", "XYZ"))
             columns |= xyz(pattern, array, axes)
-        path = table("left_20260101_101010_123.csv", columns | more.pop("last", {}), above, form="%.12g")
-        return import_recording("xsens_dot", [path], tmp_path / "session", clock, more.pop("options", None))
+        path = table(
+            "left_20260101_101010_123.csv", columns | more.pop("last", {}), above, form="%.12g"
+        )
+        return import_recording(
+            "xsens_dot", [path], tmp_path / "session", clock, more.pop("options", None)
+        )
 
     return make
 
 
 @pytest.fixture
 def real(data, tmp_path, clock) -> Session:
-    return import_recording("xsens_dot", sorted((data / "xsens_dot").glob("*.csv")), tmp_path / "real", clock)
+    return import_recording(
+        "xsens_dot", sorted((data / "xsens_dot").glob("*.csv")), tmp_path / "real", clock
+    )
 
 
 @pytest.mark.data
@@ -62,7 +77,11 @@ def test_the_real_files_have_the_right_rate_duration_and_names(real):
 @pytest.mark.data
 def test_synchronised_real_files_share_the_sensors_clock(real):
     starts = {name: real.imu(name).host_time_ns[0] for name in real.sensor_names}
-    assert starts == {"RTibia": 0, "Pelvis": 16_667_000, "RFemur": 33_334_000}  # by SampleTimeFine of their first rows
+    assert starts == {
+        "RTibia": 0,
+        "Pelvis": 16_667_000,
+        "RFemur": 33_334_000,
+    }  # by SampleTimeFine of their first rows
     assert any("Synced" in note for note in real.manifest["notes"])
 
 
@@ -71,7 +90,9 @@ def test_specific_force_of_the_real_files_gives_back_their_free_acceleration(rea
     raw = np.genfromtxt(next((data / "xsens_dot").glob("Pelvis*")), delimiter=",", skip_header=12)
     samples = real.imu("Pelvis")
     np.testing.assert_array_equal(samples.device_q, raw[:, 2:6])
-    orientation = Rotation.from_quat(samples.device_q, scalar_first=True)  # which brings them to unit length
+    orientation = Rotation.from_quat(
+        samples.device_q, scalar_first=True
+    )  # which brings them to unit length
     np.testing.assert_allclose(orientation.apply(samples.acc) - UP, raw[:, 6:9], atol=2e-5)
     assert np.linalg.norm(samples.acc, axis=1).mean() == pytest.approx(9.81, abs=0.15)
 
@@ -105,7 +126,9 @@ def test_quaternion_and_free_acceleration_give_the_specific_force_exactly(dot, m
 def test_euler_angles_are_roll_pitch_yaw_about_the_earth(dot, motion):
     m = motion(300, 60.0)
     yaw_pitch_roll = Rotation.from_quat(m.q, scalar_first=True).as_euler("ZYX", degrees=True)
-    samples = dot({"Euler": yaw_pitch_roll[:, ::-1], "FreeAcc": np.zeros((300, 3)), "Gyr": np.degrees(m.gyr)}).imu("left")
+    samples = dot(
+        {"Euler": yaw_pitch_roll[:, ::-1], "FreeAcc": np.zeros((300, 3)), "Gyr": np.degrees(m.gyr)}
+    ).imu("left")
     assert np.abs(np.sum(samples.device_q * m.q, axis=1)).min() > 1 - 1e-9
     np.testing.assert_allclose(samples.acc, m.acc, atol=1e-7)
 
@@ -121,14 +144,20 @@ def test_increments_over_an_interval_become_rates(dot, motion):
 @pytest.mark.parametrize("rate", [1.0, 20.0, 120.0])
 def test_other_output_rates(dot, motion, rate):
     m = motion(200, rate)
-    session = dot({"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, above=ABOVE.format(sync="Synced", rate=f"{rate:g}"), rate=rate)
+    session = dot(
+        {"Acc": m.acc, "Gyr": np.degrees(m.gyr)},
+        above=ABOVE.format(sync="Synced", rate=f"{rate:g}"),
+        rate=rate,
+    )
     assert session.manifest["sensors"]["left"]["rate_hz"] == rate
     assert session.manifest["duration_s"] == pytest.approx(199 / rate, rel=1e-5)
 
 
 def test_a_header_that_lies_about_the_rate_is_not_believed(dot, motion):
     m = motion(300, 60.0)
-    session = dot({"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, above=ABOVE.format(sync="Synced", rate=120))
+    session = dot(
+        {"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, above=ABOVE.format(sync="Synced", rate=120)
+    )
     assert session.manifest["sensors"]["left"]["rate_hz"] == pytest.approx(60, rel=1e-3)
     assert any("says 120 Hz, the time stamps 60" in note for note in session.manifest["notes"])
 
@@ -143,7 +172,9 @@ def test_the_preamble_may_be_short_or_missing(dot, motion, above):
 def test_the_clock_goes_on_when_its_32_bits_are_full(dot, motion):
     m = motion(300, 60.0)
     stamps = ticks(300, 60.0, 2**32 - 2_000_000)
-    samples = dot({"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, first={"SampleTimeFine": stamps}).imu("left")
+    samples = dot({"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, first={"SampleTimeFine": stamps}).imu(
+        "left"
+    )
     assert stamps[-1] < stamps[0]
     np.testing.assert_allclose(np.diff(samples.device_time_ns), 16_666_667, atol=1000)
 
@@ -151,7 +182,9 @@ def test_the_clock_goes_on_when_its_32_bits_are_full(dot, motion):
 def test_lost_packets_show_in_the_counter_over_its_wrap(dot, motion):
     m = motion(300, 60.0)
     counter = (65_500 + np.arange(300) + (np.arange(300) > 99) * 5) % 65_536
-    samples = dot({"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, first={"PacketCounter": counter}).imu("left")
+    samples = dot({"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, first={"PacketCounter": counter}).imu(
+        "left"
+    )
     assert sorted(set(np.diff(samples.counter))) == [1, 6]
 
 
@@ -171,7 +204,11 @@ def test_a_stale_first_row_is_dropped_and_said(dot, motion, fault):
         acc[0] = [9.8, 0.1, 0.1]
     session = dot({"Acc": acc, "Gyr": gyr}, first={"SampleTimeFine": stamps})
     samples = session.imu("left")
-    assert len(samples) == 300 - dropped and samples.counter[0] == dropped + 1 and samples.host_time_ns[0] == 0
+    assert (
+        len(samples) == 300 - dropped
+        and samples.counter[0] == dropped + 1
+        and samples.host_time_ns[0] == 0
+    )
     np.testing.assert_allclose(samples.acc[0], m.acc[dropped], atol=1e-9)
     assert any(f"dropped {dropped} row" in note for note in session.manifest["notes"])
 
@@ -194,22 +231,42 @@ def test_files_that_are_not_synchronised_each_begin_at_zero(table, xyz, motion, 
     m = motion(300, 60.0)
     files = []
     for i, name in enumerate(("arm", "hand")):
-        columns = {"PacketCounter": np.arange(300), "SampleTimeFine": ticks(300, start=10_000_000 * (i + 1))}
-        files.append(table(f"{name}.csv", columns | xyz("Acc_{}", m.acc), ABOVE.format(sync="Un-synced", rate=60)))
+        columns = {
+            "PacketCounter": np.arange(300),
+            "SampleTimeFine": ticks(300, start=10_000_000 * (i + 1)),
+        }
+        files.append(
+            table(
+                f"{name}.csv",
+                columns | xyz("Acc_{}", m.acc),
+                ABOVE.format(sync="Un-synced", rate=60),
+            )
+        )
     session = import_recording("xsens_dot", files, tmp_path / "session", clock)
     assert [session.imu(name).host_time_ns[0] for name in ("arm", "hand")] == [0, 0]
     assert any("do not say Synced" in note for note in session.manifest["notes"])
 
 
-def test_files_of_the_same_name_are_told_apart_by_their_tags_and_tags_lead_nowhere(table, xyz, motion, tmp_path, clock):
+def test_files_of_the_same_name_are_told_apart_by_their_tags_and_tags_lead_nowhere(
+    table, xyz, motion, tmp_path, clock
+):
     m = motion(300, 60.0)
     files = []
     for tag in ("../../evil", "left foot"):
-        columns = {"PacketCounter": np.arange(300), "SampleTimeFine": ticks(300)} | xyz("Acc_{}", m.acc)
-        files.append(table(f"{len(files)}/dot.csv", columns, f"sep=,\nDeviceTag:,{tag}\nOutputRate:,60Hz\n\n"))
+        columns = {"PacketCounter": np.arange(300), "SampleTimeFine": ticks(300)} | xyz(
+            "Acc_{}", m.acc
+        )
+        files.append(
+            table(
+                f"{len(files)}/dot.csv", columns, f"sep=,\nDeviceTag:,{tag}\nOutputRate:,60Hz\n\n"
+            )
+        )
     session = import_recording("xsens_dot", files, tmp_path / "session", clock)
     assert session.sensor_names == ["evil", "left_foot"]
-    assert {path.name for path in (tmp_path / "session").glob("*.parquet")} == {"imu_evil.parquet", "imu_left_foot.parquet"}
+    assert {path.name for path in (tmp_path / "session").glob("*.parquet")} == {
+        "imu_evil.parquet",
+        "imu_left_foot.parquet",
+    }
 
 
 def test_decimal_commas_between_semicolons_are_read(table, xyz, motion, tmp_path, clock):
@@ -220,17 +277,26 @@ def test_decimal_commas_between_semicolons_are_read(table, xyz, motion, tmp_path
         | xyz("Gyr_{}", np.degrees(m.gyr))
     )
     path = table("d.csv", columns, "sep=;\n", separator=";", decimal=",", form="%.10g")
-    np.testing.assert_allclose(import_recording("xsens_dot", [path], tmp_path / "s", clock).imu("d").acc, m.acc, atol=1e-8)
+    np.testing.assert_allclose(
+        import_recording("xsens_dot", [path], tmp_path / "s", clock).imu("d").acc, m.acc, atol=1e-8
+    )
 
 
 def test_another_unit_than_the_formats_is_asked_for_and_answered(dot, motion, tmp_path):
     m = motion(600, 60.0)
-    with pytest.raises(InputError, match=r"accelerometer turns 5\d\.\d times as far.*--unit gyr=UNIT"):
+    with pytest.raises(
+        InputError, match=r"accelerometer turns 5\d\.\d times as far.*--unit gyr=UNIT"
+    ):
         dot({"Acc": m.acc, "Gyr": m.gyr})
-    with pytest.raises(InputError, match=r"\|acc\| at rest is 1 m/s\^2.*looks like g taken for m/s\^2.*--unit acc=UNIT"):
+    with pytest.raises(
+        InputError,
+        match=r"\|acc\| at rest is 1 m/s\^2.*looks like g taken for m/s\^2.*--unit acc=UNIT",
+    ):
         dot({"Acc": m.acc / 9.80665, "Gyr": np.degrees(m.gyr)})
     assert not (tmp_path / "session").exists()
-    session = dot({"Acc": m.acc / 9.80665, "Gyr": m.gyr}, options=Options(units={"acc": "g", "gyr": "rad/s"}))
+    session = dot(
+        {"Acc": m.acc / 9.80665, "Gyr": m.gyr}, options=Options(units={"acc": "g", "gyr": "rad/s"})
+    )
     np.testing.assert_allclose(session.imu("left").gyr, m.gyr, atol=1e-9)
 
 
@@ -243,7 +309,9 @@ def test_nothing_is_written_when_a_late_row_is_at_fault(dot, motion, tmp_path):
     m = motion(300, 60.0)
     stamps = ticks(300)
     stamps[250] -= 500_000
-    with pytest.raises(FileProblems, match=r"left_\d+_\d+_\d+\.csv:259: time goes back from 5\.\d+ s to 4"):
+    with pytest.raises(
+        FileProblems, match=r"left_\d+_\d+_\d+\.csv:259: time goes back from 5\.\d+ s to 4"
+    ):
         dot({"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, first={"SampleTimeFine": stamps})
     assert not (tmp_path / "session").exists()
 

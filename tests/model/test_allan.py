@@ -18,7 +18,8 @@ def white(density: float, n: int, seed: int) -> np.ndarray:
 
 
 def test_the_nist_test_suite_of_ten_points_gives_the_published_deviation():
-    # NIST SP 1065, section 12.4: nine frequency values, overlapping Allan deviation at 1 and 2 intervals
+    # NIST SP 1065, section 12.4: nine frequency values, overlapping Allan deviation at 1 and 2
+    # intervals
     data = np.array([892.0, 809, 823, 798, 671, 644, 883, 903, 677])
     curve = allan_deviation(data, 1.0, np.array([1, 2]))
     assert curve.deviation == pytest.approx([91.22945, 85.95287], abs=1e-5)
@@ -72,7 +73,9 @@ def test_two_samples_are_refused():
 
 def test_the_curve_is_that_of_allantools():
     """The golden file says which version computed it, and with which call."""
-    factor, tau, deviation, differences = np.loadtxt(GOLDEN / "allan_oadev.csv", delimiter=",", unpack=True)
+    factor, tau, deviation, differences = np.loadtxt(
+        GOLDEN / "allan_oadev.csv", delimiter=",", unpack=True
+    )
     signal = np.loadtxt(GOLDEN / "allan_signal.csv")
     curve = allan_deviation(signal, RATE, factor.astype(int))
     np.testing.assert_allclose(curve.tau, tau, rtol=1e-15)

@@ -1,4 +1,6 @@
-"""Every definition of a joint's angles: there and back, against other ways to the same numbers, and across range ends."""
+"""Every definition of a joint's angles: there and back, against other ways to the same numbers, and
+across range ends.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,15 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from testbench.model import rotation
-from testbench.model.decomposition import AxisAngle, Euler, Hinge, RotationVector, SwingTwist, across, follow
+from testbench.model.decomposition import (
+    AxisAngle,
+    Euler,
+    Hinge,
+    RotationVector,
+    SwingTwist,
+    across,
+    follow,
+)
 from testbench.model.joint_angle import decomposition_of
 from testbench.records.joint_definition import FlexionAngle
 
@@ -19,12 +29,16 @@ TILTED = (0.6, 0.0, 0.8)
 DEFINITIONS = {
     **{sequence: Euler(sequence) for sequence in SEQUENCES},
     **{
-        f"isb {joint} {side}": decomposition_of(FlexionAngle(definition={"isb": joint, "side": side}))
+        f"isb {joint} {side}": decomposition_of(
+            FlexionAngle(definition={"isb": joint, "side": side})
+        )
         for joint in ("elbow", "wrist", "hip", "knee", "ankle")
         for side in ("right", "left")
     },
     "grood_suntay right": decomposition_of(FlexionAngle(definition={"grood_suntay": "knee"})),
-    "grood_suntay left": decomposition_of(FlexionAngle(definition={"grood_suntay": "knee", "side": "left"})),
+    "grood_suntay left": decomposition_of(
+        FlexionAngle(definition={"grood_suntay": "knee", "side": "left"})
+    ),
     "hinge": Hinge((0.0, 0.0, 1.0)),
     "tilted hinge": Hinge(TILTED),
     "swing_twist": SwingTwist((0.0, 1.0, 0.0)),
@@ -68,7 +82,9 @@ def test_angles_away_from_the_singularity_come_back_themselves(definition):
 def test_the_sign_of_a_quaternion_does_not_matter(definition):
     q = random(1000, 3)
     one, other = definition.angles(q), definition.angles(-q)
-    np.testing.assert_allclose(np.where(definition.periodic, rotation.wrap(one - other), one - other), 0, atol=1e-9)
+    np.testing.assert_allclose(
+        np.where(definition.periodic, rotation.wrap(one - other), one - other), 0, atol=1e-9
+    )
 
 
 @EVERY
@@ -88,7 +104,9 @@ def test_in_gimbal_lock_the_rotation_still_comes_back_though_its_outer_angles_do
         assert between(definition.rotation(angles), q)[0] < 1e-7
 
 
-@pytest.mark.parametrize("definition", [Hinge(TILTED), SwingTwist(TILTED)], ids=["hinge", "swing_twist"])
+@pytest.mark.parametrize(
+    "definition", [Hinge(TILTED), SwingTwist(TILTED)], ids=["hinge", "swing_twist"]
+)
 def test_a_turned_over_axis_is_where_twist_and_hinge_end(definition):
     turned_over = rotation.from_rotation_vector(np.pi * across(TILTED)[:1])
     assert definition.margins(definition.angles(turned_over))[0, 0] < 1e-6
@@ -113,9 +131,13 @@ def test_the_twist_is_the_nearest_rotation_about_the_axis(seed):
     def distance(angle: float) -> float:
         return float((relative * Rotation.from_rotvec(angle * np.array(TILTED)).inv()).magnitude())
 
-    found = minimize_scalar(distance, bounds=(twist - 1.0, twist + 1.0), method="bounded", options={"xatol": 1e-10})
+    found = minimize_scalar(
+        distance, bounds=(twist - 1.0, twist + 1.0), method="bounded", options={"xatol": 1e-10}
+    )
     assert distance(twist) <= found.fun + 1e-9
-    assert all(distance(twist) <= distance(angle) + 1e-9 for angle in np.linspace(-np.pi, np.pi, 37))
+    assert all(
+        distance(twist) <= distance(angle) + 1e-9 for angle in np.linspace(-np.pi, np.pi, 37)
+    )
 
 
 def test_the_tilt_of_a_hinge_is_the_angle_between_the_two_axes():
@@ -144,7 +166,8 @@ def test_axis_and_angle_are_those_of_the_rotation_vector():
 
 
 def joint_coordinate_system(matrix: np.ndarray, side: str) -> tuple[float, float, float]:
-    """Flexion, adduction and external rotation by the unit vectors of Grood & Suntay (1983), without Euler angles.
+    """Flexion, adduction and external rotation by the unit vectors of Grood & Suntay (1983),
+    without Euler angles.
 
     e1 is the femur's x (to the right), e3 the tibia's z (up), e2 = e3 x e1 between them.
     """
@@ -153,7 +176,8 @@ def joint_coordinate_system(matrix: np.ndarray, side: str) -> tuple[float, float
     floating = np.cross(tibia_z, femur_x) / np.linalg.norm(np.cross(tibia_z, femur_x))
     outwards = 1.0 if side == "right" else -1.0
     flexion = np.arctan2(-floating @ femur_z, floating @ femur_y)
-    # The foot of an adducted shank points inwards: its upward axis leans outwards, to the right of a right knee.
+    # The foot of an adducted shank points inwards: its upward axis leans outwards, to the right of
+    # a right knee.
     adduction = np.arcsin(outwards * (tibia_z @ femur_x))
     # Toes, along the tibia's y, are turned outwards from the floating axis.
     external = outwards * np.arctan2(floating @ -tibia_x, floating @ tibia_y)
@@ -164,7 +188,10 @@ def joint_coordinate_system(matrix: np.ndarray, side: str) -> tuple[float, float
 def test_grood_and_suntays_knee_is_that_of_its_unit_vectors(side):
     q = random(500, 7)
     found = DEFINITIONS[f"grood_suntay {side}"].angles(q)
-    expected = [joint_coordinate_system(matrix, side) for matrix in Rotation.from_quat(q, scalar_first=True).as_matrix()]
+    expected = [
+        joint_coordinate_system(matrix, side)
+        for matrix in Rotation.from_quat(q, scalar_first=True).as_matrix()
+    ]
     np.testing.assert_allclose(rotation.wrap(found - np.array(expected)), 0, atol=1e-9)
 
 
@@ -172,8 +199,12 @@ def test_grood_and_suntays_knee_is_that_of_its_unit_vectors(side):
 def test_the_knee_of_the_isb_is_grood_and_suntays_with_other_names_of_the_axes(side):
     q = random(200, 8)
     own = Rotation.from_quat(q, scalar_first=True).as_matrix()
-    grood_from_isb = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])  # x right, y forward, z up of x forward, y up, z right
-    grood = DEFINITIONS[f"grood_suntay {side}"].angles(rotation.from_matrix(grood_from_isb @ own @ grood_from_isb.T))
+    grood_from_isb = np.array(
+        [[0, 0, 1], [1, 0, 0], [0, 1, 0.0]]
+    )  # x right, y forward, z up of x forward, y up, z right
+    grood = DEFINITIONS[f"grood_suntay {side}"].angles(
+        rotation.from_matrix(grood_from_isb @ own @ grood_from_isb.T)
+    )
     isb = DEFINITIONS[f"isb knee {side}"].angles(q)
     np.testing.assert_allclose(rotation.wrap(grood - isb * [1, 1, -1]), 0, atol=1e-9)
 
@@ -183,9 +214,15 @@ FORWARD, UP, RIGHT = np.eye(3)
 LIMB = -UP  # what hangs below the joint
 MOVES = {
     ("elbow", 0): (LIMB, FORWARD),
-    ("elbow", 2): (FORWARD, -RIGHT),  # pronation turns a right palm that faces forward towards the body
+    ("elbow", 2): (
+        FORWARD,
+        -RIGHT,
+    ),  # pronation turns a right palm that faces forward towards the body
     ("wrist", 0): (LIMB, FORWARD),  # towards the palm
-    ("wrist", 1): (LIMB, -RIGHT),  # ulnar: the little finger's side, inwards where the palm faces forward
+    ("wrist", 1): (
+        LIMB,
+        -RIGHT,
+    ),  # ulnar: the little finger's side, inwards where the palm faces forward
     ("wrist", 2): (FORWARD, -RIGHT),
     ("hip", 0): (LIMB, FORWARD),
     ("hip", 1): (LIMB, -RIGHT),
@@ -203,7 +240,9 @@ MOVES = {
 @pytest.mark.parametrize(("joint", "which"), MOVES)
 def test_a_positive_angle_of_the_isb_moves_the_limb_as_its_name_says(joint, which, side):
     what, where = MOVES[joint, which]
-    mirror = np.array([1, 1, 1 if side == "right" else -1])  # the left limb is the right one in a mirror
+    mirror = np.array(
+        [1, 1, 1 if side == "right" else -1]
+    )  # the left limb is the right one in a mirror
     angles = np.zeros((1, 3))
     angles[0, which] = np.radians(30)
     moved = rotation.rotate(DEFINITIONS[f"isb {joint} {side}"].rotation(angles), what * mirror)[0]
@@ -219,7 +258,10 @@ def smooth_motion(definition, seed: int, n: int = 4000) -> np.ndarray:
     t = np.linspace(0, 1, n)
     turns = np.where(definition.periodic, 2.5 * np.pi, 0.6)
     waves = sum(
-        generator.normal(size=3) * turns * np.sin(2 * np.pi * (k * t[:, None] + generator.uniform(size=3))) / k
+        generator.normal(size=3)
+        * turns
+        * np.sin(2 * np.pi * (k * t[:, None] + generator.uniform(size=3)))
+        / k
         for k in (1, 2, 3)
     )
     return np.asarray(waves)
@@ -235,7 +277,9 @@ def test_a_smooth_motion_has_no_jump_when_it_is_followed(definition):
     steps = np.abs(np.diff(angles, axis=0))[defined[1:] & defined[:-1]]
     assert steps.max() < 0.3  # a turn is 6.3, half of one 3.1
     principal = np.abs(np.diff(definition.angles(q), axis=0))[defined[1:] & defined[:-1]]
-    assert principal.max() > 3 or not any(definition.periodic)  # and without following there are jumps to avoid
+    assert principal.max() > 3 or not any(
+        definition.periodic
+    )  # and without following there are jumps to avoid
 
 
 @pytest.mark.parametrize("sequence", SEQUENCES)
@@ -246,15 +290,22 @@ def test_a_followed_middle_angle_passes_through_the_lock_instead_of_turning_back
     wanted = np.column_stack([np.full(200, 0.4), middle, np.full(200, -0.9)])
     followed = follow(definition, definition.angles(definition.rotation(wanted)))
     direct = np.abs(followed[:, 1] - middle).max()
-    mirrored = np.abs(followed[:, 1] - (2 * lock - middle)).max()  # the other way of writing the same motion
+    mirrored = np.abs(
+        followed[:, 1] - (2 * lock - middle)
+    ).max()  # the other way of writing the same motion
     assert min(direct, mirrored) < 1e-7
-    assert np.abs(definition.angles(definition.rotation(wanted))[:, 1] - middle).max() > 0.5  # which the principal one does not
+    assert (
+        np.abs(definition.angles(definition.rotation(wanted))[:, 1] - middle).max() > 0.5
+    )  # which the principal one does not
 
 
 def test_a_hinge_that_turns_and_turns_is_counted_on():
     turns = np.linspace(0, 20, 500)
     definition = Hinge((0.0, 1.0, 0.0))
-    angles = follow(definition, definition.angles(rotation.from_rotation_vector(turns[:, None] * [0.0, 1.0, 0.0])))
+    angles = follow(
+        definition,
+        definition.angles(rotation.from_rotation_vector(turns[:, None] * [0.0, 1.0, 0.0])),
+    )
     np.testing.assert_allclose(np.ptp(angles[:, 0]), 20, atol=1e-9)
     assert np.diff(angles[:, 0]).min() > 0
 
@@ -262,7 +313,9 @@ def test_a_hinge_that_turns_and_turns_is_counted_on():
 def test_a_rotation_vector_grows_through_half_a_turn():
     definition, angle = RotationVector(), np.linspace(2.0, 3.6, 50)
     vectors = angle[:, None] * np.array(TILTED)
-    np.testing.assert_allclose(follow(definition, definition.angles(definition.rotation(vectors))), vectors, atol=1e-9)
+    np.testing.assert_allclose(
+        follow(definition, definition.angles(definition.rotation(vectors))), vectors, atol=1e-9
+    )
 
 
 def test_gaps_are_passed_over():

@@ -22,20 +22,29 @@ D, A, ALPHA = (
 
 
 def flange(q, table: DhTable) -> np.ndarray:
-    """The flange in base_link, by the product of the joints' matrices (Craig, Introduction to Robotics)."""
+    """The flange in base_link, by the product of the joints' matrices (Craig, Introduction to
+    Robotics).
+    """
     T = np.diag([-1.0, -1.0, 1.0, 1.0])
     for i in range(6):
         theta, alpha = q[i] + table.theta_rad[i], ALPHA[i] + table.alpha_rad[i]
         a, d = A[i] + table.a_m[i], D[i] + table.d_m[i]
         ct, st_, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
-        link = [[ct, -st_ * ca, st_ * sa, a * ct], [st_, ct * ca, -ct * sa, a * st_], [0, sa, ca, d], [0, 0, 0, 1]]
+        link = [
+            [ct, -st_ * ca, st_ * sa, a * ct],
+            [st_, ct * ca, -ct * sa, a * st_],
+            [0, sa, ca, d],
+            [0, 0, 0, 1],
+        ]
         T = T @ np.array(link)
     return T
 
 
 small = st.floats(-0.01, 0.01)
 tables = st.builds(
-    lambda theta, d, a, alpha: DhTable(theta_rad=theta, d_m=d, a_m=[*a, 0.0], alpha_rad=[*alpha, 0.0]),
+    lambda theta, d, a, alpha: DhTable(
+        theta_rad=theta, d_m=d, a_m=[*a, 0.0], alpha_rad=[*alpha, 0.0]
+    ),
     st.lists(small, min_size=6, max_size=6),
     st.lists(st.floats(-0.4, 0.4), min_size=6, max_size=6),
     st.lists(small, min_size=5, max_size=5),
@@ -56,7 +65,9 @@ def test_the_flange_is_where_the_corrected_dh_parameters_put_it(tmp_path_factory
 
 def test_without_corrections_nothing_moves(tmp_path):
     nominal = load_robot("ur5e")
-    same = Kinematics(calibrated(nominal, ArmCalibration(robot="ur5e", corrections=DhTable()), tmp_path))
+    same = Kinematics(
+        calibrated(nominal, ArmCalibration(robot="ur5e", corrections=DhTable()), tmp_path)
+    )
     q = np.array([[0.3, -1.2, 0.8, -0.4, 1.1, 2.0]])
     for link in Kinematics(nominal).link_names:
         first, second = Kinematics(nominal).frame_motion(link, q), same.frame_motion(link, q)
@@ -65,13 +76,17 @@ def test_without_corrections_nothing_moves(tmp_path):
 
 
 def test_large_shifts_that_cancel_leave_the_links_where_they_are(tmp_path):
-    """Calibrated d of the parallel joints 2 to 4 are large and sum to little; the links have not moved by that much."""
+    """Calibrated d of the parallel joints 2 to 4 are large and sum to little; the links have not
+    moved by that much.
+    """
     table = DhTable(d_m=[0.0, 0.3, -0.25, -0.05, 0.0, 0.0])
     nominal = load_robot("ur3e")
     own = Kinematics(calibrated(nominal, ArmCalibration(robot="ur3e", corrections=table), tmp_path))
     q = np.array([[0.3, -1.2, 0.8, -0.4, 1.1, 2.0]])
     for link in ("upper_arm_link", "forearm_link", "wrist_1_link"):
-        shift = own.frame_motion(link, q).position - Kinematics(nominal).frame_motion(link, q).position
+        shift = (
+            own.frame_motion(link, q).position - Kinematics(nominal).frame_motion(link, q).position
+        )
         assert np.linalg.norm(shift) < 1e-6
 
 

@@ -1,4 +1,6 @@
-"""Corrections of an arm's kinematics that no factory calibration has are refused, and doubtful ones said."""
+"""Corrections of an arm's kinematics that no factory calibration has are refused, and doubtful ones
+said.
+"""
 
 from __future__ import annotations
 
@@ -21,16 +23,22 @@ from testbench.records.robot import load_robot
 def deviation(folder: Path, name: str = "ur3e", **table: list[float]) -> Deviation:
     nominal = load_robot(name)
     return flange_deviation(
-        nominal, calibrated(nominal, ArmCalibration(robot=name, corrections=DhTable.model_validate(table)), folder)
+        nominal,
+        calibrated(
+            nominal, ArmCalibration(robot=name, corrections=DhTable.model_validate(table)), folder
+        ),
     )
 
 
 def test_a_single_correction_moves_and_turns_the_flange_as_it_must(tmp_path):
-    raised = deviation(tmp_path, d_m=[0.003, 0, 0, 0, 0, 0.0])  # the whole arm, along the axis of joint 1
+    raised = deviation(
+        tmp_path, d_m=[0.003, 0, 0, 0, 0, 0.0]
+    )  # the whole arm, along the axis of joint 1
     assert (raised.shift_mm, raised.turn_deg) == pytest.approx((3, 0), abs=1e-6)
     turned = deviation(tmp_path, theta_rad=[0, 0, 0, 0, 0, 0.01])  # the flange about itself
     assert (turned.shift_mm, turned.turn_deg) == pytest.approx((0, np.degrees(0.01)), abs=1e-6)
-    # about joint 1: an arc at the flange's distance from that axis, which is largest of the stretched arm
+    # about joint 1: an arc at the flange's distance from that axis, which is largest of the
+    # stretched arm
     swung = deviation(tmp_path, theta_rad=[0.001, 0, 0, 0, 0, 0.0])
     reach = np.hypot(0.24355 + 0.2132, 0.13105 + 0.0921)
     assert swung.turn_deg == pytest.approx(np.degrees(0.001))
@@ -65,9 +73,15 @@ def test_what_can_be_no_factory_calibration_is_refused_with_its_units(tiny, tmp_
 
 def test_the_twists_of_a_public_calibration_pass_without_a_word(tiny, tmp_path):
     twists = [*np.radians([0.066, 0.205, 0.225, 0.023, 0.115]).tolist(), 0.0]  # docs/uncertainty.md
-    assert not [w for w in plan_with(tmp_path, tiny, alpha_rad=twists).check.warnings if "kinematics" in w]
+    assert not [
+        w for w in plan_with(tmp_path, tiny, alpha_rad=twists).check.warnings if "kinematics" in w
+    ]
 
 
 def test_a_doubtful_calibration_is_among_the_warnings_of_the_plan(tiny, tmp_path):
-    (doubt,) = [w for w in plan_with(tmp_path, tiny, d_m=[0.008, 0, 0, 0, 0, 0.0]).check.warnings if "kinematics" in w]
+    (doubt,) = [
+        w
+        for w in plan_with(tmp_path, tiny, d_m=[0.008, 0, 0, 0, 0, 0.0]).check.warnings
+        if "kinematics" in w
+    ]
     assert "by up to 8 mm" in doubt and "in metres and radians?" in doubt

@@ -11,7 +11,9 @@ from testbench.model import rotation
 from testbench.model.heading import heading_drift, heading_error, yaw
 
 TIME = np.arange(1000, dtype=np.int64) * 10_000_000
-SWING = Rotation.from_euler("YX", np.column_stack([0.5 * np.sin(TIME / 1e9 * 5), 0.1 * np.cos(TIME / 1e9 * 5)]))
+SWING = Rotation.from_euler(
+    "YX", np.column_stack([0.5 * np.sin(TIME / 1e9 * 5), 0.1 * np.cos(TIME / 1e9 * 5)])
+)
 
 
 def quaternion(turn: Rotation) -> np.ndarray:

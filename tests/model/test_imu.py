@@ -7,12 +7,20 @@ import pytest
 
 from testbench.model import rotation
 from testbench.model.imu import DeviceOrientationModel, TriadModel
-from testbench.records.sensor import Accelerometer, DeviceOrientation, Gyroscope, Magnetometer, Triad
+from testbench.records.sensor import (
+    Accelerometer,
+    DeviceOrientation,
+    Gyroscope,
+    Magnetometer,
+    Triad,
+)
 
 G = 9.80665
 RATE = 100.0
 PARTS = 400
-"""Parts off the production line, enough to see a standard deviation within 10 % (3 sigma of 1/sqrt(2 * 3 * 400))."""
+"""Parts off the production line, enough to see a standard deviation within 10 % (3 sigma of
+1/sqrt(2 * 3 * 400)).
+"""
 
 
 def accelerometer(**errors: object) -> Triad:
@@ -23,7 +31,9 @@ def gyroscope(**errors: object) -> Triad:
     return Gyroscope.model_validate({"range_deg_s": 2000.0} | errors).triad()
 
 
-def measure(triad: Triad, x: np.ndarray, seed: int = 0, force: np.ndarray | None = None) -> np.ndarray:
+def measure(
+    triad: Triad, x: np.ndarray, seed: int = 0, force: np.ndarray | None = None
+) -> np.ndarray:
     return TriadModel(triad, RATE, seed, "sensor", "triad").measure(np.atleast_2d(x), force)[0]
 
 
@@ -60,7 +70,9 @@ def test_a_cross_axis_error_shows_an_axis_what_the_others_feel_and_leaves_its_ow
     triad = accelerometer(cross_axis_sd_percent=1.0)
     response = measure(triad, np.eye(3))
     np.testing.assert_array_equal(np.diag(response), 1.0)
-    others = np.array([measure(triad, np.eye(3), seed)[~np.eye(3, dtype=bool)] for seed in range(PARTS)])
+    others = np.array(
+        [measure(triad, np.eye(3), seed)[~np.eye(3, dtype=bool)] for seed in range(PARTS)]
+    )
     assert others.std() == pytest.approx(0.01, rel=0.1)
 
 
@@ -89,7 +101,9 @@ def test_beyond_full_scale_the_reading_stays_there_and_the_sample_is_marked():
     x = np.radians([[1999.0, 0, 0], [2001, 0, 0], [0, -2500, 0], [0, 0, 1]])
     readings, saturated = TriadModel(gyroscope(), RATE, 0, "sensor").measure(x)
     np.testing.assert_array_equal(saturated, [False, True, True, False])
-    np.testing.assert_allclose(np.degrees(readings), [[1999, 0, 0], [2000, 0, 0], [0, -2000, 0], [0, 0, 1]], rtol=1e-12)
+    np.testing.assert_allclose(
+        np.degrees(readings), [[1999, 0, 0], [2000, 0, 0], [0, -2000, 0], [0, 0, 1]], rtol=1e-12
+    )
 
 
 def test_saturation_is_judged_after_the_errors():
@@ -126,7 +140,10 @@ def test_the_nonlinearity_is_cubic_odd_and_reaches_its_size_at_full_scale():
     triad = accelerometer(nonlinearity_percent_fs=0.5)
     full = 16 * G
     levels = np.array([0.999, 0.5, -0.5])[:, None] * full * np.ones(3)
-    error = measure(accelerometer(nonlinearity_percent_fs=0.5, range_g=16.0), levels / 1.01) - levels / 1.01
+    error = (
+        measure(accelerometer(nonlinearity_percent_fs=0.5, range_g=16.0), levels / 1.01)
+        - levels / 1.01
+    )
     expected = 0.005 * full * (levels / 1.01 / full) ** 3
     np.testing.assert_allclose(error, expected, rtol=1e-9)
     assert triad.nonlinearity == 0.005
@@ -137,7 +154,9 @@ def test_g_sensitivity_shows_a_gyroscope_the_specific_force():
     still = np.zeros((3, 3))
     response = measure(triad, still, force=G * np.eye(3))
     np.testing.assert_array_equal(measure(triad, still, force=np.zeros((3, 3))), 0.0)
-    np.testing.assert_allclose(measure(triad, still, force=2 * G * np.eye(3)), 2 * response, rtol=1e-12)
+    np.testing.assert_allclose(
+        measure(triad, still, force=2 * G * np.eye(3)), 2 * response, rtol=1e-12
+    )
     parts = np.array([measure(triad, still, seed, G * np.eye(3)) for seed in range(PARTS)])
     assert np.degrees(parts.std()) == pytest.approx(0.1, rel=0.06)
 
@@ -155,7 +174,9 @@ def test_a_random_walk_of_the_bias_grows_with_the_root_of_time():
 
 
 def test_a_magnetometer_has_its_own_words_for_the_same_errors():
-    triad = Magnetometer.model_validate({"range_uT": 800.0, "hard_iron_sd_uT": 2.0, "resolution_uT": 0.025}).triad()
+    triad = Magnetometer.model_validate(
+        {"range_uT": 800.0, "hard_iron_sd_uT": 2.0, "resolution_uT": 0.025}
+    ).triad()
     assert (triad.unit, triad.bias_sd, triad.resolution) == ("uT", 2.0, 0.025)
 
 
@@ -182,13 +203,18 @@ def test_a_stream_read_in_pieces_is_the_stream_read_at_once_to_the_bit(cuts):
 
     whole, marks = model().measure(x, force)
     in_pieces = model()
-    pieces = [in_pieces.measure(a, b) for a, b in zip(np.split(x, cuts), np.split(force, cuts), strict=True)]
+    pieces = [
+        in_pieces.measure(a, b)
+        for a, b in zip(np.split(x, cuts), np.split(force, cuts), strict=True)
+    ]
     assert np.concatenate([piece[0] for piece in pieces]).tobytes() == whole.tobytes()
     np.testing.assert_array_equal(np.concatenate([piece[1] for piece in pieces]), marks)
 
 
 def test_the_device_orientation_read_in_pieces_is_the_one_read_at_once_to_the_bit():
-    parameters = DeviceOrientation(inclination_sd_deg=1.0, heading_sd_deg=2.0, noise_sd_deg=0.1, time_constant_s=5.0)
+    parameters = DeviceOrientation(
+        inclination_sd_deg=1.0, heading_sd_deg=2.0, noise_sd_deg=0.1, time_constant_s=5.0
+    )
     q = rotation.from_rotation_vector(some_motion(300))
 
     def model() -> DeviceOrientationModel:
@@ -201,22 +227,38 @@ def test_the_device_orientation_read_in_pieces_is_the_one_read_at_once_to_the_bi
 
 def test_the_device_orientation_errs_about_the_vertical_and_against_it_as_stated():
     parameters = DeviceOrientation(
-        heading_unknown=False, inclination_sd_deg=0.5, heading_sd_deg=2.0, time_constant_s=0.5, noise_sd_deg=0.0
+        heading_unknown=False,
+        inclination_sd_deg=0.5,
+        heading_sd_deg=2.0,
+        time_constant_s=0.5,
+        noise_sd_deg=0.0,
     )
     true = rotation.from_rotation_vector(np.tile([0.3, -1.0, 0.7], (60_000, 1)))
     measured = DeviceOrientationModel(parameters, RATE, 2, "sensor").measure(true)
     error = rotation.multiply(measured, rotation.conjugate(true))
     assert np.degrees(rotation.heading_angle(error).std()) == pytest.approx(2.0, rel=0.08)
     # two horizontal axes, each with its own error
-    assert np.degrees(np.sqrt(np.mean(rotation.inclination_angle(error) ** 2))) == pytest.approx(0.5 * np.sqrt(2), rel=0.08)
+    assert np.degrees(np.sqrt(np.mean(rotation.inclination_angle(error) ** 2))) == pytest.approx(
+        0.5 * np.sqrt(2), rel=0.08
+    )
 
 
 def test_the_earth_of_the_device_has_a_new_heading_at_each_power_up_and_none_where_it_is_known():
-    headings = np.array([DeviceOrientationModel(DeviceOrientation(), RATE, seed, "a").heading for seed in range(200)])
+    headings = np.array(
+        [
+            DeviceOrientationModel(DeviceOrientation(), RATE, seed, "a").heading
+            for seed in range(200)
+        ]
+    )
     assert np.unique(headings).size == 200
-    assert headings.min() < -2.8 and headings.max() > 2.8 and abs(np.mean(np.exp(1j * headings))) < 0.2  # all round
+    assert (
+        headings.min() < -2.8 and headings.max() > 2.8 and abs(np.mean(np.exp(1j * headings))) < 0.2
+    )  # all round
     assert DeviceOrientationModel(DeviceOrientation(), RATE, 0, "b").heading != headings[0]
-    assert DeviceOrientationModel(DeviceOrientation(heading_unknown=False), RATE, 0, "a").heading == 0.0
+    assert (
+        DeviceOrientationModel(DeviceOrientation(heading_unknown=False), RATE, 0, "a").heading
+        == 0.0
+    )
 
 
 def test_a_device_without_errors_reports_the_truth_in_an_earth_turned_about_the_vertical():
@@ -224,4 +266,6 @@ def test_a_device_without_errors_reports_the_truth_in_an_earth_turned_about_the_
     true = rotation.from_rotation_vector(some_motion(20))
     error = rotation.multiply(model.measure(true), rotation.conjugate(true))
     np.testing.assert_allclose(rotation.inclination_angle(error), 0, atol=1e-12)
-    np.testing.assert_allclose(rotation.wrap(rotation.heading_angle(error) - model.heading), 0, atol=1e-12)
+    np.testing.assert_allclose(
+        rotation.wrap(rotation.heading_angle(error) - model.heading), 0, atol=1e-12
+    )

@@ -1,4 +1,6 @@
-"""Integrators have the order they state, keep the length they state, and agree with oracles that share no code with them."""
+"""Integrators have the order they state, keep the length they state, and agree with oracles that
+share no code with them.
+"""
 
 from __future__ import annotations
 
@@ -19,26 +21,39 @@ DURATION = 4.0
 
 def smooth_rate(t: np.ndarray) -> np.ndarray:
     """A rate about all axes, up to about 2 rad/s, whose direction changes all the time."""
-    return np.stack([1.2 * np.sin(1.3 * t) + 0.3, 0.9 * np.cos(2.1 * t), 0.7 * np.sin(0.8 * t + 1.0) - 0.4], axis=-1)
+    return np.stack(
+        [1.2 * np.sin(1.3 * t) + 0.3, 0.9 * np.cos(2.1 * t), 0.7 * np.sin(0.8 * t + 1.0) - 0.4],
+        axis=-1,
+    )
 
 
 @pytest.fixture(scope="module")
 def reference() -> np.ndarray:
-    """The rotation matrix after DURATION, by SciPy's DOP853 on the matrix equation dR/dt = R [w]x."""
+    """The rotation matrix after DURATION, by SciPy's DOP853 on the matrix equation dR/dt = R
+    [w]x.
+    """
 
     def derivative(t: float, flat: np.ndarray) -> np.ndarray:
         x, y, z = smooth_rate(np.array(t))
         return (flat.reshape(3, 3) @ np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])).ravel()
 
-    solution = solve_ivp(derivative, (0, DURATION), np.eye(3).ravel(), method="DOP853", rtol=1e-13, atol=1e-14)
+    solution = solve_ivp(
+        derivative, (0, DURATION), np.eye(3).ravel(), method="DOP853", rtol=1e-13, atol=1e-14
+    )
     return solution.y[:, -1].reshape(3, 3)
 
 
 def error_rad(q: np.ndarray, reference: np.ndarray) -> float:
-    return float((Rotation.from_matrix(reference).inv() * Rotation.from_quat(q, scalar_first=True)).magnitude())
+    return float(
+        (
+            Rotation.from_matrix(reference).inv() * Rotation.from_quat(q, scalar_first=True)
+        ).magnitude()
+    )
 
 
-def errors_at(name: str, counts: list[int], reference: np.ndarray, sampled: str | None) -> np.ndarray:
+def errors_at(
+    name: str, counts: list[int], reference: np.ndarray, sampled: str | None
+) -> np.ndarray:
     """Angle errors with rates that are exact at the stages, or taken from samples."""
     integrator, found = get_integrator(name), []
     for n in counts:
@@ -66,23 +81,33 @@ def slopes(errors: np.ndarray) -> np.ndarray:
         ("midpoint", 2, [200, 400, 800]),
     ],
 )
-def test_the_error_falls_with_the_stated_order_when_the_rates_are_exact(name, order, counts, reference):
+def test_the_error_falls_with_the_stated_order_when_the_rates_are_exact(
+    name, order, counts, reference
+):
     assert get_integrator(name).order == order
     assert slopes(errors_at(name, counts, reference, None)) == pytest.approx(order, abs=0.12)
 
 
 @pytest.mark.parametrize("name", ["trapezoid", "rk4", "cg4", "midpoint"])
-def test_rates_that_are_interpolated_between_samples_hold_every_method_to_order_two(name, reference):
-    assert slopes(errors_at(name, [200, 400, 800], reference, "interpolated")) == pytest.approx(2, abs=0.05)
+def test_rates_that_are_interpolated_between_samples_hold_every_method_to_order_two(
+    name, reference
+):
+    assert slopes(errors_at(name, [200, 400, 800], reference, "interpolated")) == pytest.approx(
+        2, abs=0.05
+    )
 
 
 def test_a_measured_middle_gives_rk4_its_fourth_order_back(reference):
-    assert slopes(errors_at("rk4", [80, 160, 320], reference, "measured")) == pytest.approx(4, abs=0.12)
+    assert slopes(errors_at("rk4", [80, 160, 320], reference, "measured")) == pytest.approx(
+        4, abs=0.12
+    )
 
 
 @pytest.mark.parametrize("name", ["rk4", "cg4", "midpoint"])
 def test_a_rate_held_constant_over_the_step_leaves_order_one(name, reference):
-    assert slopes(errors_at(name, [400, 800, 1600], reference, "constant")) == pytest.approx(1, abs=0.1)
+    assert slopes(errors_at(name, [400, 800, 1600], reference, "constant")) == pytest.approx(
+        1, abs=0.1
+    )
 
 
 def test_at_twenty_milliseconds_the_methods_stand_apart_by_the_known_sizes(reference):
@@ -109,7 +134,9 @@ def test_products_of_rotations_keep_unit_length_over_a_hundred_thousand_steps(na
 
 @given(rate=st.floats(0.1, 40.0), step=st.floats(1e-3, 0.05))
 def test_the_length_grows_and_shrinks_by_the_stability_function_of_each_method(rate, step):
-    """For a constant rate the eigenvalues of a step are R(+-i z), z = rate step / 2: an oracle on paper."""
+    """For a constant rate the eigenvalues of a step are R(+-i z), z = rate step / 2: an oracle on
+    paper.
+    """
     z = rate * step / 2
     expected = {"euler_raw": abs(1 + 1j * z), "trapezoid": abs(1 + 1j * z + (1j * z) ** 2 / 2)}
     expected["rk4"] = abs(sum((1j * z) ** k / f for k, f in enumerate((1, 1, 2, 6, 24))))
@@ -121,11 +148,15 @@ def test_the_length_grows_and_shrinks_by_the_stability_function_of_each_method(r
 def test_the_length_drifts_within_the_bounds_of_the_methods_at_twenty_milliseconds():
     rates = smooth_rate(0.02 * np.arange(201))
     drift = {
-        n: abs(np.linalg.norm(get_integrator(n).integrate(rates, 0.02)[-1]) - 1) for n in ("euler_raw", "trapezoid", "rk4")
+        n: abs(np.linalg.norm(get_integrator(n).integrate(rates, 0.02)[-1]) - 1)
+        for n in ("euler_raw", "trapezoid", "rk4")
     }
     fastest = np.linalg.norm(rates, axis=1).max()
     z = fastest * 0.02 / 2
-    assert drift["rk4"] < 200 * z**6 / 144 and drift["trapezoid"] < 200 * z**4 / 8 + 200 * (fastest * 0.02) ** 4
+    assert (
+        drift["rk4"] < 200 * z**6 / 144
+        and drift["trapezoid"] < 200 * z**4 / 8 + 200 * (fastest * 0.02) ** 4
+    )
     assert 1e-3 < drift["euler_raw"] < 200 * z**2 / 2
 
 
@@ -153,12 +184,16 @@ def test_rates_are_the_bodys_own_and_the_start_stands_on_the_left(reference):
 
 
 def test_the_formula_as_printed_is_followed_to_the_letter():
-    """q <- (q + h/2 (f(w0, q) + f(w1, q + h f(w0, q)))) / 2 with f = q w, written out here with SciPy's product."""
+    """q <- (q + h/2 (f(w0, q) + f(w1, q + h f(w0, q)))) / 2 with f = q w, written out here with
+    SciPy's product.
+    """
     h, rates = 0.02, smooth_rate(0.02 * np.arange(4))
     q = np.array([1.0, 0.0, 0.0, 0.0])
 
     def product(p, w):
-        matrix = np.array([[0, *-w], [w[0], 0, w[2], -w[1]], [w[1], -w[2], 0, w[0]], [w[2], w[1], -w[0], 0]])
+        matrix = np.array(
+            [[0, *-w], [w[0], 0, w[2], -w[1]], [w[1], -w[2], 0, w[0]], [w[2], w[1], -w[0], 0]]
+        )
         return matrix @ p
 
     expected = [q]

@@ -1,4 +1,6 @@
-"""The magnetic field about an arm, against formulas and kinematics written down anew; and what the robot file says of it."""
+"""The magnetic field about an arm, against formulas and kinematics written down anew; and what the
+robot file says of it.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from testbench.exceptions import InputError
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.model.magnetic_field import MagneticField, describe_environment, dipole_field, induced_moment
+from testbench.model.magnetic_field import (
+    MagneticField,
+    describe_environment,
+    dipole_field,
+    induced_moment,
+)
 from testbench.pipeline import plan
 from testbench.records.magnetism import MagneticDipole
 from testbench.records.protocol import Environment
@@ -35,11 +42,15 @@ def link_pose(robot: Robot, link: str, q: np.ndarray) -> np.ndarray:
         joint = parent[link]
         step = np.eye(4)
         origin = joint.find("origin")
-        step[:3, :3] = Rotation.from_euler("xyz", [float(v) for v in origin.get("rpy").split()]).as_matrix()  # type: ignore[union-attr]
+        step[:3, :3] = Rotation.from_euler(
+            "xyz", [float(v) for v in origin.get("rpy").split()]
+        ).as_matrix()  # type: ignore[union-attr]
         step[:3, 3] = [float(v) for v in origin.get("xyz").split()]  # type: ignore[union-attr]
         if joint.get("name") in robot.joint_names:
             axis = np.array([float(v) for v in joint.find("axis").get("xyz").split()])  # type: ignore[union-attr]
-            step[:3, :3] @= Rotation.from_rotvec(q[robot.joint_names.index(joint.get("name"))] * axis).as_matrix()
+            step[:3, :3] @= Rotation.from_rotvec(
+                q[robot.joint_names.index(joint.get("name"))] * axis
+            ).as_matrix()
         pose = step @ pose
         link = joint.find("parent").get("link")  # type: ignore[union-attr]
     return pose
@@ -53,13 +64,20 @@ def field_by_potential(place: np.ndarray, source: np.ndarray, moment: np.ndarray
         return float(MU_0 * moment @ r / (4 * np.pi * np.linalg.norm(r) ** 3))
 
     step = 1e-5
-    return -1e6 * np.array([(potential(place + e) - potential(place - e)) / (2 * step) for e in step * np.eye(3)])
+    return -1e6 * np.array(
+        [(potential(place + e) - potential(place - e)) / (2 * step) for e in step * np.eye(3)]
+    )
 
 
 def test_the_field_about_the_arm_is_that_of_its_dipoles_where_the_joints_have_brought_them(arm):
     rng = np.random.default_rng(5)
     kinematics = Kinematics(arm)
-    extra = MagneticDipole(link="forearm_link", position_mm=[-100, 20, 30], moment_A_m2=[0.1, -0.2, 0.05], iron_radius_mm=30)
+    extra = MagneticDipole(
+        link="forearm_link",
+        position_mm=[-100, 20, 30],
+        moment_A_m2=[0.1, -0.2, 0.05],
+        iron_radius_mm=30,
+    )
     field = MagneticField(Environment(dipoles=[extra]), kinematics)
     q = rng.uniform(-np.pi, np.pi, (6, 6))
     place = rng.uniform(-0.2, 0.2, (6, 3)) + [0.1, 0.4, 0.9]
@@ -78,11 +96,18 @@ def test_the_field_about_the_arm_is_that_of_its_dipoles_where_the_joints_have_br
 def test_a_permanent_dipole_on_its_own_link_is_constant_in_the_sensor_and_iron_is_not(arm):
     kinematics = Kinematics(arm)
     q = np.random.default_rng(1).uniform(-np.pi, np.pi, (50, 6))
-    motion = kinematics.frame_motion("wrist_3_link", q, offset=Pose(np.eye(3), np.array([0.0, 0.03, 0.06])))
+    motion = kinematics.frame_motion(
+        "wrist_3_link", q, offset=Pose(np.eye(3), np.array([0.0, 0.03, 0.06]))
+    )
     seen = {}
-    for kind, values in {"hard": {"moment_A_m2": [0.01, 0.0, 0.02]}, "soft": {"iron_radius_mm": 25.0}}.items():
+    for kind, values in {
+        "hard": {"moment_A_m2": [0.01, 0.0, 0.02]},
+        "soft": {"iron_radius_mm": 25.0},
+    }.items():
         dipole = MagneticDipole(link="wrist_3_link", **values)  # type: ignore[arg-type]
-        field = MagneticField(Environment(dipoles=[dipole], arm_magnetism=False), kinematics).at(motion.position, q)
+        field = MagneticField(Environment(dipoles=[dipole], arm_magnetism=False), kinematics).at(
+            motion.position, q
+        )
         seen[kind] = np.einsum("nji,nj->ni", motion.R_world_from_frame, field - EARTH)
     np.testing.assert_allclose(seen["hard"], np.tile(seen["hard"][0], (50, 1)), atol=1e-10)
     assert np.linalg.norm(seen["hard"][0]) > 5
@@ -103,11 +128,14 @@ def test_the_joints_of_the_ur3e_are_magnetic_by_the_rule_that_its_file_states(ar
     tree = ElementTree.parse(arm.urdf)
     inertial = {link.get("name"): link.find("inertial") for link in tree.iter("link")}
     next_joint = {
-        joint.find("parent").get("link"): joint for joint in tree.iter("joint") if joint.get("name") in arm.joint_names
+        joint.find("parent").get("link"): joint
+        for joint in tree.iter("joint")
+        if joint.get("name") in arm.joint_names
     }  # type: ignore[union-attr]
     joints = [dipole for dipole in arm.spec.magnetism.dipoles if dipole.name.startswith("joint")]
     assert [dipole.link for dipole in joints] == [
-        next(link for link, joint in next_joint.items() if joint.get("name") == name) for name in arm.joint_names
+        next(link for link, joint in next_joint.items() if joint.get("name") == name)
+        for name in arm.joint_names
     ]
     for dipole in joints:
         mass = float(inertial[dipole.link].find("mass").get("value"))  # type: ignore[union-attr]
@@ -133,13 +161,17 @@ def test_bench_and_floor_turn_the_heading_of_the_field_as_was_measured_above_a_f
     for height, published in ((0.05, 29.0), (1.0, 3.0)):  # de Vries et al. 2009
         place = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, height)])
         found = field.at(place, np.zeros((len(place), 6)))
-        assert np.degrees(np.arctan2(-found[:, 0], found[:, 1])).std() == pytest.approx(published, rel=0.02)
+        assert np.degrees(np.arctan2(-found[:, 0], found[:, 1])).std() == pytest.approx(
+            published, rel=0.02
+        )
 
 
 def test_the_arms_own_disturbance_can_be_left_out(arm):
     kinematics = Kinematics(arm)
     place, q = np.array([[0.1, 0.2, 0.3]]), np.zeros((1, 6))
-    np.testing.assert_allclose(MagneticField(Environment(arm_magnetism=False), kinematics).at(place, q), EARTH[None])
+    np.testing.assert_allclose(
+        MagneticField(Environment(arm_magnetism=False), kinematics).at(place, q), EARTH[None]
+    )
     assert np.abs(MagneticField(Environment(), kinematics).at(place, q) - EARTH).max() > 1
     assert describe_environment(Environment(arm_magnetism=False), kinematics)["dipoles"] == []
 
@@ -150,14 +182,18 @@ def test_a_dipole_without_moment_or_iron_and_one_on_an_unknown_link_are_refused(
     folder = tmp_path / "bent"
     folder.mkdir()
     (folder / "ur3e.urdf").symlink_to(arm.urdf)
-    (folder / "robot.yaml").write_text(arm.text.replace("link: shoulder_link, position", "link: shoulder, position"))
+    (folder / "robot.yaml").write_text(
+        arm.text.replace("link: shoulder_link, position", "link: shoulder, position")
+    )
     with pytest.raises(InputError, match="magnetism, dipole 'joint 2'"):
         plan("quick", robot=folder)
 
 
 def test_a_dipole_gives_twice_the_field_on_its_axis_that_it_gives_beside_it():
     moment, distance = 0.5, 0.2
-    on_axis, beside = dipole_field(np.array([[0, 0, distance], [distance, 0, 0.0]]), np.array([0, 0, moment]))
+    on_axis, beside = dipole_field(
+        np.array([[0, 0, distance], [distance, 0, 0.0]]), np.array([0, 0, moment])
+    )
     on_axis_uT = 1e6 * 4e-7 * np.pi / (2 * np.pi) * moment / distance**3  # mu_0 m / (2 pi r^3)
     np.testing.assert_allclose(on_axis, [0, 0, on_axis_uT], rtol=1e-9)
     np.testing.assert_allclose(beside, [0, 0, -on_axis_uT / 2], rtol=1e-9)
@@ -168,7 +204,8 @@ def test_a_dipoles_field_has_no_sources_and_no_whirls():
     here = np.array([0.15, 0.1, -0.2])
     slope = np.stack(
         [
-            (dipole_field(here[None] + e, moment)[0] - dipole_field(here[None] - e, moment)[0]) / (2 * step)
+            (dipole_field(here[None] + e, moment)[0] - dipole_field(here[None] - e, moment)[0])
+            / (2 * step)
             for e in step * np.eye(3)
         ]
     )  # slope[i, j] = d B_j / d x_i

@@ -1,4 +1,6 @@
-"""Misalignment: the numbers that were printed, the closed form against quaternions, and the equations against matrices."""
+"""Misalignment: the numbers that were printed, the closed form against quaternions, and the
+equations against matrices.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ FLEXION_DEG = np.arange(0.0, 71, 5)
 
 
 def flexion_error_deg(definition, about, flexion_deg, misalignment_deg=MISALIGNMENT_DEG, index=1):
-    errors = misalignment_errors(definition, about, np.radians(flexion_deg), np.radians(misalignment_deg))
+    errors = misalignment_errors(
+        definition, about, np.radians(flexion_deg), np.radians(misalignment_deg)
+    )
     return np.degrees(np.abs(errors[..., index]))
 
 
@@ -49,7 +53,9 @@ def random(n: int, seed: int) -> Rotation:
         (60, "0.01389", "0.05043", "0.9995", "0.9994", "0.04576", ("0.01373", "0.01405")),
     ],
 )
-def test_the_quadratic_fits_are_those_printed_to_the_last_digit(flexion_deg, a, c, r_squared, adjusted, rmse, interval):
+def test_the_quadratic_fits_are_those_printed_to_the_last_digit(
+    flexion_deg, a, c, r_squared, adjusted, rmse, interval
+):
     fit = fit_quadratic(MISALIGNMENT_DEG, flexion_error_deg("ZYX", "X", [flexion_deg])[0])
 
     def printed(value: float, like: str) -> str:
@@ -61,38 +67,56 @@ def test_the_quadratic_fits_are_those_printed_to_the_last_digit(flexion_deg, a, 
     assert printed(fit.r_squared, r_squared) == r_squared
     assert printed(fit.adjusted_r_squared, adjusted) == adjusted
     assert printed(fit.rmse, rmse) == rmse
-    assert tuple(printed(value, like) for value, like in zip(fit.interval("a"), interval, strict=True)) == interval
+    assert (
+        tuple(printed(value, like) for value, like in zip(fit.interval("a"), interval, strict=True))
+        == interval
+    )
 
 
 def test_ten_degrees_of_flexion_are_not_what_the_first_row_was_printed_for():
-    assert fit_quadratic(MISALIGNMENT_DEG, flexion_error_deg("ZYX", "X", [10])[0]).value("a") == pytest.approx(
-        0.001523, abs=5e-7
-    )
+    assert fit_quadratic(MISALIGNMENT_DEG, flexion_error_deg("ZYX", "X", [10])[0]).value(
+        "a"
+    ) == pytest.approx(0.001523, abs=5e-7)
 
 
 def test_the_surface_is_normed_by_the_printed_means_and_deviations():
     flexion, misalignment = np.meshgrid(FLEXION_DEG, MISALIGNMENT_DEG, indexing="ij")
-    surface = fit_surface(flexion.ravel(), misalignment.ravel(), flexion_error_deg("ZYX", "X", FLEXION_DEG).ravel(), (4, 2))
+    surface = fit_surface(
+        flexion.ravel(),
+        misalignment.ravel(),
+        flexion_error_deg("ZYX", "X", FLEXION_DEG).ravel(),
+        (4, 2),
+    )
     np.testing.assert_allclose(surface.centre, [35, 0], atol=1e-12)
     assert [f"{value:.2f}" for value in surface.scale] == ["21.64", "12.13"]
     assert surface.r_squared > 0.997
-    assert all(abs(surface.value(name)) < 1e-10 for name in ("p01", "p11", "p21", "p31"))  # symmetric in the misalignment
+    assert all(
+        abs(surface.value(name)) < 1e-10 for name in ("p01", "p11", "p21", "p31")
+    )  # symmetric in the misalignment
 
 
 # What misalignment does
 
 
 def test_about_the_flexion_axis_it_is_passed_on_one_to_one_and_about_z_not_at_all():
-    error = np.degrees(misalignment_errors("ZYX", "Y", np.radians(FLEXION_DEG), np.radians(MISALIGNMENT_DEG)))[..., 1]
+    error = np.degrees(
+        misalignment_errors("ZYX", "Y", np.radians(FLEXION_DEG), np.radians(MISALIGNMENT_DEG))
+    )[..., 1]
     np.testing.assert_allclose(error, np.tile(-MISALIGNMENT_DEG, (len(FLEXION_DEG), 1)), atol=1e-12)
     np.testing.assert_allclose(flexion_error_deg("ZYX", "Z", FLEXION_DEG), 0, atol=1e-12)
 
 
 @given(st.floats(-89, 89), st.floats(-89, 89))
-def test_the_closed_form_is_what_quaternions_give_for_every_sequence_whose_middle_axis_flexes(flexion, misalignment):
+def test_the_closed_form_is_what_quaternions_give_for_every_sequence_whose_middle_axis_flexes(
+    flexion, misalignment
+):
     expected = np.degrees(middle_angle_error(np.radians(flexion), np.radians(misalignment)))
     for sequence, about in [("ZYX", "X"), ("XYZ", "Z")]:
-        found = np.degrees(misalignment_errors(sequence, about, np.radians([flexion]), np.radians([misalignment]))[0, 0, 1])
+        found = np.degrees(
+            misalignment_errors(sequence, about, np.radians([flexion]), np.radians([misalignment]))[
+                0, 0, 1
+            ]
+        )
         assert found == pytest.approx(expected, abs=1e-7)
 
 
@@ -106,7 +130,9 @@ def test_the_error_is_parabolic_in_the_misalignment_and_grows_with_flexion():
 def test_a_symmetric_sequence_does_not_see_a_misalignment_about_its_outer_axes():
     errors = misalignment_errors("ZYZ", "Z", np.radians([30, 70]), np.radians(MISALIGNMENT_DEG))
     np.testing.assert_allclose(errors[..., 1], 0, atol=1e-12)
-    np.testing.assert_allclose(np.degrees(errors[..., 0]), np.tile(-MISALIGNMENT_DEG, (2, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        np.degrees(errors[..., 0]), np.tile(-MISALIGNMENT_DEG, (2, 1)), atol=1e-9
+    )
 
 
 def test_any_definition_may_be_asked():
@@ -115,7 +141,9 @@ def test_any_definition_may_be_asked():
     assert np.degrees(error[0]) == pytest.approx(-7)
     assert np.isnan(error[2])  # no tilt, no direction of it
     reversed_ = FlexionAngle(definition={"hinge": [0.0, -1.0, 0.0]}, sign=-1)
-    assert np.degrees(misalignment_errors(reversed_, "Y", np.radians([40]), np.radians([7.0]))[0, 0, 0]) == pytest.approx(-7)
+    assert np.degrees(
+        misalignment_errors(reversed_, "Y", np.radians([40]), np.radians([7.0]))[0, 0, 0]
+    ) == pytest.approx(-7)
 
 
 def test_angles_in_gimbal_lock_are_not_compared():
@@ -135,13 +163,24 @@ def test_which_angle_is_the_flexion():
 
 
 def test_without_errors_the_start_pose_gives_the_joint_however_the_sensors_are_mounted():
-    arm, forearm, start_arm, start_forearm = random(40, 1), random(40, 2), random(1, 3)[0], random(1, 4)[0]
+    arm, forearm, start_arm, start_forearm = (
+        random(40, 1),
+        random(40, 2),
+        random(1, 3)[0],
+        random(1, 4)[0],
+    )
     mount_arm, mount_forearm = random(1, 5)[0], random(1, 6)[0]  # segment from sensor
     found = joint_from_start_pose(
-        quaternion(arm * mount_arm), quaternion(forearm * mount_forearm), quaternion(start_arm * mount_arm),
-        quaternion(start_forearm * mount_forearm), quaternion(start_arm), quaternion(start_forearm),
-    )  # fmt: skip
-    error = rotation.multiply(found, rotation.conjugate(joint_rotation(quaternion(arm), quaternion(forearm))))
+        quaternion(arm * mount_arm),
+        quaternion(forearm * mount_forearm),
+        quaternion(start_arm * mount_arm),
+        quaternion(start_forearm * mount_forearm),
+        quaternion(start_arm),
+        quaternion(start_forearm),
+    )
+    error = rotation.multiply(
+        found, rotation.conjugate(joint_rotation(quaternion(arm), quaternion(forearm)))
+    )
     assert rotation.angle(error).max() < 1e-12
 
 
@@ -162,11 +201,17 @@ def test_a_yaw_of_the_whole_earth_is_no_error_but_a_yaw_of_one_sensor_is():
     flexion, error = np.radians([20.0, 60.0]), np.radians([-15.0, 0, 15.0])
     proximal = sensor_errors("ZYX", "Z", flexion, error)
     distal = sensor_errors("ZYX", "Z", flexion, error, which="distal")
-    np.testing.assert_allclose(np.degrees(proximal[..., 1]), 0, atol=1e-12)  # the middle angle is blind to it
-    np.testing.assert_allclose(np.degrees(proximal[..., 0]), np.tile([15, 0, -15], (2, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        np.degrees(proximal[..., 1]), 0, atol=1e-12
+    )  # the middle angle is blind to it
+    np.testing.assert_allclose(
+        np.degrees(proximal[..., 0]), np.tile([15, 0, -15], (2, 1)), atol=1e-9
+    )
     np.testing.assert_allclose(np.degrees(distal[..., 0]), np.tile([-15, 0, 15], (2, 1)), atol=1e-9)
 
 
 def test_a_pitch_of_the_distal_sensor_is_passed_on_one_to_one():
-    error = sensor_errors("ZYX", "Y", np.radians([10.0, 40.0]), np.radians([-5.0, 5.0]), which="distal")
+    error = sensor_errors(
+        "ZYX", "Y", np.radians([10.0, 40.0]), np.radians([-5.0, 5.0]), which="distal"
+    )
     np.testing.assert_allclose(np.degrees(error[..., 1]), np.tile([-5, 5], (2, 1)), atol=1e-9)

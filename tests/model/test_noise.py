@@ -24,7 +24,9 @@ def test_a_gauss_markov_process_forgets_with_its_time_constant(time_constant):
     assert x.std() == pytest.approx(1.0, rel=0.05)
     for lag_s in (0.5 * time_constant, time_constant, 2 * time_constant):
         lag = round(lag_s / interval)
-        assert np.mean(x[lag:] * x[:-lag]) == pytest.approx(np.exp(-lag_s / time_constant), abs=0.04)
+        assert np.mean(x[lag:] * x[:-lag]) == pytest.approx(
+            np.exp(-lag_s / time_constant), abs=0.04
+        )
 
 
 def test_a_random_walk_has_its_density_after_one_second_and_steps_that_do_not_hang_together():
@@ -35,7 +37,9 @@ def test_a_random_walk_has_its_density_after_one_second_and_steps_that_do_not_ha
 
 
 @pytest.mark.parametrize(
-    "process", [lambda: GaussMarkov(1.0, 3.0, 0.1, 2, rng()), lambda: RandomWalk(1.0, 0.1, 2, rng())], ids=["bias", "walk"]
+    "process",
+    [lambda: GaussMarkov(1.0, 3.0, 0.1, 2, rng()), lambda: RandomWalk(1.0, 0.1, 2, rng())],
+    ids=["bias", "walk"],
 )
 def test_a_process_drawn_in_pieces_is_the_one_drawn_at_once_to_the_bit(process):
     whole, pieces = process().draw(100), process()
@@ -48,8 +52,16 @@ def test_processes_of_no_size_are_silent():
 
 
 def test_streams_of_different_purpose_or_seed_do_not_hang_together():
-    names = [(0, "arm", "noise"), (0, "forearm", "noise"), (0, "arm", "bias"), (1, "arm", "noise"), (0, "armnoise")]
-    draws = np.array([random_stream(seed, *labels).standard_normal(20_000) for seed, *labels in names])
+    names = [
+        (0, "arm", "noise"),
+        (0, "forearm", "noise"),
+        (0, "arm", "bias"),
+        (1, "arm", "noise"),
+        (0, "armnoise"),
+    ]
+    draws = np.array(
+        [random_stream(seed, *labels).standard_normal(20_000) for seed, *labels in names]
+    )
     off_diagonal = np.corrcoef(draws) - np.eye(len(names))
     assert np.abs(off_diagonal).max() < 0.03
 
@@ -59,4 +71,7 @@ def test_labels_are_told_apart_by_their_borders():
 
 
 def test_the_same_seed_and_purpose_give_the_same_numbers():
-    assert random_stream(3, "arm", "noise").random(5).tobytes() == random_stream(3, "arm", "noise").random(5).tobytes()
+    assert (
+        random_stream(3, "arm", "noise").random(5).tobytes()
+        == random_stream(3, "arm", "noise").random(5).tobytes()
+    )

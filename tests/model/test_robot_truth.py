@@ -1,4 +1,6 @@
-"""The URDFs of the e-series arms against the manufacturer's DH parameters, computed here from nothing but NumPy."""
+"""The URDFs of the e-series arms against the manufacturer's DH parameters, computed here from
+nothing but NumPy.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +12,22 @@ import pytest
 
 from testbench.records.robot import load_robot
 
-# Universal Robots, "DH Parameters for calculations of kinematics and dynamics": d [m], a [m], alpha [rad] of joints 1 to 6.
+# Universal Robots, "DH Parameters for calculations of kinematics and dynamics": d [m], a [m], alpha
+# [rad] of joints 1 to 6.
 ALPHA = [np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0]
 DH = {
     "ur3e": ([0.15185, 0, 0, 0.13105, 0.08535, 0.0921], [0, -0.24355, -0.2132, 0, 0, 0]),
     "ur5e": ([0.1625, 0, 0, 0.1333, 0.0997, 0.0996], [0, -0.425, -0.3922, 0, 0, 0]),
     "ur10e": ([0.1807, 0, 0, 0.17415, 0.11985, 0.11655], [0, -0.6127, -0.57155, 0, 0, 0]),
 }
-LINKS = ["shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"]
+LINKS = [
+    "shoulder_link",
+    "upper_arm_link",
+    "forearm_link",
+    "wrist_1_link",
+    "wrist_2_link",
+    "wrist_3_link",
+]
 TOLERANCE = 1e-9  # metres, and elements of the rotation matrix
 
 
@@ -38,7 +48,9 @@ def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> np.ndarray:
 
 
 def dh_frames(name: str, angles: np.ndarray) -> list[np.ndarray]:
-    """Poses of the DH frames 0 to 6 in the controller's Base frame, A_i = Rz(theta) Tz(d) Tx(a) Rx(alpha)."""
+    """Poses of the DH frames 0 to 6 in the controller's Base frame, A_i = Rz(theta) Tz(d) Tx(a)
+    Rx(alpha).
+    """
     frames = [np.eye(4)]
     for theta, d, a, alpha in zip(angles, *DH[name], ALPHA, strict=True):
         frames.append(frames[-1] @ turn("z", theta) @ shift(z=d) @ shift(x=a) @ turn("x", alpha))
@@ -48,9 +60,10 @@ def dh_frames(name: str, angles: np.ndarray) -> list[np.ndarray]:
 def links_from_dh(name: str) -> dict[str, tuple[int, np.ndarray]]:
     """For each link of the URDF, the DH frame it is fixed to and its constant pose in that frame.
 
-    A DH frame sits at the far end of its link with z along the next joint; the link frame of the URDF sits at the near end with
-    z along the link's own joint. So they differ by the second half of the DH transform, Tx(a) Rx(alpha), undone; and Base looks
-    the other way than base_link, which is turned by pi about z.
+    A DH frame sits at the far end of its link with z along the next joint; the link frame of the
+    URDF sits at the near end with z along the link's own joint. So they differ by the second half
+    of the DH transform, Tx(a) Rx(alpha), undone; and Base looks the other way than base_link, which
+    is turned by pi about z.
     """
     _, a = DH[name]
     fixed = {
@@ -74,7 +87,9 @@ def pinocchio_configuration(model: pin.Model, names: list[str], angles: np.ndarr
     q = pin.neutral(model)
     for name, angle in zip(names, angles, strict=True):
         joint = model.joints[model.getJointId(name)]
-        q[joint.idx_q : joint.idx_q + joint.nq] = (np.cos(angle), np.sin(angle)) if joint.nq == 2 else angle
+        q[joint.idx_q : joint.idx_q + joint.nq] = (
+            (np.cos(angle), np.sin(angle)) if joint.nq == 2 else angle
+        )
     return q
 
 
@@ -88,12 +103,16 @@ def test_every_link_agrees_with_the_dh_parameters_in_a_thousand_poses(name):
     base_link_from_base = turn("z", np.pi)
     rng = np.random.default_rng(20230601)
     for angles in rng.uniform(-2 * np.pi, 2 * np.pi, (1000, 6)):
-        pin.framesForwardKinematics(model, data, pinocchio_configuration(model, robot.joint_names, angles))
+        pin.framesForwardKinematics(
+            model, data, pinocchio_configuration(model, robot.joint_names, angles)
+        )
         frames = dh_frames(name, angles)
         for link, (index, dh_from_link) in fixed.items():
             expected = base_link_from_base @ frames[index] @ dh_from_link
             found = data.oMf[model.getFrameId(link, pin.FrameType.BODY)].homogeneous
-            np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE, err_msg=f"{link} at {angles}")
+            np.testing.assert_allclose(
+                found, expected, rtol=0, atol=TOLERANCE, err_msg=f"{link} at {angles}"
+            )
 
 
 @pytest.mark.parametrize("name", DH)
@@ -117,7 +136,9 @@ def test_the_ur_stretches_along_minus_x_of_the_controllers_base_at_zero_angles(n
     d, a = DH[name]
     base = data.oMf[model.getFrameId("base", pin.FrameType.BODY)]
     tool = base.actInv(data.oMf[model.getFrameId("tool0", pin.FrameType.BODY)])
-    np.testing.assert_allclose(tool.translation, [a[1] + a[2], -(d[3] + d[5]), d[0] - d[4]], atol=1e-12)
+    np.testing.assert_allclose(
+        tool.translation, [a[1] + a[2], -(d[3] + d[5]), d[0] - d[4]], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("name", DH)
@@ -126,7 +147,10 @@ def test_the_urdf_holds_right_angles_in_full_precision_and_no_residues(name):
     exact = {0.0, np.pi / 2, -np.pi / 2, np.pi}
     for origin in root.iter("origin"):
         assert {float(number) for number in origin.get("rpy", "0 0 0").split()} <= exact
-        assert all(number == 0 or abs(number) > 1e-6 for number in map(float, origin.get("xyz", "0 0 0").split()))
+        assert all(
+            number == 0 or abs(number) > 1e-6
+            for number in map(float, origin.get("xyz", "0 0 0").split())
+        )
 
 
 @pytest.mark.parametrize("name", DH)
@@ -134,9 +158,25 @@ def test_the_urdf_holds_only_standard_elements_and_attributes(name):
     text = load_robot(name).urdf.read_text()
     tags = {element.tag for element in ElementTree.fromstring(text).iter()}
     assert tags <= {
-        "robot", "link", "joint", "parent", "child", "origin", "axis", "limit", "visual", "collision", "geometry", "mesh",
-        "cylinder", "inertial", "mass", "inertia", "material", "color",
-    }  # fmt: skip
+        "robot",
+        "link",
+        "joint",
+        "parent",
+        "child",
+        "origin",
+        "axis",
+        "limit",
+        "visual",
+        "collision",
+        "geometry",
+        "mesh",
+        "cylinder",
+        "inertial",
+        "mass",
+        "inertia",
+        "material",
+        "color",
+    }
     assert "drake" not in text
 
 

@@ -36,7 +36,9 @@ def same(p: np.ndarray, q: np.ndarray, tolerance: float = 1e-12) -> bool:
 def test_the_product_of_quaternions_is_the_product_of_rotations(p, q):
     product = rotation.multiply(p, q)
     np.testing.assert_allclose(
-        scipy_rotation(product).as_matrix(), scipy_rotation(p).as_matrix() @ scipy_rotation(q).as_matrix(), atol=1e-12
+        scipy_rotation(product).as_matrix(),
+        scipy_rotation(p).as_matrix() @ scipy_rotation(q).as_matrix(),
+        atol=1e-12,
     )
 
 
@@ -49,7 +51,9 @@ def test_rotating_coordinates_agrees_with_scipy_and_with_the_matrix(q, x):
 
 @given(quaternions, vectors)
 def test_the_conjugate_undoes_a_rotation(q, x):
-    np.testing.assert_allclose(rotation.rotate(rotation.conjugate(q), rotation.rotate(q, x)), x, atol=1e-11)
+    np.testing.assert_allclose(
+        rotation.rotate(rotation.conjugate(q), rotation.rotate(q, x)), x, atol=1e-11
+    )
 
 
 @given(quaternions)
@@ -62,8 +66,12 @@ def test_a_matrix_gives_its_quaternion_back_with_a_positive_first_part(q):
 @given(vectors)
 def test_a_rotation_vector_turns_by_its_length(vector):
     q = rotation.from_rotation_vector(vector / 10)
-    np.testing.assert_allclose(scipy_rotation(q).as_matrix(), Rotation.from_rotvec(vector / 10).as_matrix(), atol=1e-12)
-    np.testing.assert_allclose(rotation.angle(q), Rotation.from_rotvec(vector / 10).magnitude(), atol=1e-9)
+    np.testing.assert_allclose(
+        scipy_rotation(q).as_matrix(), Rotation.from_rotvec(vector / 10).as_matrix(), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        rotation.angle(q), Rotation.from_rotvec(vector / 10).magnitude(), atol=1e-9
+    )
 
 
 @given(quaternions)
@@ -92,11 +100,17 @@ def test_euler_angles_are_intrinsic_turns_about_the_axes_in_the_order_they_are_w
         turn[i, i] = turn[j, j] = c
         turn[i, j], turn[j, i] = -s, s
         matrix = matrix @ turn  # each about the axes as the former left them
-    np.testing.assert_allclose(rotation.to_matrix(rotation.from_euler(sequence, angles)), matrix, atol=1e-15)
-    np.testing.assert_allclose(rotation.to_euler(sequence, rotation.from_matrix(matrix)), angles, atol=1e-14)
+    np.testing.assert_allclose(
+        rotation.to_matrix(rotation.from_euler(sequence, angles)), matrix, atol=1e-15
+    )
+    np.testing.assert_allclose(
+        rotation.to_euler(sequence, rotation.from_matrix(matrix)), angles, atol=1e-14
+    )
 
 
-@pytest.mark.parametrize(("sequence", "locked"), [("ZXZ", 0.0), ("ZXZ", np.pi), ("XYZ", np.pi / 2), ("YXZ", -np.pi / 2)])
+@pytest.mark.parametrize(
+    ("sequence", "locked"), [("ZXZ", 0.0), ("ZXZ", np.pi), ("XYZ", np.pi / 2), ("YXZ", -np.pi / 2)]
+)
 def test_gimbal_lock_gives_no_warning_and_keeps_the_middle_angle(sequence, locked):
     q = rotation.from_euler(sequence, np.array([0.4, locked, 0.2]))
     angles = rotation.to_euler(sequence, q)
@@ -113,8 +127,14 @@ def test_the_gimbal_margin_is_the_distance_of_the_middle_angle_from_lock():
 
 @given(quaternions)
 def test_heading_and_inclination_put_together_are_the_total_angle(q):
-    heading, inclination, total = rotation.heading_angle(q), rotation.inclination_angle(q), rotation.angle(q)
-    assert np.cos(total / 2) == pytest.approx(np.cos(heading / 2) * np.cos(inclination / 2), abs=1e-12)
+    heading, inclination, total = (
+        rotation.heading_angle(q),
+        rotation.inclination_angle(q),
+        rotation.angle(q),
+    )
+    assert np.cos(total / 2) == pytest.approx(
+        np.cos(heading / 2) * np.cos(inclination / 2), abs=1e-12
+    )
 
 
 @given(quaternions)
@@ -128,7 +148,9 @@ def test_taking_the_heading_away_leaves_the_inclination_and_no_heading(q):
 @given(quaternions)
 def test_the_inclination_is_the_angle_by_which_the_vertical_is_tilted(q):
     up = rotation.rotate(q, np.array([0.0, 0.0, 1.0]))
-    assert rotation.inclination_angle(q) == pytest.approx(np.arctan2(np.hypot(up[0], up[1]), up[2]), abs=1e-7)
+    assert rotation.inclination_angle(q) == pytest.approx(
+        np.arctan2(np.hypot(up[0], up[1]), up[2]), abs=1e-7
+    )
 
 
 @given(st.floats(-3.1, 3.1), quaternions)
@@ -137,16 +159,21 @@ def test_the_sign_of_a_quaternion_changes_none_of_its_angles(heading, q):
     if np.hypot(turned[0], turned[3]) < 1e-3:
         return  # half a turn about a level axis has no heading
     for of in (rotation.heading_angle, rotation.inclination_angle, rotation.angle):
-        assert of(-turned) == pytest.approx(of(turned), abs=1e-9) or abs(of(turned)) == pytest.approx(np.pi, abs=1e-6)
+        assert of(-turned) == pytest.approx(of(turned), abs=1e-9) or abs(
+            of(turned)
+        ) == pytest.approx(np.pi, abs=1e-6)
 
 
 def test_small_angles_keep_their_precision():
     for size in (1e-3, 1e-6, 1e-9, 1e-12):
-        assert rotation.angle(rotation.from_rotation_vector(np.array([0.0, size, 0.0]))) == pytest.approx(size, rel=1e-12)
+        assert rotation.angle(
+            rotation.from_rotation_vector(np.array([0.0, size, 0.0]))
+        ) == pytest.approx(size, rel=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("angle", "wrapped"), [(0, 0), (190, -170), (-190, 170), (359, -1), (720 + 5, 5), (180, -180), (-180, -180)]
+    ("angle", "wrapped"),
+    [(0, 0), (190, -170), (-190, 170), (359, -1), (720 + 5, 5), (180, -180), (-180, -180)],
 )
 def test_angles_are_wrapped_into_half_a_turn_to_either_side(angle, wrapped):
     assert np.degrees(rotation.wrap(np.radians(angle))) == pytest.approx(wrapped, abs=1e-9)

@@ -1,4 +1,6 @@
-"""TRIAD against rotations that are known, and TRIAD-to-TRIAD against the difference of two orientations."""
+"""TRIAD against rotations that are known, and TRIAD-to-TRIAD against the difference of two
+orientations.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,10 @@ def random(n: int, seed: int) -> Rotation:
 def test_the_joint_rotation_of_two_sensors_is_found_wherever_they_point():
     proximal, distal = random(100, 1), random(100, 2)  # world from sensor
     found = rotation_between_triads(
-        proximal.inv().apply(UP), proximal.inv().apply(NORTH), distal.inv().apply(UP), distal.inv().apply(NORTH)
+        proximal.inv().apply(UP),
+        proximal.inv().apply(NORTH),
+        distal.inv().apply(UP),
+        distal.inv().apply(NORTH),
     )
     error = proximal.inv() * distal * Rotation.from_quat(found, scalar_first=True).inv()
     assert error.magnitude().max() < 1e-12
@@ -29,9 +34,16 @@ def test_the_joint_rotation_of_two_sensors_is_found_wherever_they_point():
 def test_it_is_the_difference_of_the_two_orientations_even_where_the_field_is_disturbed():
     generator = np.random.default_rng(3)
     proximal, distal = random(50, 4).inv(), random(50, 5).inv()
-    seen = [turn.apply(v) + generator.normal(scale=0.5, size=(50, 3)) for turn in (proximal, distal) for v in (UP, NORTH)]
+    seen = [
+        turn.apply(v) + generator.normal(scale=0.5, size=(50, 3))
+        for turn in (proximal, distal)
+        for v in (UP, NORTH)
+    ]
     world = triad(UP, NORTH)
-    orientations = [rotation.from_matrix(world @ np.swapaxes(triad(*pair), 1, 2)) for pair in (seen[:2], seen[2:])]
+    orientations = [
+        rotation.from_matrix(world @ np.swapaxes(triad(*pair), 1, 2))
+        for pair in (seen[:2], seen[2:])
+    ]
     difference = rotation.multiply(rotation.conjugate(orientations[0]), orientations[1])
     direct = rotation_between_triads(*seen)
     assert rotation.angle(rotation.multiply(difference, rotation.conjugate(direct))).max() < 1e-9

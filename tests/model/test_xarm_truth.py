@@ -1,4 +1,6 @@
-"""The URDF of the xArm 6 against the maker's standard DH table, computed here from nothing but NumPy, and its limits."""
+"""The URDF of the xArm 6 against the maker's standard DH table, computed here from nothing but
+NumPy, and its limits.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ import pytest
 from testbench.records.robot import load_robot
 from tests.records.test_robot import Bodies
 
-# UFACTORY, "Kinematic and Dynamic Parameters of xArm 6", standard D-H parameters: d, alpha, a [mm], offset of theta.
+# UFACTORY, "Kinematic and Dynamic Parameters of xArm 6", standard D-H parameters: d, alpha, a [mm],
+# offset of theta.
 A2, T2 = np.hypot(284.5, 53.5), -np.arctan2(284.5, 53.5)
 DH = [
     (267.0, -np.pi / 2, 0.0, 0.0),
@@ -57,7 +60,9 @@ def test_every_joint_axis_and_the_flange_are_where_the_makers_table_has_them(mod
         for i, frame in enumerate(frames[:-1]):
             joint = data.oMi[i + 1]
             np.testing.assert_allclose(joint.rotation[:, 2], frame[:3, 2], atol=TOLERANCE)
-            away = np.cross(joint.translation - frame[:3, 3], frame[:3, 2])  # zero where the origins share the axis
+            away = np.cross(
+                joint.translation - frame[:3, 3], frame[:3, 2]
+            )  # zero where the origins share the axis
             assert np.abs(away).max() < TOLERANCE
         flange = data.oMf[model.getFrameId("link_eef")]
         np.testing.assert_allclose(flange.homogeneous, frames[-1], atol=TOLERANCE)
@@ -67,12 +72,20 @@ def test_the_controllers_zero_pose_is_where_the_maker_says(model):
     data = model.createData()
     pin.framesForwardKinematics(model, data, np.zeros(6))
     flange = data.oMf[model.getFrameId("link_eef")]
-    np.testing.assert_allclose(1000 * flange.translation, [207, 0, 112], atol=1e-6)  # user manual, initial position
-    np.testing.assert_allclose(flange.rotation, np.diag([1.0, -1, -1]), atol=TOLERANCE)  # roll 180 deg
+    np.testing.assert_allclose(
+        1000 * flange.translation, [207, 0, 112], atol=1e-6
+    )  # user manual, initial position
+    np.testing.assert_allclose(
+        flange.rotation, np.diag([1.0, -1, -1]), atol=TOLERANCE
+    )  # roll 180 deg
 
 
-def test_the_ranges_lie_within_those_of_both_generations_of_the_client_library(monkeypatch, tmp_path, capsys):
-    monkeypatch.setenv("HOME", str(tmp_path))  # the library makes a folder there when it is imported
+def test_the_ranges_lie_within_those_of_both_generations_of_the_client_library(
+    monkeypatch, tmp_path, capsys
+):
+    monkeypatch.setenv(
+        "HOME", str(tmp_path)
+    )  # the library makes a folder there when it is imported
     x_config = pytest.importorskip("xarm.core.config.x_config")
     tables = x_config.XCONF.Robot.JOINT_LIMITS[6]
     limits = load_robot("xarm6").position_limits

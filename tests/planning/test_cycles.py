@@ -29,7 +29,9 @@ def cycles_of(*sweeps):
 
 def test_the_fades_are_left_out_and_cycles_begin_where_the_phase_does():
     assert cycles_of(sine(0.5, 4)) == PlannedCycles(0.5, 2.0, 4, 12.0)
-    assert cycles_of(sine(0.75, 13, ramp=0.5)) == PlannedCycles(0.75, pytest.approx(1 / 0.75), 12, pytest.approx(14 / 0.75))
+    assert cycles_of(sine(0.75, 13, ramp=0.5)) == PlannedCycles(
+        0.75, pytest.approx(1 / 0.75), 12, pytest.approx(14 / 0.75)
+    )
     assert cycles_of(sine(0.5, 1, ramp=0.5)) is None
 
 
@@ -44,11 +46,15 @@ def test_joints_of_several_frequencies_share_the_cycle_of_all():
 
 def test_harmonics_of_a_fourier_series_have_its_base_for_their_cycle():
     series = FourierCommand(0, (0.0, 0.1), (0.0, 0.0), 0.875, 24, 2)
-    assert cycles_of(series) == PlannedCycles(0.875, pytest.approx(2 / 0.875), 24, pytest.approx(32))
+    assert cycles_of(series) == PlannedCycles(
+        0.875, pytest.approx(2 / 0.875), 24, pytest.approx(32)
+    )
 
 
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=5), st.integers(1, 30), st.integers(1, 30))
-def test_every_frequency_is_a_whole_multiple_of_the_common_one_and_no_higher_one_is_common(multiples, above, below):
+def test_every_frequency_is_a_whole_multiple_of_the_common_one_and_no_higher_one_is_common(
+    multiples, above, below
+):
     base = above / below
     found = common_frequency([k * base for k in multiples])
     assert found == pytest.approx(base * np.gcd.reduce(multiples), rel=1e-9)
@@ -65,14 +71,18 @@ def test_every_frequency_is_a_whole_multiple_of_the_common_one_and_no_higher_one
 )
 def test_the_planned_motion_repeats_from_cycle_to_cycle(protocol, section, expected):
     made = plan(protocol)
-    periodic = [step for step in made.steps if step.cycles is not None and section in (None, step.section)]
+    periodic = [
+        step for step in made.steps if step.cycles is not None and section in (None, step.section)
+    ]
     assert periodic
     for step in periodic:
         cycles = step.cycles
         if expected is not None:
             assert (cycles.frequency_hz, cycles.first_s, cycles.count) == pytest.approx(expected)
         place = np.arange(cycles.count)[:, None] + np.linspace(0, 1, 50)
-        times = step.start_ns + (1e9 * (cycles.first_s + place / cycles.frequency_hz)).astype(np.int64)
+        times = step.start_ns + (1e9 * (cycles.first_s + place / cycles.frequency_hz)).astype(
+            np.int64
+        )
         q = made.trajectory.at(times.ravel())[0].reshape(*times.shape, -1)
         assert np.ptp(q[0], axis=0).max() > np.radians(2)
         for one, another in itertools.pairwise(q):
@@ -82,14 +92,27 @@ def test_the_planned_motion_repeats_from_cycle_to_cycle(protocol, section, expec
 def test_a_trapezoid_goes_there_and_back_in_every_cycle(altered_protocol):
     def change(spec):
         spec["sections"][1]["steps"] = [
-            {"sweep": {"knee": {"trapezoid": {"amplitude_deg": 20, "rate_deg_s": 30, "cycles": 5, "hold_s": 0.3}}}}
+            {
+                "sweep": {
+                    "knee": {
+                        "trapezoid": {
+                            "amplitude_deg": 20,
+                            "rate_deg_s": 30,
+                            "cycles": 5,
+                            "hold_s": 0.3,
+                        }
+                    }
+                }
+            }
         ]
         del spec["estimate"]["chain"], spec["accept"]
 
     made = plan(altered_protocol("pendulum", change))
     (step,) = [step for step in made.steps if step.kind == "sweep"]
     assert (step.cycles.count, step.cycles.first_s) == (5, 0)
-    assert step.cycles.count / step.cycles.frequency_hz == pytest.approx((step.settled_ns - step.start_ns) / 1e9)
+    assert step.cycles.count / step.cycles.frequency_hz == pytest.approx(
+        (step.settled_ns - step.start_ns) / 1e9
+    )
     quarter = np.array([0.5, 1.5, 2.5]) / step.cycles.frequency_hz - 0.15
     turned = made.trajectory.at(step.start_ns + (1e9 * quarter).astype(np.int64))[0][:, 0]
     np.testing.assert_allclose(turned, np.radians(20), atol=1e-6)
@@ -104,8 +127,15 @@ def test_a_session_knows_the_cycles_of_its_plan(quick):
     assert stated.count(b'"cycles"') == 1
 
 
-@pytest.mark.parametrize("damage", [3, {"frequency_hz": 0.5}, {"frequency_hz": 0, "first_s": 0, "count": 1, "motion_s": 1},
-                                    {"frequency_hz": 1, "first_s": -1, "count": 1, "motion_s": 1}])  # fmt: skip
+@pytest.mark.parametrize(
+    "damage",
+    [
+        3,
+        {"frequency_hz": 0.5},
+        {"frequency_hz": 0, "first_s": 0, "count": 1, "motion_s": 1},
+        {"frequency_hz": 1, "first_s": -1, "count": 1, "motion_s": 1},
+    ],
+)
 def test_cycles_that_cannot_be_are_called_damaged(quick, tmp_path, damage):
     for name in ("manifest.json", "events.jsonl"):
         shutil.copy(quick.session.path / name, tmp_path)

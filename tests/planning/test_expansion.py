@@ -28,7 +28,9 @@ def commands(tmp_path, text, name="part.yaml", **others):
 def test_the_published_evaluation_has_its_315_poses_in_order():
     poses = [c for c in expand(load_protocol("elbow_flexion"), ROBOT) if c.section == "evaluation"]
     expected = [
-        (180 + d, -90, -90, 0, 90 - d, f) for d in np.arange(-20, 21, 2) for f in np.arange(0, 71, 5)
+        (180 + d, -90, -90, 0, 90 - d, f)
+        for d in np.arange(-20, 21, 2)
+        for f in np.arange(0, 71, 5)
     ]  # Castellanos Alonso 2023, table 3.7
     assert len(poses) == 315
     np.testing.assert_allclose(np.degrees([c.target for c in poses]), expected, atol=1e-12)
@@ -57,9 +59,13 @@ sections:
 
 def test_angles_by_joint_name_leave_the_other_joints_where_they_are(tmp_path):
     (command,) = commands(
-        tmp_path, "sections: [{name: s, steps: [{move_to_deg: {elbow_joint: -45, wrist_3_joint: 2 * 15}}]}]\n"
+        tmp_path,
+        "sections: [{name: s, steps: [{move_to_deg: {elbow_joint: -45, wrist_3_joint: 2 * "
+        "15}}]}]\n",
     )
-    np.testing.assert_allclose(np.degrees(command.target), [np.nan, np.nan, -45, np.nan, np.nan, 30])
+    np.testing.assert_allclose(
+        np.degrees(command.target), [np.nan, np.nan, -45, np.nan, np.nan, 30]
+    )
 
 
 def test_home_is_the_robots(tmp_path):
@@ -129,39 +135,83 @@ sections:
 
 def test_includes_of_includes_are_followed(tmp_path):
     inner = "sections: [{name: z, steps: [{dwell_s: 7}]}]\n"
-    middle = "sections: [{name: y, role: calibration, include: inner.yaml}, {name: w, steps: [{dwell_s: 8}]}]\n"
-    found = commands(tmp_path, "sections: [{name: x, include: middle.yaml}]\n", inner=inner, middle=middle)
-    assert [(c.section, c.role, c.dwell) for c in found] == [("x", "evaluation", 7), ("x", "evaluation", 8)]
+    middle = (
+        "sections: [{name: y, role: calibration, include: inner.yaml}, {name: w, steps: "
+        "[{dwell_s: 8}]}]\n"
+    )
+    found = commands(
+        tmp_path, "sections: [{name: x, include: middle.yaml}]\n", inner=inner, middle=middle
+    )
+    assert [(c.section, c.role, c.dwell) for c in found] == [
+        ("x", "evaluation", 7),
+        ("x", "evaluation", 8),
+    ]
 
 
 @pytest.mark.parametrize(
     ("step", "message"),
     [
-        ("move_to_deg: [1, 2]", r"part\.yaml:9:9: .*: 2 joint angles given; ur3e has 6: shoulder_pan_joint, .*wrist_3_joint"),
+        (
+            "move_to_deg: [1, 2]",
+            (
+                r"part\.yaml:9:9: .*: 2 joint angles given; ur3e has 6: shoulder_pan_joint, "
+                r".*wrist_3_joint"
+            ),
+        ),
         ("move_to_deg: {hand: 1}", "unknown joint of ur3e 'hand'; known: shoulder_pan_joint"),
-        ("move_to_deg: {elbow_joint: turn}", "unknown variable 'turn' in 'turn'; known: rest_s, pi"),
-        ("move_to_deg: {elbow_joint: many}", "the variable 'many' has 2 values; name it in a for_each around this step"),
+        (
+            "move_to_deg: {elbow_joint: turn}",
+            "unknown variable 'turn' in 'turn'; known: rest_s, pi",
+        ),
+        (
+            "move_to_deg: {elbow_joint: many}",
+            "the variable 'many' has 2 values; name it in a for_each around this step",
+        ),
         ("move_to_deg: {elbow_joint: 1e9}", r"1e\+09 must be at most 36000"),
-        ("sweep: {hand: {sine: {amplitude_deg: 1, frequency_hz: 1, cycles: 1}}}", "unknown joint of ur3e 'hand'"),
-        ("sweep: {elbow_joint: {sine: {amplitude_deg: 1, frequency_hz: -1, cycles: 1}}}", "-1 must be greater than 0"),
-        ("sweep: {elbow_joint: {sine: {amplitude_deg: 1, frequency_hz: 1, cycles: 2.5}}}", "2.5 must be a whole number"),
+        (
+            "sweep: {hand: {sine: {amplitude_deg: 1, frequency_hz: 1, cycles: 1}}}",
+            "unknown joint of ur3e 'hand'",
+        ),
+        (
+            "sweep: {elbow_joint: {sine: {amplitude_deg: 1, frequency_hz: -1, cycles: 1}}}",
+            "-1 must be greater than 0",
+        ),
+        (
+            "sweep: {elbow_joint: {sine: {amplitude_deg: 1, frequency_hz: 1, cycles: 2.5}}}",
+            "2.5 must be a whole number",
+        ),
         (
             "sweep: {elbow_joint: {sine: {amplitude_deg: 1, frequency_hz: 1, cycles: rest_s / 2}}}",
             "'rest_s / 2' is 0.5; it must",
         ),
-        ("sweep: {elbow_joint: {sine: {amplitude_deg: 1, frequency_hz: 1, cycles: 1, ramp_cycles: 0.1}}}", "at least 0.5"),
-        ("sweep: {elbow_joint: {trapezoid: {amplitude_deg: 1, rate_deg_s: 0}}}", "0 must be greater than 0"),
+        (
+            (
+                "sweep: {elbow_joint: {sine: {amplitude_deg: 1, frequency_hz: 1, cycles: 1, "
+                "ramp_cycles: 0.1}}}"
+            ),
+            "at least 0.5",
+        ),
+        (
+            "sweep: {elbow_joint: {trapezoid: {amplitude_deg: 1, rate_deg_s: 0}}}",
+            "0 must be greater than 0",
+        ),
         (
             "sweep: {elbow_joint: {trapezoid: {amplitude_deg: 1, rate_deg_s: 1e-5}}}",
             "would last 200000 s, more than the 3600 s",
         ),
-        ("sweep: {elbow_joint: {trapezoid: {amplitude_deg: 1, rate_deg_s: 1e9}}}", "must be at most 36000"),
+        (
+            "sweep: {elbow_joint: {trapezoid: {amplitude_deg: 1, rate_deg_s: 1e9}}}",
+            "must be at most 36000",
+        ),
         ("dwell_s: 1 / (rest_s - 1)", "has no value: division by zero"),
         ("dwell_s: -rest_s", "'-rest_s' is -1; it must be at least 0"),
     ],
 )
 def test_a_number_that_makes_no_sense_is_refused_at_its_place(tmp_path, step, message):
-    text = f"variables: {{rest_s: 1, many: [1, 2]}}\nsections:\n  - name: s\n    steps:\n      - {step}\n"
+    text = (
+        f"variables: {{rest_s: 1, many: [1, 2]}}\nsections:\n  - name: s\n    steps:\n      - "
+        f"{step}\n"
+    )
     with pytest.raises(FileProblems, match=message):
         commands(tmp_path, text)
 
@@ -171,7 +221,9 @@ def test_too_many_steps_are_refused_before_they_are_made(tmp_path):
 variables: {a: {start: 1, stop: 1000, step: 1}, b: {start: 1, stop: 1000, step: 1}}
 sections: [{name: s, for_each: [a, b], steps: [{dwell_s: 0.1}]}]
 """
-    with pytest.raises(FileProblems, match="the loop over a, b repeats its steps more than 100000 times"):
+    with pytest.raises(
+        FileProblems, match="the loop over a, b repeats its steps more than 100000 times"
+    ):
         commands(tmp_path, text)
     nested = """
 variables: {a: {start: 1, stop: 1000, step: 1}, b: {start: 1, stop: 1000, step: 1}}

@@ -6,7 +6,12 @@ from scipy.spatial.transform import Rotation
 
 from testbench import plan
 from testbench.exceptions import CollisionError, Contact, InputError, NotFoundError
-from testbench.model.calibration_information import ObservationNoise, pose_information, predicted_sd, turn_information
+from testbench.model.calibration_information import (
+    ObservationNoise,
+    pose_information,
+    predicted_sd,
+    turn_information,
+)
 from testbench.pipeline import design_calibration
 from testbench.planning import designed
 from testbench.planning.designed import _gain
@@ -49,7 +54,9 @@ def test_what_nothing_shows_has_no_uncertainty():
     sd = predicted_sd(one_way, ACCELEROMETER_SIZE)
     assert np.isinf(sd[[0, 1, 3, 4, 6, 7]]).all()  # x and y were never felt
     assert np.isfinite(sd[[8, 11]]).all()
-    turns = turn_information(np.array([[1.0, 0, 0], [0, 1.0, 0]]), np.ones(2), np.zeros((2, 3)), NOISE)
+    turns = turn_information(
+        np.array([[1.0, 0, 0], [0, 1.0, 0]]), np.ones(2), np.zeros((2, 3)), NOISE
+    )
     assert turns.shape == (2, 7, 7)
 
 
@@ -69,14 +76,18 @@ def test_the_choice_beats_random_choices(seed, criterion):
 
 
 def test_the_six_faces_are_found_where_only_they_and_their_like_are_offered():
-    """With an exactly known direction the six faces are D-optimal among the 26 directions of a cube."""
+    """With an exactly known direction the six faces are D-optimal among the 26 directions of a
+    cube.
+    """
     grid = np.array([v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)]) - 1.0
     force = 9.80665 * grid / np.linalg.norm(grid, axis=1, keepdims=True)
     exact = ObservationNoise(0.01, 0.0, 1.0, 1.0)
     information = pose_information(force, exact)
     chosen = choose(information, 6, ACCELEROMETER_SIZE, "D")
     faces = [i for i, v in enumerate(grid) if np.abs(v).sum() == 1]
-    ratio = efficiency(information[chosen].sum(axis=0), information[faces].sum(axis=0), ACCELEROMETER_SIZE, "D")
+    ratio = efficiency(
+        information[chosen].sum(axis=0), information[faces].sum(axis=0), ACCELEROMETER_SIZE, "D"
+    )
     assert ratio == pytest.approx(1.0, abs=0.02) or ratio > 1
 
 
@@ -87,7 +98,9 @@ def test_gains_over_the_six_poses_of_the_reference(tmp_path):
     assert "known to 0.03 deg in each" in found.sentence
     ratio = {row.parameter: row.ratio for row in found.rows}
     assert ratio["acc_response_xy"] > 1.8
-    assert next(row for row in found.rows if row.parameter == "gyr_response_x").compared is None  # six rests show no scale
+    assert (
+        next(row for row in found.rows if row.parameter == "gyr_response_x").compared is None
+    )  # six rests show no scale
     assert plan(tmp_path / "better.yaml").duration == found.plan.duration
 
 
@@ -96,28 +109,44 @@ def test_coming_back_to_the_same_poses_is_no_gain():
     q, dwell = designer.poses_of(plan("calibration_3d"))
     for visits in (1, 2, 3):
         again = designer.judged(np.tile(q, (visits, 1)), [], dwell)
-        assert _gain(designer, q, dwell, designer, again, Wanted(criterion="D")) == pytest.approx(1.0, abs=1e-9)
+        assert _gain(designer, q, dwell, designer, again, Wanted(criterion="D")) == pytest.approx(
+            1.0, abs=1e-9
+        )
 
 
 def test_the_shipped_design_is_what_the_command_makes(tmp_path):
     file = tmp_path / "calibration_optimal.yaml"
     design_calibration(file, "ur3e", "calibration_3d", None, Wanted())
-    assert file.read_text() == (shipped_folder("protocols") / "calibration_optimal.yaml").read_text()
+    assert (
+        file.read_text() == (shipped_folder("protocols") / "calibration_optimal.yaml").read_text()
+    )
 
 
 def test_another_arm_and_few_joints_will_do(tmp_path):
     found = design_calibration(
-        tmp_path / "ur5e.yaml", "ur5e", "calibration_3d", None, Wanted(8, 3, ("wrist_1_joint", "wrist_2_joint"))
+        tmp_path / "ur5e.yaml",
+        "ur5e",
+        "calibration_3d",
+        None,
+        Wanted(8, 3, ("wrist_1_joint", "wrist_2_joint")),
     )
-    q, _ = Designer(found.plan.robot, load_protocol("calibration_3d").spec.sensors["forearm"]).poses_of(found.plan)
+    q, _ = Designer(
+        found.plan.robot, load_protocol("calibration_3d").spec.sensors["forearm"]
+    ).poses_of(found.plan)
     assert len(q) == 8
-    np.testing.assert_allclose(q[:, [0, 1, 2, 5]], np.tile(found.plan.robot.home[[0, 1, 2, 5]], (8, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        q[:, [0, 1, 2, 5]], np.tile(found.plan.robot.home[[0, 1, 2, 5]], (8, 1)), atol=1e-9
+    )
 
 
-def test_an_arm_with_other_links_is_designed_for_and_compared_with_the_protocol_on_its_own_arm(tmp_path):
+def test_an_arm_with_other_links_is_designed_for_and_compared_with_the_protocol_on_its_own_arm(
+    tmp_path,
+):
     """The GIMVEBO has three joints and three links, none of the names of the protocol's arm."""
     out = tmp_path / "gimbal.yaml"
-    with pytest.raises(InputError, match=r"known: base_link, y_arm, x_arm, z_arm; .*--link, such as z_arm"):
+    with pytest.raises(
+        InputError, match=r"known: base_link, y_arm, x_arm, z_arm; .*--link, such as z_arm"
+    ):
         design_calibration(out, "gimvebo", "calibration_3d", None, Wanted())
     found = design_calibration(out, "gimvebo", "calibration_3d", None, Wanted(8, 0), "z_arm")
     assert (found.compared, found.compared_on) == ("calibration_3d", "ur3e")
@@ -127,12 +156,18 @@ def test_an_arm_with_other_links_is_designed_for_and_compared_with_the_protocol_
     assert "in the link z_arm: correct it" in out.read_text()
     own = Designer(load_robot("ur3e"), load_protocol("calibration_3d").spec.sensors["forearm"])
     q, dwell = own.poses_of(plan("calibration_3d"))
-    before = own.judged(q, [], dwell).accelerometer  # the six poses tell the same of the sensor, whatever arm is designed for
-    assert {row.parameter: row.compared for row in found.rows if row.parameter in before} == pytest.approx(before)
+    before = own.judged(
+        q, [], dwell
+    ).accelerometer  # the six poses tell the same of the sensor, whatever arm is designed for
+    assert {
+        row.parameter: row.compared for row in found.rows if row.parameter in before
+    } == pytest.approx(before)
     elsewhere = Designer(load_robot("gimvebo"), written.spec.sensors["forearm"])
     q, _ = elsewhere.poses_of(plan(written))
     force = elsewhere.force(q) / 9.80665
-    assert np.linalg.eigvalsh(force.T @ force / len(force))[0] > 0.1  # every axis of the sensor feels gravity
+    assert (
+        np.linalg.eigvalsh(force.T @ force / len(force))[0] > 0.1
+    )  # every axis of the sensor feels gravity
 
 
 def test_a_pose_that_no_clear_way_leads_to_is_replaced(tmp_path, monkeypatch):
@@ -148,7 +183,9 @@ def test_a_pose_that_no_clear_way_leads_to_is_replaced(tmp_path, monkeypatch):
 
     check, sensor = designed._checked, load_protocol("gimvebo_gyro").spec.sensors["imu"]
     monkeypatch.setattr(designed, "_checked", checked)
-    found = design_calibration(tmp_path / "gimbal.yaml", "gimvebo", "calibration_3d", None, Wanted(8, 0), "z_arm")
+    found = design_calibration(
+        tmp_path / "gimbal.yaml", "gimvebo", "calibration_3d", None, Wanted(8, 0), "z_arm"
+    )
     poses = Designer(found.plan.robot, sensor).poses_of(found.plan)[0]
     assert len(poses) == 8
     assert not np.isclose(poses, refused[0], atol=1e-9).all(axis=1).any()

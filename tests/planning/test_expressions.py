@@ -10,13 +10,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from testbench.exceptions import ExpressionError
-from testbench.planning.expressions import CONSTANTS, FUNCTIONS, LONGEST, UnknownVariable, evaluate_expression
+from testbench.planning.expressions import (
+    CONSTANTS,
+    FUNCTIONS,
+    LONGEST,
+    UnknownVariable,
+    evaluate_expression,
+)
 from testbench.records.protocol import RESERVED_NAMES
 
 VARIABLES = {"flexion_deg": 35.0, "misalignment_deg": -20.0, "x": 0.125, "half": 0.5}
 
 numbers = st.one_of(
-    st.integers(0, 1000).map(str), st.floats(0, 1000, allow_nan=False).map(lambda value: f"{value:.4g}"), st.just("1e-3")
+    st.integers(0, 1000).map(str),
+    st.floats(0, 1000, allow_nan=False).map(lambda value: f"{value:.4g}"),
+    st.just("1e-3"),
 )
 operands = st.one_of(numbers, st.sampled_from([*VARIABLES, *CONSTANTS]))
 spaces = st.sampled_from(["", " "])
@@ -27,19 +35,33 @@ def compound(inner):
         st.tuples(inner, spaces, st.sampled_from("+-*/"), spaces, inner).map("".join),
         inner.map("({})".format),
         inner.map("-{}".format),
-        st.tuples(st.sampled_from(["abs", "round"]), inner).map(lambda parts: f"{parts[0]}({parts[1]})"),
+        st.tuples(st.sampled_from(["abs", "round"]), inner).map(
+            lambda parts: f"{parts[0]}({parts[1]})"
+        ),
         inner.map("sqrt(abs({}))".format),
-        st.tuples(st.sampled_from(["min", "max"]), inner, inner).map(lambda parts: f"{parts[0]}({parts[1]}, {parts[2]})"),
+        st.tuples(st.sampled_from(["min", "max"]), inner, inner).map(
+            lambda parts: f"{parts[0]}({parts[1]}, {parts[2]})"
+        ),
     )
 
 
-expressions = st.recursive(operands, compound, max_leaves=8).filter(lambda text: len(text) <= LONGEST)
+expressions = st.recursive(operands, compound, max_leaves=8).filter(
+    lambda text: len(text) <= LONGEST
+)
 
 
 @settings(deadline=None, max_examples=300)
 @given(expressions)
 def test_the_value_is_the_one_python_computes(text):
-    names = {**VARIABLES, **CONSTANTS, "sqrt": math.sqrt, "abs": abs, "round": round, "min": min, "max": max}
+    names = {
+        **VARIABLES,
+        **CONSTANTS,
+        "sqrt": math.sqrt,
+        "abs": abs,
+        "round": round,
+        "min": min,
+        "max": max,
+    }
     try:
         expected = float(eval(text, {"__builtins__": {}}, names))
     except (ZeroDivisionError, OverflowError, ValueError):
@@ -164,14 +186,23 @@ def test_nothing_is_ever_executed(monkeypatch):
     ran = []
     monkeypatch.setitem(VARIABLES, "trap", 1.0)
     monkeypatch.setattr("builtins.open", lambda *_: ran.append("open"))
-    for text in ("open(1)", "open('x')", "min(open(1), 2)", "trap.bit_length()", "exec('ran')", "print(1)"):
+    for text in (
+        "open(1)",
+        "open('x')",
+        "min(open(1), 2)",
+        "trap.bit_length()",
+        "exec('ran')",
+        "print(1)",
+    ):
         with pytest.raises(ExpressionError):
             evaluate_expression(text, VARIABLES)
     assert ran == []
 
 
 @settings(deadline=None, max_examples=500)
-@given(st.one_of(st.text(max_size=40), st.text(alphabet="0123456789.eE+-*/(), xjlifn_", max_size=40)))
+@given(
+    st.one_of(st.text(max_size=40), st.text(alphabet="0123456789.eE+-*/(), xjlifn_", max_size=40))
+)
 def test_any_text_has_a_finite_value_or_is_refused_without_a_warning(text):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

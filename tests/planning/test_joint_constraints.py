@@ -49,8 +49,14 @@ def test_axes_of_the_arm_are_taken(written):
 @pytest.mark.parametrize(
     ("constraint", "said"),
     [
-        ("{proximal_axis: [0, 1, 0], distal_axis: [1, 0, 0], angle_deg: 90}", "40 to 140 deg apart, not 90 deg"),
-        ("{proximal_axis: [0, 1, 0], distal_axis: [0, 0, 1], angle_deg: 60}", "90 deg apart, not 60 deg"),
+        (
+            "{proximal_axis: [0, 1, 0], distal_axis: [1, 0, 0], angle_deg: 90}",
+            "40 to 140 deg apart, not 90 deg",
+        ),
+        (
+            "{proximal_axis: [0, 1, 0], distal_axis: [0, 0, 1], angle_deg: 60}",
+            "90 deg apart, not 60 deg",
+        ),
         ("{proximal_axis: [0, 1, 0], distal_axis: [0, 0, 1]}", "90 deg apart, not 0 deg"),
     ],
 )
@@ -69,9 +75,15 @@ def test_an_axis_that_stays_vertical_is_named(written):
     ("constraint", "said"),
     [
         ("{proximal_axis: [0, 0, 0], distal_axis: [0, 0, 1]}", "an axis needs a direction"),
-        ("{proximal_axis: [0, 1, 0], distal_axis: [0, 0, 1], angle_deg: 10}", "allowed are 0 (a hinge"),
+        (
+            "{proximal_axis: [0, 1, 0], distal_axis: [0, 0, 1], angle_deg: 10}",
+            "allowed are 0 (a hinge",
+        ),
         ("{proximal_axis: [0, 1, 0]}", "distal_axis"),
-        ("{proximal_axis: [0, 1, 0], distal_axis: [0, 0, 1], filters: [mahony_imu]}", "'mahony_imu'"),
+        (
+            "{proximal_axis: [0, 1, 0], distal_axis: [0, 0, 1], filters: [mahony_imu]}",
+            "'mahony_imu'",
+        ),
         ("{proximal_axis: [0, 1, 0], distal_axis: [0, 0, 1], axes_sd_deg: 0}", "axes_sd_deg"),
     ],
 )

@@ -1,4 +1,6 @@
-"""Motion: moves that ruckig times and that keep every limit, sweeps that begin and end at rest, knots that lose nothing."""
+"""Motion: moves that ruckig times and that keep every limit, sweeps that begin and end at rest,
+knots that lose nothing.
+"""
 
 import numpy as np
 import pytest
@@ -28,7 +30,11 @@ def moves(seed, count=12):
     for _ in range(count):
         yield (
             ROBOT.home + np.radians(rng.uniform(-120, 120, 6)),
-            Motion(speed=rng.uniform(0.1, 1), acceleration=rng.uniform(0.1, 1), jerk=rng.uniform(0.1, 1)),
+            Motion(
+                speed=rng.uniform(0.1, 1),
+                acceleration=rng.uniform(0.1, 1),
+                jerk=rng.uniform(0.1, 1),
+            ),
         )
 
 
@@ -65,7 +71,10 @@ def test_every_joint_of_a_move_arrives_together_and_none_could_be_faster():
     builder.move(target, Motion(speed=1, acceleration=1, jerk=1))
     inputs = ruckig.InputParameter(1)
     inputs.current_position, inputs.target_position = [0.0], [np.radians(90)]
-    inputs.max_velocity, inputs.max_acceleration = [ROBOT.velocity_limits[0]], [ROBOT.acceleration_limits[0]]
+    inputs.max_velocity, inputs.max_acceleration = (
+        [ROBOT.velocity_limits[0]],
+        [ROBOT.acceleration_limits[0]],
+    )
     inputs.max_jerk = [ROBOT.jerk_limits[0]]
     alone = ruckig.Trajectory(1)
     ruckig.Ruckig(1).calculate(inputs, alone)
@@ -87,7 +96,10 @@ def test_between_its_knots_the_trajectory_is_ruckigs(seed):
         inputs.max_acceleration = (ROBOT.acceleration_limits * motion.acceleration).tolist()
         inputs.max_jerk = (ROBOT.jerk_limits * motion.jerk).tolist()
         path = ruckig.Trajectory(6)
-        if ruckig.Ruckig(6).calculate(inputs, path) not in (ruckig.Result.Working, ruckig.Result.Finished):
+        if ruckig.Ruckig(6).calculate(inputs, path) not in (
+            ruckig.Result.Working,
+            ruckig.Result.Finished,
+        ):
             pytest.fail("ruckig refuses a move of this test")
         assert (end - start) / 1e9 == pytest.approx(path.duration, abs=2e-9)
         times = np.arange(start, end, 7 * MS)
@@ -95,7 +107,9 @@ def test_between_its_knots_the_trajectory_is_ruckigs(seed):
         q, v, a = trajectory.at(times)
         assert np.abs(q - expected[:, 0]).max() < 2e-9  # a move ends on a whole nanosecond
         assert np.abs(v - expected[:, 1]).max() < 1e-7
-        assert np.abs(a - expected[:, 2]).max() < 1e-4  # jerk times the rounding of a switch to a nanosecond, and its echo
+        assert (
+            np.abs(a - expected[:, 2]).max() < 1e-4
+        )  # jerk times the rounding of a switch to a nanosecond, and its echo
         current = target
 
 
@@ -105,12 +119,17 @@ def test_velocity_and_acceleration_are_the_derivatives_of_position(protocol):
     step = 100_000  # 0.1 ms
     rng = np.random.default_rng(1)
     middle = np.sort(rng.integers(step, trajectory.time_ns[-1] - step, 4000))
-    knots = trajectory.time_ns[np.clip(np.searchsorted(trajectory.time_ns, middle), 0, len(trajectory.time_ns) - 1)]
+    knots = trajectory.time_ns[
+        np.clip(np.searchsorted(trajectory.time_ns, middle), 0, len(trajectory.time_ns) - 1)
+    ]
     before = trajectory.time_ns[np.searchsorted(trajectory.time_ns, middle, side="right") - 1]
     middle = middle[(knots - middle > step) & (middle - before > step)]  # jerk jumps at a knot
     assert len(middle) > 1000
     _, v, a = trajectory.at(middle)
-    (q_before, v_before, _), (q_after, v_after, _) = trajectory.at(middle - step), trajectory.at(middle + step)
+    (q_before, v_before, _), (q_after, v_after, _) = (
+        trajectory.at(middle - step),
+        trajectory.at(middle + step),
+    )
     span = 2 * step / 1e9
     np.testing.assert_allclose((q_after - q_before) / span, v, atol=2e-6)
     np.testing.assert_allclose((v_after - v_before) / span, a, atol=2e-4)
@@ -149,14 +168,17 @@ def test_a_faded_sine_starts_and_ends_at_rest_and_is_a_sine_between(ramp, phase)
     assert t[full][-1] - t[full][0] == pytest.approx(3 / 0.5, abs=1e-2)
     np.testing.assert_allclose(q[full], 0.4 * np.sin(2 * np.pi * 0.5 * t[full] + phase), atol=1e-9)
     np.testing.assert_allclose(np.gradient(q, t)[1:-1], v[1:-1], atol=1e-4)
-    np.testing.assert_allclose(np.gradient(v, t)[1:-1], a[1:-1], atol=5e-3)  # its slope jumps where the fade ends
+    np.testing.assert_allclose(
+        np.gradient(v, t)[1:-1], a[1:-1], atol=5e-3
+    )  # its slope jumps where the fade ends
     assert np.abs(q).max() <= 0.4 + 1e-12
 
 
 def test_a_sine_sweep_has_the_amplitude_frequency_and_cycles_of_the_protocol(planned):
     the_plan = planned(
         "{move_to_deg: {wrist_3_joint: 10}}",
-        "{sweep: {wrist_3_joint: {sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 4, ramp_cycles: 1}}}, dwell_s: 0.5}",
+        "{sweep: {wrist_3_joint: {sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 4, "
+        "ramp_cycles: 1}}}, dwell_s: 0.5}",
     )
     step = the_plan.steps[1]
     assert step.kind == "sweep"
@@ -172,13 +194,19 @@ def test_a_sine_sweep_has_the_amplitude_frequency_and_cycles_of_the_protocol(pla
 
 
 def test_the_knots_of_a_sine_lose_nothing_of_it(planned):
-    the_plan = planned("{sweep: {wrist_3_joint: {sine: {amplitude_deg: 4, frequency_hz: 2, cycles: 4}}}}")
+    the_plan = planned(
+        "{sweep: {wrist_3_joint: {sine: {amplitude_deg: 4, frequency_hz: 2, cycles: 4}}}}"
+    )
     sweep = SineCommand(5, np.radians(4), 2.0, 4, 1.0, 0.0)
     t = np.linspace(0, 3, 9_001)
     expected = faded_sine(t, sweep, 3.0)
     found = state(the_plan.trajectory, t)
     for order, tolerance in enumerate((1e-9, 1e-7, 1e-4)):
-        np.testing.assert_allclose(found[order][:, 5] - (ROBOT.home[5] if order == 0 else 0), expected[order], atol=tolerance)
+        np.testing.assert_allclose(
+            found[order][:, 5] - (ROBOT.home[5] if order == 0 else 0),
+            expected[order],
+            atol=tolerance,
+        )
 
 
 def test_sines_of_two_joints_run_together_and_the_shorter_one_rests(planned):
@@ -193,7 +221,10 @@ def test_sines_of_two_joints_run_together_and_the_shorter_one_rests(planned):
 
 def test_a_trapezoid_goes_there_and_back_at_a_constant_rate(planned):
     shape = "{amplitude_deg: -40, rate_deg_s: 30, cycles: 2, hold_s: 0.25}"
-    the_plan = planned("{move_to_deg: {wrist_3_joint: 15}}", f"{{sweep: {{wrist_3_joint: {{trapezoid: {shape}}}}}}}")
+    the_plan = planned(
+        "{move_to_deg: {wrist_3_joint: 15}}",
+        f"{{sweep: {{wrist_3_joint: {{trapezoid: {shape}}}}}}}",
+    )
     step = the_plan.steps[1]
     times = np.arange(step.start_ns, step.settled_ns, MS)
     q, v, _ = the_plan.trajectory.at(times)
@@ -201,10 +232,14 @@ def test_a_trapezoid_goes_there_and_back_at_a_constant_rate(planned):
     assert (angle.max(), angle.min()) == pytest.approx((15, -25), abs=1e-6)
     assert (rate.max(), rate.min()) == pytest.approx((30, -30), abs=1e-6)
     constant = np.abs(np.abs(rate) - 30) < 1e-6
-    assert np.count_nonzero(constant) / 1000 == pytest.approx(4 * (40 / 30 - 2 * np.sqrt(30 / 8000)), abs=0.01)
+    assert np.count_nonzero(constant) / 1000 == pytest.approx(
+        4 * (40 / 30 - 2 * np.sqrt(30 / 8000)), abs=0.01
+    )
     still = np.abs(rate) < 1e-9
     assert np.count_nonzero(still) / 1000 == pytest.approx(4 * 0.25, abs=0.02)
-    assert np.degrees(the_plan.trajectory.at(np.array([step.settled_ns]))[0][0, 5]) == pytest.approx(15)
+    assert np.degrees(
+        the_plan.trajectory.at(np.array([step.settled_ns]))[0][0, 5]
+    ) == pytest.approx(15)
 
 
 def test_a_dwell_is_rest_of_the_stated_length(planned):
@@ -240,7 +275,10 @@ def test_a_faded_series_starts_and_ends_at_rest_and_its_rate_and_acceleration_ar
 
 
 def test_a_fourier_sweep_moves_the_arm_through_its_harmonics_beside_a_sine(planned):
-    series = "wrist_3_joint: {fourier: {amplitudes_deg: [20, 0, 6], phases_deg: [0, 0, 90], frequency_hz: 0.5, cycles: 4}}"
+    series = (
+        "wrist_3_joint: {fourier: {amplitudes_deg: [20, 0, 6], phases_deg: [0, 0, 90], "
+        "frequency_hz: 0.5, cycles: 4}}"
+    )
     sine = "wrist_2_joint: {sine: {amplitude_deg: 5, frequency_hz: 0.5, cycles: 4}}"
     the_plan = planned(f"{{sweep: {{{series}, {sine}}}}}")
     assert the_plan.duration == pytest.approx(12)
@@ -252,13 +290,18 @@ def test_a_fourier_sweep_moves_the_arm_through_its_harmonics_beside_a_sine(plann
 
 
 def test_a_fourier_sweep_beyond_the_joints_limits_is_refused(planned):
-    series = "{fourier: {amplitudes_deg: [20, 20, 20, 20], phases_deg: [0, 0, 0, 0], frequency_hz: 2, cycles: 2}}"
+    series = (
+        "{fourier: {amplitudes_deg: [20, 20, 20, 20], phases_deg: [0, 0, 0, 0], "
+        "frequency_hz: 2, cycles: 2}}"
+    )
     with pytest.raises(LimitError, match="wrist_3_joint: velocity"):
         planned(f"{{sweep: {{wrist_3_joint: {series}}}}}")
 
 
 def test_a_move_that_would_last_for_days_is_refused_in_a_sentence():
-    """Ruckig 0.19 answers with a code that its Python does not know: a home of a hundred million degrees, mistyped."""
+    """Ruckig 0.19 answers with a code that its Python does not know: a home of a hundred million
+    degrees, mistyped.
+    """
     builder = MotionBuilder(ROBOT)
     builder.q[3] = -1e7
     with pytest.raises(PlanError, match="too long for ruckig"):

@@ -1,4 +1,6 @@
-"""Numbers in another unit than the key says are doubted, and the ranges of the joints' true angles show them."""
+"""Numbers in another unit than the key says are doubted, and the ranges of the joints' true angles
+show them.
+"""
 
 from pathlib import Path
 
@@ -34,16 +36,36 @@ def test_no_protocol_that_ships_is_doubted():
 
 
 def test_a_variable_in_radians_is_doubted_while_the_poses_are_in_degrees(changed):
-    the_plan = changed(lambda data: data["variables"].update(flexion_deg={"start": 0, "stop": 1.5708, "step": 0.2618}))
+    the_plan = changed(
+        lambda data: data["variables"].update(
+            flexion_deg={"start": 0, "stop": 1.5708, "step": 0.2618}
+        )
+    )
     assert slips(the_plan) == [
-        "variable 'flexion_deg' looks like radians (1.5708 is 0.50 pi, and it goes no further); it is taken in degrees"
+        (
+            "variable 'flexion_deg' looks like radians (1.5708 is 0.50 pi, and it goes no "
+            "further); it "
+            "is taken in degrees"
+        )
     ]
     poses = next(use for use in the_plan.check.flexions if use.kind == "poses")
-    assert poses.highest_deg == pytest.approx(1.5708, abs=1e-6) and poses.commanded == (0, pytest.approx(1.5708))
+    assert poses.highest_deg == pytest.approx(1.5708, abs=1e-6) and poses.commanded == (
+        0,
+        pytest.approx(1.5708),
+    )
 
 
 def test_a_small_variable_that_is_no_part_of_pi_is_believed(changed):
-    assert slips(changed(lambda data: data["variables"].update(flexion_deg={"start": 0, "stop": 2, "step": 0.5}))) == []
+    assert (
+        slips(
+            changed(
+                lambda data: data["variables"].update(
+                    flexion_deg={"start": 0, "stop": 2, "step": 0.5}
+                )
+            )
+        )
+        == []
+    )
 
 
 def test_one_pose_in_radians_among_others_in_degrees_is_doubted(changed):
@@ -53,9 +75,13 @@ def test_one_pose_in_radians_among_others_in_degrees_is_doubted(changed):
 
     try:
         said = "; ".join(slips(changed(change)))
-    except PlanError as refused:  # an arm bent like that may touch itself: the refusal says what was probably meant
+    # an arm bent like that may touch itself: the refusal says what was probably meant
+    except PlanError as refused:
         said = str(refused)
-    assert "move_to_deg of step 'slipped' looks like radians (-1.5708 is -0.50 pi, and so are all its angles but 0)" in said
+    assert (
+        "move_to_deg of step 'slipped' looks like radians (-1.5708 is -0.50 pi, and so are all its "
+        "angles but 0)" in said
+    )
 
 
 def test_a_mounting_in_metres_is_doubted_and_one_at_the_origin_is_not(changed):
@@ -63,7 +89,11 @@ def test_a_mounting_in_metres_is_doubted_and_one_at_the_origin_is_not(changed):
         return lambda data: data["sensors"]["arm"]["mounting"].update(position_mm=position)
 
     assert slips(changed(place([-0.1, 0, 0.06]))) == [
-        "sensor 'arm': position_mm [-0.1, 0, 0.06] looks like metres, for all of it is below 1 mm; did you mean [-100, 0, 60]?"
+        (
+            "sensor 'arm': position_mm [-0.1, 0, 0.06] looks like metres, for all of it is below 1 "
+            "mm; "
+            "did you mean [-100, 0, 60]?"
+        )
     ]
     assert slips(changed(place([0, 0, 0]))) == slips(changed(place([0.5, 1.0, 0]))) == []
 
@@ -72,7 +102,8 @@ def test_the_ranges_of_the_true_angles_stand_beside_what_is_commanded():
     check = plan("quick").check
     poses = next(use for use in check.flexions if (use.definition, use.kind) == ("ZXZ", "poses"))
     assert poses.sentence == (
-        "elbow: ZXZ 0.0 to 60.0 deg in the judged poses, wrist_3_joint 0.0 to 60.0, commanded (flexion_deg) 0 to 60"
+        "elbow: ZXZ 0.0 to 60.0 deg in the judged poses, wrist_3_joint 0.0 to 60.0, commanded "
+        "(flexion_deg) 0 to 60"
     )
     sweep = next(use for use in check.flexions if (use.definition, use.kind) == ("ZXZ", "sweeps"))
     assert sweep.highest_deg - sweep.lowest_deg == pytest.approx(40, abs=0.5)  # a sine of 20 deg
@@ -81,6 +112,10 @@ def test_the_ranges_of_the_true_angles_stand_beside_what_is_commanded():
 
 def test_a_limit_that_is_hardly_exceeded_is_shown_with_the_digits_that_say_so():
     error = LimitError("elbow", "position", 360.0004, 360.0, "deg", 1.0, "far", 375.0)
-    assert str(error).startswith("joint elbow: position 360.0004 deg exceeds 360.0000 deg at t = 1.000 s")
+    assert str(error).startswith(
+        "joint elbow: position 360.0004 deg exceeds 360.0000 deg at t = 1.000 s"
+    )
     assert "goes on to 375.00 deg" in str(error)
-    assert "position 400.00 deg exceeds 360.00 deg" in str(LimitError("elbow", "position", 400, 360, "deg", 1, "far", 400))
+    assert "position 400.00 deg exceeds 360.00 deg" in str(
+        LimitError("elbow", "position", 400, 360, "deg", 1, "far", 400)
+    )

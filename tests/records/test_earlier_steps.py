@@ -1,4 +1,6 @@
-"""A session that goes on from another one says what of the plan lies there: on the terminal, and at the top of the report."""
+"""A session that goes on from another one says what of the plan lies there: on the terminal, and at
+the top of the report.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,11 @@ def resumed(quick, tmp_path):
         folder = tmp_path / "second"
         shutil.copytree(quick.session.path, folder)
         file = folder / "manifest.json"
-        data = json.loads(file.read_text()) | manifest | {"resumes": {"session": "first", "steps": steps}}
+        data = (
+            json.loads(file.read_text())
+            | manifest
+            | {"resumes": {"session": "first", "steps": steps}}
+        )
         file.write_text(json.dumps(data))
         return Session(folder)
 
@@ -36,7 +42,10 @@ def test_the_steps_of_the_first_session_are_counted_and_named(quick, resumed):
     session = resumed([step.index for step in quick.session.steps if step not in there])
     found = earlier_steps(session)
     assert found == EarlierSteps("first", [step.name for step in there], len(judged))
-    said = f"this session goes on from session first: 2 of {len(judged)} judged steps lie there and are not in these results"
+    said = (
+        f"this session goes on from session first: 2 of {len(judged)} judged steps lie there "
+        "and are not in these results"
+    )
     notes = evaluate(session, quick.estimate).notes
     assert [said in note and there[1].name in note for note in notes].count(True) == 1
     head = render(session, None, None).partition("<main>")[0]
@@ -51,8 +60,14 @@ def test_a_session_of_its_own_says_nothing(quick):
 
 def test_many_steps_are_not_all_named():
     said = EarlierSteps("first", [f"pose {k}" for k in range(30)], 40).sentence
-    assert "30 of 40 judged steps" in said and f"pose {MOST_NAMES - 1}; and {30 - MOST_NAMES} more" in said
-    assert EarlierSteps("first", [], 7).sentence == "goes on from session first, and has all 7 judged steps itself"
+    assert (
+        "30 of 40 judged steps" in said
+        and f"pose {MOST_NAMES - 1}; and {30 - MOST_NAMES} more" in said
+    )
+    assert (
+        EarlierSteps("first", [], 7).sentence
+        == "goes on from session first, and has all 7 judged steps itself"
+    )
 
 
 def test_a_plan_that_is_gone_or_damaged_is_passed_over(resumed):
@@ -65,9 +80,12 @@ def test_a_plan_that_is_gone_or_damaged_is_passed_over(resumed):
 
 @pytest.mark.parametrize(
     ("status", "said"),
-    [("error", "the run ended in an error: a cable"), ("interrupted", "the run was interrupted: a cable"),
-     ("aborted", "the run was aborted: a cable")],
-)  # fmt: skip
+    [
+        ("error", "the run ended in an error: a cable"),
+        ("interrupted", "the run was interrupted: a cable"),
+        ("aborted", "the run was aborted: a cable"),
+    ],
+)
 def test_how_a_run_ended_reads_as_a_sentence(quick, resumed, status, said):
     session = resumed([], status=status, message="a cable")
     assert session.status is RunStatus(status)

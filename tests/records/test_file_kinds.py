@@ -15,7 +15,10 @@ from testbench.records.shipped import shipped_folder
 ROBOTS = sorted(shipped_folder("robots").glob("*/robot.yaml"))
 OTHERS = (
     [(file, "It looks like a robot file: name it with --robot") for file in ROBOTS]
-    + [(file, "It looks like a sensor preset: name it as the preset") for file in sorted(PRESETS.glob("*.yaml"))]
+    + [
+        (file, "It looks like a sensor preset: name it as the preset")
+        for file in sorted(PRESETS.glob("*.yaml"))
+    ]
     + [
         (file, "It looks like a mapping of the generic format: name it with --mapping")
         for file in sorted((FORMAT_PRESETS / "mappings").glob("*.yaml"))
@@ -32,7 +35,9 @@ def refusal(file: Path) -> str:
 
 
 @pytest.mark.parametrize(
-    ("file", "said"), OTHERS, ids=lambda value: f"{value.parent.name}/{value.name}" if value is Path else None
+    ("file", "said"),
+    OTHERS,
+    ids=lambda value: f"{value.parent.name}/{value.name}" if value is Path else None,
 )
 def test_every_shipped_file_of_another_kind_is_recognised(file, said):
     message = refusal(file)
@@ -41,7 +46,9 @@ def test_every_shipped_file_of_another_kind_is_recognised(file, said):
 
 
 def test_a_manifest_and_a_calibration_are_recognised(quick, tmp_path):
-    assert "the manifest of a session: give the folder" in refusal(quick.session.path / "manifest.json")
+    assert "the manifest of a session: give the folder" in refusal(
+        quick.session.path / "manifest.json"
+    )
     stored = tmp_path / "c.yaml"
     stored.write_text("sensor: a\ncalibrated_utc: x\nfingerprint: y\naccelerometer: null\n")
     assert "a stored calibration: name it with --calibration" in refusal(stored)
@@ -49,9 +56,12 @@ def test_a_manifest_and_a_calibration_are_recognised(quick, tmp_path):
 
 def test_a_file_like_none_known_is_no_protocol_either(tmp_path):
     file = tmp_path / "compose.yaml"
-    file.write_text("services: {web: {image: x}}\nvolumes: {}\nversion: 3\nnetworks: {}\nconfigs: {}\n")
+    file.write_text(
+        "services: {web: {image: x}}\nvolumes: {}\nversion: 3\nnetworks: {}\nconfigs: {}\n"
+    )
     assert refusal(file) == (
-        "this is no protocol: it lacks 'sections', 'sensors', 'robot', 'purpose' ..., and a protocol has no 'services', "
+        "this is no protocol: it lacks 'sections', 'sensors', 'robot', 'purpose' ..., and a "
+        "protocol has no 'services', "
         "'volumes', 'version', 'networks' .... `testbench protocols` lists protocols to begin from"
     )
 

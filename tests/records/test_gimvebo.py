@@ -1,4 +1,6 @@
-"""The gimbal GIMVEBO: its axes, its clearances, its sensor, and the protocol that calibrates on it."""
+"""The gimbal GIMVEBO: its axes, its clearances, its sensor, and the protocol that calibrates on
+it.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,11 @@ def test_the_axes_turn_in_the_order_y_x_z_and_cross_in_one_point(robot):
 
 
 def test_gravity_is_that_of_the_place_where_it_stood(robot):
-    felt = Kinematics(robot).frame_motion("z_arm", np.zeros((1, 3))).specific_force_in_frame(robot.gravity)
+    felt = (
+        Kinematics(robot)
+        .frame_motion("z_arm", np.zeros((1, 3)))
+        .specific_force_in_frame(robot.gravity)
+    )
     assert felt[0] == pytest.approx([0, 0, 9.7992])
 
 
@@ -46,7 +52,9 @@ def test_limits_are_those_of_the_servo_in_the_robot_file_and_in_the_urdf(robot):
     assert np.degrees(robot.position_limits).tolist() == [pytest.approx([-150, 150])] * 3
     assert model.velocityLimit == pytest.approx(robot.velocity_limits)
     assert model.velocityLimit * 60 / (2 * np.pi) == pytest.approx(114)
-    assert np.column_stack([model.lowerPositionLimit, model.upperPositionLimit]) == pytest.approx(robot.position_limits)
+    assert np.column_stack([model.lowerPositionLimit, model.upperPositionLimit]) == pytest.approx(
+        robot.position_limits
+    )
     assert model.effortLimit == pytest.approx(0.39)
 
 
@@ -71,11 +79,17 @@ def test_the_sensor_follows_its_data_sheet():
     sheet = load_preset("mpu6050")
     acc, gyr = sheet.accelerometer.triad(), sheet.gyroscope.triad()
     assert sheet.rate_hz == 50 and sheet.magnetometer is None
-    assert acc.range == pytest.approx(2 * 9.80665) and acc.resolution == pytest.approx(4 * 9.80665 / 2**16)
-    assert np.degrees(gyr.range) == pytest.approx(250) and np.degrees(gyr.resolution) == pytest.approx(500 / 2**16, rel=1e-3)
+    assert acc.range == pytest.approx(2 * 9.80665) and acc.resolution == pytest.approx(
+        4 * 9.80665 / 2**16
+    )
+    assert np.degrees(gyr.range) == pytest.approx(250) and np.degrees(
+        gyr.resolution
+    ) == pytest.approx(500 / 2**16, rel=1e-3)
 
 
-def test_the_protocol_has_ten_moves_to_fit_and_ten_to_judge_each_within_two_hundred_samples(calibration_plan):
+def test_the_protocol_has_ten_moves_to_fit_and_ten_to_judge_each_within_two_hundred_samples(
+    calibration_plan,
+):
     assert calibration_plan.check.clearance.distance_mm > 20
     for section in ("fit", "held_out"):
         steps = [step for step in calibration_plan.steps if step.section == section]
@@ -85,16 +99,24 @@ def test_the_protocol_has_ten_moves_to_fit_and_ten_to_judge_each_within_two_hund
             assert (step.end_ns - step.settled_ns) / NANOSECONDS >= 2
     roles = {step.section: step.role for step in calibration_plan.steps}
     assert roles == {
-        "poses": "calibration", "fit_start": "calibration", "fit": "calibration",
-        "held_out_start": "reference", "held_out": "evaluation",
-    }  # fmt: skip
+        "poses": "calibration",
+        "fit_start": "calibration",
+        "fit": "calibration",
+        "held_out_start": "reference",
+        "held_out": "evaluation",
+    }
 
 
 def test_the_poses_turn_every_side_of_the_sensor_up(calibration_plan, robot):
-    kinematics, mounting = Kinematics(robot), Pose.from_placement(calibration_plan.protocol.spec.sensors["imu"].mounting)
+    kinematics, mounting = (
+        Kinematics(robot),
+        Pose.from_placement(calibration_plan.protocol.spec.sensors["imu"].mounting),
+    )
     ends = np.array([step.end_ns for step in calibration_plan.steps if step.section == "poses"])
     q, _, _ = calibration_plan.trajectory.at(ends)
     up = kinematics.frame_motion("z_arm", q, offset=mounting).R_world_from_frame[:, 2]
     assert len(up) == 24
     for side in (*np.eye(3), *-np.eye(3)):
-        assert np.degrees(np.arccos((up @ side).max())) < 45  # 150 deg of travel cannot turn -z right up
+        assert (
+            np.degrees(np.arccos((up @ side).max())) < 45
+        )  # 150 deg of travel cannot turn -z right up

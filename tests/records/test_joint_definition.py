@@ -1,4 +1,6 @@
-"""Joint definitions as a person writes them: what each means, and what is refused with which words."""
+"""Joint definitions as a person writes them: what each means, and what is refused with which
+words.
+"""
 
 from __future__ import annotations
 
@@ -46,12 +48,21 @@ from testbench.records.protocol_file import load_protocol
             SwingTwist((0.6, 0, -0.8)),
         ),
         ({"definition": "axis_angle"}, "axis_angle", "first", AxisAngle()),
-        ({"definition": "rotation_vector", "flexion": "second"}, "rotation_vector", "second", RotationVector()),
+        (
+            {"definition": "rotation_vector", "flexion": "second"},
+            "rotation_vector",
+            "second",
+            RotationVector(),
+        ),
     ],
 )
 def test_what_is_written_says_label_flexion_and_mathematics(written, label, flexion, decomposition):
-    written = {key: {k: [float(x) for x in v] if isinstance(v, list) else v for k, v in value.items()}
-               if isinstance(value, dict) else value for key, value in written.items()}  # fmt: skip
+    written = {
+        key: {k: [float(x) for x in v] if isinstance(v, list) else v for k, v in value.items()}
+        if isinstance(value, dict)
+        else value
+        for key, value in written.items()
+    }
     angle = FlexionAngle.model_validate(written)
     assert (angle.label, angle.flexion) == (label, flexion)
     assert decomposition_of(angle) == decomposition
@@ -63,12 +74,27 @@ def test_what_is_written_says_label_flexion_and_mathematics(written, label, flex
     ("written", "message"),
     [
         ({}, "needs either a sequence or a definition"),
-        ({"sequence": "ZXZ", "definition": "knee"}, "needs either a sequence or a definition, not both"),
-        ({"definition": {}}, "takes exactly one of euler, isb, grood_suntay, hinge, swing_twist, not none"),
-        ({"definition": {"isb": "knee", "euler": "XYZ"}}, "takes exactly one of .*, not euler and isb"),
+        (
+            {"sequence": "ZXZ", "definition": "knee"},
+            "needs either a sequence or a definition, not both",
+        ),
+        (
+            {"definition": {}},
+            "takes exactly one of euler, isb, grood_suntay, hinge, swing_twist, not none",
+        ),
+        (
+            {"definition": {"isb": "knee", "euler": "XYZ"}},
+            "takes exactly one of .*, not euler and isb",
+        ),
         ({"definition": {"hinge": [0.0, 0.0, 0.0]}}, "an axis needs a direction"),
-        ({"definition": {"euler": "XYZ", "side": "left"}}, "side goes with isb and grood_suntay, not with euler"),
-        ({"definition": "grood_suntay"}, "grood_suntay needs to be told of what, such as {grood_suntay: knee}"),
+        (
+            {"definition": {"euler": "XYZ", "side": "left"}},
+            "side goes with isb and grood_suntay, not with euler",
+        ),
+        (
+            {"definition": "grood_suntay"},
+            "grood_suntay needs to be told of what, such as {grood_suntay: knee}",
+        ),
         ({"definition": "hinge"}, r"such as {hinge: \[0, 0, 1\]}"),
         ({"definition": "shoulder"}, "'elbow', 'wrist', 'hip', 'knee', 'ankle'"),
         ({"definition": {"isb": "thumb"}}, "'elbow', 'wrist', 'hip', 'knee' or 'ankle'"),
@@ -82,26 +108,45 @@ def test_what_makes_no_sense_is_refused(written, message):
 def test_one_definition_cannot_stand_twice_under_two_names():
     with pytest.raises(ValidationError, match="the definition isb_elbow stands more than once"):
         JointDefinition.model_validate(
-            {"proximal": "a", "distal": "b", "definition": "elbow", "compare": [{"definition": {"isb": "elbow"}}]}
+            {
+                "proximal": "a",
+                "distal": "b",
+                "definition": "elbow",
+                "compare": [{"definition": {"isb": "elbow"}}],
+            }
         )
 
 
 def test_a_joint_keeps_all_its_words_in_its_own_definition():
     joint = JointDefinition.model_validate(
-        {"proximal": "a", "distal": "b", "definition": {"hinge": [0.0, 0.0, 1.0]}, "sign": -1, "continuous": True}
+        {
+            "proximal": "a",
+            "distal": "b",
+            "definition": {"hinge": [0.0, 0.0, 1.0]},
+            "sign": -1,
+            "continuous": True,
+        }
     )
     own = joint.definitions()[0]
     assert (own.label, own.flexion, own.sign, own.continuous) == ("hinge_z", "first", -1, True)
 
 
 def test_a_limit_may_name_a_definition_of_the_joint_and_no_other(tmp_path):
-    text = load_protocol("quick").document.text.replace("{sequence: YXZ, flexion: second, sign: -1}", "{definition: elbow}")
+    text = load_protocol("quick").document.text.replace(
+        "{sequence: YXZ, flexion: second, sign: -1}", "{definition: elbow}"
+    )
     file = tmp_path / "quick.yaml"
-    file.write_text(text.replace("section: static, max", "section: static, sequence: isb_elbow, max"))
+    file.write_text(
+        text.replace("section: static, max", "section: static, sequence: isb_elbow, max")
+    )
     assert load_protocol(file).spec.accept[0].sequence == "isb_elbow"
-    file.write_text(text.replace("section: static, max", "section: static, sequence: isb_knee, max"))
+    file.write_text(
+        text.replace("section: static, max", "section: static, sequence: isb_knee, max")
+    )
     with pytest.raises(
-        FileProblems, match="unknown Euler sequence or definition of this joint 'isb_knee'; known: ZXZ, isb_elbow"
+        FileProblems,
+        match="unknown Euler sequence or definition of this joint 'isb_knee'; known: ZXZ, "
+        "isb_elbow",
     ):
         load_protocol(file)
 
@@ -115,8 +160,12 @@ def test_a_limit_may_name_a_definition_of_the_joint_and_no_other(tmp_path):
         ("shoulder", "must be 'elbow'"),
     ],
 )
-def test_a_mistake_in_a_file_is_answered_at_its_place_with_what_is_allowed(tmp_path, definition, message):
-    text = load_protocol("quick").document.text.replace("sequence: ZXZ", f"definition: {definition}", 1)
+def test_a_mistake_in_a_file_is_answered_at_its_place_with_what_is_allowed(
+    tmp_path, definition, message
+):
+    text = load_protocol("quick").document.text.replace(
+        "sequence: ZXZ", f"definition: {definition}", 1
+    )
     file = tmp_path / "quick.yaml"
     file.write_text(text)
     with pytest.raises(FileProblems) as caught:

@@ -1,4 +1,6 @@
-"""Of a long truth and a long arm those rows are read that interpolation asks for: it gives the same numbers."""
+"""Of a long truth and a long arm those rows are read that interpolation asks for: it gives the same
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ from testbench.records.storage import write_parquet
     st.lists(st.integers(0, 1000), min_size=1, max_size=60, unique=True),
     st.lists(st.integers(-100, 1100), max_size=40),
 )
-def test_interpolation_between_the_rows_that_were_read_is_that_between_all(tmp_path_factory, times, instants):
+def test_interpolation_between_the_rows_that_were_read_is_that_between_all(
+    tmp_path_factory, times, instants
+):
     times, instants = np.sort(np.array(times, np.int64)), np.sort(np.array(instants, np.int64))
     values = np.sin(times.astype(float))
     path = tmp_path_factory.mktemp("near") / "table.parquet"
@@ -29,18 +33,25 @@ def test_interpolation_between_the_rows_that_were_read_is_that_between_all(tmp_p
     found = read_near(path, {"host_time_ns": "host_time_ns", "value": "value"}, instants)
     assert len(found["value"]) <= 3 * len(instants) + 2
     np.testing.assert_array_equal(
-        np.interp(instants, found["host_time_ns"], found["value"]), np.interp(instants, times, values)
+        np.interp(instants, found["host_time_ns"], found["value"]),
+        np.interp(instants, times, values),
     )
 
 
-def test_few_rows_of_a_truth_are_read_and_they_give_the_same_orientations(quick: Result, monkeypatch):
+def test_few_rows_of_a_truth_are_read_and_they_give_the_same_orientations(
+    quick: Result, monkeypatch
+):
     session = Session(quick.session.path)
     name = session.sensor_names[0]
     instants = quick.estimate.sensors[name].host_time_ns[::10]
     expected = truth_at(session.truth(name), instants)
     monkeypatch.setattr(near, "MOST_ROWS", 100)
     close = session.near(Instants({name: instants}, instants))
-    assert len(close.truth(name).host_time_ns) <= 3 * len(instants) + 2 < len(session.truth(name).host_time_ns)
+    assert (
+        len(close.truth(name).host_time_ns)
+        <= 3 * len(instants) + 2
+        < len(session.truth(name).host_time_ns)
+    )
     np.testing.assert_array_equal(truth_at(close.truth(name), instants), expected)
     whole, part = session.arm(), close.arm()
     assert len(part.host_time_ns) < len(whole.host_time_ns)
@@ -58,10 +69,14 @@ def test_a_session_that_is_read_in_part_is_judged_alike(quick: Result, monkeypat
     for name, sensor in estimated.sensors.items():
         assert sensor.clock == quick.estimate.sensors[name].clock
         for key, q in sensor.orientation.items():
-            np.testing.assert_allclose(q, quick.estimate.sensors[name].orientation[key], atol=2e-5)  # frames: fewer rows
+            np.testing.assert_allclose(
+                q, quick.estimate.sensors[name].orientation[key], atol=2e-5
+            )  # frames: fewer rows
     found = evaluate(session, quick.estimate)
     for name in ("orientation", "joint_angle", "orientation_summary", "joint_summary"):
-        for row, expected in zip(getattr(found, name), getattr(quick.evaluation, name), strict=True):
+        for row, expected in zip(
+            getattr(found, name), getattr(quick.evaluation, name), strict=True
+        ):
             if hasattr(row, "total_rmse_deg"):
                 assert row.total_rmse_deg == pytest.approx(expected.total_rmse_deg, rel=1e-9)
             else:

@@ -10,7 +10,9 @@ def test_a_table_in_overlapping_pieces_is_whole_and_every_piece_has_its_margins(
         column = np.arange(count)
         batches = [{"a": part, "b": -part} for part in np.array_split(column, max(count // 13, 1))]
         pieces = list(overlapping(iter(batches), 50, 12))
-        np.testing.assert_array_equal(np.concatenate([held["a"][counted] for held, counted in pieces]), column)
+        np.testing.assert_array_equal(
+            np.concatenate([held["a"][counted] for held, counted in pieces]), column
+        )
         for held, counted in pieces:
             np.testing.assert_array_equal(held["b"], -held["a"])
             begin, end, _ = counted.indices(len(held["a"]))

@@ -1,4 +1,6 @@
-"""Protocols: what ships, what the words mean, the schema for editors, and that the reference explains every key."""
+"""Protocols: what ships, what the words mean, the schema for editors, and that the reference
+explains every key.
+"""
 
 import importlib.util
 import json
@@ -60,12 +62,17 @@ def test_the_protocols_of_the_reference_ship():
 
 
 def test_every_file_that_makes_up_a_protocol_is_kept():
-    assert set(load_protocol("elbow_flexion").texts()) == {"elbow_flexion.yaml", "calibration_3d.yaml", "calibration_2d.yaml"}
+    assert set(load_protocol("elbow_flexion").texts()) == {
+        "elbow_flexion.yaml",
+        "calibration_3d.yaml",
+        "calibration_2d.yaml",
+    }
 
 
 def test_an_unknown_name_lists_the_protocols_that_ship():
     with pytest.raises(
-        NotFoundError, match="unknown protocol 'elbow'; known: axis_identification, beta_zeta, calibration_2d, "
+        NotFoundError,
+        match="unknown protocol 'elbow'; known: axis_identification, beta_zeta, calibration_2d, ",
     ):
         load_protocol("elbow")
 
@@ -75,7 +82,11 @@ def test_the_least_protocol_has_the_documented_defaults(tmp_path):
     assert (spec.motion.speed, spec.motion.acceleration, spec.motion.jerk) == (0.5, 0.5, 0.5)
     assert spec.sections[0].role == "evaluation"
     assert spec.estimate.filters == ["device", "vqf_6d", "vqf_9d", "fusion"]
-    assert (spec.estimate.align, spec.estimate.align_clock, spec.estimate.calibrate) == ("reference_pose", True, "static_poses")
+    assert (spec.estimate.align, spec.estimate.align_clock, spec.estimate.calibrate) == (
+        "reference_pose",
+        True,
+        "static_poses",
+    )
     assert spec.sensors["hand"].mounting.position_mm == [0, 0, 0]
     assert spec.accept == []
 
@@ -92,9 +103,16 @@ def test_a_protocol_survives_being_written_and_read_again():
     [
         (
             "{rotation_deg: [0, 0, 8]}",
-            r"rotation_deg: angles need the Euler sequence they belong to, such as {XYZ: \[0, 0, 8\]}",
+            (
+                r"rotation_deg: angles need the Euler sequence they belong to, such as {XYZ: \[0, "
+                r"0, "
+                r"8\]}"
+            ),
         ),
-        ("{position_mm: [0, 0, 10000]}", "a sensor 10 m from its link is not meant; positions are in millimetres"),
+        (
+            "{position_mm: [0, 0, 10000]}",
+            "a sensor 10 m from its link is not meant; positions are in millimetres",
+        ),
     ],
 )
 def test_a_mounting_that_cannot_be_meant_is_refused_with_what_is(tmp_path, mounting, said):
@@ -118,7 +136,9 @@ def test_a_range_holds_both_its_ends(start, stop, step, values):
 
 def test_parameters_change_those_of_the_preset_and_leave_the_rest(tmp_path):
     text = MINIMAL.replace(
-        "preset: ideal", "preset: xsens_dot, parameters: {rate_hz: 120, gyroscope: {range_deg_s: 500}, magnetometer: null}"
+        "preset: ideal",
+        "preset: xsens_dot, parameters: {rate_hz: 120, gyroscope: {range_deg_s: 500}, "
+        "magnetometer: null}",
     )
     imu = read(tmp_path, text).spec.sensors["hand"].imu()
     preset = load_preset("xsens_dot")
@@ -128,7 +148,9 @@ def test_parameters_change_those_of_the_preset_and_leave_the_rest(tmp_path):
 
 
 def test_a_sensor_can_be_described_without_a_preset(tmp_path):
-    parameters = "parameters: {rate_hz: 100, accelerometer: {range_g: 8}, gyroscope: {range_deg_s: 1000}}"
+    parameters = (
+        "parameters: {rate_hz: 100, accelerometer: {range_g: 8}, gyroscope: {range_deg_s: 1000}}"
+    )
     imu = read(tmp_path, MINIMAL.replace("preset: ideal", parameters)).spec.sensors["hand"].imu()
     assert (imu.rate_hz, imu.accelerometer.range_g, imu.magnetometer) == (100, 8, None)
 
@@ -144,15 +166,23 @@ def test_an_incomplete_sensor_is_refused_with_every_key_that_is_missing(tmp_path
 
 
 def test_a_sequence_that_the_joint_does_not_compute_cannot_be_limited(tmp_path):
-    text = load_protocol("quick").document.text.replace("section: static, max", "section: static, sequence: XYX, max")
-    with pytest.raises(FileProblems, match="unknown Euler sequence or definition of this joint 'XYX'; known: ZXZ, YXZ"):
+    text = load_protocol("quick").document.text.replace(
+        "section: static, max", "section: static, sequence: XYX, max"
+    )
+    with pytest.raises(
+        FileProblems,
+        match="unknown Euler sequence or definition of this joint 'XYX'; known: ZXZ, YXZ",
+    ):
         read(tmp_path, text)
 
 
 def test_a_variable_that_a_joint_names_must_exist(tmp_path):
-    text = load_protocol("quick").document.text.replace("sequence: ZXZ", "sequence: ZXZ\n    misalignment: tilt_deg", 1)
+    text = load_protocol("quick").document.text.replace(
+        "sequence: ZXZ", "sequence: ZXZ\n    misalignment: tilt_deg", 1
+    )
     with pytest.raises(
-        FileProblems, match=r"joints\.elbow\.misalignment: unknown variable 'tilt_deg'; known: misalignment_deg"
+        FileProblems,
+        match=r"joints\.elbow\.misalignment: unknown variable 'tilt_deg'; known: misalignment_deg",
     ):
         read(tmp_path, text)
 
@@ -162,7 +192,9 @@ def test_a_variable_that_a_joint_names_must_exist(tmp_path):
 
 def test_the_committed_schema_is_current():
     file = shipped_folder("protocols") / "schema.json"
-    assert file.read_text(encoding="utf-8") == schema_text(), "run: testbench protocols --schema > protocols/schema.json"
+    assert file.read_text(encoding="utf-8") == schema_text(), (
+        "run: testbench protocols --schema > protocols/schema.json"
+    )
 
 
 def test_the_command_prints_the_schema(monkeypatch, capsys):
@@ -211,7 +243,11 @@ def fits(value, schema, root):
     others = schema.pop("additionalProperties", True)
     if isinstance(value, dict):
         for key, child in value.items():
-            matching = [properties[key]] if key in properties else [s for p, s in patterns.items() if re.search(p, key)]
+            matching = (
+                [properties[key]]
+                if key in properties
+                else [s for p, s in patterns.items() if re.search(p, key)]
+            )
             if not matching:
                 matching = [others] if isinstance(others, dict) else []
                 checks.append(others is not False)
@@ -222,13 +258,22 @@ def fits(value, schema, root):
             case "$ref":
                 checks.append(fits(value, root["$defs"][wanted.rsplit("/", 1)[1]], root))
             case "type":
-                checks.append(isinstance(value, kinds[wanted]) and (wanted == "boolean" or not isinstance(value, bool)))
+                checks.append(
+                    isinstance(value, kinds[wanted])
+                    and (wanted == "boolean" or not isinstance(value, bool))
+                )
             case "required":
                 checks.append(not isinstance(value, dict) or set(wanted) <= set(value))
             case "items":
-                checks += [fits(child, wanted, root) for child in value] if isinstance(value, list) else []
+                checks += (
+                    [fits(child, wanted, root) for child in value]
+                    if isinstance(value, list)
+                    else []
+                )
             case "propertyNames":
-                checks += [fits(key, wanted, root) for key in value] if isinstance(value, dict) else []
+                checks += (
+                    [fits(key, wanted, root) for key in value] if isinstance(value, dict) else []
+                )
             case "oneOf":
                 checks.append(sum(fits(value, part, root) for part in wanted) == 1)
             case "anyOf":
@@ -307,12 +352,16 @@ def inner_models(annotation):
 
 def test_the_reference_explains_every_key_choice_and_name():
     text = REFERENCE.read_text(encoding="utf-8")
-    words = [key for model in models(ProtocolSpec) | models(ImuParameters) for key in model.model_fields]
+    words = [
+        key for model in models(ProtocolSpec) | models(ImuParameters) for key in model.model_fields
+    ]
     words += [*FILTER_NAMES, *JOINT_METRICS, *SENSOR_METRICS, *CHAIN_METRICS, *list_presets()]
     assert len(words) > 100
     assert sorted({word for word in words if f"`{word}`" not in text}) == []
 
 
 def test_the_example_of_the_reference_is_a_protocol(tmp_path):
-    (example, *_) = re.findall(r"```yaml\n(.*?)```", REFERENCE.read_text(encoding="utf-8"), flags=re.DOTALL)
+    (example, *_) = re.findall(
+        r"```yaml\n(.*?)```", REFERENCE.read_text(encoding="utf-8"), flags=re.DOTALL
+    )
     assert read(tmp_path, example).spec.sections

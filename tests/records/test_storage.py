@@ -18,9 +18,14 @@ def table(tmp_path_factory):
 
 
 @pytest.mark.parametrize("every", [1, 2, 7, 65_536, 65_537, 100_000])
-@pytest.mark.parametrize(("begin", "end"), [(0, None), (3, 50), (70_000, 131_080), (65_530, 65_540), (5, N + 99), (10, 10)])
+@pytest.mark.parametrize(
+    ("begin", "end"),
+    [(0, None), (3, 50), (70_000, 131_080), (65_530, 65_540), (5, N + 99), (10, 10)],
+)
 def test_a_part_is_what_slicing_the_whole_gives(table, begin, end, every):
-    part = read_stacked(table, {"time": "time", "xy": ["x", "y"], "mark": "mark"}, begin, end, every)
+    part = read_stacked(
+        table, {"time": "time", "xy": ["x", "y"], "mark": "mark"}, begin, end, every
+    )
     stop = min(N if end is None else end, N)
     row = np.arange(begin + every - 1, begin + (stop - begin) // every * every, every)
     np.testing.assert_array_equal(part["time"], row)

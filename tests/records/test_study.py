@@ -1,4 +1,6 @@
-"""A study survives being written and read; its box plots are those of a sample worked out by hand."""
+"""A study survives being written and read; its box plots are those of a sample worked out by
+hand.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,25 @@ from testbench.records.study import FILE, BoxNumbers, StudyBoxes, StudyRecord, S
 
 def a_study() -> StudyRecord:
     rows = (StudyRow("ours", (0.5, None), (20.0, "91.65")), StudyRow("more", (1.0, "2")))
-    table = StudyTable("4.3", "Angles", ("median [deg]", "outliers"), rows, "How.", "Because.", "4.3", (2, 0), 0)
-    boxes = StudyBoxes("Angles", "angle [deg]", {"a": BoxNumbers(0, 1, 2, 3, 4, (9.0,))}, {}, "How.", True)
+    table = StudyTable(
+        "4.3", "Angles", ("median [deg]", "outliers"), rows, "How.", "Because.", "4.3", (2, 0), 0
+    )
+    boxes = StudyBoxes(
+        "Angles", "angle [deg]", {"a": BoxNumbers(0, 1, 2, 3, 4, (9.0,))}, {}, "How.", True
+    )
     return StudyRecord(
-        "demo", "Demo", "Why?", "Someone, 2018", "2026-01-02T03:04:05Z", {"seed": 1}, ("logs/a",), ("It works.",), (table,),
-        (boxes,), {"numpy": "2"},
-    )  # fmt: skip
+        "demo",
+        "Demo",
+        "Why?",
+        "Someone, 2018",
+        "2026-01-02T03:04:05Z",
+        {"seed": 1},
+        ("logs/a",),
+        ("It works.",),
+        (table,),
+        (boxes,),
+        {"numpy": "2"},
+    )
 
 
 def test_a_study_is_read_back_as_it_was_written(tmp_path):
@@ -47,7 +62,9 @@ def test_rows_must_fit_their_columns():
 
 
 def test_a_box_plot_is_that_of_the_textbook():
-    """Ten values: the quartiles are the third and the eighth smallest, (k - 1/2)/n being 0.25 and 0.75; 40 lies beyond."""
+    """Ten values: the quartiles are the third and the eighth smallest, (k - 1/2)/n being 0.25 and
+    0.75; 40 lies beyond.
+    """
     box = BoxNumbers.of(np.array([40.0, 3, 1, 2, 5, 4, 7, 6, 9, 8]))
     assert (box.q1, box.median, box.q3, box.iqr) == (3, 5.5, 8, 5)
     assert (box.lower, box.upper, box.outliers) == (1, 9, (40.0,))

@@ -1,4 +1,6 @@
-"""Strict YAML: what the words of a file mean, where its faults stand, and what is refused before it is read."""
+"""Strict YAML: what the words of a file mean, where its faults stand, and what is refused before it
+is read.
+"""
 
 import math
 import time
@@ -9,7 +11,13 @@ from hypothesis import strategies as st
 
 from testbench.exceptions import FileProblems
 from testbench.records.strict import StrictModel
-from testbench.records.yaml_file import LARGEST_FILE, MOST_PROBLEMS, load_yaml, parse_yaml, read_text
+from testbench.records.yaml_file import (
+    LARGEST_FILE,
+    MOST_PROBLEMS,
+    load_yaml,
+    parse_yaml,
+    read_text,
+)
 
 
 class Inner(StrictModel):
@@ -86,7 +94,9 @@ def test_a_file_is_read_with_its_text_and_can_name_the_place_of_a_later_fault(tm
     document = load_yaml(file, Outer)
     assert document.value == Outer(name="a", inner=Inner(size=2))
     assert document.text == file.read_text()
-    assert str(document.problem("too large", "inner", "size")) == f"{file}:2:9: inner.size: too large"
+    assert (
+        str(document.problem("too large", "inner", "size")) == f"{file}:2:9: inner.size: too large"
+    )
     assert str(document.problem("missing", "inner", "words", 3)) == f"{file}:2:1: inner: missing"
 
 
@@ -107,14 +117,26 @@ def test_a_byte_order_mark_and_dos_line_ends_are_taken_as_they_come(tmp_path):
         ("name: a\ninner:\n", "2:1: inner: must be a mapping (key: value), not empty"),
         ("name: 1\ninner: {size: 2}\n", "1:1: name: must be text, not 1"),
         ("name: a\ninner: {size: 2, words: x}\n", "2:18: inner.words: must be a list, not 'x'"),
-        ("name: a\ninner: {size: 2, words: {a: 1}}\n", "2:18: inner.words: must be a list, not a mapping with a"),
+        (
+            "name: a\ninner: {size: 2, words: {a: 1}}\n",
+            "2:18: inner.words: must be a list, not a mapping with a",
+        ),
         ("name: a\ninner: {size: 2}\nflag: yes\n", "3:1: flag: must be true or false, not 'yes'"),
         ("name: a\ninner: {size: 2}\ncount: 1.5\n", "3:1: count: must be a whole number, not 1.5"),
         ("name: a\ninner: {}\n", "2:1: inner: the key 'size' is missing"),
         ("name: a\ninner: {size: 2, sise: 3}\n", "2:18: inner.sise: unknown key 'sise'"),
-        ("name: a\nname: b\ninner: {size: 2}\n", "2:1: the key 'name' stands twice (first in line 1)"),
-        ("name: a\ninner: {size: 2, words: [" + "x" * 100 + ", 5]}\n", "inner.words[1]: must be text, not 5"),
-        ("name: 7" + "0" * 15 + "\ninner: {size: '" + "x" * 100 + "'}\n", "not '" + "x" * 59 + "..."),
+        (
+            "name: a\nname: b\ninner: {size: 2}\n",
+            "2:1: the key 'name' stands twice (first in line 1)",
+        ),
+        (
+            "name: a\ninner: {size: 2, words: [" + "x" * 100 + ", 5]}\n",
+            "inner.words[1]: must be text, not 5",
+        ),
+        (
+            "name: 7" + "0" * 15 + "\ninner: {size: '" + "x" * 100 + "'}\n",
+            "not '" + "x" * 59 + "...",
+        ),
         ('name: "\\ud800"\ninner: {size: 2}\n', "1:7: name: holds half of a surrogate pair"),
         ('name: a\n"\\ud800": 1\ninner: {size: 2}\n', "2:1: keys must be plain words"),
     ],
@@ -157,7 +179,10 @@ def test_a_flood_of_problems_is_cut_short(tmp_path):
         ("a: *b", "aliases (*name) are not allowed"),
         ("a: &b [1]\nc: *b", "aliases (*name) are not allowed"),
         ("a: &b [*b]", "aliases (*name) are not allowed"),
-        ("a: !!python/object/apply:os.system ['true']", "the tag !!python/object/apply:os.system is not allowed"),
+        (
+            "a: !!python/object/apply:os.system ['true']",
+            "the tag !!python/object/apply:os.system is not allowed",
+        ),
         ("a: !!python/object/new:dict {b: 1}", "the tag !!python/object/new:dict is not allowed"),
         ("a: !!set {b, c}", "the tag !!set is not allowed"),
         ("a: !!binary aGk=", "the tag !!binary is not allowed"),
@@ -186,12 +211,23 @@ def test_what_is_no_plain_yaml_is_refused(tmp_path, text, message):
 def test_tags_never_run_anything(tmp_path):
     target = tmp_path / "made"
     with pytest.raises(FileProblems):
-        values(f"a: !!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.Path ['{target}']]", tmp_path)
+        values(
+            "a: !!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.Path "
+            f"['{target}']]",
+            tmp_path,
+        )
     assert not target.exists()
 
 
 @pytest.mark.parametrize(
-    "text", ["[" * 50_000, "{a: " * 50_000, "- " * 50_000, "a: " + "[" * 41 + "]" * 41, "[" * 500 + "]" * 500]
+    "text",
+    [
+        "[" * 50_000,
+        "{a: " * 50_000,
+        "- " * 50_000,
+        "a: " + "[" * 41 + "]" * 41,
+        "[" * 500 + "]" * 500,
+    ],
 )
 def test_deep_nesting_is_refused_quickly(tmp_path, text):
     start = time.perf_counter()
@@ -201,7 +237,9 @@ def test_deep_nesting_is_refused_quickly(tmp_path, text):
 
 
 def test_an_alias_bomb_is_refused_quickly(tmp_path):
-    bomb = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 500))
+    bomb = "a0: &a0 [x, x]\n" + "".join(
+        f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 500)
+    )
     start = time.perf_counter()
     with pytest.raises(FileProblems, match="aliases"):
         values(bomb, tmp_path)
@@ -223,7 +261,9 @@ def test_a_device_without_end_is_refused():
 
 
 def test_a_file_that_is_missing_or_a_folder_is_refused(tmp_path):
-    with pytest.raises(FileProblems, match=r"none\.yaml: cannot be read: No such file or directory"):
+    with pytest.raises(
+        FileProblems, match=r"none\.yaml: cannot be read: No such file or directory"
+    ):
         load_yaml(tmp_path / "none.yaml", Outer)
     with pytest.raises(FileProblems, match="cannot be read: Is a directory"):
         load_yaml(tmp_path, Outer)
@@ -247,7 +287,12 @@ def test_control_characters_of_a_file_never_reach_the_terminal(tmp_path):
 
 
 @settings(deadline=None, max_examples=300)
-@given(st.text(alphabet=st.sampled_from(list("ab:-[]{}#&*!|>%@`'\"\\ \n\t,?~<0.e\x00\x1f\u00e9\ud800")), max_size=60))
+@given(
+    st.text(
+        alphabet=st.sampled_from(list("ab:-[]{}#&*!|>%@`'\"\\ \n\t,?~<0.e\x00\x1f\u00e9\ud800")),
+        max_size=60,
+    )
+)
 def test_any_text_is_read_or_refused(text):
     try:
         parse_yaml(text, "file.yaml")

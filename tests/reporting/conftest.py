@@ -1,4 +1,6 @@
-"""Sessions to report on: a real one of the quick protocol, and an imported one without arm, joints and steps."""
+"""Sessions to report on: a real one of the quick protocol, and an imported one without arm, joints
+and steps.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> Judged:
 
 @pytest.fixture(scope="package")
 def imported(tmp_path_factory: pytest.TempPathFactory) -> Judged:
-    """A sensor that turns about the vertical for 20 s, as a public data set would give it: truth, but no arm."""
+    """A sensor that turns about the vertical for 20 s, as a public data set would give it: truth,
+    but no arm.
+    """
     n, rate = 2000, 100.0
     time = np.round(np.arange(n) / rate * 1e9).astype(np.int64)
     angle = np.sin(np.arange(n) / rate)
@@ -48,7 +52,9 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Judged:
     acc = np.tile([0.0, 0.0, 9.80665], (n, 1))
     q = rotation.from_heading(angle)
     samples = ImuSamples(time, time, gyr, acc, None, None, np.arange(n), np.zeros(n, dtype=bool))
-    settings = Estimation(filters=["vqf_6d", "fusion"], align="heading", align_clock=False, calibrate="none")
+    settings = Estimation(
+        filters=["vqf_6d", "fusion"], align="heading", align_clock=False, calibrate="none"
+    )
     writer = SessionWriter(
         tmp_path_factory.mktemp("logs") / "imported",
         Analysis(estimate=settings),

@@ -13,7 +13,16 @@ TIME = np.arange(100, dtype=np.int64) * 10_000_000
 
 def chain(state: str) -> ChainEstimate:
     mean = np.zeros((100, 3, len(JOINTS)))
-    return ChainEstimate("walk", state, ["a", "b"], JOINTS, TIME, mean, mean + 0.1, {"normalised_innovation_squared": 1.0})
+    return ChainEstimate(
+        "walk",
+        state,
+        ["a", "b"],
+        JOINTS,
+        TIME,
+        mean,
+        mean + 0.1,
+        {"normalised_innovation_squared": 1.0},
+    )
 
 
 def row(state: str, joint: str, rmse: float) -> ChainRow:
@@ -22,7 +31,11 @@ def row(state: str, joint: str, rmse: float) -> ChainRow:
 
 
 def made(states: list[str]) -> tuple[Estimate, Evaluation]:
-    rows = [row(state, joint, 0.1 + i + (state == "kinematic")) for state in states for i, joint in enumerate(JOINTS)]
+    rows = [
+        row(state, joint, 0.1 + i + (state == "kinematic"))
+        for state in states
+        for i, joint in enumerate(JOINTS)
+    ]
     signals = {"host_time_ns": TIME, "judged": np.ones(100, dtype=bool)}
     signals |= {f"{joint}_error_rad": np.zeros(100) for joint in JOINTS}
     series = {f"chain_walk_{state}": signals for state in states}
@@ -42,7 +55,11 @@ def test_every_joint_and_state_has_a_row_and_the_lower_error_is_marked():
         ("joint_0", "kinematic"),
         ("joint_0", "fourier"),
     ]
-    marked = [line.cells[2].text for line in errors.rows if any("best" in cell.kind for cell in line.cells)]
+    marked = [
+        line.cells[2].text
+        for line in errors.rows
+        if any("best" in cell.kind for cell in line.cells)
+    ]
     assert marked == ["fourier"] * len(JOINTS)
 
 
@@ -50,7 +67,9 @@ def test_of_many_joints_those_with_the_largest_errors_are_drawn():
     section = chain_section(*made(["fourier"]), [])
     (drawn,) = [block for block in section.blocks if isinstance(block, Figures)]
     (figure,) = drawn.figures.values()
-    titles = [axis["title"]["text"] for name, axis in figure["layout"].items() if name.startswith("yaxis")]
+    titles = [
+        axis["title"]["text"] for name, axis in figure["layout"].items() if name.startswith("yaxis")
+    ]
     assert titles == [f"joint_{i} [deg]" for i in range(7, 7 - MOST_PANELS, -1)]
 
 

@@ -14,11 +14,18 @@ from testbench.reporting.palette import COLOURS, ORDERED, REFERENCE, rgb
 
 def test_curves_far_below_others_are_not_left_flat() -> None:
     x = [0.0, 10.0, 20.0]
-    own = [Curve("a", x, [0.02, 0.0, 0.05], "#123456", [0.01] * 3), Curve("b", x, [0.01, 0.03, None], "#654321", [0.01] * 3)]
+    own = [
+        Curve("a", x, [0.02, 0.0, 0.05], "#123456", [0.01] * 3),
+        Curve("b", x, [0.01, 0.03, None], "#654321", [0.01] * 3),
+    ]
     far = Curve("published", x, [2.0, 5.0, 1.0], REFERENCE, dashed=True)
     flat = error_curves([*own, far], "x", "y")
     assert flat["layout"]["yaxis"]["type"] == "log"
-    assert [trace["y"] for trace in flat["data"]] == [[0.02, None, 0.05], [0.01, 0.03, None], [2, 5, 1]]  # no bands, no zero
+    assert [trace["y"] for trace in flat["data"]] == [
+        [0.02, None, 0.05],
+        [0.01, 0.03, None],
+        [2, 5, 1],
+    ]  # no bands, no zero
     for beside in ([], [replace(far, hidden=True)], [replace(far, y=[0.1, 0.1, 0.2])]):
         shown = error_curves([*own, *beside], "x", "y")
         assert shown["layout"]["yaxis"]["rangemode"] == "tozero"

@@ -12,7 +12,13 @@ from testbench.reporting.flexion import published_beside
 def test_every_published_row_has_a_value_for_each_flexion() -> None:
     published = load_published()
     assert published.flexion_deg == [float(f) for f in range(0, 75, 5)]
-    assert [row.table for row in published.flexion_mean_abs_error] == ["5.6", "5.7", "5.8", "5.9", "5.10"]
+    assert [row.table for row in published.flexion_mean_abs_error] == [
+        "5.6",
+        "5.7",
+        "5.8",
+        "5.9",
+        "5.10",
+    ]
     assert all(len(row.mean_abs_error_deg) == 15 for row in published.flexion_mean_abs_error)
 
 
@@ -20,7 +26,9 @@ def test_published_means_are_those_of_the_source() -> None:
     # Sums of the rows as printed: a digit that was copied wrongly changes one.
     sums = {"5.6": 3.55, "5.7": 43.69, "5.8": 28.97, "5.9": 22.94, "5.10": 11.35}
     for row in load_published().flexion_mean_abs_error:
-        assert sum(value or 0.0 for value in row.mean_abs_error_deg) == pytest.approx(sums[row.table], abs=1e-9)
+        assert sum(value or 0.0 for value in row.mean_abs_error_deg) == pytest.approx(
+            sums[row.table], abs=1e-9
+        )
 
 
 def test_published_values_are_taken_at_the_flexions_of_the_session() -> None:

@@ -23,7 +23,11 @@ EVALUATION = Evaluation(
     [OrientationRow("shank", name, 10, 1.0, 1.0, 1.0, 1.0) for name in (*NAMES, "drifting")],
     [],
     Outcome.NOT_MEASURED,
-    ranking=[rank("good", 0.2, "a", "wild"), rank("worse", 0.9, "b", "wild"), rank("wild", 75.8, "ab", "good", "worse")],
+    ranking=[
+        rank("good", 0.2, "a", "wild"),
+        rank("worse", 0.9, "b", "wild"),
+        rank("wild", 75.8, "ab", "good", "worse"),
+    ],
 )
 
 
@@ -41,10 +45,15 @@ def test_a_filter_that_is_left_out_and_one_that_is_placed_nowhere_are_named() ->
 
 def test_those_that_are_placed_nowhere_share_one_sentence() -> None:
     rows = [rank("good", 0.2, "a", "wild", "wilder"), rank("worse", 0.9, "b", "wild", "wilder")]
-    rows += [rank("wild", 7.0, "ab", "good", "worse", "wilder"), rank("wilder", 8.0, "ab", "good", "worse", "wild")]
+    rows += [
+        rank("wild", 7.0, "ab", "good", "worse", "wilder"),
+        rank("wilder", 8.0, "ab", "good", "worse", "wild"),
+    ]
     evaluation = replace(EVALUATION, ranking=rows, orientation=EVALUATION.orientation[:3])
     (nowhere,) = said(evaluation)
-    assert nowhere.startswith("wild (7.000 deg), wilder (8.000 deg) share a letter with every other by RMS total error")
+    assert nowhere.startswith(
+        "wild (7.000 deg), wilder (8.000 deg) share a letter with every other by RMS total error"
+    )
     (table,) = (block for block in ranking_blocks(evaluation, "shank") if isinstance(block, Table))
     alike = [row.cells[-1].text for row in table.rows]
     assert alike == ["wild, wilder", "wild, wilder", "any other", "any other"]

@@ -1,4 +1,6 @@
-"""The report is one file that needs nothing else, says what it knows, and escapes what it is told."""
+"""The report is one file that needs nothing else, says what it knows, and escapes what it is
+told.
+"""
 
 from __future__ import annotations
 
@@ -88,7 +90,11 @@ def test_the_button_that_uploads_figures_is_off(quick_page: Page) -> None:
 
 
 def test_the_report_names_what_was_run_and_the_verdict(quick_page: Page, quick: Judged) -> None:
-    badges = [a["class"] for tag, a in quick_page.tags if tag == "span" and "large" in (a.get("class") or "")]
+    badges = [
+        a["class"]
+        for tag, a in quick_page.tags
+        if tag == "span" and "large" in (a.get("class") or "")
+    ]
     assert badges == [f"badge {quick.evaluation.outcome.value} large"]
     for words in (
         "A look at the whole bench",
@@ -114,11 +120,17 @@ def test_report_and_terminal_give_the_verdict_in_the_same_words(
     assert found is not None
     say_evaluation(evaluation, "session", None)
     assert f"outcome: {found[2]}\n" in capsys.readouterr().out
-    assert found[2] == ("no limits were stated" if outcome is None else outcome.value.replace("_", " "))
+    assert found[2] == (
+        "no limits were stated" if outcome is None else outcome.value.replace("_", " ")
+    )
 
 
 def test_an_imported_recording_is_not_spoken_of_as_a_run(imported: Judged) -> None:
-    words = re.sub(r"\s+", " ", Page(report(imported.session, imported.estimate, imported.evaluation).read_text()).words)
+    words = re.sub(
+        r"\s+",
+        " ",
+        Page(report(imported.session, imported.estimate, imported.evaluation).read_text()).words,
+    )
     for said in (
         "Imported2026-01-02",
         "What was recorded",
@@ -126,18 +138,35 @@ def test_an_imported_recording_is_not_spoken_of_as_a_run(imported: Judged) -> No
         "the same files, options and versions",
     ):
         assert said in words, said
-    for wrong in ("Started", "same plan", "seed", "What was run", "status of the bench", "The protocol"):
+    for wrong in (
+        "Started",
+        "same plan",
+        "seed",
+        "What was run",
+        "status of the bench",
+        "The protocol",
+    ):
         assert wrong not in words, wrong
 
 
-def test_a_recording_of_devices_is_dated_as_one_and_says_what_it_cannot_repeat(imported: Judged, tmp_path: Path) -> None:
+def test_a_recording_of_devices_is_dated_as_one_and_says_what_it_cannot_repeat(
+    imported: Judged, tmp_path: Path
+) -> None:
     folder = copy_of(imported.session, tmp_path)
     manifest = json.loads((folder / "manifest.json").read_text())
-    manifest |= {"kind": "recording", "notes": ["imu: 98.0 samples in a second arrived, 100 were expected."]}
+    manifest |= {
+        "kind": "recording",
+        "notes": ["imu: 98.0 samples in a second arrived, 100 were expected."],
+    }
     del manifest["source"]
     (folder / "manifest.json").write_text(json.dumps(manifest))
     words = re.sub(r"\s+", " ", Page(report(Session(folder)).read_text()).words)
-    for said in ("Recorded2026-01-02", "none: devices recorded alone", "cannot be measured again", "98.0 samples in a second"):
+    for said in (
+        "Recorded2026-01-02",
+        "none: devices recorded alone",
+        "cannot be measured again",
+        "98.0 samples in a second",
+    ):
         assert said in words, said
     assert "same plan" not in words and "Started" not in words
 
@@ -169,7 +198,9 @@ def test_the_published_row_of_a_filter_stands_right_under_it(quick: Judged) -> N
 
 def test_our_numbers_are_those_of_the_evaluation(quick_page: Page, quick: Judged) -> None:
     row = next(
-        r for r in quick.evaluation.joint_angle if r.flexion_deg == 60 and r.misalignment_deg == 0 and r.filter == "fusion"
+        r
+        for r in quick.evaluation.joint_angle
+        if r.flexion_deg == 60 and r.misalignment_deg == 0 and r.filter == "fusion"
     )
     titles = [a.get("title") or "" for tag, a in quick_page.tags if tag == "td"]
     assert any(title.startswith(f"{row.flexion_mean_abs_error_deg:.4f} deg") for title in titles)
@@ -178,7 +209,11 @@ def test_our_numbers_are_those_of_the_evaluation(quick_page: Page, quick: Judged
 def test_every_axis_of_every_figure_has_a_unit(quick_page: Page) -> None:
     assert len(quick_page.figures) > 8
     for figure in quick_page.figures:
-        axes = {key: value for key, value in figure["layout"].items() if re.fullmatch(r"[xy]axis\d*", key)}
+        axes = {
+            key: value
+            for key, value in figure["layout"].items()
+            if re.fullmatch(r"[xy]axis\d*", key)
+        }
         assert len(axes) >= 2
         for axis in axes.values():
             assert re.search(r"\[.+\]", axis["title"]["text"])
@@ -206,7 +241,11 @@ def test_hostile_text_is_shown_and_not_run(quick: Judged, tmp_path: Path) -> Non
     assert hostile not in text
     assert html.escape(hostile, quote=False) in text
     assert not [a for tag, a in Page(text).tags if tag == "img" or "onerror" in a]
-    assert [script for script in Page(text).scripts if "alert(1)" in script and not script.startswith('{"data"')] == []
+    assert [
+        script
+        for script in Page(text).scripts
+        if "alert(1)" in script and not script.startswith('{"data"')
+    ] == []
 
 
 def test_a_session_that_was_not_evaluated_says_so(quick: Judged, tmp_path: Path) -> None:
@@ -229,7 +268,9 @@ def test_estimate_and_evaluation_are_read_from_the_folder(quick: Judged, tmp_pat
 
 
 def test_an_imported_recording_has_orientation_but_no_joints(imported: Judged) -> None:
-    page = Page(report(imported.session, imported.estimate, imported.evaluation).read_text(encoding="utf-8"))
+    page = Page(
+        report(imported.session, imported.estimate, imported.evaluation).read_text(encoding="utf-8")
+    )
     sections = [a["id"] for tag, a in page.tags if tag == "section"]
     assert "orientation" in sections
     assert "joints" not in sections
@@ -247,26 +288,50 @@ def test_of_simulated_sensors_on_an_arm_that_reports_only_the_sensors_are_called
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     manifest["arm"] = {"driver": "ur", "timing": {"samples_missed": 398}}
     happened = [
-        {"host_time_ns": 2 * 10**9, "event": "state", "state": "paused", "before": "running", "why": "guard: too warm"},
+        {
+            "host_time_ns": 2 * 10**9,
+            "event": "state",
+            "state": "paused",
+            "before": "running",
+            "why": "guard: too warm",
+        },
         {"host_time_ns": 3 * 10**9, "event": "paused"},
-        {"host_time_ns": 3 * 10**9, "event": "guard", "guard": "temperature_degC", "subject": "elbow", "action": "pause"},
+        {
+            "host_time_ns": 3 * 10**9,
+            "event": "guard",
+            "guard": "temperature_degC",
+            "subject": "elbow",
+            "action": "pause",
+        },
         {"host_time_ns": 7 * 10**9, "event": "resumed"},
     ]
     with (folder / "events.jsonl").open("a", encoding="utf-8") as events:
         events.writelines(json.dumps(event) + "\n" for event in happened)
     manifest["files"].pop("events.jsonl")
     (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
-    page = Page(report(Session(folder), quick.estimate, quick.evaluation).read_text(encoding="utf-8"))
-    assert "models of the sensors, which followed the motion that the controller of an arm reported" in page.words
+    page = Page(
+        report(Session(folder), quick.estimate, quick.evaluation).read_text(encoding="utf-8")
+    )
+    assert (
+        "models of the sensors, which followed the motion that the controller of an arm reported"
+        in page.words
+    )
     assert "models of the arm" not in page.words
     assert "bit by bit" not in page.words
     assert "Paused at 3.0 s for 4.0 s (guard: too warm)." in page.words
-    assert "Limits of guards that were broken (1 in all): temperature_degC of elbow (pause)." in page.words
+    assert (
+        "Limits of guards that were broken (1 in all): temperature_degC of elbow (pause)."
+        in page.words
+    )
     assert "398 did not come" in page.words
 
 
 def test_sweeps_without_a_flexion_get_a_table_of_their_own(quick: Judged) -> None:
-    swept = [row for row in quick.evaluation.joint_angle if row.section == "sweep" and row.filter == "device"][:1]
+    swept = [
+        row
+        for row in quick.evaluation.joint_angle
+        if row.section == "sweep" and row.filter == "device"
+    ][:1]
     rows = [
         replace(swept[0], variables={"amplitude_deg": a, "frequency_hz": f}, flexion_rmse_deg=a * f)
         for a in (5.0, 10.0)
@@ -282,14 +347,37 @@ def test_sweeps_without_a_flexion_get_a_table_of_their_own(quick: Judged) -> Non
 @pytest.mark.browser
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_browser_draws_the_figures_without_complaint(quick: Judged, tmp_path: Path, scheme: str) -> None:
+def test_a_browser_draws_the_figures_without_complaint(
+    quick: Judged, tmp_path: Path, scheme: str
+) -> None:
     page = report(quick.session, quick.estimate, quick.evaluation)
     picture = tmp_path / "page.png"
-    command = [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-    command += ["--disable-component-update", "--disable-sync", "--no-first-run", f"--user-data-dir={tmp_path / 'profile'}"]
-    command += [f"--blink-settings=preferredColorScheme={0 if scheme == 'dark' else 1}", "--hide-scrollbars"]
-    command += ["--window-size=1000,6000", "--virtual-time-budget=15000", "--enable-logging=stderr", f"--screenshot={picture}"]
-    result = subprocess.run([*command, page.as_uri()], capture_output=True, text=True, check=False, timeout=60)
+    command = [
+        str(CHROMIUM),
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-background-networking",
+    ]
+    command += [
+        "--disable-component-update",
+        "--disable-sync",
+        "--no-first-run",
+        f"--user-data-dir={tmp_path / 'profile'}",
+    ]
+    command += [
+        f"--blink-settings=preferredColorScheme={0 if scheme == 'dark' else 1}",
+        "--hide-scrollbars",
+    ]
+    command += [
+        "--window-size=1000,6000",
+        "--virtual-time-budget=15000",
+        "--enable-logging=stderr",
+        f"--screenshot={picture}",
+    ]
+    result = subprocess.run(
+        [*command, page.as_uri()], capture_output=True, text=True, check=False, timeout=60
+    )
     assert "CONSOLE" not in result.stderr, result.stderr
     pixels = np.asarray(Image.open(picture).convert("RGB")).reshape(-1, 3)
     paper = (255, 255, 255) if scheme == "light" else (20, 23, 28)
@@ -298,11 +386,17 @@ def test_a_browser_draws_the_figures_without_complaint(quick: Judged, tmp_path: 
         assert (pixels == rgb(colour)).all(axis=1).sum() > 40, colour
 
 
-def test_every_mean_error_has_its_uncertainty_and_every_source_its_line(quick_page: Page, quick: Judged) -> None:
+def test_every_mean_error_has_its_uncertainty_and_every_source_its_line(
+    quick_page: Page, quick: Judged
+) -> None:
     text = re.sub(r"\s+", " ", quick_page.words)
     for summary in quick.evaluation.joint_summary:
         assert summary.expanded_uncertainty_deg is not None
-        shown = f"{summary.errors.mean_error_deg:.3f} ± {summary.expanded_uncertainty_deg:.3f}".replace("-", "−")
+        shown = (
+            f"{summary.errors.mean_error_deg:.3f} ± {summary.expanded_uncertainty_deg:.3f}".replace(
+                "-", "−"
+            )
+        )
         assert shown.removeprefix("−") in text
     for budget in quick.evaluation.uncertainty:
         assert f"Budget of the {budget.quantity} error" in text
@@ -315,7 +409,9 @@ def test_the_ranking_says_where_no_difference_is_shown(quick_page: Page, quick: 
     assert "no difference shown from" in quick_page.words
 
 
-def test_a_joint_that_names_no_publication_gets_none_beside_it(quick: Judged, tmp_path: Path) -> None:
+def test_a_joint_that_names_no_publication_gets_none_beside_it(
+    quick: Judged, tmp_path: Path
+) -> None:
     folder = copy_of(quick.session, tmp_path)
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     manifest["analysis"]["joints"]["elbow"]["published"] = None
@@ -325,40 +421,74 @@ def test_a_joint_that_names_no_publication_gets_none_beside_it(quick: Judged, tm
 
 
 def test_an_optical_truth_of_unknown_accuracy_is_said_to_be_so(imported: Judged) -> None:
-    text = Page(report(imported.session, imported.estimate, imported.evaluation).read_text(encoding="utf-8")).words
+    text = Page(
+        report(imported.session, imported.estimate, imported.evaluation).read_text(encoding="utf-8")
+    ).words
     assert "the accuracy of the reference system is not known" in text
-    assert "±" not in text[text.index("Orientation error of each sensor") : text.index("Spread, delay")].replace(
-        "mean heading ± U", ""
-    )
+    assert "±" not in text[
+        text.index("Orientation error of each sensor") : text.index("Spread, delay")
+    ].replace("mean heading ± U", "")
 
 
 def test_an_outlier_is_remarked_beside_its_row_and_begins_hidden(quick: Judged) -> None:
     rows = [
-        OutlierRow("arm", None, None, "all", "heading", "fusion", 80.0, 2.0, "It is known to run away."),
-        OutlierRow("elbow", "static", "ZXZ", "static", "flexion", "fusion", 30.0, 1.5, "It is known to run away."),
+        OutlierRow(
+            "arm", None, None, "all", "heading", "fusion", 80.0, 2.0, "It is known to run away."
+        ),
+        OutlierRow(
+            "elbow",
+            "static",
+            "ZXZ",
+            "static",
+            "flexion",
+            "fusion",
+            30.0,
+            1.5,
+            "It is known to run away.",
+        ),
     ]
     evaluation = replace(quick.evaluation, outliers=rows)
     colours = filter_colours(["device", "vqf_6d", "vqf_9d", "fusion"])
-    table = next(block for block in orientation_section(evaluation, colours, []).blocks if isinstance(block, Table))
+    table = next(
+        block
+        for block in orientation_section(evaluation, colours, []).blocks
+        if isinstance(block, Table)
+    )
     remarks = {(row.cells[0].text, row.cells[1].text): row.cells[-1].text for row in table.rows}
-    assert remarks["fusion", "arm"] == "heading 80.0 deg: outlier, above 2.0 deg. It is known to run away."
+    assert (
+        remarks["fusion", "arm"]
+        == "heading 80.0 deg: outlier, above 2.0 deg. It is known to run away."
+    )
     assert all(said == "–" for place, said in remarks.items() if place != ("fusion", "arm"))
     blocks = joint_section(evaluation, {"elbow": None}, colours, []).blocks
     sentences = [block.text for block in blocks if isinstance(block, Sentence)]
-    assert "Outlier fusion (ZXZ, static, static: 30.0 deg, above 1.5 deg). It is known to run away." in sentences
+    assert (
+        "Outlier fusion (ZXZ, static, static: 30.0 deg, above 1.5 deg). It is known to run away."
+        in sentences
+    )
     curves = [
         curve
-        for block in blocks if isinstance(block, Figures) and block.caption.startswith(("Mean", "Signed"))
-        for figure in block.figures.values() for curve in figure["data"] if "visible" in curve
-    ]  # fmt: skip
-    assert curves and {curve["name"] for curve in curves if curve["visible"] == "legendonly" and "name" in curve} == {"fusion"}
+        for block in blocks
+        if isinstance(block, Figures) and block.caption.startswith(("Mean", "Signed"))
+        for figure in block.figures.values()
+        for curve in figure["data"]
+        if "visible" in curve
+    ]
+    assert curves and {
+        curve["name"] for curve in curves if curve["visible"] == "legendonly" and "name" in curve
+    } == {"fusion"}
 
 
-def test_the_report_shows_the_magnetic_field_and_what_disturbed_it(quick_page: Page, quick: Judged) -> None:
+def test_the_report_shows_the_magnetic_field_and_what_disturbed_it(
+    quick_page: Page, quick: Judged
+) -> None:
     for sensor in ("arm", "forearm"):
         assert f"Magnetic field at {sensor} against that of the reference pose" in quick_page.words
         assert f"Magnetic field over time: {sensor}" in quick_page.words
-        assert f"How much of the field's heading each filter follows at {sensor} cannot be told" in quick_page.words
+        assert (
+            f"How much of the field's heading each filter follows at {sensor} cannot be told"
+            in quick_page.words
+        )
     for dipole in quick.session.manifest["environment"]["dipoles"]:
         assert dipole["name"] in quick_page.words
     assert "de Vries" in quick_page.words
@@ -366,10 +496,14 @@ def test_the_report_shows_the_magnetic_field_and_what_disturbed_it(quick_page: P
 
 def test_the_report_shows_how_much_of_the_field_each_filter_follows(quick: Judged) -> None:
     told = FieldFollowingRow("arm", "vqf_9d", 700, 1.234, 0.307, [0.111, 0.503], 9)
-    evaluation = replace(quick.evaluation, magnetic_following=[told, replace(told, filter="vqf_6d", followed=-0.004)])
+    evaluation = replace(
+        quick.evaluation, magnetic_following=[told, replace(told, filter="vqf_6d", followed=-0.004)]
+    )
     filters = {row.filter for row in evaluation.magnetic_errors}
     blocks = magnetic_blocks(evaluation, "arm", dict.fromkeys(filters, "#000000"), [])
-    table = next(block for block in blocks if isinstance(block, Table) and "follows: arm" in block.caption)
+    table = next(
+        block for block in blocks if isinstance(block, Table) and "follows: arm" in block.caption
+    )
     assert "1.23 deg" in table.caption
     assert [[cell.text for cell in row.cells] for row in table.rows] == [
         ["vqf_9d", "0.31 [0.11, 0.50]", "9"],
@@ -377,15 +511,21 @@ def test_the_report_shows_how_much_of_the_field_each_filter_follows(quick: Judge
     ]
 
 
-def test_what_became_of_samples_without_a_stored_calibration_depends_on_the_sessions_own(quick: Judged) -> None:
+def test_what_became_of_samples_without_a_stored_calibration_depends_on_the_sessions_own(
+    quick: Judged,
+) -> None:
     def said(estimate: Estimate) -> str:
-        return " ".join(block.text for block in fit_section(estimate).blocks if isinstance(block, Sentence))
+        return " ".join(
+            block.text for block in fit_section(estimate).blocks if isinstance(block, Sentence)
+        )
 
     assert "the samples went on as recorded: arm, forearm" in said(quick.estimate)
     arm = quick.estimate.sensors["arm"]
     fitted = replace(arm, calibration=replace(arm.calibration, method="static_poses"))
     estimate = replace(quick.estimate, sensors=quick.estimate.sensors | {"arm": fitted})
-    assert "corrected by the one above alone: arm." in said(estimate) and "as recorded: forearm." in said(estimate)
+    assert "corrected by the one above alone: arm." in said(
+        estimate
+    ) and "as recorded: forearm." in said(estimate)
 
 
 def test_the_vendors_filter_is_spoken_of_only_where_it_ran(quick: Judged) -> None:

@@ -37,23 +37,74 @@ def study() -> StudyRecord:
         StudyRow("both <calibrated>", (0.25, None, 4.5e-7), (23.72, "91.65", 8.9378e-7)),
         StudyRow("with g", (0.025, "0.05", 1.0), note="more of it"),
     )
-    table = StudyTable("4.3", "Angles", ("median [deg]", "outliers", "MSE"), rows, "How to read: so.", "Because of & so on.",
-                       "4.3", (3, 0, 9), 0)  # fmt: skip
-    other = StudyTable("parts", "Other parts", ("median [deg]",), (StudyRow("a", (1.0,)),), "How to read: thus.")
-    boxes = StudyBoxes("Boxes", "angle [deg]", {"RK4": BoxNumbers(0.1, 0.2, 0.3, 0.4, 0.5, (0.9,)), "RK4, with g": BoxNumbers(
-        0.01, 0.02, 0.03, 0.04, 0.05)}, {"RK4, published": BoxNumbers(7, 17, 24, 44, 74)}, "How.", True)  # fmt: skip
+    table = StudyTable(
+        "4.3",
+        "Angles",
+        ("median [deg]", "outliers", "MSE"),
+        rows,
+        "How to read: so.",
+        "Because of & so on.",
+        "4.3",
+        (3, 0, 9),
+        0,
+    )
+    other = StudyTable(
+        "parts", "Other parts", ("median [deg]",), (StudyRow("a", (1.0,)),), "How to read: thus."
+    )
+    boxes = StudyBoxes(
+        "Boxes",
+        "angle [deg]",
+        {
+            "RK4": BoxNumbers(0.1, 0.2, 0.3, 0.4, 0.5, (0.9,)),
+            "RK4, with g": BoxNumbers(0.01, 0.02, 0.03, 0.04, 0.05),
+        },
+        {"RK4, published": BoxNumbers(7, 17, 24, 44, 74)},
+        "How.",
+        True,
+    )
     x = np.array([0.0, 10, 20])
-    curves = StudyCurves("Curves <d>", "misalignment [deg]", "|error| [deg]", (
-        StudyCurve("theory, 60 deg", x, x**2 / 80, "theory", "60 deg"), StudyCurve("fit", x, x**2 / 81, "fit", "60 deg"),
-        StudyCurve("simulation, 60 deg", x, x**2 / 79, "simulation", "60 deg"),
-        StudyCurve("device, 60 deg", x, np.array([0.1, np.nan, 5.0]), "measurement", "60 deg"),
-        StudyCurve("vqf, 60 deg", x, x**2 / 78, "measurement", "60 deg"),
-        StudyCurve("over time", np.arange(500.0), np.zeros(500), "measurement")), "How to read: curves.")  # fmt: skip
-    surfaces = (StudySurface("About X", "d [deg]", "f [deg]", "|e| [deg]", x, x[:2], np.array([[0, 1.0, 2], [3, np.nan, 5]])),
-                StudySurface("About Z", "d [deg]", "f [deg]", "|e| [deg]", x, x[:2], np.zeros((2, 3))))  # fmt: skip
-    return StudyRecord("demo", "Demo study", "Why?", "Someone, 2018", "2026-01-02T03:04:05Z", {"seed": 1, "plan_hash": "f00"},
-                       ("logs/a_session",), ("It works.",), (table, other), (boxes,), {"numpy": "2.4"},
-                       curves=(curves,), surfaces=surfaces, trace="The first is that of all.")  # fmt: skip
+    curves = StudyCurves(
+        "Curves <d>",
+        "misalignment [deg]",
+        "|error| [deg]",
+        (
+            StudyCurve("theory, 60 deg", x, x**2 / 80, "theory", "60 deg"),
+            StudyCurve("fit", x, x**2 / 81, "fit", "60 deg"),
+            StudyCurve("simulation, 60 deg", x, x**2 / 79, "simulation", "60 deg"),
+            StudyCurve("device, 60 deg", x, np.array([0.1, np.nan, 5.0]), "measurement", "60 deg"),
+            StudyCurve("vqf, 60 deg", x, x**2 / 78, "measurement", "60 deg"),
+            StudyCurve("over time", np.arange(500.0), np.zeros(500), "measurement"),
+        ),
+        "How to read: curves.",
+    )
+    surfaces = (
+        StudySurface(
+            "About X",
+            "d [deg]",
+            "f [deg]",
+            "|e| [deg]",
+            x,
+            x[:2],
+            np.array([[0, 1.0, 2], [3, np.nan, 5]]),
+        ),
+        StudySurface("About Z", "d [deg]", "f [deg]", "|e| [deg]", x, x[:2], np.zeros((2, 3))),
+    )
+    return StudyRecord(
+        "demo",
+        "Demo study",
+        "Why?",
+        "Someone, 2018",
+        "2026-01-02T03:04:05Z",
+        {"seed": 1, "plan_hash": "f00"},
+        ("logs/a_session",),
+        ("It works.",),
+        (table, other),
+        (boxes,),
+        {"numpy": "2.4"},
+        curves=(curves,),
+        surfaces=surfaces,
+        trace="The first is that of all.",
+    )
 
 
 def words(page: str) -> str:
@@ -72,15 +123,29 @@ def test_a_published_row_without_ours_is_a_row_of_its_own(study):
     row = StudyRow("chest", (None, None, None), (1.5, 2.0, None), "of a walker")
     alone = replace(study.tables[0], rows=(*study.tables[0].rows, row), ratio_column=None)
     page = render_study(replace(study, tables=(alone,)))
-    assert "chest of a walker 1.5 2 –" in words(page) and "chest of a walker – – –" not in words(page)
+    assert "chest of a walker 1.5 2 –" in words(page) and "chest of a walker – – –" not in words(
+        page
+    )
     assert row.published_alone and not any(r.published_alone for r in study.tables[0].rows)
 
 
 @pytest.mark.parametrize(
     ("value", "shown"),
-    [(412.3, "410"), (12345.0, "12000"), (1.0, "1"), (0.0512, "0.051"), (0.00034, "0.00034"), (-0.783, "−0.78"),
-     (9.96, "10"), (3.4e7, "3.4·10⁷"), (5.03e-8, "5.0·10⁻⁸"), (0.0, "0"), (None, "–"), (float("nan"), "–")],
-)  # fmt: skip
+    [
+        (412.3, "410"),
+        (12345.0, "12000"),
+        (1.0, "1"),
+        (0.0512, "0.051"),
+        (0.00034, "0.00034"),
+        (-0.783, "−0.78"),
+        (9.96, "10"),
+        (3.4e7, "3.4·10⁷"),
+        (5.03e-8, "5.0·10⁻⁸"),
+        (0.0, "0"),
+        (None, "–"),
+        (float("nan"), "–"),
+    ],
+)
 def test_ratios_are_plain_numbers_while_their_zeros_can_be_seen(value, shown):
     assert ratio(value).text == shown
 
@@ -94,8 +159,9 @@ def test_sessions_are_linked_from_where_the_report_lies(study, tmp_path):
     sessions = tuple(str(logs / name) for name in ("with report", "without", "gone"))
     page = render_study(replace(study, sessions=sessions), folder)
     assert re.findall(r'<a href="(\.\.[^"]+)">([^<]+)</a>', page) == [
-        ("../with%20report/report.html", "with report"), ("../without", "without")
-    ]  # fmt: skip
+        ("../with%20report/report.html", "with report"),
+        ("../without", "without"),
+    ]
     assert sessions[2] in words(page)
     assert 'href="../' not in render_study(replace(study, sessions=sessions))
 
@@ -110,7 +176,10 @@ def test_axes_are_logarithmic_or_a_plane_and_colours_ordered_where_asked_for(stu
     assert [entry["line"]["color"] for entry in drawn["data"][1:]] == list(COLOURS[:8])
     assert draw_curves(replace(plain, logarithmic=True))["layout"]["yaxis"]["type"] == "log"
     plane = draw_curves(replace(plain, plane=True))
-    assert plane["layout"]["yaxis"]["scaleanchor"] == "x" and plane["data"][1]["mode"] == "lines+markers"
+    assert (
+        plane["layout"]["yaxis"]["scaleanchor"] == "x"
+        and plane["data"][1]["mode"] == "lines+markers"
+    )
     ordered = draw_curves(replace(plain, ordered=True))
     assert [entry["line"]["color"] for entry in ordered["data"][1:]] == list(ORDERED)
     assert ordered_colours(2) == [ORDERED[0], ORDERED[-1]] and ordered_colours(1) == [ORDERED[0]]
@@ -118,18 +187,34 @@ def test_axes_are_logarithmic_or_a_plane_and_colours_ordered_where_asked_for(stu
 
 def test_findings_sessions_and_versions_are_there(study):
     shown = words(render_study(study))
-    for text in ("Demo study", "Why?", "It works.", "logs/a_session", "version of numpy 2.4", "plan_hash f00", "Someone, 2018"):
+    for text in (
+        "Demo study",
+        "Why?",
+        "It works.",
+        "logs/a_session",
+        "version of numpy 2.4",
+        "plan_hash f00",
+        "Someone, 2018",
+    ):
         assert text in shown
     assert "not measured" not in shown
     assert "Ours are simulated" in shown
-    assert "come from these sessions." not in shown and "comes from these sessions. The first is that of all." in shown
+    assert (
+        "come from these sessions." not in shown
+        and "comes from these sessions. The first is that of all." in shown
+    )
 
 
 def test_theory_is_a_line_and_measurements_are_points_of_one_colour(study):
     theory, fit, simulation, device, vqf, series = draw_curves(study.curves[0])["data"]
     assert [entry["mode"] for entry in (theory, fit, simulation, device, vqf, series)] == [
-        "lines", "lines", "markers", "markers", "markers", "lines"
-    ]  # fmt: skip
+        "lines",
+        "lines",
+        "markers",
+        "markers",
+        "markers",
+        "lines",
+    ]
     assert theory["line"]["dash"] == "solid" and fit["line"]["dash"] == "dot"
     assert len({entry["line"]["color"] for entry in (theory, fit, simulation, device, vqf)}) == 1
     assert series["line"]["color"] != theory["line"]["color"]
@@ -145,7 +230,9 @@ def test_curves_and_surfaces_come_back_from_the_file_as_they_were(study, tmp_pat
     np.testing.assert_array_equal(device.y, [0.1, np.nan, 5.0])
     assert again.surfaces[0].z.shape == (2, 3) and np.isnan(again.surfaces[0].z[1, 1])
     file = tmp_path / "study.json"
-    file.write_text(file.read_text(encoding="utf-8").replace('"theory"', '"guess"'), encoding="utf-8")
+    file.write_text(
+        file.read_text(encoding="utf-8").replace('"theory"', '"guess"'), encoding="utf-8"
+    )
     with pytest.raises(SessionError, match="no kind of curve: guess"):
         StudyRecord.load(tmp_path)
 
@@ -166,10 +253,18 @@ def test_the_page_is_one_file_that_asks_nobody(study, tmp_path):
 
 def test_boxes_are_drawn_from_their_numbers_uppermost_first():
     figure = box_plots(
-        {"a": BoxNumbers(1, 2, 3, 4, 5, (9.0,)), "b": BoxNumbers(0, 1, 2, 3, 4)}, {"a": "#000000", "b": "#111111"}, "x"
+        {"a": BoxNumbers(1, 2, 3, 4, 5, (9.0,)), "b": BoxNumbers(0, 1, 2, 3, 4)},
+        {"a": "#000000", "b": "#111111"},
+        "x",
     )
     box, outliers, _ = figure["data"]
-    assert (box["lowerfence"], box["q1"], box["median"], box["q3"], box["upperfence"]) == ([1], [2], [3], [4], [5])
+    assert (box["lowerfence"], box["q1"], box["median"], box["q3"], box["upperfence"]) == (
+        [1],
+        [2],
+        [3],
+        [4],
+        [5],
+    )
     assert outliers["x"] == [9.0]
     assert figure["layout"]["yaxis"]["categoryarray"] == ["b", "a"]
 
@@ -192,7 +287,9 @@ def test_a_browser_draws_it_without_complaint(study, tmp_path: Path):
         "--enable-logging=stderr",
         "--dump-dom",
     ]
-    result = subprocess.run([*command, page.as_uri()], capture_output=True, text=True, check=False, timeout=60)
+    result = subprocess.run(
+        [*command, page.as_uri()], capture_output=True, text=True, check=False, timeout=60
+    )
     assert "CONSOLE" not in result.stderr, result.stderr
     assert 'data-drawn="all"' in result.stdout
     assert result.stdout.count('class="trace boxes"') == 3

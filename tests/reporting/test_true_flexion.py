@@ -31,9 +31,14 @@ def test_the_flexion_is_drawn_beside_the_true_one(quick: Judged) -> None:
     (block,) = flexion_blocks("elbow", rows, quick.evaluation, colours, [])
     assert isinstance(block, Figures)
     (figure,) = block.figures.values()
-    drawn = {item["name"]: np.frombuffer(base64.b64decode(item["y"]["bdata"]), "<f4") for item in figure["data"]}
+    drawn = {
+        item["name"]: np.frombuffer(base64.b64decode(item["y"]["bdata"]), "<f4")
+        for item in figure["data"]
+    }
     assert set(drawn) == {TRUE, *colours}
     known = np.isfinite(drawn[TRUE])
-    assert np.nanmax(drawn[TRUE]) == pytest.approx(60, abs=0.1) and np.nanmin(drawn[TRUE]) == pytest.approx(0, abs=0.1)
+    assert np.nanmax(drawn[TRUE]) == pytest.approx(60, abs=0.1) and np.nanmin(
+        drawn[TRUE]
+    ) == pytest.approx(0, abs=0.1)
     assert np.abs(drawn["device"][known] - drawn[TRUE][known]).max() < 2
     assert flexion_blocks("elbow", rows, replace(quick.evaluation, series={}), colours, []) == []

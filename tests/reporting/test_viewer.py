@@ -16,7 +16,15 @@ from testbench.records.evaluation import ChainRow
 from testbench.records.robot import load_robot
 from testbench.reporting.viewer import process, save_recording, screenshot, view
 from testbench.reporting.viewer.process import ViewerError
-from testbench.reporting.viewer.scene import COLUMN, PER_ROW, ROW, WIDE, arrangement, column_width, viewable_urdf
+from testbench.reporting.viewer.scene import (
+    COLUMN,
+    PER_ROW,
+    ROW,
+    WIDE,
+    arrangement,
+    column_width,
+    viewable_urdf,
+)
 from testbench.reporting.viewer.signals import chain_joints
 from testbench.reporting.viewer.timeline import TIMELINE, changing, every
 from tests.reporting.conftest import Judged
@@ -28,7 +36,9 @@ def chunks_of(path: Path) -> list:
     from rerun.chunk import RrdReader
 
     reader = RrdReader(path)
-    return [chunk for entry in reader.recordings() for chunk in reader.stream(store=entry).to_chunks()]
+    return [
+        chunk for entry in reader.recordings() for chunk in reader.stream(store=entry).to_chunks()
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +48,9 @@ def chunks(quick: Judged, tmp_path_factory: pytest.TempPathFactory) -> list:
 
 
 def rows_of(chunks: list, path: str) -> int:
-    return sum(chunk.num_rows for chunk in chunks if chunk.entity_path == path and not chunk.is_static)
+    return sum(
+        chunk.num_rows for chunk in chunks if chunk.entity_path == path and not chunk.is_static
+    )
 
 
 def column(chunks: list, path: str, name: str) -> list:
@@ -50,7 +62,9 @@ def column(chunks: list, path: str, name: str) -> list:
     return values
 
 
-def test_the_recording_holds_arm_sensors_signals_errors_and_steps(chunks: list, quick: Judged) -> None:
+def test_the_recording_holds_arm_sensors_signals_errors_and_steps(
+    chunks: list, quick: Judged
+) -> None:
     paths = {chunk.entity_path for chunk in chunks}
     assert {f"/arm/joints/{joint}" for joint in load_robot("ur3e").joint_names} <= paths
     for sensor in ("arm", "forearm"):
@@ -61,8 +75,16 @@ def test_the_recording_holds_arm_sensors_signals_errors_and_steps(chunks: list, 
             f"/orientations/{sensor}/true",
         } <= paths
         for name in quick.estimate.sensors[sensor].orientation:
-            assert {f"/sensors/{sensor}/estimated/{name}", f"/orientations/{sensor}/{name}"} <= paths
-    assert {"/joints/elbow/ZXZ/flexion", "/joints/elbow/YXZ/error", "/events", "/state/section"} <= paths
+            assert {
+                f"/sensors/{sensor}/estimated/{name}",
+                f"/orientations/{sensor}/{name}",
+            } <= paths
+    assert {
+        "/joints/elbow/ZXZ/flexion",
+        "/joints/elbow/YXZ/error",
+        "/events",
+        "/state/section",
+    } <= paths
 
 
 def test_everything_that_changes_is_on_the_host_timeline(chunks: list) -> None:
@@ -84,18 +106,29 @@ def test_every_started_step_is_a_line_of_text(chunks: list, quick: Judged) -> No
 
 def test_estimated_axes_stand_where_the_arm_carries_the_sensor(chunks: list, quick: Judged) -> None:
     path = "/sensors/forearm/estimated/device/pose"
-    times = np.array([t.value if hasattr(t, "value") else t for t in column(chunks, path, TIMELINE)]).astype("timedelta64[ns]")
+    times = np.array(
+        [t.value if hasattr(t, "value") else t for t in column(chunks, path, TIMELINE)]
+    ).astype("timedelta64[ns]")
     places = np.array(column(chunks, path, "Transform3D:translation"))[:, 0]
     arm, sensor = quick.session.arm(), quick.session.analysis.sensors["forearm"]
     assert arm is not None
     assert quick.session.robot is not None
-    q = np.column_stack([np.interp(times.astype(np.int64), arm.host_time_ns, arm.q_measured[:, i]) for i in range(6)])
-    motion = Kinematics(quick.session.robot).frame_motion(sensor.link, q, offset=Pose.from_placement(sensor.mounting))
+    q = np.column_stack(
+        [
+            np.interp(times.astype(np.int64), arm.host_time_ns, arm.q_measured[:, i])
+            for i in range(6)
+        ]
+    )
+    motion = Kinematics(quick.session.robot).frame_motion(
+        sensor.link, q, offset=Pose.from_placement(sensor.mounting)
+    )
     assert np.abs(places - motion.position).max() < 1e-6
 
 
 def test_a_recording_without_an_arm_shows_its_sensors(imported: Judged, tmp_path: Path) -> None:
-    chunks = chunks_of(save_recording(imported.session, tmp_path / "a.rrd", imported.estimate, imported.evaluation))
+    chunks = chunks_of(
+        save_recording(imported.session, tmp_path / "a.rrd", imported.estimate, imported.evaluation)
+    )
     paths = {chunk.entity_path for chunk in chunks}
     assert {"/orientations/imu/true", "/orientations/imu/vqf_6d", "/errors/imu/total"} <= paths
     assert not [path for path in paths if path.startswith(("/arm", "/sensors", "/joints"))]
@@ -119,9 +152,20 @@ def test_only_what_changes_is_kept() -> None:
 
 
 @pytest.mark.viewer
-@pytest.mark.skipif(not VULKAN, reason="no Vulkan driver (Debian: libvulkan1 and mesa-vulkan-drivers)")
-def test_a_picture_is_drawn_without_a_screen_and_nothing_stays(quick: Judged, tmp_path: Path) -> None:
-    path = screenshot(quick.session, tmp_path / "view.png", quick.estimate, quick.evaluation, time_s=12.0, size=(1200, 800))
+@pytest.mark.skipif(
+    not VULKAN, reason="no Vulkan driver (Debian: libvulkan1 and mesa-vulkan-drivers)"
+)
+def test_a_picture_is_drawn_without_a_screen_and_nothing_stays(
+    quick: Judged, tmp_path: Path
+) -> None:
+    path = screenshot(
+        quick.session,
+        tmp_path / "view.png",
+        quick.estimate,
+        quick.evaluation,
+        time_s=12.0,
+        size=(1200, 800),
+    )
     pixels = np.asarray(Image.open(path).convert("RGB"))
     assert pixels.shape == (800, 1200, 3)
     left = pixels[80:450, 20:460].reshape(-1, 3)
@@ -130,7 +174,9 @@ def test_a_picture_is_drawn_without_a_screen_and_nothing_stays(quick: Judged, tm
     assert psutil.Process().children() == []
 
 
-def test_a_viewer_that_dies_is_reported(quick: Judged, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_viewer_that_dies_is_reported(
+    quick: Judged, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(process, "viewer_program", lambda: Path(str(shutil.which("false"))))
     with pytest.raises(ViewerError, match="mesa-vulkan-drivers"):
         screenshot(quick.session, tmp_path / "view.png", quick.estimate, quick.evaluation)
@@ -145,12 +191,20 @@ def test_the_viewer_listens_on_this_machine_only_and_reports_no_usage(
     note = tmp_path / "note"
     program = tmp_path / "viewer"
     program.write_text(
-        f'#!/bin/sh\necho "$@" > {note}\ncat "$XDG_CONFIG_HOME/rerun/analytics.json" >> {note}\n', encoding="utf-8"
+        f'#!/bin/sh\necho "$@" > {note}\ncat "$XDG_CONFIG_HOME/rerun/analytics.json" >> {note}\n',
+        encoding="utf-8",
     )
     program.chmod(0o755)
     monkeypatch.setattr(process, "viewer_program", lambda: program)
     told: list[str] = []
-    view(quick.session, web=True, estimate=quick.estimate, evaluation=quick.evaluation, web_port=9999, announce=told.append)
+    view(
+        quick.session,
+        web=True,
+        estimate=quick.estimate,
+        evaluation=quick.evaluation,
+        web_port=9999,
+        announce=told.append,
+    )
     arguments, settings = note.read_text(encoding="utf-8").split("\n", 1)
     assert arguments.startswith("--bind 127.0.0.1 ")
     assert "--web-viewer-port 9999" in arguments
@@ -188,9 +242,12 @@ def test_a_recording_that_is_still_being_loaded_is_waited_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("answers", "waited"), [(["the viewer is gone"], 0.0), (["no timelines yet"] * 1000, process.TIMELINE_TIMEOUT)]
+    ("answers", "waited"),
+    [(["the viewer is gone"], 0.0), (["no timelines yet"] * 1000, process.TIMELINE_TIMEOUT)],
 )
-def test_a_viewer_that_refuses_is_not_waited_for_for_ever(answers: list[str], waited: float) -> None:
+def test_a_viewer_that_refuses_is_not_waited_for_for_ever(
+    answers: list[str], waited: float
+) -> None:
     pause = Pause()
     with pytest.raises(RuntimeError, match=answers[0]):
         process._go_to(Loading(answers), 1.0, pause)
@@ -213,17 +270,26 @@ def test_many_axes_go_on_in_the_next_row() -> None:
     assert arrangement(0, 1) == (1, 1)
 
 
-def test_the_joints_of_a_chain_are_drawn_with_their_truth_the_worst_first(quick: Judged, tmp_path: Path) -> None:
+def test_the_joints_of_a_chain_are_drawn_with_their_truth_the_worst_first(
+    quick: Judged, tmp_path: Path
+) -> None:
     time = np.arange(0, 2_000_000_000, 50_000_000)
     row = ChainRow("waves", "fourier", "", *([0] * 16))  # type: ignore[arg-type]
     joints = {"hip": 1.0, "knee": 3.0, "ankle": 2.0, "toe": 0.5, "list": 0.1}
     rows = [replace(row, joint=joint, rmse_deg=rmse) for joint, rmse in joints.items()]
     one = {"host_time_ns": time, "judged": (time >= 500_000_000) & (time < 1_800_000_000)}
     for joint in joints:
-        one |= {f"{joint}_rad": np.full(len(time), 0.3), f"{joint}_error_rad": np.full(len(time), 0.1)}
-    evaluation = replace(quick.evaluation, chain=rows, series=quick.evaluation.series | {"chain_waves_fourier": one})
+        one |= {
+            f"{joint}_rad": np.full(len(time), 0.3),
+            f"{joint}_error_rad": np.full(len(time), 0.1),
+        }
+    evaluation = replace(
+        quick.evaluation, chain=rows, series=quick.evaluation.series | {"chain_waves_fourier": one}
+    )
     assert chain_joints(evaluation) == {"waves": ["knee", "ankle", "hip", "toe"]}
-    chunks = chunks_of(save_recording(quick.session, tmp_path / "chain.rrd", quick.estimate, evaluation))
+    chunks = chunks_of(
+        save_recording(quick.session, tmp_path / "chain.rrd", quick.estimate, evaluation)
+    )
     angles = column(chunks, "/chain/waves/knee/angle", "Scalars:scalars")
     assert np.allclose(angles, np.degrees([0.2, 0.3]))
     assert len(angles) == len(time)

@@ -1,4 +1,6 @@
-"""Recordings whose truth is known exactly: sensors that turn as a formula says, with noise that is stated."""
+"""Recordings whose truth is known exactly: sensors that turn as a formula says, with noise that is
+stated.
+"""
 
 from __future__ import annotations
 
@@ -48,8 +50,12 @@ def write_known(
     """A session, aligned by nobody: the earth of the sensor is the world.
 
     Args:
-        gyr_sd, acc_sd, mag_sd: White noise of each sample [rad/s, m/s^2, uT]. bias: Of the gyroscope [rad/s].
-        device_turn_deg: The device's own orientation is the true one, turned by so much about the world's x.
+        gyr_sd: White noise of each sample [rad/s, m/s^2, uT].
+        acc_sd: White noise of each sample [rad/s, m/s^2, uT].
+        mag_sd: White noise of each sample [rad/s, m/s^2, uT].
+        bias: Of the gyroscope [rad/s].
+        device_turn_deg: The device's own orientation is the true one, turned by so much about the
+            world's x.
     """
     rng = np.random.default_rng(seed)
     n = round(seconds * RATE)
@@ -62,11 +68,22 @@ def write_known(
     turned = Rotation.from_euler("x", device_turn_deg, degrees=True) * now
     time = np.round(np.arange(n) * 1e9 / RATE).astype(np.int64)
     samples = ImuSamples(
-        time, time, gyr, acc, mag, turned.as_quat(scalar_first=True), np.arange(n), np.zeros(n, dtype=bool)
-    )  # fmt: skip
+        time,
+        time,
+        gyr,
+        acc,
+        mag,
+        turned.as_quat(scalar_first=True),
+        np.arange(n),
+        np.zeros(n, dtype=bool),
+    )
     truth = Truth(time, now.as_quat(scalar_first=True), rate)
     analysis = Analysis(
-        estimate=Estimation(filters=["madgwick_marg", "vqf_9d"], align="none", align_clock=False, calibrate="none")
+        estimate=Estimation(
+            filters=["madgwick_marg", "vqf_9d"], align="none", align_clock=False, calibrate="none"
+        )
     )
-    recording = Recording(out.name, "known", {"imu": ImportedSensor([samples], RATE, "made up", truth)}, analysis)
+    recording = Recording(
+        out.name, "known", {"imu": ImportedSensor([samples], RATE, "made up", truth)}, analysis
+    )
     return write_recording(recording, [out], "made", out, FixedClock())

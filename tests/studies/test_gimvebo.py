@@ -1,4 +1,6 @@
-"""The study gimvebo: its bars, its tables, the published ones, and the faults that it feeds to correct integrators."""
+"""The study gimvebo: its bars, its tables, the published ones, and the faults that it feeds to
+correct integrators.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,14 @@ from testbench.records.study import StudyRecord
 from testbench.studies import STUDIES, get_study
 from testbench.studies.bench import StudyBench
 from testbench.studies.gimvebo import true_parameters
-from testbench.studies.gimvebo_faults import as_printed, fit_in_degrees, in_degrees, norms, norms_as_printed, speed_factor
+from testbench.studies.gimvebo_faults import (
+    as_printed,
+    fit_in_degrees,
+    in_degrees,
+    norms,
+    norms_as_printed,
+    speed_factor,
+)
 from testbench.studies.gimvebo_recording import read_part
 from testbench.studies.gimvebo_words import agreement, tustin_angle
 
@@ -44,7 +53,9 @@ def logs(tmp_path_factory):
 @pytest.fixture(scope="module")
 def study(logs) -> StudyRecord:
     said: list[str] = []
-    record = get_study("gimvebo").run(StudyBench(logs, SystemClock(), seed=3, parts=2, say=said.append))
+    record = get_study("gimvebo").run(
+        StudyBench(logs, SystemClock(), seed=3, parts=2, say=said.append)
+    )
     assert len(said) == 3
     return record
 
@@ -108,7 +119,9 @@ def test_the_accelerometer_is_judged_by_rests_it_was_not_fitted_to(study, part):
     raw, calibrated = study.table("4.1").rows[1], study.table("4.1").rows[3]
     assert calibrated.values[7] < 1e-3 * raw.values[7]
     assert len(part.held_out_rests) == 11 and all(len(rest) == 100 for rest in part.held_out_rests)
-    means = [np.linalg.norm(part.accelerometer.apply(rest).mean(axis=0)) for rest in part.held_out_rests]
+    means = [
+        np.linalg.norm(part.accelerometer.apply(rest).mean(axis=0)) for rest in part.held_out_rests
+    ]
     assert calibrated.values[7] == pytest.approx(np.mean((np.array(means) - 9.7992) ** 2))
 
 
@@ -150,9 +163,13 @@ def test_the_misplaced_half_is_said_of_both_equations_and_the_angle_of_tustin_is
     printed = rows["angle [deg], Tustin as printed, deg/s, after the fit"]
     assert plain.published == printed.published and plain.published[1] == 55.77
     assert max(plain.values[1], printed.values[1]) < 0.9 * 55.77
-    assert "Eq. 2.38 prints the same 1/2 for RK4" in table.why and "third quartile of 1 excludes it" in table.why
     assert (
-        f"do not explain the factor of two in the angle of Tustin: with rates in deg/s {plain.values[1]:.1f} deg" in table.why
+        "Eq. 2.38 prints the same 1/2 for RK4" in table.why
+        and "third quartile of 1 excludes it" in table.why
+    )
+    assert (
+        "do not explain the factor of two in the angle of Tustin: with rates in deg/s "
+        f"{plain.values[1]:.1f} deg" in table.why
     )
     assert f"{printed.values[1]:.1f} deg with the 1/2" in table.why
     assert "does not tell why" in study.table("4.5").why
@@ -163,14 +180,18 @@ def test_twice_the_rate_leads_where_the_formula_as_printed_leads(part):
     (doubled,) = as_printed([turn])
     stages, _ = method.stages_from_samples(turn.gyr)
     twice, _ = method.stages_from_samples(doubled.gyr)
-    printed, correct = steps_as_printed(method, stages, turn.interval), method.steps(twice, turn.interval)
+    printed, correct = (
+        steps_as_printed(method, stages, turn.interval),
+        method.steps(twice, turn.interval),
+    )
     for q in (printed, correct):
         q /= np.linalg.norm(q, axis=1)[:, None]
     np.testing.assert_allclose(printed, correct, atol=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("factors", "word"), [((1.69, 1.67), "nearly the same"), ((1.5, 1.72), "similar"), ((2.0, 1.2), "different")]
+    ("factors", "word"),
+    [((1.69, 1.67), "nearly the same"), ((1.5, 1.72), "similar"), ((2.0, 1.2), "different")],
 )
 def test_the_word_for_two_speeds_follows_their_ratio(factors, word):
     assert f"ask for {word} speed" in agreement(*factors)
@@ -185,7 +206,9 @@ def test_an_angle_as_large_as_the_published_one_would_be_called_so():
 def test_every_number_is_traceable_to_a_session_that_is_kept(study):
     assert len(study.sessions) == 2
     assert [Session(path).manifest["seed"] for path in study.sessions] == [3, 4]
-    assert [row.label for row in study.table("parts").rows] == [Session(path).name for path in study.sessions]
+    assert [row.label for row in study.table("parts").rows] == [
+        Session(path).name for path in study.sessions
+    ]
     assert json.loads(json.dumps(study.to_dict(), allow_nan=False))["settings"]["seed"] == 3
 
 
@@ -195,13 +218,18 @@ def test_the_findings_say_the_numbers_of_the_tables(study):
 
 
 def test_the_true_parameters_are_those_that_noiseless_turns_would_show():
-    """Raw readings of the part's own errors, computed here, are corrected into one rotation of the truth."""
+    """Raw readings of the part's own errors, computed here, are corrected into one rotation of the
+    truth.
+    """
     plan = make_plan("gimvebo_gyro")
     matrix, _, _ = true_parameters(plan, 3)
     from testbench.model.imu import TriadModel
 
     sheet = plan.protocol.spec.sensors["imu"].imu()
-    A, S = (TriadModel(getattr(sheet, k).triad(), 50, 3, "imu", k).errors.matrix for k in ("accelerometer", "gyroscope"))
+    A, S = (
+        TriadModel(getattr(sheet, k).triad(), 50, 3, "imu", k).errors.matrix
+        for k in ("accelerometer", "gyroscope")
+    )
     R = matrix @ S  # corrected rate = R true rate
     assert np.allclose(R @ R.T, np.eye(3), atol=1e-12) and np.linalg.det(R) == pytest.approx(1)
     assert np.abs(np.tril(R @ np.linalg.inv(A), -1)).max() < 1e-12
@@ -244,7 +272,9 @@ def test_norms_are_carried_on_from_step_to_step():
 def test_the_speed_factor_finds_what_was_put_in():
     turns = in_degrees(turns_at(40.0), np.zeros(3))
     wanted = float(np.median(norms_as_printed(turns, "trapezoid", 1.37)))
-    assert speed_factor(lambda f: norms_as_printed(turns, "trapezoid", f), wanted) == pytest.approx(1.37, abs=1e-3)
+    assert speed_factor(lambda f: norms_as_printed(turns, "trapezoid", f), wanted) == pytest.approx(
+        1.37, abs=1e-3
+    )
     assert speed_factor(lambda f: np.array([f]), -1.0) is None
 
 

@@ -1,4 +1,6 @@
-"""The study of misalignment: its tables against the printed ones, and a session that lies on the theory."""
+"""The study of misalignment: its tables against the printed ones, and a session that lies on the
+theory.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,14 @@ def test_the_fits_stand_beside_the_published_ones_and_agree_as_printed(study):
     table = study.table("fits")
     rows = {row.label: row for row in table.rows}
     assert list(rows) == [f"{f} deg" for f in range(0, 71, 5)]
-    printed = {"60 deg": (5, 5, 5, 9, 5, 4, 4, 5), "70 deg": (5, 5, 5, 9, 4, 4, 4, 2)}  # decimals of the source
+    printed = {
+        "60 deg": (5, 5, 5, 9, 5, 4, 4, 5),
+        "70 deg": (5, 5, 5, 9, 4, 4, 4, 2),
+    }  # decimals of the source
     for label, decimals in printed.items():
-        ours = [round(value, digits) for value, digits in zip(rows[label].values, decimals, strict=True)]
+        ours = [
+            round(value, digits) for value, digits in zip(rows[label].values, decimals, strict=True)
+        ]
         assert ours == list(rows[label].published)
         assert rows[label].ratio(0) == pytest.approx(1, abs=3e-4)
     assert all(not row.published for label, row in rows.items() if label not in printed)
@@ -89,7 +96,9 @@ def test_theory_simulation_and_measurement_of_a_session_agree_in_one_figure(quic
     np.testing.assert_allclose(simulation.y, theory.y, atol=0.02)  # encoders and repeatability
     measured = curves["device, 60 deg"]
     assert measured.kind == "measurement"
-    np.testing.assert_allclose(measured.y, theory.y, atol=1.5)  # three seconds are too short to settle
+    np.testing.assert_allclose(
+        measured.y, theory.y, atol=1.5
+    )  # three seconds are too short to settle
     assert abs(measured.y[1] - measured.y[0]) > 3
     flat = {curve.name: curve for curve in zxz.curves}
     np.testing.assert_array_equal(flat["theory, 60 deg"].y, 0)
@@ -112,16 +121,23 @@ def test_a_session_without_misalignment_is_refused(quick):
         session_curves(quick.session, replace(quick.evaluation, joint_angle=one), "elbow")
 
 
-def test_the_elbow_grows_wrong_with_flexion_by_yxz_and_not_by_zxz_and_the_sensors_follow_the_theory(elbow_flexion):
-    zxz, yxz = session_curves(elbow_flexion.session, elbow_flexion.evaluation, "elbow", [10, 40, 70])
+def test_the_elbow_grows_wrong_with_flexion_by_yxz_and_not_by_zxz_and_the_sensors_follow_the_theory(
+    elbow_flexion,
+):
+    zxz, yxz = session_curves(
+        elbow_flexion.session, elbow_flexion.evaluation, "elbow", [10, 40, 70]
+    )
     curves = {curve.name: curve for curve in yxz.curves}
     assert curves["theory, 70 deg"].y.max() == pytest.approx(7.99, abs=0.005)
     for flexion in (10, 40, 70):
         theory, simulation = curves[f"theory, {flexion} deg"], curves[f"simulation, {flexion} deg"]
         np.testing.assert_array_equal(theory.x, np.arange(-20, 21, 2))
         np.testing.assert_allclose(simulation.y, theory.y, atol=0.02)
-        np.testing.assert_allclose(curves[f"device, {flexion} deg"].y, theory.y, atol=0.2 + 0.2 * theory.y.max())
+        np.testing.assert_allclose(
+            curves[f"device, {flexion} deg"].y, theory.y, atol=0.2 + 0.2 * theory.y.max()
+        )
     flat = {curve.name: curve for curve in zxz.curves}
-    # A heading error is a misalignment to YXZ and nothing to ZXZ: so the sensors scatter about the theory there, not here.
+    # A heading error is a misalignment to YXZ and nothing to ZXZ: so the sensors scatter about the
+    # theory there, not here.
     assert np.abs(curves["device, 70 deg"].y - curves["theory, 70 deg"].y).max() > 0.3
     assert max(flat[f"vqf_6d, {flexion} deg"].y.max() for flexion in (10, 40, 70)) < 0.6

@@ -1,4 +1,6 @@
-"""Walking through parameters: the least cost that was planted is found, however the parameters are scaled."""
+"""Walking through parameters: the least cost that was planted is found, however the parameters are
+scaled.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,9 @@ def test_many_parameters_are_walked_through_one_after_the_other():
     space, effort = Space.of(parameters, None), Effort(values=9, points=300)
     planted = np.array([-1.5, -1, -0.5, 0.5, 1, 1.5])
     assert effort.grid(space)[0] is False
-    found = find_optimum(space, (1.0,) * 6, lambda p: float(np.sum((np.log10(p) - planted) ** 2)), effort)
+    found = find_optimum(
+        space, (1.0,) * 6, lambda p: float(np.sum((np.log10(p) - planted) ** 2)), effort
+    )
     np.testing.assert_allclose(np.log10(found.point), planted, atol=0.05)
     assert len(found.tried) < 6 * 9 * 2
 
@@ -74,7 +78,11 @@ def test_a_search_never_ends_worse_than_it_began(seed):
     space = Space.of([GAIN, TAU], None)
 
     def cost(point):  # rough and without any shape
-        return float(np.random.default_rng([seed, *np.frombuffer(np.array(point).tobytes(), np.uint32)]).uniform(0, 5))
+        return float(
+            np.random.default_rng(
+                [seed, *np.frombuffer(np.array(point).tobytes(), np.uint32)]
+            ).uniform(0, 5)
+        )
 
     found = find_optimum(space, (0.1, 3.0), cost, Effort(values=3))
     assert found.value <= cost((0.1, 3.0))
@@ -91,7 +99,12 @@ def test_an_optimum_at_the_end_of_a_range_is_said_to_be_there():
 
 def test_where_a_filter_fails_is_never_the_optimum():
     space = Space.of([GAIN], None)
-    found = find_optimum(space, (0.1,), lambda p: np.inf if p[0] > 0.02 else 1 + np.log10(p[0] / 0.005) ** 2, Effort())
+    found = find_optimum(
+        space,
+        (0.1,),
+        lambda p: np.inf if p[0] > 0.02 else 1 + np.log10(p[0] / 0.005) ** 2,
+        Effort(),
+    )
     assert found.point[0] == pytest.approx(0.005, rel=0.05)
     assert find_optimum(space, (0.1,), lambda p: np.nan, Effort(values=3)).value == FAILED
 

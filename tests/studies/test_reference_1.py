@@ -18,7 +18,13 @@ from testbench.studies.bench import StudyBench
 from testbench.studies.reference_1_elbow import heading_fit, heading_model
 
 # Sums of each published table as printed: a digit that was copied wrongly changes one.
-SUMS = {"5.1": 12.58, "rest": 5.8236, "annex G readings": 11.3144, "annex G forces": -2, "annex G": -1.2836}
+SUMS = {
+    "5.1": 12.58,
+    "rest": 5.8236,
+    "annex G readings": 11.3144,
+    "annex G forces": -2,
+    "annex G": -1.2836,
+}
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +44,9 @@ def test_the_sensors_are_as_noisy_at_rest_as_the_published_ones(study):
     rows = {row.label: row for row in study.table("noise").rows}
     assert len(rows) == 5
     for label, row in rows.items():
-        compared = [1, 2, 3] if label != "MATRIX, gyroscope" else [1, 3]  # 0.72 deg/s of y is of one part
+        compared = (
+            [1, 2, 3] if label != "MATRIX, gyroscope" else [1, 3]
+        )  # 0.72 deg/s of y is of one part
         for column in compared:
             assert row.ratio(column) == pytest.approx(1, abs=0.12), (label, column)
     for row in study.table("rest").rows:
@@ -72,7 +80,9 @@ def test_the_worked_example_is_that_of_the_source_to_the_digits_printed(study):
 def test_every_filter_and_sequence_stands_beside_the_published_tables(study):
     rows = {row.label: row for row in study.table("flexion").rows}
     wanted = {
-        f"Xsens DOT, {name}, {seq}" for name in ("device", "imufilter", "ecompass", "triad") for seq in ("ZXZ", "YXZ", "ZYZ")
+        f"Xsens DOT, {name}, {seq}"
+        for name in ("device", "imufilter", "ecompass", "triad")
+        for seq in ("ZXZ", "YXZ", "ZYZ")
     }
     assert set(rows) == wanted | {f"MATRIX, imufilter, {seq}" for seq in ("ZXZ", "YXZ", "ZYZ")}
     beside = {label: row.published[:15] for label, row in rows.items() if row.published}
@@ -81,7 +91,9 @@ def test_every_filter_and_sequence_stands_beside_the_published_tables(study):
         for row in load_published().flexion_mean_abs_error
     }
     for label, row in rows.items():
-        assert row.values[15] == pytest.approx(np.mean(row.values[:15])) and row.values[15] < 0.5, label
+        assert row.values[15] == pytest.approx(np.mean(row.values[:15])) and row.values[15] < 0.5, (
+            label
+        )
 
 
 def test_yxz_grows_with_the_flexion_and_zxz_does_not(study):
@@ -94,31 +106,46 @@ def test_yxz_grows_with_the_flexion_and_zxz_does_not(study):
 
 
 def test_the_heading_model_is_what_turned_sensors_give():
-    """An elbow about x that starts at 4 deg, its distal sensor seen turned about the vertical by 24 deg, by scipy's angles."""
+    """An elbow about x that starts at 4 deg, its distal sensor seen turned about the vertical by 24
+    deg, by scipy's angles.
+    """
     from scipy.spatial.transform import Rotation
 
     flexion = np.arange(0, 71, 5.0)
-    joint = Rotation.from_euler("z", 24, degrees=True) * Rotation.from_rotvec(np.radians(flexion + 4.0)[:, None] * [1.0, 0, 0])
+    joint = Rotation.from_euler("z", 24, degrees=True) * Rotation.from_rotvec(
+        np.radians(flexion + 4.0)[:, None] * [1.0, 0, 0]
+    )
     seen = joint.as_euler("YXZ", degrees=True)[:, 1]
     np.testing.assert_allclose(heading_model(flexion, 4.0, 24.0), np.abs(seen - flexion), atol=1e-9)
     q = rotation.from_euler("ZXY", np.radians([24.0, 4.0, 0.0]))
-    assert np.degrees(rotation.to_euler("YXZ", q))[1] == pytest.approx(heading_model(np.array([0.0]), 4.0, 24.0)[0])
+    assert np.degrees(rotation.to_euler("YXZ", q))[1] == pytest.approx(
+        heading_model(np.array([0.0]), 4.0, 24.0)[0]
+    )
 
 
 def test_what_an_offset_and_a_heading_leave_of_the_table_that_grows_is_said_in_full(study):
     fit = heading_fit(load_published())
-    assert fit.heading_deg == pytest.approx(23.8, abs=0.2) and fit.offset_deg == pytest.approx(4.3, abs=0.1)
+    assert fit.heading_deg == pytest.approx(23.8, abs=0.2) and fit.offset_deg == pytest.approx(
+        4.3, abs=0.1
+    )
     flexion, table57 = (
         np.arange(0, 71, 5.0),
         [3.68, 3.42, 3.07, 2.68, 2.22, 1.71, 1.16, 0.53, 0.20, 1.01, 1.97, 3.11, 4.47, 6.17, 8.29],
     )
-    angle = np.degrees(np.arcsin(np.sin(np.radians(flexion + fit.offset_deg)) * np.cos(np.radians(fit.heading_deg))))
+    angle = np.degrees(
+        np.arcsin(
+            np.sin(np.radians(flexion + fit.offset_deg)) * np.cos(np.radians(fit.heading_deg))
+        )
+    )
     left = np.abs(angle - flexion) - table57
     assert fit.rms_deg == pytest.approx(np.sqrt(np.mean(left**2))) and fit.rms_deg < 0.12
     assert fit.largest_deg == pytest.approx(abs(left).max()) and fit.largest_deg > 2 * fit.rms_deg
     assert fit.largest_at_deg == flexion[abs(left).argmax()] == 0
     (said,) = [finding for finding in study.findings if "5.7" in finding]
-    assert "consistent with" in said and f"{fit.rms_deg:.2f} deg RMS and {fit.largest_deg:.2f} deg at most" in said
+    assert (
+        "consistent with" in said
+        and f"{fit.rms_deg:.2f} deg RMS and {fit.largest_deg:.2f} deg at most" in said
+    )
     assert study.table("heading").rows[1].values[:15] == pytest.approx(left)
     assert not [finding for finding in study.findings if "explain" in finding]
 
@@ -126,14 +153,22 @@ def test_what_an_offset_and_a_heading_leave_of_the_table_that_grows_is_said_in_f
 def test_an_offset_and_a_heading_that_made_a_table_are_found_again():
     known = heading_model(np.array(load_published().flexion_deg), 2.5, 31.0)
     table = load_published().flexion_mean_abs_error
-    other = [row.model_copy(update={"mean_abs_error_deg": known.tolist()}) if row.table == "5.7" else row for row in table]
+    other = [
+        row.model_copy(update={"mean_abs_error_deg": known.tolist()}) if row.table == "5.7" else row
+        for row in table
+    ]
     found = heading_fit(load_published().model_copy(update={"flexion_mean_abs_error": other}))
-    assert (found.offset_deg, found.heading_deg) == pytest.approx((2.5, 31.0), abs=1e-4) and found.largest_deg < 1e-6
+    assert (found.offset_deg, found.heading_deg) == pytest.approx(
+        (2.5, 31.0), abs=1e-4
+    ) and found.largest_deg < 1e-6
 
 
 def test_theory_simulation_and_measurement_are_in_one_figure_of_the_report(study):
     figures = {curves.caption: curves for curves in study.curves}
-    kinds = {curve.kind for curve in figures["elbow: |error| of the YXZ flexion over the misalignment"].curves}
+    kinds = {
+        curve.kind
+        for curve in figures["elbow: |error| of the YXZ flexion over the misalignment"].curves
+    }
     assert kinds == {"theory", "simulation", "measurement"}
     assert len(study.surfaces) == 3
     page = render_study(study)

@@ -1,4 +1,6 @@
-"""The studies that are run by name: what they keep, what they find, and the command that runs all of them."""
+"""The studies that are run by name: what they keep, what they find, and the command that runs all
+of them.
+"""
 
 from __future__ import annotations
 
@@ -38,12 +40,18 @@ def kept(study: StudyRecord, folder) -> StudyRecord:
 def test_misalignment_runs_an_elbow_and_lays_it_on_the_theory(bench, tmp_path):
     study = kept(get_study("misalignment").run(bench), tmp_path)
     rows = {row.label: row.values for row in study.table("elbow measured").rows}
-    assert set(rows) == {f"{sequence}, {name}" for sequence in ("ZXZ", "YXZ") for name in ("device", "vqf_6d")}
+    assert set(rows) == {
+        f"{sequence}, {name}" for sequence in ("ZXZ", "YXZ") for name in ("device", "vqf_6d")
+    }
     for name in ("device", "vqf_6d"):
         assert rows[f"YXZ, {name}"][0] == 315
         assert rows[f"YXZ, {name}"][2] == pytest.approx(7.99, abs=0.01)  # by the definition
-        assert rows[f"YXZ, {name}"][3] == pytest.approx(rows[f"YXZ, {name}"][1], abs=1)  # measured, in the mean
-        assert 7 < rows[f"YXZ, {name}"][4] < 15  # a heading that drifts adds to the misalignment or takes from it
+        assert rows[f"YXZ, {name}"][3] == pytest.approx(
+            rows[f"YXZ, {name}"][1], abs=1
+        )  # measured, in the mean
+        assert (
+            7 < rows[f"YXZ, {name}"][4] < 15
+        )  # a heading that drifts adds to the misalignment or takes from it
         assert rows[f"ZXZ, {name}"][2] < 0.01 and rows[f"ZXZ, {name}"][4] < 0.6
     by_yxz = next(curves for curves in study.curves if "YXZ" in curves.caption)
     assert {curve.kind for curve in by_yxz.curves} == {"theory", "simulation", "measurement"}
@@ -54,7 +62,11 @@ def test_reference_4_counts_every_cycle_and_drifts_as_published(bench, tmp_path)
     study = kept(get_study("reference-4").run(bench), tmp_path)
     assert {row.values[2] for row in study.table("cycles").rows} == {0}
     assert {row.values[0] for row in study.table("cycles").rows} == {14, 109}
-    drift = {row.label: row for row in study.table("drift").rows if row.published and "cycles 14" in row.label}
+    drift = {
+        row.label: row
+        for row in study.table("drift").rows
+        if row.published and "cycles 14" in row.label
+    }
     assert len(drift) == 2
     for label, row in drift.items():
         if "simple" in label:
@@ -69,32 +81,52 @@ def test_reference_4_counts_every_cycle_and_drifts_as_published(bench, tmp_path)
 def own_swing(tmp_path_factory):
     """A copy of shank_swing with other cycle numbers, beside what it includes."""
     folder = tmp_path_factory.mktemp("protocols")
-    (folder / "calibration_3d.yaml").write_text((PROTOCOLS / "calibration_3d.yaml").read_text(encoding="utf-8"))
+    (folder / "calibration_3d.yaml").write_text(
+        (PROTOCOLS / "calibration_3d.yaml").read_text(encoding="utf-8")
+    )
     text = (PROTOCOLS / "shank_swing.yaml").read_text(encoding="utf-8")
     assert "gait_cycles: [14, 109]" in text and "roll_deg: [0, 3]" in text
-    text = text.replace("gait_cycles: [14, 109]", "gait_cycles: [5, 9]").replace("roll_deg: [0, 3]", "roll_deg: 3")
+    text = text.replace("gait_cycles: [14, 109]", "gait_cycles: [5, 9]").replace(
+        "roll_deg: [0, 3]", "roll_deg: 3"
+    )
     file = folder / "own.yaml"
-    file.write_text(text.replace("filters: [device, vqf_6d, fusion,", "filters: [device,"), encoding="utf-8")
+    file.write_text(
+        text.replace("filters: [device, vqf_6d, fusion,", "filters: [device,"), encoding="utf-8"
+    )
     return file
 
 
 def test_reference_4_takes_a_protocol_of_ones_own_and_draws_its_paths(bench, own_swing, tmp_path):
     study = kept(get_study("reference-4").run(replace(bench, protocol=own_swing)), tmp_path)
-    assert {(row.values[0], row.values[1]) for row in study.table("cycles").rows} == {(5, 5), (9, 9)}
+    assert {(row.values[0], row.values[1]) for row in study.table("cycles").rows} == {
+        (5, 5),
+        (9, 9),
+    }
     assert study.findings[0].startswith("Gait cycles, 5 and 9 commanded")
-    assert not [row for row in study.table("drift").rows if row.published]  # published is of fourteen cycles
+    assert not [
+        row for row in study.table("drift").rows if row.published
+    ]  # published is of fourteen cycles
     assert study.settings["protocol"] == str(own_swing)
     paths = [curves for curves in study.curves if curves.plane]
-    assert ["gait_cycles 5" in paths[0].caption, "gait_cycles 9" in paths[1].caption] == [True, True]
+    assert ["gait_cycles 5" in paths[0].caption, "gait_cycles 9" in paths[1].caption] == [
+        True,
+        True,
+    ]
     for figure, cycles in zip(paths, (5, 9), strict=True):
         ends = {curve.name: np.array([curve.x[-1], curve.y[-1]]) for curve in figure.curves}
-        assert all(len(curve.x) == cycles + 1 and curve.x[0] == curve.y[0] == 0 for curve in figure.curves)
+        assert all(
+            len(curve.x) == cycles + 1 and curve.x[0] == curve.y[0] == 0 for curve in figure.curves
+        )
         rows = {
-            row.label.rpartition(", ")[2]: row.values for row in study.table("cycles").rows if f"cycles {cycles}" in row.label
+            row.label.rpartition(", ")[2]: row.values
+            for row in study.table("cycles").rows
+            if f"cycles {cycles}" in row.label
         }
         assert set(ends) == {"true motion", *rows}
         for name, values in rows.items():
-            assert np.linalg.norm(ends[name] - ends["true motion"]) == pytest.approx(values[6], abs=1e-9), name
+            assert np.linalg.norm(ends[name] - ends["true motion"]) == pytest.approx(
+                values[6], abs=1e-9
+            ), name
 
 
 def test_a_protocol_that_a_study_cannot_use_is_refused_before_anything_runs(bench, tmp_path):
@@ -116,7 +148,9 @@ def test_sessions_of_a_study_have_reports_that_it_links_to(bench, tmp_path):
 
 
 def test_a_study_is_kept_under_the_name_it_was_asked_for(bench, monkeypatch):
-    gimvebo = StudyRecord("gimvebo", "Title", "Why?", "Source", "2026-01-02T03:04:05Z", {}, (), (), ())
+    gimvebo = StudyRecord(
+        "gimvebo", "Title", "Why?", "Source", "2026-01-02T03:04:05Z", {}, (), (), ()
+    )
     monkeypatch.setattr("testbench.studies.gimvebo.run", lambda bench: gimvebo)
     assert get_study("reference-3").run(bench) == replace(gimvebo, name="reference-3")
     assert get_study("gimvebo").run(bench) == gimvebo

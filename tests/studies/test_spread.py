@@ -1,4 +1,6 @@
-"""Changes over parts: the interval and what may be said of it; and the sentences of reference-5 that are made of them."""
+"""Changes over parts: the interval and what may be said of it; and the sentences of reference-5
+that are made of them.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ def test_more_or_less_is_shown_where_a_t_test_of_the_logarithms_says_so(first, d
         return
     test = ttest_1samp(logarithms, 0)
     low, high = test.confidence_interval(0.95)
-    assert change.interval == pytest.approx((100 * (np.exp(low) - 1), 100 * (np.exp(high) - 1)), rel=1e-6, abs=1e-6)
+    assert change.interval == pytest.approx(
+        (100 * (np.exp(low) - 1), 100 * (np.exp(high) - 1)), rel=1e-6, abs=1e-6
+    )
     if abs(test.pvalue - 0.05) > 1e-6:
         assert (change.verdict != "not shown") == (test.pvalue < 0.05)
 
@@ -37,52 +41,84 @@ def test_turned_about_more_becomes_less(errors):
 
 def test_a_single_part_shows_nothing():
     change = Change.of([1.0], [5.0])
-    assert change.interval is None and change.verdict == "not shown" and change.percent == pytest.approx(-80)
+    assert (
+        change.interval is None
+        and change.verdict == "not shown"
+        and change.percent == pytest.approx(-80)
+    )
 
 
 def test_a_change_is_told_in_words():
     assert [in_percent(value) for value in (-9.4, 31, 0.2, -0.04, 150, 68900, -99.5, -100)] == [
-        "9 % less", "31 % more", "0.2 % more", "as much", "2.5 times as much", "690 times as much", "1/200 as much",
+        "9 % less",
+        "31 % more",
+        "0.2 % more",
+        "as much",
+        "2.5 times as much",
+        "690 times as much",
+        "1/200 as much",
         "next to nothing",
-    ]  # fmt: skip
+    ]
 
 
-LESS, MORE, NEITHER = Change.of([1, 1.1, 0.9], [2, 2, 2]), Change.of([3, 3.1, 2.9], [2, 2, 2]), Change.of([1, 2, 3], [2, 2, 2])
+LESS, MORE, NEITHER = (
+    Change.of([1, 1.1, 0.9], [2, 2, 2]),
+    Change.of([3, 3.1, 2.9], [2, 2, 2]),
+    Change.of([1, 2, 3], [2, 2, 2]),
+)
 
 
 def test_the_sentence_says_what_each_change_shows():
     changes = {"angle of q": NEITHER, "rate of q": LESS, "acceleration of q": MORE}
-    assert by_verdict(changes) == {"more": ["acceleration of q"], "less": ["rate of q"], "not shown": ["angle of q"]}
+    assert by_verdict(changes) == {
+        "more": ["acceleration of q"],
+        "less": ["rate of q"],
+        "not shown": ["angle of q"],
+    }
     said = words.judged(words.STATES, changes, 3)
     assert "has less error than the kinematic one in rate of q (50 % less)" in said
     assert "has more error than the kinematic one in acceleration of q (50 % more)" in said
-    assert "neither is shown in angle of q (" in said and said.endswith("The thesis has less in all 3.")
+    assert "neither is shown in angle of q (" in said and said.endswith(
+        "The thesis has less in all 3."
+    )
     only = words.judged(words.ORDER, {"angle": LESS}, 3)
     assert "more error" not in only and "neither" not in only
 
 
 def test_of_one_run_the_sentence_claims_nothing():
-    said = words.judged(words.STATES, {"angle": Change.of([3.0], [2.0]), "rate": Change.of([1.0], [2.0])}, 1)
+    said = words.judged(
+        words.STATES, {"angle": Change.of([3.0], [2.0]), "rate": Change.of([1.0], [2.0])}, 1
+    )
     assert said.startswith("One run shows nothing")
     assert "less in rate; more in angle" in said and "%" not in said
 
 
 def test_joints_that_are_not_covered_are_named_the_worst_first():
-    said = words.covered("kinematic", {"hip (gait)": (0.2, 70.0), "pelvis_tilt (gait)": (9.51, 30.0)}, 23, 80)
+    said = words.covered(
+        "kinematic", {"hip (gait)": (0.2, 70.0), "pelvis_tilt (gait)": (9.51, 30.0)}, 23, 80
+    )
     assert "2 of 23 joints are covered below 80 %" in said
-    assert "(pelvis_tilt (gait): RMS 9.51 deg, 30.0 % covered, hip (gait): RMS 0.20 deg, 70.0 % covered)" in said
+    assert (
+        "(pelvis_tilt (gait): RMS 9.51 deg, 30.0 % covered, hip (gait): RMS 0.20 deg, 70.0 % "
+        "covered)" in said
+    )
     assert "covers at least 80 %" in words.covered("fourier", {}, 23, 80)
 
 
 def test_a_misplaced_root_is_ruled_out_only_where_the_columns_differ():
     said = words.sizes([[0.4, 0.8], [0.9, 2.4], [33.2, 487.0]])
-    assert "0.4 to 0.8 times theirs in the angles, 0.9 to 2.4 in the rates and 33 to 487 in the accelerations" in said
+    assert (
+        "0.4 to 0.8 times theirs in the angles, 0.9 to 2.4 in the rates and 33 to 487 in the "
+        "accelerations" in said
+    )
     assert "it alone does not make the difference" in said
     assert "root" not in words.sizes([[1.0, 3.0], [2.0, 2.5], [2.2, 4.0]])
 
 
 def test_what_the_parts_show_is_told_no_wider_than_their_spread():
     assert told(Change.of([1.0], [2.0])) == "one part does not show which has less"
-    assert told(LESS).startswith("50 % less (") and told(LESS).endswith("less, 95 % interval over 3 parts)")
+    assert told(LESS).startswith("50 % less (") and told(LESS).endswith(
+        "less, 95 % interval over 3 parts)"
+    )
     assert told(MORE).startswith("50 % more (")
     assert told(NEITHER).startswith("neither more nor less is shown (")

@@ -18,17 +18,26 @@ from testbench.studies.folder import new_folder
 
 def call(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     program = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).resolve().parents[2])!r})\nfrom testbench.cli import main\nmain()"
+        "import sys; sys.path.insert(0, "
+        f"{str(Path(__file__).resolve().parents[2])!r})\nfrom testbench.cli import "
+        "main\nmain()"
     )
     return subprocess.run(
-        [sys.executable, "-c", program, *arguments], cwd=cwd, capture_output=True, text=True, check=False, timeout=120
+        [sys.executable, "-c", program, *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
     )
 
 
 def test_studies_are_listed(tmp_path):
     assert "gimvebo" in call("study", "--list", cwd=tmp_path).stdout
     listed = json.loads(call("study", "--list", "--json", cwd=tmp_path).stdout)
-    assert {"gimvebo", "misalignment", "reference-1", "reference-3", "reference-4"} <= {e["name"] for e in listed["studies"]}
+    assert {"gimvebo", "misalignment", "reference-1", "reference-3", "reference-4"} <= {
+        e["name"] for e in listed["studies"]
+    }
 
 
 def test_an_unknown_study_is_refused_before_anything_runs(tmp_path):
@@ -41,7 +50,9 @@ def test_an_unknown_study_is_refused_before_anything_runs(tmp_path):
 
 @pytest.mark.slow
 def test_a_study_keeps_its_sessions_its_tables_and_its_report(tmp_path):
-    result = call("study", "gimvebo", "--logs", "kept", "--seed", "2", "--parts", "1", "--json", cwd=tmp_path)
+    result = call(
+        "study", "gimvebo", "--logs", "kept", "--seed", "2", "--parts", "1", "--json", cwd=tmp_path
+    )
     assert result.returncode == 0, result.stderr
     said = json.loads(result.stdout)
     folder = tmp_path / said["study"]
@@ -50,8 +61,12 @@ def test_a_study_keeps_its_sessions_its_tables_and_its_report(tmp_path):
     assert said["tables"][2]["rows"][0]["ratio"] < 0.05
     (session,) = record.sessions
     assert (tmp_path / session / "evaluation.json").is_file()
-    sessions = json.loads(call("sessions", "--logs", "kept", "--json", cwd=tmp_path).stdout)["sessions"]
-    assert [entry["session"] for entry in sessions] == [Path(session).name]  # the study's own folder is no session
+    sessions = json.loads(call("sessions", "--logs", "kept", "--json", cwd=tmp_path).stdout)[
+        "sessions"
+    ]
+    assert [entry["session"] for entry in sessions] == [
+        Path(session).name
+    ]  # the study's own folder is no session
 
 
 def test_reproduce_takes_no_name(tmp_path):
@@ -61,8 +76,12 @@ def test_reproduce_takes_no_name(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_every_publication_is_reproduced_and_says_where_its_report_lies(tmp_path, monkeypatch, capsys):
-    chosen = {name: entry for name, entry in STUDIES.items() if name in ("gimvebo", "reference-4")}  # one has no publication
+def test_every_publication_is_reproduced_and_says_where_its_report_lies(
+    tmp_path, monkeypatch, capsys
+):
+    chosen = {
+        name: entry for name, entry in STUDIES.items() if name in ("gimvebo", "reference-4")
+    }  # one has no publication
     monkeypatch.setattr("testbench.studies.STUDIES", chosen)
     study(None, tmp_path / "kept", 0, 1, reproduce=True, json=True)
     (entry,) = json.loads(capsys.readouterr().out)["studies"]

@@ -1,4 +1,6 @@
-"""Tuning: planted optima are found, the objective is what evaluate states, and what was tuned on never tests."""
+"""Tuning: planted optima are found, the objective is what evaluate states, and what was tuned on
+never tests.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ NOW = "2026-01-02T03:04:05+00:00"
 
 
 class Planted(OrientationFilter):
-    """The device's orientation, turned back by 10 deg for each decade of `gain`: its error vanishes at one gain."""
+    """The device's orientation, turned back by 10 deg for each decade of `gain`: its error vanishes
+    at one gain.
+    """
 
     name, needs, source = "planted", ("device_q",), "made up"
     PARAMETERS = (Parameter("gain", 1.0, "1", "decades of ten degrees", "made up", 1e-3, 1e3),)
@@ -39,17 +43,25 @@ class Planted(OrientationFilter):
 
 @pytest.fixture(scope="module")
 def turned(tmp_path_factory) -> list[Session]:
-    """Sessions whose best gains are 0.1, 10^0.55 and 100: short, and without noise where it matters."""
+    """Sessions whose best gains are 0.1, 10^0.55 and 100: short, and without noise where it
+    matters.
+    """
     folder = tmp_path_factory.mktemp("turned")
     wanted = (-10.0, 5.5, 20.0)
-    return [write_known(folder / f"turned_{i}", i, 5.0, device_turn_deg=turn) for i, turn in enumerate(wanted)]
+    return [
+        write_known(folder / f"turned_{i}", i, 5.0, device_turn_deg=turn)
+        for i, turn in enumerate(wanted)
+    ]
 
 
 @pytest.fixture(scope="module")
 def noisy(tmp_path_factory) -> list[Session]:
     """Sessions with known noise and a biased gyroscope."""
     folder = tmp_path_factory.mktemp("noisy")
-    return [write_known(folder / f"noisy_{i}", 10 + i, 40.0, bias=(0.02, -0.01, 0.015)) for i in range(3)]
+    return [
+        write_known(folder / f"noisy_{i}", 10 + i, 40.0, bias=(0.02, -0.01, 0.015))
+        for i in range(3)
+    ]
 
 
 def test_planted_optima_are_found_for_each_session_and_for_all(turned):
@@ -68,7 +80,9 @@ def test_planted_optima_are_found_for_each_session_and_for_all(turned):
 def test_leaving_one_out_gives_the_set_of_the_others(turned):
     found = tune(Planted(), Sessions.given(turned, []), "total_rmse_deg", NOW, leave_one_out=True)
     gains = [np.log10(entry.left_out_parameters["gain"]) for entry in found.sessions]
-    for gain, (low, high) in zip(gains, ((0.55, 2.0), (-1.0, 2.0), (-1.0, 0.55)), strict=True):  # anything between the two
+    for gain, (low, high) in zip(
+        gains, ((0.55, 2.0), (-1.0, 2.0), (-1.0, 0.55)), strict=True
+    ):  # anything between the two
         assert low - 0.01 <= gain <= high + 0.01
     for entry, gain, planted in zip(found.sessions, gains, (-1.0, 0.55, 2.0), strict=True):
         assert entry.left_out_value == pytest.approx(10 * abs(gain - planted), abs=1e-3)
@@ -84,7 +98,12 @@ def total_by_evaluate(session: Session, beta: float) -> float:
 
 def test_madgwicks_beta_is_tuned_to_a_minimum_that_evaluate_confirms(noisy):
     found = tune(
-        get_filter("madgwick_marg"), Sessions.given(noisy[:2], noisy[2:]), "total_rmse_deg", NOW, ["beta"], Effort(values=7)
+        get_filter("madgwick_marg"),
+        Sessions.given(noisy[:2], noisy[2:]),
+        "total_rmse_deg",
+        NOW,
+        ["beta"],
+        Effort(values=7),
     )
     beta = found.parameters["beta"]
     assert found.parameters | {"beta": 0} == get_filter("madgwick_marg").parameters | {"beta": 0}
@@ -96,7 +115,9 @@ def test_madgwicks_beta_is_tuned_to_a_minimum_that_evaluate_confirms(noisy):
     assert found.value < mean(0.041) == pytest.approx(found.default_value, rel=1e-12)
     assert found.value < min(mean(beta / 1.2), mean(beta * 1.2))
     (test,) = found.of_role("test")
-    assert test.own_parameters is None  # a test session has no optimum of its own: that would be tuning on it
+    assert (
+        test.own_parameters is None
+    )  # a test session has no optimum of its own: that would be tuning on it
     assert test.value == pytest.approx(total_by_evaluate(noisy[2], beta), rel=1e-12)
     assert test.value < test.default_value  # the same noise: what was tuned holds
     for entry in found.of_role("tuning"):
@@ -106,7 +127,9 @@ def test_madgwicks_beta_is_tuned_to_a_minimum_that_evaluate_confirms(noisy):
 def test_the_set_does_not_depend_on_what_is_tested(noisy, turned):
     def parameters(test):
         sessions = Sessions.given(noisy[:1], test)
-        return tune(get_filter("madgwick_marg"), sessions, "total_rmse_deg", NOW, ["beta"], Effort(values=3)).parameters
+        return tune(
+            get_filter("madgwick_marg"), sessions, "total_rmse_deg", NOW, ["beta"], Effort(values=3)
+        ).parameters
 
     assert parameters([]) == parameters(noisy[1:]) == parameters(turned[:1])
 
@@ -117,7 +140,9 @@ def test_the_objective_of_sensors_is_the_metric_of_evaluate(quick, metric, owner
     kind = get_filter("vqf_6d", {"tau_acc_s": 1.3})
     trials = SessionTrials(quick.session, Objective.parse(owner + metric), kind, ["tau_acc_s"])
     metrics = evaluate(quick.session, estimate(quick.session, [kind])).metrics
-    wanted = [m.value for m in metrics if m.name.endswith(f".{metric}") and m.name.startswith(owner)]
+    wanted = [
+        m.value for m in metrics if m.name.endswith(f".{metric}") and m.name.startswith(owner)
+    ]
     assert len(wanted) == (1 if owner else 2)
     assert trials((1.3,)) == pytest.approx(np.mean(wanted), rel=1e-12)
 
@@ -146,18 +171,31 @@ def test_objectives_that_a_session_lacks_are_refused(quick, noisy, tmp_path):
             tune(get_filter("vqf_6d"), sessions, objective, NOW, ["tau_acc_s"])
     no_field = without_field(noisy[0], tmp_path / "no_field")
     with pytest.raises(InputError, match="the sensor gives no mag"):
-        tune(get_filter("madgwick_marg"), Sessions.given([no_field], []), "total_rmse_deg", NOW, ["beta"])
+        tune(
+            get_filter("madgwick_marg"),
+            Sessions.given([no_field], []),
+            "total_rmse_deg",
+            NOW,
+            ["beta"],
+        )
     blind = Session(shutil.copytree(noisy[0].path, tmp_path / "blind"))
     (blind.path / "truth_imu.parquet").unlink()
     with pytest.raises(SessionError, match=r"truth_imu\.parquet is missing"):
-        tune(get_filter("madgwick_marg"), Sessions.given([blind], []), "total_rmse_deg", NOW, ["beta"])
+        tune(
+            get_filter("madgwick_marg"),
+            Sessions.given([blind], []),
+            "total_rmse_deg",
+            NOW,
+            ["beta"],
+        )
 
 
 def without_field(session: Session, folder: Path) -> Session:
     shutil.copytree(session.path, folder)
     table = pq.read_table(folder / "imu_imu.parquet")
     pq.write_table(
-        table.drop_columns([name for name in table.column_names if name.startswith("mag")]), folder / "imu_imu.parquet"
+        table.drop_columns([name for name in table.column_names if name.startswith("mag")]),
+        folder / "imu_imu.parquet",
     )
     return Session(folder)
 
@@ -190,7 +228,9 @@ def test_a_drawn_split_holds_whole_sessions_and_does_not_depend_on_their_order(t
         assert len(split.tuning) == 2
         assert len(split.test) == 1
         assert {s.name for s in split.tuning + split.test} == {s.name for s in turned}
-        assert {s.name for s in Sessions.drawn(turned[::-1], 0.4, seed).test} == {s.name for s in split.test}
+        assert {s.name for s in Sessions.drawn(turned[::-1], 0.4, seed).test} == {
+            s.name for s in split.test
+        }
     assert len({Sessions.drawn(turned, 0.4, seed).test[0].name for seed in range(20)}) == 3
     for share in (0.0, 1.0, -0.2):
         with pytest.raises(InputError, match="cannot be divided"):
@@ -200,7 +240,9 @@ def test_a_drawn_split_holds_whole_sessions_and_does_not_depend_on_their_order(t
 
 
 def test_a_tuning_is_kept_read_back_and_never_replaced(turned, tmp_path):
-    found = tune(Planted(), Sessions.drawn(turned, 0.4, 3), "total_rmse_deg", NOW, effort=Effort(values=3))
+    found = tune(
+        Planted(), Sessions.drawn(turned, 0.4, 3), "total_rmse_deg", NOW, effort=Effort(values=3)
+    )
     file = tmp_path / "tuned.json"
     found.save(file)
     assert load_tunings([file]) == [found]
@@ -213,13 +255,22 @@ def test_a_tuning_is_kept_read_back_and_never_replaced(turned, tmp_path):
     file.write_text(json.dumps(content, indent=2))
     with pytest.raises(FileProblems) as refused:
         load_tunings([file])
-    assert {problem.path.split(".")[0] for problem in refused.value.problems} == {"parameters", "schema_version"}
+    assert {problem.path.split(".")[0] for problem in refused.value.problems} == {
+        "parameters",
+        "schema_version",
+    }
     with pytest.raises(FileProblems):
         load_tunings([tmp_path / "none.json"])
 
 
 def test_an_estimate_says_what_was_tuned_and_marks_the_sessions_it_was_tuned_on(turned, tmp_path):
-    found = tune(Planted(), Sessions.given(turned[:2], turned[2:]), "total_rmse_deg", NOW, effort=Effort(values=3))
+    found = tune(
+        Planted(),
+        Sessions.given(turned[:2], turned[2:]),
+        "total_rmse_deg",
+        NOW,
+        effort=Effort(values=3),
+    )
     again = reanalysed(turned[0], tmp_path / "again")
     for session, here in ((turned[0], True), (again, True), (turned[2], False)):
         estimated = estimate(session, [Planted()], tunings=[found])
@@ -229,7 +280,10 @@ def test_an_estimate_says_what_was_tuned_and_marks_the_sessions_it_was_tuned_on(
         (row,) = evaluation.tuned
         assert row.on_this_session is here
         assert row.parameters == found.parameters
-        assert any("planted ran with gain" in note and "turned_0, turned_1" in note for note in evaluation.notes)
+        assert any(
+            "planted ran with gain" in note and "turned_0, turned_1" in note
+            for note in evaluation.notes
+        )
         assert any("tuned on this session" in note for note in evaluation.notes) is here
     with pytest.raises(InputError, match="not among those to run"):
         estimate(turned[0], ["gyro"], tunings=[found])

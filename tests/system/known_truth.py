@@ -1,7 +1,9 @@
-"""Short sessions of a simulated arm with wrong joint zeros, and what their mean flexion errors would be if those were known.
+"""Short sessions of a simulated arm with wrong joint zeros, and what their mean flexion errors
+would be if those were known.
 
-The estimators and the evaluation see the encoders. What the links really did is rebuilt here from the seed, at the instants at
-which the samples were really taken, and nothing of it is written into the session.
+The estimators and the evaluation see the encoders. What the links really did is rebuilt here from
+the seed, at the instants at which the samples were really taken, and nothing of it is written into
+the session.
 """
 
 from __future__ import annotations
@@ -61,7 +63,9 @@ sections:
     steps: [{sweep: {wrist_3_joint: {sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}}, dwell_s: 0.4}]
 estimate: {filters: [vqf_6d], align: reference_pose, calibrate: none}
 """
-PLACES = [(joint, section) for joint in ("by_joint", "by_frames") for section in ("static", "sweep")]
+PLACES = [
+    (joint, section) for joint in ("by_joint", "by_frames") for section in ("static", "sweep")
+]
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,11 @@ def cases(seeds: Iterable[int], joint_errors: bool = True) -> list[Case]:
     result = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "known_truth.yaml"
-        text = PROTOCOL if joint_errors else PROTOCOL.replace("joint_errors: true", "joint_errors: false")
+        text = (
+            PROTOCOL
+            if joint_errors
+            else PROTOCOL.replace("joint_errors: true", "joint_errors: false")
+        )
         file.write_text(text, encoding="utf-8")
         the_plan = plan(file)
         for seed in seeds:
@@ -98,25 +106,46 @@ def judged_cases(the_plan: Plan, session: Session, evaluation: Evaluation, seed:
     """What was reported of each joint and section beside what is true."""
     result = []
     arm = as_it_moved(the_plan, seed)
-    actual = {joint: actual_flexion(the_plan, session, joint, arm, seed) for joint in session.analysis.joints}
+    actual = {
+        joint: actual_flexion(the_plan, session, joint, arm, seed)
+        for joint in session.analysis.joints
+    }
     for joint, section in PLACES:
-        summary = next(s for s in evaluation.joint_summary if (s.joint, s.section) == (joint, section))
+        summary = next(
+            s for s in evaluation.joint_summary if (s.joint, s.section) == (joint, section)
+        )
         definition = session.analysis.joints[joint]
         series = evaluation.series[f"joint_{joint}"]
-        time, estimated = series["host_time_ns"], series[f"{FILTER}_{definition.sequence}_flexion_rad"]
+        time, estimated = (
+            series["host_time_ns"],
+            series[f"{FILTER}_{definition.sequence}_flexion_rad"],
+        )
         means, again = [], []
         for step in judged_steps(session.steps):
             begin, end = window(step)
             rows = series["judged"] & (time >= begin) & (time <= end)
             if step.section == section:
-                means.append(np.degrees(rotation.wrap(estimated[rows] - actual[joint][rows])).mean())
-                again.append(np.degrees(rotation.wrap(estimated[rows] - series["reference_rad"][rows])).mean())
+                means.append(
+                    np.degrees(rotation.wrap(estimated[rows] - actual[joint][rows])).mean()
+                )
+                again.append(
+                    np.degrees(
+                        rotation.wrap(estimated[rows] - series["reference_rad"][rows])
+                    ).mean()
+                )
         reported = summary.errors.mean_error_deg
         assert abs(np.mean(again) - reported) < 1e-9  # the same samples count here and there
         assert summary.expanded_uncertainty_deg is not None
         result.append(
-            Case(seed, joint, section, reported, summary.expanded_uncertainty_deg, float(np.mean(means)))
-        )  # fmt: skip
+            Case(
+                seed,
+                joint,
+                section,
+                reported,
+                summary.expanded_uncertainty_deg,
+                float(np.mean(means)),
+            )
+        )
     return result
 
 
@@ -133,20 +162,31 @@ def end_ns(the_plan: Plan) -> int:
     return int(the_plan.trajectory.time_ns[-1]) + TAIL_NS
 
 
-def actual_flexion(the_plan: Plan, session: Session, joint: str, arm: SimulatedArm, seed: int) -> np.ndarray:
+def actual_flexion(
+    the_plan: Plan, session: Session, joint: str, arm: SimulatedArm, seed: int
+) -> np.ndarray:
     """What the links really did at the samples of the proximal sensor [rad], shape (n,)."""
     spec, definition = the_plan.protocol.spec, session.analysis.joints[joint]
     kinematics = Kinematics(the_plan.robot)
     imu = SimulatedImu(
-        definition.proximal, spec.sensors[definition.proximal], kinematics, spec.environment, arm.true_state, seed
-    )  # fmt: skip
+        definition.proximal,
+        spec.sensors[definition.proximal],
+        kinematics,
+        spec.environment,
+        arm.true_state,
+        seed,
+    )
     taken, _, counter = imu._sampling(end_ns(the_plan))
-    q, _, _ = arm.true_state(taken[np.searchsorted(counter, session.imu(definition.proximal).counter)])
+    q, _, _ = arm.true_state(
+        taken[np.searchsorted(counter, session.imu(definition.proximal).counter)]
+    )
     if definition.reference_joint is not None:
         return q[:, the_plan.robot.joint_names.index(definition.reference_joint)]
     segments = []
     for name in (definition.proximal, definition.distal):
         sensor = spec.sensors[name]
-        motion = kinematics.frame_motion(sensor.link, q, offset=Pose.from_placement(sensor.mounting))
+        motion = kinematics.frame_motion(
+            sensor.link, q, offset=Pose.from_placement(sensor.mounting)
+        )
         segments.append(segment_orientation(motion.q_world_from_frame, sensor))
     return definition.sign * joint_angles(segments[0], segments[1], definition.sequence)[:, 1]

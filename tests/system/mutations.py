@@ -1,4 +1,6 @@
-"""Mutated files: protocols, robots and sessions that were damaged or made with bad intent, by a seed."""
+"""Mutated files: protocols, robots and sessions that were damaged or made with bad intent, by a
+seed.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,38 @@ from testbench.records.robot import load_robot
 from testbench.records.session import Session
 
 NASTY = [
-    "../../../../etc/passwd", "/etc/passwd", "..", "\x00", "a" * 5000, "1e999", "-1", "0", "null", "{}", "[]", "NaN", "9" * 400,
-    "!!python/object/apply:os.system [touch hacked]", "&a [*a, *a]", "__import__('os')", "x: " * 50, "\u202e", "<script>", "%s",
-    "(" * 300, "1" + "+1" * 200, "2 ** 99999", "true", "2021-01-01", "0x10", "- " * 100, "\t", "'", "|", "file:///etc/passwd",
-]  # fmt: skip
+    "../../../../etc/passwd",
+    "/etc/passwd",
+    "..",
+    "\x00",
+    "a" * 5000,
+    "1e999",
+    "-1",
+    "0",
+    "null",
+    "{}",
+    "[]",
+    "NaN",
+    "9" * 400,
+    "!!python/object/apply:os.system [touch hacked]",
+    "&a [*a, *a]",
+    "__import__('os')",
+    "x: " * 50,
+    "\u202e",
+    "<script>",
+    "%s",
+    "(" * 300,
+    "1" + "+1" * 200,
+    "2 ** 99999",
+    "true",
+    "2021-01-01",
+    "0x10",
+    "- " * 100,
+    "\t",
+    "'",
+    "|",
+    "file:///etc/passwd",
+]
 SLOWEST_S = 2.0
 
 
@@ -48,7 +78,11 @@ def mutate_text(text: str, rng: random.Random) -> str:
         elif kind == 1:
             text = text[:at] + text[at + rng.randint(1, 30) :]
         elif kind == 2:
-            text = text[:at] + chr(rng.choice([0, 9, 10, 32, 45, 58, 91, 123, 233, 0x1F600])) + text[at + 1 :]
+            text = (
+                text[:at]
+                + chr(rng.choice([0, 9, 10, 32, 45, 58, 91, 123, 233, 0x1F600]))
+                + text[at + 1 :]
+            )
         elif kind == 3:
             i = rng.randrange(len(lines))
             lines[i] = lines[i].partition(":")[0] + ": " + rng.choice(NASTY)
@@ -66,7 +100,11 @@ def mutate_text(text: str, rng: random.Random) -> str:
             digits = [i for i, c in enumerate(text) if c.isdigit()]
             if digits:
                 i = rng.choice(digits)
-                text = text[:i] + rng.choice(["-5", "1e308", "0", "99999999", "0.0000001"]) + text[i + 1 :]
+                text = (
+                    text[:i]
+                    + rng.choice(["-5", "1e308", "0", "99999999", "0.0000001"])
+                    + text[i + 1 :]
+                )
         else:
             i = rng.randrange(len(lines))
             lines[i] = " " * rng.randint(0, 60) + lines[i]
@@ -77,7 +115,22 @@ def mutate_text(text: str, rng: random.Random) -> str:
 def mutate_json(value: Any, rng: random.Random, depth: int = 0) -> Any:
     """A JSON value of which one part, somewhere, is another."""
     if (depth > 0 and rng.random() < 0.25) or not isinstance(value, dict | list) or not value:
-        return rng.choice([None, -1, 1e300, "", "../../x", [], {}, True, "x" * 3000, [[[[]]]], {"a": {"b": 1}}, 2**70])
+        return rng.choice(
+            [
+                None,
+                -1,
+                1e300,
+                "",
+                "../../x",
+                [],
+                {},
+                True,
+                "x" * 3000,
+                [[[[]]]],
+                {"a": {"b": 1}},
+                2**70,
+            ]
+        )
     if isinstance(value, dict):
         key = rng.choice(list(value))
         changed = dict(value)
@@ -110,12 +163,20 @@ class Campaign:
     """Feeds mutated files to the doors that read them.
 
     Args:
-        folder: To work in; it must be empty. protocol, robot, session: What is mutated.
+        folder: To work in; it must be empty.
+        protocol: What is mutated.
+        robot: What is mutated.
+        session: What is mutated.
     """
 
     def __init__(self, folder: Path, protocol: Path, robot: Path, session: Path, calibration: str):
         self.folder, self.found = folder, Found()
-        self.protocol, self.robot, self.session, self.calibration = protocol, robot, session, calibration
+        self.protocol, self.robot, self.session, self.calibration = (
+            protocol,
+            robot,
+            session,
+            calibration,
+        )
         self.work = folder / "work"
         self.work.mkdir()
         self.before = self._around()
@@ -155,14 +216,18 @@ class Campaign:
 
     def _protocol(self, case: Path, rng: random.Random) -> None:
         file = case / "protocol.yaml"
-        file.write_text(mutate_text(self.protocol.read_text(), rng), encoding="utf-8", errors="replace")
+        file.write_text(
+            mutate_text(self.protocol.read_text(), rng), encoding="utf-8", errors="replace"
+        )
         os.chdir(case)
         make_plan(load_protocol(file))
 
     def _robot(self, case: Path, rng: random.Random) -> None:
         for name in ("robot.yaml", "ur3e.urdf"):
             text = (self.robot / name).read_text()
-            changed = mutate_text(text, rng) if (name == "robot.yaml") == (rng.random() < 0.6) else text
+            changed = (
+                mutate_text(text, rng) if (name == "robot.yaml") == (rng.random() < 0.6) else text
+            )
             (case / name).write_text(changed, encoding="utf-8", errors="replace")
         os.chdir(case)
         make_plan(self.protocol, load_robot(case / "robot.yaml"))

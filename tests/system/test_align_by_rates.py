@@ -9,11 +9,19 @@ ERROR_DEG = [8.0, -12.0, 6.0]
 
 @pytest.mark.parametrize("calibrate", ["none", "static_poses"])
 def test_rates_and_gravity_find_a_crooked_mounting(altered_protocol, tmp_path, calibrate):
-    """Calibration poses show the mounting by gravity, the moves between them by rates; the filter only gives the heading."""
+    """Calibration poses show the mounting by gravity, the moves between them by rates; the filter
+    only gives the heading.
+    """
 
     def change(protocol):
-        protocol["sensors"]["forearm"]["mounting_error"] = {"rotation_deg": {"XYZ": list(ERROR_DEG)}}
-        protocol["estimate"] = {"filters": ["device", "vqf_6d"], "align": "rates", "calibrate": calibrate}
+        protocol["sensors"]["forearm"]["mounting_error"] = {
+            "rotation_deg": {"XYZ": list(ERROR_DEG)}
+        }
+        protocol["estimate"] = {
+            "filters": ["device", "vqf_6d"],
+            "align": "rates",
+            "calibrate": calibrate,
+        }
 
     result = run(altered_protocol("calibration_3d", change), logs=tmp_path, with_report=False)
     sensor = result.estimate.sensors["forearm"]

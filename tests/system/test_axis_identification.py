@@ -10,7 +10,9 @@ def result(tmp_path_factory):
 
 def test_names_every_axis_and_finds_nothing_wrong(result):
     sensor = result.estimate.sensors["sensor"]
-    assert [sensor.axes[triad].axes for triad in ("gyr", "acc", "mag")] == ["x: +x, y: +y, z: +z"] * 3
+    assert [sensor.axes[triad].axes for triad in ("gyr", "acc", "mag")] == [
+        "x: +x, y: +y, z: +z"
+    ] * 3
     assert not [remark for remark in sensor.remarks if "axes" in remark or "reads" in remark]
 
 
@@ -36,7 +38,9 @@ def test_a_sensor_mounted_another_way_than_stated_is_named(altered_protocol, tmp
     def turn(protocol):
         protocol["sensors"]["sensor"]["mounting_error"] = {"rotation_deg": {"XYZ": [0, 0, 90]}}
 
-    sensor = run(altered_protocol("axis_identification", turn), logs=tmp_path, with_report=False).estimate.sensors["sensor"]
+    sensor = run(
+        altered_protocol("axis_identification", turn), logs=tmp_path, with_report=False
+    ).estimate.sensors["sensor"]
     for triad in ("gyr", "acc", "mag"):
         assert sensor.axes[triad].axes == "x: -y, y: +x, z: +z"
     assert any("other axes than its mounting says" in remark for remark in sensor.remarks)

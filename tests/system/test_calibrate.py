@@ -1,4 +1,6 @@
-"""Calibrations from whole sessions: against the errors that the simulated part was born with, which no estimator sees."""
+"""Calibrations from whole sessions: against the errors that the simulated part was born with, which
+no estimator sees.
+"""
 
 import json
 from dataclasses import replace
@@ -19,7 +21,12 @@ from testbench.estimation.calibration.session_calibration import calibrate as ca
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.model.kinematics import Kinematics
 from testbench.pipeline import analyse, calibrate, run
-from testbench.records.calibration_file import find_calibration, load_calibration, load_calibrations, save_calibration
+from testbench.records.calibration_file import (
+    find_calibration,
+    load_calibration,
+    load_calibrations,
+    save_calibration,
+)
 from testbench.records.protocol import Environment
 from tests.command_line import command
 
@@ -37,9 +44,13 @@ def sessions(tmp_path_factory, altered_protocol):
 
             def change(data):
                 data["sensors"]["forearm"]["preset"] = preset
-                data["environment"] = {"arm_magnetism": False}  # a known field is the same in every pose
+                data["environment"] = {
+                    "arm_magnetism": False
+                }  # a known field is the same in every pose
 
-            made[key] = run(altered_protocol(protocol, change), seed=seed, logs=logs, with_report=False).session
+            made[key] = run(
+                altered_protocol(protocol, change), seed=seed, logs=logs, with_report=False
+            ).session
         return made[key]
 
     return get
@@ -48,20 +59,28 @@ def sessions(tmp_path_factory, altered_protocol):
 def born_with(session):
     """The simulated part's own errors: accelerometer and gyroscope."""
     imu = SimulatedImu(
-        "forearm", session.analysis.sensors["forearm"], Kinematics(session.robot), Environment(), lambda t: None,
+        "forearm",
+        session.analysis.sensors["forearm"],
+        Kinematics(session.robot),
+        Environment(),
+        lambda t: None,
         session.manifest["seed"],
-    )  # fmt: skip
+    )
     return imu._accelerometer.errors, imu._gyroscope.errors
 
 
 @pytest.mark.parametrize("preset", ["xsens_dot", "matrix"])
 def test_the_six_poses_leave_less_than_a_milli_g_held_out(sessions, preset):
-    """Published: up to 26.2 mg (tables 5.4); held out here by cross-validation, and by another protocol's poses."""
+    """Published: up to 26.2 mg (tables 5.4); held out here by cross-validation, and by another
+    protocol's poses.
+    """
     session = sessions("calibration_3d", preset)
     found = calibrate_sensor(session, "forearm").calibration.triads["accelerometer"]
     assert found.validation["held_out_poses"] == 6
     assert max(abs(found.validation[f"bias_{axis}_mg"]) for axis in "xyz") < 1.0
-    result = calibrate_sensor(session, "forearm", held_out=[sessions("calibration_optimal", preset)])
+    result = calibrate_sensor(
+        session, "forearm", held_out=[sessions("calibration_optimal", preset)]
+    )
     other = result.calibration.triads["accelerometer"].validation
     assert other["held_out_poses"] == 12
     assert max(abs(other[f"bias_{axis}_mg"]) for axis in "xyz") < 1.0
@@ -71,7 +90,9 @@ def test_the_six_poses_leave_less_than_a_milli_g_held_out(sessions, preset):
 
 def test_the_gyroscope_is_judged_on_the_turns_of_the_other_session(sessions):
     session, other = sessions("calibration_optimal"), sessions("calibration_3d")
-    alone, held_out = (calibrate_sensor(session, "forearm", held_out=others) for others in ([], [other]))
+    alone, held_out = (
+        calibrate_sensor(session, "forearm", held_out=others) for others in ([], [other])
+    )
     figures = held_out.calibration.triads["gyroscope"].validation
     assert figures["held_out_turns"] == 5  # six poses
     assert alone.calibration.triads["gyroscope"].validation["held_out_turns"] != 5
@@ -86,32 +107,48 @@ def test_recovers_the_errors_the_part_was_born_with(sessions, seed):
     triads = calibrate_sensor(session, "forearm").calibration.triads
     acc = triads["accelerometer"]
     fit = acc.fits[0]
-    np.testing.assert_allclose(np.linalg.inv(acc.matrix), accelerometer.matrix, atol=4 * float(fit.sd[:9].max()) + 1e-4)
-    np.testing.assert_allclose(acc.bias, accelerometer.bias, atol=4 * float(fit.sd[9:].max()) + 3e-3)  # + in-run bias
+    np.testing.assert_allclose(
+        np.linalg.inv(acc.matrix), accelerometer.matrix, atol=4 * float(fit.sd[:9].max()) + 1e-4
+    )
+    np.testing.assert_allclose(
+        acc.bias, accelerometer.bias, atol=4 * float(fit.sd[9:].max()) + 3e-3
+    )  # + in-run bias
     gyr = triads["gyroscope"]
-    np.testing.assert_allclose(np.linalg.inv(gyr.matrix), gyroscope.matrix, atol=5 * float(gyr.fits[0].sd[:9].max()) + 1e-4)
+    np.testing.assert_allclose(
+        np.linalg.inv(gyr.matrix), gyroscope.matrix, atol=5 * float(gyr.fits[0].sd[:9].max()) + 1e-4
+    )
     np.testing.assert_allclose(gyr.g_matrix, gyroscope.g_matrix, atol=2e-5)
     np.testing.assert_allclose(gyr.bias, gyroscope.bias, atol=np.radians(0.02))
 
 
 def test_a_rate_table_of_a_sensor_that_integrates_is_not_biased(sessions):
-    """Its readings are means over the interval: against the rates of instants the response looked 1e-4 too small."""
+    """Its readings are means over the interval: against the rates of instants the response looked
+    1e-4 too small.
+    """
     off = []
     for seed in range(3, 9):
         session = sessions("calibration_optimal", seed=seed)
-        found = calibrate_sensor(session, "forearm", ["attitude_aided", "rate_table"]).calibration.triads["gyroscope"]
+        found = calibrate_sensor(
+            session, "forearm", ["attitude_aided", "rate_table"]
+        ).calibration.triads["gyroscope"]
         response = found.fits[0].values.reshape(3, 7)[:, :3]
         off.append(np.diag(response - born_with(session)[1].matrix))
     assert np.abs(np.mean(off, axis=0)).max() < 5e-5
 
 
 def test_a_bias_is_not_stated_better_than_its_in_run_part(sessions):
-    """All rests of a session share it, however many they are; of eighteen biases as many are off as is stated."""
+    """All rests of a session share it, however many they are; of eighteen biases as many are off as
+    is stated.
+    """
     off = []
     for seed in range(3, 9):
         session = sessions("calibration_optimal", seed=seed)
-        triads = calibrate_sensor(session, "forearm", ["attitude_aided", "rate_table"]).calibration.triads
-        for name, real, floor in zip(("accelerometer", "gyroscope"), born_with(session), (SETTLING_M_S2, IN_RUN), strict=True):
+        triads = calibrate_sensor(
+            session, "forearm", ["attitude_aided", "rate_table"]
+        ).calibration.triads
+        for name, real, floor in zip(
+            ("accelerometer", "gyroscope"), born_with(session), (SETTLING_M_S2, IN_RUN), strict=True
+        ):
             fit = triads[name].fits[0]
             bias = [i for i, key in enumerate(fit.names) if "bias" in key]
             assert (fit.sd[bias] > floor).all()
@@ -120,13 +157,17 @@ def test_a_bias_is_not_stated_better_than_its_in_run_part(sessions):
 
 
 def test_a_chosen_design_beats_the_six_poses_where_it_was_predicted_to(sessions):
-    """Cross-axis response: the design predicts half the uncertainty; over parts and axes the errors must be smaller."""
+    """Cross-axis response: the design predicts half the uncertainty; over parts and axes the errors
+    must be smaller.
+    """
     errors = {}
     for protocol in ("calibration_3d", "calibration_optimal"):
         left = []
         for seed in range(3, 9):
             session = sessions(protocol, seed=seed)
-            acc = calibrate_sensor(session, "forearm", ["attitude_aided"]).calibration.triads["accelerometer"]
+            acc = calibrate_sensor(session, "forearm", ["attitude_aided"]).calibration.triads[
+                "accelerometer"
+            ]
             difference = np.linalg.inv(acc.matrix) - born_with(session)[0].matrix
             left.append(difference[~np.eye(3, dtype=bool)])
         errors[protocol] = float(np.sqrt(np.mean(np.square(left))))
@@ -143,7 +184,9 @@ def test_the_witnesses_of_rest_agree(sessions):
         other = calibrate_sensor(sessions("calibration_3d"), "forearm", ["attitude_aided"], witness)
         assert other.segmentation == witness
         np.testing.assert_allclose(
-            other.calibration.triads["accelerometer"].bias, result.calibration.triads["accelerometer"].bias, atol=0.003
+            other.calibration.triads["accelerometer"].bias,
+            result.calibration.triads["accelerometer"].bias,
+            atol=0.003,
         )
 
 
@@ -161,7 +204,9 @@ def test_a_file_survives_being_written_and_read(sessions, tmp_path):
     again = load_calibration(tmp_path / "a.yaml")
     rng = np.random.default_rng(0)
     readings = rng.standard_normal((3, 50, 3))
-    for mine, theirs in zip(result.calibration.apply(*readings), again.apply(*readings), strict=True):
+    for mine, theirs in zip(
+        result.calibration.apply(*readings), again.apply(*readings), strict=True
+    ):
         np.testing.assert_array_equal(mine, theirs)
     for triad, found in result.calibration.triads.items():
         for fit, read in zip(found.fits, again.triads[triad].fits, strict=True):
@@ -171,10 +216,14 @@ def test_a_file_survives_being_written_and_read(sessions, tmp_path):
     with pytest.raises(InputError, match="not replaced"):
         save_calibration(tmp_path / "a.yaml", result.calibration)
     text = (tmp_path / "a.yaml").read_text(encoding="utf-8")
-    (tmp_path / "b.yaml").write_text(text.replace("schema_version: 1", "schema_version: 1\nspeed: 3"), encoding="utf-8")
+    (tmp_path / "b.yaml").write_text(
+        text.replace("schema_version: 1", "schema_version: 1\nspeed: 3"), encoding="utf-8"
+    )
     with pytest.raises(FileProblems, match=r"b\.yaml:2:1: speed"):
         load_calibration(tmp_path / "b.yaml")
-    (tmp_path / "c.yaml").write_text(text.replace("- response_xx", "", 1).replace("[response_xx, ", "["), encoding="utf-8")
+    (tmp_path / "c.yaml").write_text(
+        text.replace("- response_xx", "", 1).replace("[response_xx, ", "["), encoding="utf-8"
+    )
     with pytest.raises(FileProblems, match="must all be of size 11"):
         load_calibration(tmp_path / "c.yaml")
 
@@ -183,19 +232,27 @@ def test_the_nearest_in_time_of_the_same_part_is_taken(sessions):
     base = calibrate_sensor(sessions("calibration_3d"), "forearm", ["attitude_aided"]).calibration
 
     def at(day, device=None, sensor="forearm"):
-        return replace(base, calibrated=datetime(2026, 1, day, tzinfo=UTC), device=device, sensor=sensor)
+        return replace(
+            base, calibrated=datetime(2026, 1, day, tzinfo=UTC), device=device, sensor=sensor
+        )
 
     store = [at(1), at(10), at(5, sensor="arm"), at(6, device="D4:22"), at(7, device="AA:BB")]
     when = datetime(2026, 1, 6, tzinfo=UTC)
-    assert find_calibration(store, "forearm", None, when) is store[3]  # whose tag this session does not give
+    assert (
+        find_calibration(store, "forearm", None, when) is store[3]
+    )  # whose tag this session does not give
     assert find_calibration(store, "forearm", "AA:BB", when) is store[4]
     assert find_calibration(store[:3], "forearm", "AA:BB", when) is store[1]
     assert find_calibration(store, "nobody", None, when) is None
 
 
 def test_a_stored_calibration_corrects_a_later_session(sessions, tmp_path):
-    """The gyroscope's scale is wrong by up to 1 %: only a stored calibration can mend it, static poses cannot."""
-    made = calibrate(sessions("calibration_optimal"), "forearm", [], tmp_path / "store", with_report=True)
+    """The gyroscope's scale is wrong by up to 1 %: only a stored calibration can mend it, static
+    poses cannot.
+    """
+    made = calibrate(
+        sessions("calibration_optimal"), "forearm", [], tmp_path / "store", with_report=True
+    )
     assert made.report is not None
     html = made.report.read_text(encoding="utf-8")
     for words in ("Held out", "table 5.4", "response_xy", "Rests"):
@@ -204,7 +261,10 @@ def test_a_stored_calibration_corrects_a_later_session(sessions, tmp_path):
     before = analyse(later, ["vqf_6d"], with_report=False)
     after = analyse(later, ["vqf_6d"], with_report=False, calibrations=tmp_path / "store")
     assert before.estimate.sensors["forearm"].stored_calibration is None
-    assert after.estimate.sensors["forearm"].stored_calibration["session"] == sessions("calibration_optimal").name
+    assert (
+        after.estimate.sensors["forearm"].stored_calibration["session"]
+        == sessions("calibration_optimal").name
+    )
     assert after.estimate.sensors["forearm"].axes["gyr"].gain == pytest.approx(1, abs=1e-3)
     assert abs(before.estimate.sensors["forearm"].axes["gyr"].gain - 1) > 2e-3
     heading = [result.evaluation.orientation[0].heading_rmse_deg for result in (before, after)]
@@ -222,9 +282,13 @@ def test_a_calibration_says_what_it_did_and_refuses_what_cannot_be(sessions, tmp
     html = result.report.read_text(encoding="utf-8")
     assert "the raw samples were first corrected by the stored calibration" in html
     text = made.file.read_text(encoding="utf-8")
-    (tmp_path / "other.yaml").write_text(text.replace("sensor: forearm", "sensor: hand"), encoding="utf-8")
+    (tmp_path / "other.yaml").write_text(
+        text.replace("sensor: forearm", "sensor: hand"), encoding="utf-8"
+    )
     with pytest.raises(
-        InputError, match=r"none of its sensors \(forearm\) has a stored calibration; there are those of 'hand'"
+        InputError,
+        match=r"none of its sensors \(forearm\) has a stored calibration; there are those of "
+        r"'hand'",
     ):
         analyse(session, ["vqf_6d"], with_report=False, calibrations=tmp_path / "other.yaml")
     first = str(float(load_calibration(made.file).triads["accelerometer"].matrix[0, 0]))
@@ -236,7 +300,12 @@ def test_a_calibration_says_what_it_did_and_refuses_what_cannot_be(sessions, tmp
 
 def test_the_command_line(sessions, tmp_path, capsys):
     session = sessions("calibration_3d").path
-    assert command("calibrate", session, "--method", "attitude_aided", "--out", tmp_path / "sensor.yaml") == 0
+    assert (
+        command(
+            "calibrate", session, "--method", "attitude_aided", "--out", tmp_path / "sensor.yaml"
+        )
+        == 0
+    )
     assert "response_xx" in capsys.readouterr().out
     assert sorted(path.name for path in tmp_path.iterdir()) == ["sensor.html", "sensor.yaml"]
     assert command("calibrate", session, "--out", tmp_path / "sensor.yaml") == 2
@@ -245,7 +314,19 @@ def test_the_command_line(sessions, tmp_path, capsys):
     assert "unknown calibration method 'magic'; known: attitude_aided" in capsys.readouterr().err
     assert command("calibrate", session, "--method", "norm_only", "--out", tmp_path / "x.yaml") == 2
     assert "6 poses are fewer than 9 parameters" in capsys.readouterr().err
-    assert command("calibrate", session, "--method", "six_position", "--method", "ferraris", "--out", tmp_path / "x.yaml") == 2
+    assert (
+        command(
+            "calibrate",
+            session,
+            "--method",
+            "six_position",
+            "--method",
+            "ferraris",
+            "--out",
+            tmp_path / "x.yaml",
+        )
+        == 2
+    )
     assert "both calibrate the accelerometer" in capsys.readouterr().err
     assert command("calibrate", "--list") == 0
     listed = capsys.readouterr().out
@@ -258,7 +339,9 @@ def test_the_command_line(sessions, tmp_path, capsys):
 
 def test_a_known_field_calibrates_the_magnetometer(sessions):
     session = sessions("calibration_3d")
-    found = calibrate_sensor(session, "forearm", ["known_field"], field=np.array([0.0, 24.0, -39.0])).calibration
+    found = calibrate_sensor(
+        session, "forearm", ["known_field"], field=np.array([0.0, 24.0, -39.0])
+    ).calibration
     mag = found.triads["magnetometer"]
     assert mag.validation["field_norm_rms_ut"] < 0.3
     with pytest.raises(InputError, match="state it with --field-ut"):
@@ -279,12 +362,16 @@ CROOKED_DEG = [5.0, -8.0, 3.0]
 
 @pytest.mark.parametrize("method", ["mounting_rates", "mounting_orientations", "mounting_hinge"])
 def test_a_crooked_mounting_is_found_kept_and_applied(altered_protocol, tmp_path, method):
-    """The accelerometer is corrected by the length of gravity alone, so that it keeps the sensor's own axes."""
+    """The accelerometer is corrected by the length of gravity alone, so that it keeps the sensor's
+    own axes.
+    """
 
     def turn(data):
         data["sensors"]["forearm"]["mounting_error"] = {"rotation_deg": {"XYZ": CROOKED_DEG}}
 
-    session = run(altered_protocol("calibration_optimal", turn), seed=5, logs=tmp_path, with_report=False).session
+    session = run(
+        altered_protocol("calibration_optimal", turn), seed=5, logs=tmp_path, with_report=False
+    ).session
     made = calibrate(session, None, ["norm_only", method], tmp_path / "sensor.yaml")
     found = load_calibration(made.file).mounting
     real = Rotation.from_euler("XYZ", CROOKED_DEG, degrees=True)
@@ -311,7 +398,9 @@ def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, 
         data["motion"] = {"speed": 0.42, "acceleration": 0.5, "jerk": 0.5}  # within 250 deg/s
         data["environment"] = {"temperature_deg_c": 20, "warm_up_deg_c": 15, "warm_up_time_s": 60}
 
-    session = run(altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path, with_report=False).session
+    session = run(
+        altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path, with_report=False
+    ).session
     warmth = session.imu("forearm").temperature
     assert warmth[0] == pytest.approx(20, abs=0.5)
     assert warmth[-1] > 30
@@ -320,7 +409,9 @@ def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, 
     real, _ = born_with(session)
     sd = acc.fits[0].sd[-3:]
     np.testing.assert_allclose(acc.drift, real.drift, atol=4 * float(sd.max()) + 1e-4)
-    assert np.abs(real.drift).max() > 5 * sd.max()  # it is well seen; most of it is the joints' part
+    assert (
+        np.abs(real.drift).max() > 5 * sd.max()
+    )  # it is well seen; most of it is the joints' part
     assert result.calibration.temperature == pytest.approx(float(warmth.mean()), abs=0.1)
     assert max(abs(acc.validation[f"bias_{axis}_mg"]) for axis in "xyz") < 1.0
     save_calibration(tmp_path / "warm.yaml", result.calibration)
@@ -329,7 +420,9 @@ def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, 
     assert again.reference == acc.reference
 
 
-def test_a_gyroscope_that_warms_up_gives_its_drift_and_keeps_its_response_to_gravity(altered_protocol, tmp_path):
+def test_a_gyroscope_that_warms_up_gives_its_drift_and_keeps_its_response_to_gravity(
+    altered_protocol, tmp_path
+):
     """Without the drift, bias and response to force take the warming for themselves."""
 
     def warm(data):
@@ -337,10 +430,14 @@ def test_a_gyroscope_that_warms_up_gives_its_drift_and_keeps_its_response_to_gra
         data["motion"] = {"speed": 0.42, "acceleration": 0.5, "jerk": 0.5}  # within 250 deg/s
         data["environment"] = {"temperature_deg_c": 20, "warm_up_deg_c": 15, "warm_up_time_s": 60}
 
-    session = run(altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path, with_report=False).session
+    session = run(
+        altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path, with_report=False
+    ).session
     real = born_with(session)[1]
     for method in ("attitude", "rate_table"):
-        found = calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration.triads["gyroscope"]
+        found = calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration.triads[
+            "gyroscope"
+        ]
         fit, drift = found.fits
         assert np.abs(real.drift).max() > 10 * drift.sd.max()
         np.testing.assert_allclose(found.drift, real.drift, atol=4 * float(drift.sd.max()))
@@ -350,11 +447,16 @@ def test_a_gyroscope_that_warms_up_gives_its_drift_and_keeps_its_response_to_gra
         assert g_sd < 3e-5
         if method == "attitude":
             without = attitude(prepare(session, "forearm", None).gyroscope_recording(None))
-            assert np.abs(without.g_matrix - real.g_matrix).max() > 3 * np.abs(g - real.g_matrix).max()
-        expected = real.bias + real.drift * (found.reference - 25)  # deg C that the simulated part's bias holds at
+            assert (
+                np.abs(without.g_matrix - real.g_matrix).max() > 3 * np.abs(g - real.g_matrix).max()
+            )
+        expected = real.bias + real.drift * (
+            found.reference - 25
+        )  # deg C that the simulated part's bias holds at
         np.testing.assert_allclose(found.bias, expected, atol=np.radians(0.03))
         save_calibration(
-            tmp_path / f"{method}.yaml", calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration
+            tmp_path / f"{method}.yaml",
+            calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration,
         )
         again = load_calibration(tmp_path / f"{method}.yaml").triads["gyroscope"]
         assert again.reference == found.reference

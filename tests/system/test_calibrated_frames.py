@@ -1,4 +1,6 @@
-"""A crooked sensor calibrated in one session and used in another: all triads and the device's own orientation in one frame."""
+"""A crooked sensor calibrated in one session and used in another: all triads and the device's own
+orientation in one frame.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +19,12 @@ from testbench.pipeline import run
 from testbench.records.protocol import Environment
 
 CROOKED_DEG = [6.0, -5.0, 8.0]
-JUDGED = [[0, -90, -90, -60, 120, 150], [0, -90, -90, 30, 70, 100], [0, -90, -90, -30, 30, 200], [0, -90, -90, -100, 160, 110]]
+JUDGED = [
+    [0, -90, -90, -60, 120, 150],
+    [0, -90, -90, 30, 70, 100],
+    [0, -90, -90, -30, 30, 200],
+    [0, -90, -90, -100, 160, 110],
+]
 CHOICES = {
     "best": (),
     "arm": ("attitude_aided", "attitude", "ellipsoid"),
@@ -35,21 +42,34 @@ def crooked_sessions(altered_protocol, tmp_path_factory):
     logs = tmp_path_factory.mktemp("logs")
 
     def crook(data):
-        data["environment"] = {"arm_magnetism": False}  # whose disturbance would hide what a frame is off
+        data["environment"] = {
+            "arm_magnetism": False
+        }  # whose disturbance would hide what a frame is off
         data["sensors"]["forearm"]["mounting_error"] = {"rotation_deg": {"XYZ": CROOKED_DEG}}
-        data["estimate"] = {"filters": ["device", "vqf_9d"], "align": "rates", "calibrate": "static_poses"}
+        data["estimate"] = {
+            "filters": ["device", "vqf_9d"],
+            "align": "rates",
+            "calibrate": "static_poses",
+        }
 
     def later(data):
         crook(data)
         steps = [{"move_to_deg": pose, "dwell_s": 8} for pose in JUDGED]
         data["sections"].append({"name": "judged", "role": "evaluation", "steps": steps})
 
-    protocols = altered_protocol("calibration_optimal", crook), altered_protocol("calibration_3d", later)
-    return tuple(run(protocol, seed=5, logs=logs, with_report=False).session for protocol in protocols)
+    protocols = (
+        altered_protocol("calibration_optimal", crook),
+        altered_protocol("calibration_3d", later),
+    )
+    return tuple(
+        run(protocol, seed=5, logs=logs, with_report=False).session for protocol in protocols
+    )
 
 
 def rms_deg(session, calibrations):
-    """Root mean square of the whole error of each filter in the judged poses, once settled [deg]."""
+    """Root mean square of the whole error of each filter in the judged poses, once settled
+    [deg].
+    """
     found = estimate(session, calibrations=calibrations).sensors["forearm"]
     q_true = truth_at(session.truth("forearm"), found.host_time_ns)
     judged = np.isfinite(q_true[:, 0]) & np.any(
@@ -62,7 +82,9 @@ def rms_deg(session, calibrations):
     )
     errors = {}
     for name, q in found.orientation.items():
-        left = rotation.to_rotation_vector(rotation.multiply(q[judged], rotation.conjugate(q_true[judged])))
+        left = rotation.to_rotation_vector(
+            rotation.multiply(q[judged], rotation.conjugate(q_true[judged]))
+        )
         errors[name] = float(np.degrees(np.sqrt((left**2).sum(axis=1).mean())))
     return errors
 
@@ -78,10 +100,17 @@ def test_a_stored_calibration_leaves_no_triad_in_another_frame(crooked_sessions,
 
 
 def test_the_mounting_is_told_apart_from_the_triads_with_its_uncertainty(crooked_sessions):
-    """Oracle: the polar decomposition of the simulated part's own response, turned by the error that the protocol states."""
+    """Oracle: the polar decomposition of the simulated part's own response, turned by the error
+    that the protocol states.
+    """
     session = crooked_sessions[0]
     imu = SimulatedImu(
-        "forearm", session.analysis.sensors["forearm"], Kinematics(session.robot), Environment(), lambda t: None, 5
+        "forearm",
+        session.analysis.sensors["forearm"],
+        Kinematics(session.robot),
+        Environment(),
+        lambda t: None,
+        5,
     )
     crooked = Rotation.from_euler("XYZ", CROOKED_DEG, degrees=True).as_matrix()
     u, _, vt = np.linalg.svd(crooked @ np.linalg.inv(imu._accelerometer.errors.matrix))
@@ -101,7 +130,9 @@ def test_the_mounting_is_told_apart_from_the_triads_with_its_uncertainty(crooked
 
 
 def test_the_response_to_force_is_the_same_in_the_new_axes(crooked_sessions):
-    """Raw readings are corrected as the methods alone would have corrected them, into the axes as believed."""
+    """Raw readings are corrected as the methods alone would have corrected them, into the axes as
+    believed.
+    """
     found = calibrate(crooked_sessions[0], "forearm").calibration
     rng = np.random.default_rng(1)
     gyr, acc = rng.standard_normal((2, 20, 3))
@@ -111,20 +142,31 @@ def test_the_response_to_force_is_the_same_in_the_new_axes(crooked_sessions):
     np.testing.assert_allclose(force, alone, atol=1e-12)
     values = found.triads["gyroscope"].fits[0].values
     by_force = alone @ values[12:21].reshape(3, 3).T
-    np.testing.assert_allclose(rate, (gyr - values[9:12] - by_force) @ matrix_of(values)[0].T, atol=1e-12)
+    np.testing.assert_allclose(
+        rate, (gyr - values[9:12] - by_force) @ matrix_of(values)[0].T, atol=1e-12
+    )
 
 
 def test_a_mounting_named_beside_the_arms_methods_replaces_the_one_they_contain(crooked_sessions):
-    result = calibrate(crooked_sessions[0], "forearm", ["attitude_aided", "attitude", "mounting_rates"])
-    assert "the mounting by mounting_rates takes the place of the one from attitude_aided" in result.remarks
+    result = calibrate(
+        crooked_sessions[0], "forearm", ["attitude_aided", "attitude", "mounting_rates"]
+    )
+    assert (
+        "the mounting by mounting_rates takes the place of the one from attitude_aided"
+        in result.remarks
+    )
     real = Rotation.from_euler("XYZ", CROOKED_DEG, degrees=True)
     left = Rotation.from_matrix(result.calibration.mounting.R_believed_from_sensor) * real.inv()
     assert np.degrees(left.magnitude()) < 0.6
 
 
 def test_the_uncertainty_of_a_mounting_holds_that_of_the_axes_it_turns(crooked_sessions):
-    """The gyroscope's axes by gravity alone are known to some 0.1 deg; rates corrected by them cannot say more."""
-    found = calibrate(crooked_sessions[0], "forearm", ["norm_only", "gravity_turns", "mounting_rates"]).calibration
+    """The gyroscope's axes by gravity alone are known to some 0.1 deg; rates corrected by them
+    cannot say more.
+    """
+    found = calibrate(
+        crooked_sessions[0], "forearm", ["norm_only", "gravity_turns", "mounting_rates"]
+    ).calibration
     axes = axes_sd(found.triads["gyroscope"])
     misalignments = found.triads["gyroscope"].fits[0].sd[3:9]
     assert misalignments.min() <= axes <= misalignments.max()
@@ -138,13 +180,20 @@ def test_the_list_of_arm_aided_methods_holds_names_that_exist():
 
 
 def test_a_magnetometer_alone_by_the_arm_is_remarked(crooked_sessions):
-    result = calibrate(crooked_sessions[0], "forearm", ["known_field"], field=np.array([0.0, 24.0, -39.0]))
+    result = calibrate(
+        crooked_sessions[0], "forearm", ["known_field"], field=np.array([0.0, 24.0, -39.0])
+    )
     assert result.calibration.mounting is None
-    assert any(remark.startswith("the magnetometer is in the axes as believed") for remark in result.remarks)
+    assert any(
+        remark.startswith("the magnetometer is in the axes as believed")
+        for remark in result.remarks
+    )
 
 
 def test_stated_uncertainties_hold_the_arms_own_joints(altered_protocol, tmp_path):
-    """Each session has another arm, its joints' zeros off by the 0.1 deg that the robot file states."""
+    """Each session has another arm, its joints' zeros off by the 0.1 deg that the robot file
+    states.
+    """
 
     def wrong_zeros(data):
         data.setdefault("environment", {})["joint_errors"] = True
@@ -154,11 +203,18 @@ def test_stated_uncertainties_hold_the_arms_own_joints(altered_protocol, tmp_pat
     for seed in range(20, 28):
         session = run(protocol, seed=seed, logs=tmp_path, with_report=False).session
         imu = SimulatedImu(
-            "forearm", session.analysis.sensors["forearm"], Kinematics(session.robot), Environment(), lambda t: None, seed
+            "forearm",
+            session.analysis.sensors["forearm"],
+            Kinematics(session.robot),
+            Environment(),
+            lambda t: None,
+            seed,
         )
         result = calibrate(session, "forearm", ["attitude_aided", "attitude"])
         assert any("of the arm's joints" in remark for remark in result.remarks)
-        acc, gyr = (result.calibration.triads[name].fits[0] for name in ("accelerometer", "gyroscope"))
+        acc, gyr = (
+            result.calibration.triads[name].fits[0] for name in ("accelerometer", "gyroscope")
+        )
         off.append((acc.values[:9] - imu._accelerometer.errors.matrix.reshape(-1)) / acc.sd[:9])
         M = np.linalg.inv(imu._gyroscope.errors.matrix)
         off[-1] = np.append(off[-1], (gyr["gyr_misalignment_xz"] - M[1, 0] / M[0, 0]) / gyr.sd[5])

@@ -18,9 +18,13 @@ def found() -> list[Case]:
 
 
 def within(own: list[Case], stated: float, level: float) -> bool:
-    """Whether as many differences lie within a multiple of the expanded uncertainty as so many draws at this level would."""
+    """Whether as many differences lie within a multiple of the expanded uncertainty as so many
+    draws at this level would.
+    """
     low, high = binom.ppf([0.001, 0.999], len(own), level)
-    return bool(low <= sum(abs(case.reported - case.true) <= stated * case.expanded for case in own) <= high)
+    return bool(
+        low <= sum(abs(case.reported - case.true) <= stated * case.expanded for case in own) <= high
+    )
 
 
 def scatters(own: list[Case], stated: float) -> bool:
@@ -28,7 +32,10 @@ def scatters(own: list[Case], stated: float) -> bool:
     difference = np.array([case.reported - case.true for case in own])
     sd = difference.std(ddof=1)
     expanded = stated * np.mean([case.expanded for case in own])
-    return bool(abs(2 * sd - expanded) < 0.3 * expanded and abs(difference.mean()) < 4 * sd / np.sqrt(len(own)))
+    return bool(
+        abs(2 * sd - expanded) < 0.3 * expanded
+        and abs(difference.mean()) < 4 * sd / np.sqrt(len(own))
+    )
 
 
 @pytest.mark.parametrize(("joint", "section"), PLACES)

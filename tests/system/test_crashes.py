@@ -84,7 +84,9 @@ def test_a_run_may_break_off_and_be_resumed_more_than_once(tiny_plan, tmp_path, 
 
 
 def test_a_run_with_a_preset_file_and_a_thermometer_is_resumed(tiny, tmp_path, clock):
-    preset = load_preset("xsens_dot").model_dump(mode="json") | {"thermometer": {"noise_sd_deg_c": 0.1}}
+    preset = load_preset("xsens_dot").model_dump(mode="json") | {
+        "thermometer": {"noise_sd_deg_c": 0.1}
+    }
     (tmp_path / "warm.yaml").write_text(yaml.safe_dump(preset), encoding="utf-8")
     text = tiny.read_text(encoding="utf-8").replace("preset: xsens_dot", "preset: warm.yaml")
     (tmp_path / "tiny.yaml").write_text(text, encoding="utf-8")
@@ -96,14 +98,20 @@ def test_a_run_with_a_preset_file_and_a_thermometer_is_resumed(tiny, tmp_path, c
     assert resumed.manifest["sensors"]["hand"]["temperature"] is True
     assert "temperature_deg_c" in resumed.imu_columns("hand")
     for name in ("arm", "imu_hand", "truth_hand"):
-        before, after = (read_parquet(folder.path / f"{name}.parquet") for folder in (whole, resumed))
+        before, after = (
+            read_parquet(folder.path / f"{name}.parquet") for folder in (whole, resumed)
+        )
         assert list(before) == list(after)
         for column in before:
             np.testing.assert_array_equal(before[column], after[column])
 
 
-def test_a_journal_that_was_cut_off_before_its_first_row_is_recovered_with_its_columns(tiny, tmp_path, clock):
-    warm = tiny.read_text(encoding="utf-8").replace("{clock:", "{thermometer: {noise_sd_deg_c: 0.1}, clock:")
+def test_a_journal_that_was_cut_off_before_its_first_row_is_recovered_with_its_columns(
+    tiny, tmp_path, clock
+):
+    warm = tiny.read_text(encoding="utf-8").replace(
+        "{clock:", "{thermometer: {noise_sd_deg_c: 0.1}, clock:"
+    )
     (tmp_path / "tiny.yaml").write_text(warm, encoding="utf-8")
     session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, clock=clock, session_name="cut")
     expected = session.imu_columns("hand")
@@ -116,18 +124,24 @@ def test_a_journal_that_was_cut_off_before_its_first_row_is_recovered_with_its_c
     assert len(recovered.imu("hand")) == 0
 
 
-def test_an_interrupted_run_is_resumed_without_the_stop_that_the_arm_made(tiny_plan, tmp_path, clock, whole):
+def test_an_interrupted_run_is_resumed_without_the_stop_that_the_arm_made(
+    tiny_plan, tmp_path, clock, whole
+):
     def stop(progress) -> None:
         if progress.time > 2:
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(RunInterrupted):
-        execute(tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=stop, session_name="broken")
+        execute(
+            tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=stop, session_name="broken"
+        )
     result = resume(tmp_path / "broken", with_report=False, clock=clock)
     assert comparable(result.evaluation) == comparable(whole[1])
 
 
-def test_a_pause_lets_virtual_time_stand_still_and_changes_nothing_else(tiny_plan, tmp_path, clock, whole):
+def test_a_pause_lets_virtual_time_stand_still_and_changes_nothing_else(
+    tiny_plan, tmp_path, clock, whole
+):
     waits: list[int] = []
 
     def pause(progress) -> None:
@@ -188,14 +202,18 @@ def test_nothing_is_resumed_that_is_no_longer_the_same(tiny_plan, tmp_path, cloc
     assert Session(session.path).status is RunStatus.ERROR
 
 
-def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_own_file(tiny, tmp_path, clock):
+def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_own_file(
+    tiny, tmp_path, clock
+):
     own = tmp_path / "own"
     shutil.copytree(shipped_folder("robots") / "ur3e", own)
     file = own / "robot.yaml"
     file.write_text(file.read_text().replace("record_hz: 125", "record_hz: 250"))
     session = broken_off(plan(tiny, own), tmp_path, clock, 1.0)
     file.write_text(file.read_text().replace("record_hz: 250", "record_hz: 500"))
-    with pytest.raises(InputError, match=r"robot file differs:\n(.*\n)*-  record_hz: 250\n\+  record_hz: 500"):
+    with pytest.raises(
+        InputError, match=r"robot file differs:\n(.*\n)*-  record_hz: 250\n\+  record_hz: 500"
+    ):
         resume(session.path, with_report=False)
     file.write_text(file.read_text().replace("record_hz: 500", "record_hz: 250"))
     assert resume(session.path, with_report=False).session.status is RunStatus.COMPLETED
@@ -203,7 +221,17 @@ def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_
 
 @pytest.mark.parametrize("size_kb", [250, 320, 400])
 def test_a_full_disk_stops_the_run_and_what_was_recorded_is_readable(tiny, tmp_path, size_kb):
-    command = [sys.executable, "-m", "testbench", "run", str(tiny), "--logs", str(tmp_path / "disk"), "--no-report", "--json"]
+    command = [
+        sys.executable,
+        "-m",
+        "testbench",
+        "run",
+        str(tiny),
+        "--logs",
+        str(tmp_path / "disk"),
+        "--no-report",
+        "--json",
+    ]
     done = on_a_small_disk([*command, "--speed", "realtime"], tmp_path / "disk", size_kb)
     if "unshare" in done.stderr or "mount:" in done.stderr:
         pytest.skip("this machine does not let tests mount a file system")
@@ -231,18 +259,33 @@ def test_sessions_are_listed_with_what_became_of_them(tiny_plan, tmp_path, clock
 
 
 @pytest.mark.parametrize("content", ["{", "[]", '{"outcome": ["pass"]}', '{"outcome": "splendid"}'])
-def test_sessions_are_listed_though_one_has_a_broken_evaluation(tiny_plan, tmp_path, clock, content):
+def test_sessions_are_listed_though_one_has_a_broken_evaluation(
+    tiny_plan, tmp_path, clock, content
+):
     broken_off(tiny_plan, tmp_path, clock, 1.0)
     shutil.copytree(tmp_path / "broken", tmp_path / "sound")
     (tmp_path / "broken" / "evaluation.json").write_text(content)
     done = CliRunner().invoke(app, ["sessions", "--logs", str(tmp_path)])
     assert done.exit_code == 0, done.output
-    assert "broken is damaged: " in done.output and "evaluation.json" in done.output and "sound" in done.output
+    assert (
+        "broken is damaged: " in done.output
+        and "evaluation.json" in done.output
+        and "sound" in done.output
+    )
 
 
 def test_a_broken_off_run_is_resumed_on_the_command_line(tiny_plan, tmp_path, clock):
     session = broken_off(tiny_plan, tmp_path, clock, 2.0)
-    command = [sys.executable, "-m", "testbench", "run", "--resume", str(session.path), "--no-report", "--json"]
+    command = [
+        sys.executable,
+        "-m",
+        "testbench",
+        "run",
+        "--resume",
+        str(session.path),
+        "--no-report",
+        "--json",
+    ]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
     assert Session(session.path).status is RunStatus.COMPLETED

@@ -1,4 +1,6 @@
-"""A hand-held stick: unknown world and mounting, a truth of 15 Hz with flipped signs and gaps, and a clock of its own."""
+"""A hand-held stick: unknown world and mounting, a truth of 15 Hz with flipped signs and gaps, and
+a clock of its own.
+"""
 
 import json
 from datetime import UTC, datetime
@@ -37,7 +39,9 @@ def motion(seed: int, axes: int) -> RotationSpline:
     angles = np.zeros((len(time), 3))
     for axis in range(axes):
         for frequency in rng.uniform(0.05, 0.25, 4):
-            angles[:, axis] += rng.uniform(0.2, 0.5) * np.sin(2 * np.pi * (frequency * time + rng.random()))
+            angles[:, axis] += rng.uniform(0.2, 0.5) * np.sin(
+                2 * np.pi * (frequency * time + rng.random())
+            )
     angles *= np.clip((time[:, None] - 6) / 4, 0, 1)
     return RotationSpline(time, Rotation.from_euler("XYZ", angles))
 
@@ -47,20 +51,31 @@ def stick(tmp_path, seed: int, axes: int = 3):
     rng = np.random.default_rng(seed)
     body = motion(seed, axes)
     mounting = Rotation.random(rng=rng)  # body from sensor
-    world = Rotation.from_rotvec([0, 0, rng.uniform(-3, 3)]) * Rotation.from_rotvec(0.2 * rng.standard_normal(3))
+    world = Rotation.from_rotvec([0, 0, rng.uniform(-3, 3)]) * Rotation.from_rotvec(
+        0.2 * rng.standard_normal(3)
+    )
     device = np.arange(int(RATE * SECONDS)) / RATE + OFFSET_S
     host = (device - OFFSET_S) / (1 + DRIFT_PPM * 1e-6)
     orientation = body(host)
     gravity_in_world = world.inv().apply([0.0, 0.0, 9.80665])  # the truth's world is not even level
-    acc = (orientation * mounting).inv().apply(np.tile(gravity_in_world, (len(host), 1))) + 0.02 * rng.standard_normal(
-        (len(host), 3)
-    )
+    acc = (orientation * mounting).inv().apply(
+        np.tile(gravity_in_world, (len(host), 1))
+    ) + 0.02 * rng.standard_normal((len(host), 3))
     before = body(host - 1 / RATE)  # mean rate over the interval, in the axes at its end
-    gyr = mounting.inv().apply((before.inv() * orientation).as_rotvec() * RATE) + 0.002 * rng.standard_normal((len(host), 3))
+    gyr = mounting.inv().apply(
+        (before.inv() * orientation).as_rotvec() * RATE
+    ) + 0.002 * rng.standard_normal((len(host), 3))
     stamp = np.round(1e9 * device).astype(np.int64)
     arrival = np.round(1e9 * (host + 0.004 + rng.exponential(0.003, len(host)))).astype(np.int64)
     samples = ImuSamples(
-        stamp, np.maximum.accumulate(arrival), gyr, acc, None, None, np.arange(len(host)), np.zeros(len(host), bool)
+        stamp,
+        np.maximum.accumulate(arrival),
+        gyr,
+        acc,
+        None,
+        None,
+        np.arange(len(host)),
+        np.zeros(len(host), bool),
     )
     seen = np.arange(0, SECONDS - 1, 1 / TRUTH_RATE)
     q = body(seen) * Rotation.from_rotvec(np.radians(0.05) * rng.standard_normal((len(seen), 3)))
@@ -68,9 +83,15 @@ def stick(tmp_path, seed: int, axes: int = 3):
     kept = rng.random(len(seen)) > 0.05
     kept[600:660] = False
     truth = Truth(np.round(1e9 * seen[kept]).astype(np.int64), quaternions[kept])
-    analysis = Analysis(estimate=Estimation(filters=["vqf_6d"], align="motion", align_clock=True, calibrate="none"))
-    recording = Recording("stick", "a stick", {"imu": ImportedSensor([samples], RATE, "synthetic", truth)}, analysis)
-    session = write_recording(recording, [tmp_path / "stick.csv"], "synthetic", tmp_path / f"stick_{seed}", FixedClock())
+    analysis = Analysis(
+        estimate=Estimation(filters=["vqf_6d"], align="motion", align_clock=True, calibrate="none")
+    )
+    recording = Recording(
+        "stick", "a stick", {"imu": ImportedSensor([samples], RATE, "synthetic", truth)}, analysis
+    )
+    session = write_recording(
+        recording, [tmp_path / "stick.csv"], "synthetic", tmp_path / f"stick_{seed}", FixedClock()
+    )
     manifest = json.loads((session.path / "manifest.json").read_text())
     manifest["sensors"]["imu"]["rate_delay_s"] = 0.5 / RATE
     (session.path / "manifest.json").write_text(json.dumps(manifest))

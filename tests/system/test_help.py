@@ -1,4 +1,6 @@
-"""The help of every command says what was written: brackets are words to the reader and markup to the printer."""
+"""The help of every command says what was written: brackets are words to the reader and markup to
+the printer.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from testbench.cli.app import app
 
 
 def helps(command: Any, path: str = "testbench") -> Iterator[tuple[str, str]]:
-    """Every sentence and placeholder of a command's help and of those below it, with where it stands."""
+    """Every sentence and placeholder of a command's help and of those below it, with where it
+    stands.
+    """
     yield path, command.help or ""
     for parameter in command.params:
         for text in (getattr(parameter, "help", None), parameter.metavar):

@@ -1,4 +1,6 @@
-"""Options that the chosen arm would take no notice of are refused: a run that was not meant must not pass."""
+"""Options that the chosen arm would take no notice of are refused: a run that was not meant must
+not pass.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from testbench.records.storage import read_json, write_json
 def refusal(*arguments: str) -> str:
     """Of a command that must end with exit code 2 before it makes a session."""
     result = CliRunner().invoke(app, list(arguments))
-    assert isinstance(result.exception, InputError) and result.exception.exit_code == 2, result.output
+    assert isinstance(result.exception, InputError) and result.exception.exit_code == 2, (
+        result.output
+    )
     return str(result.exception)
 
 
@@ -32,33 +36,67 @@ def refusal(*arguments: str) -> str:
         (["--hazards-checked"], "--hazards-checked needs --arm ur or xarm"),
         (["--kinematics", "calibration.yaml"], "--kinematics needs --arm ur or replay"),
         (["--log", "motion.csv"], "--log needs --arm replay"),
-        (["--arm", "replay", "--log", "motion.csv", "--host", "192.168.0.10"], "--host needs --arm ur or xarm"),
-        (["--arm", "replay", "--log", "motion.csv", "--confirm-motion"], "--confirm-motion needs --arm ur or xarm"),
-        (["--arm", "ur", "--host", "192.168.0.10", "--log", "motion.csv"], "--log needs --arm replay"),
-        (["--arm", "xarm", "--host", "1.2.3.4", "--kinematics", "own.yaml"], "--kinematics needs --arm ur or replay"),
-        (["--arm", "ur", "--host", "192.168.0.10", "--speed", "realtime"], "--speed needs --arm sim"),
-        (["--arm", "ur", "--host", "1.2.3.4", "--seed", "4"], "--seed needs simulated sensors: --simulate-imus"),
         (
-            ["--arm", "ur", "--host", "1.2.3.4", "--simulate-imus", "--serial", "arm=/dev/ttyUSB9:bno080_serial"],
+            ["--arm", "replay", "--log", "motion.csv", "--host", "192.168.0.10"],
+            "--host needs --arm ur or xarm",
+        ),
+        (
+            ["--arm", "replay", "--log", "motion.csv", "--confirm-motion"],
+            "--confirm-motion needs --arm ur or xarm",
+        ),
+        (
+            ["--arm", "ur", "--host", "192.168.0.10", "--log", "motion.csv"],
+            "--log needs --arm replay",
+        ),
+        (
+            ["--arm", "xarm", "--host", "1.2.3.4", "--kinematics", "own.yaml"],
+            "--kinematics needs --arm ur or replay",
+        ),
+        (
+            ["--arm", "ur", "--host", "192.168.0.10", "--speed", "realtime"],
+            "--speed needs --arm sim",
+        ),
+        (
+            ["--arm", "ur", "--host", "1.2.3.4", "--seed", "4"],
+            "--seed needs simulated sensors: --simulate-imus",
+        ),
+        (
+            [
+                "--arm",
+                "ur",
+                "--host",
+                "1.2.3.4",
+                "--simulate-imus",
+                "--serial",
+                "arm=/dev/ttyUSB9:bno080_serial",
+            ],
             "--serial needs a run without --simulate-imus",
         ),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_an_option_that_the_chosen_arm_ignores_is_refused_with_the_arms_that_take_it(tiny, tmp_path, options, needed):
+def test_an_option_that_the_chosen_arm_ignores_is_refused_with_the_arms_that_take_it(
+    tiny, tmp_path, options, needed
+):
     assert refusal("run", str(tiny), "--logs", str(tmp_path / "logs"), *options) == needed
     assert not (tmp_path / "logs").exists()
 
 
 def test_every_ignored_option_is_named_at_once():
-    with pytest.raises(InputError, match=r"--serial needs .*; --host needs .*; --confirm-motion needs"):
+    with pytest.raises(
+        InputError, match=r"--serial needs .*; --host needs .*; --confirm-motion needs"
+    ):
         ArmChoice("sim", "192.168.0.10", serial=["a=b:c"], confirmed=True).refuse_ignored()
 
 
 def test_what_an_arm_takes_is_not_refused():
     ArmChoice("sim", seed=3, speed="realtime", logs=Path("elsewhere")).refuse_ignored()
-    ArmChoice("ur", "1.2.3.4", serial=["a=b:c"], kinematics=Path("own.yaml"), confirmed=True).refuse_ignored()
-    ArmChoice("xarm", "1.2.3.4", simulate_imus=True, seed=3, hazards_checked=True).refuse_ignored(resumed=True)
+    ArmChoice(
+        "ur", "1.2.3.4", serial=["a=b:c"], kinematics=Path("own.yaml"), confirmed=True
+    ).refuse_ignored()
+    ArmChoice("xarm", "1.2.3.4", simulate_imus=True, seed=3, hazards_checked=True).refuse_ignored(
+        resumed=True
+    )
     ArmChoice("replay", log=Path("log.csv"), dots=["a=b"]).refuse_ignored()
 
 
@@ -81,19 +119,29 @@ def test_the_result_of_a_simulated_run_says_so(simulated):
 
 def test_a_session_says_what_of_it_was_simulated(simulated):
     session = simulated[1]
-    for arm, sensors, expected in (("ur", True, ["sensors"]), ("ur", False, []), ("replay", True, ["sensors"])):
+    for arm, sensors, expected in (
+        ("ur", True, ["sensors"]),
+        ("ur", False, []),
+        ("replay", True, ["sensors"]),
+    ):
         session.manifest |= {"arm": {"driver": arm}, "simulated_sensors": sensors}
         assert session.simulated == expected
 
 
-def test_a_session_is_resumed_on_the_arm_that_it_was_begun_on_and_with_its_own_seed(simulated, tmp_path):
+def test_a_session_is_resumed_on_the_arm_that_it_was_begun_on_and_with_its_own_seed(
+    simulated, tmp_path
+):
     session = simulated[1]
     path = str(session.path)
-    assert "leave --arm away to go on" in refusal("run", "--resume", path, "--arm", "ur", "--host", "127.0.0.1")
+    assert "leave --arm away to go on" in refusal(
+        "run", "--resume", path, "--arm", "ur", "--host", "127.0.0.1"
+    )
     for option, value in (("--seed", "7"), ("--speed", "realtime"), ("--logs", str(tmp_path))):
         expected = f"{option} needs a new run: a simulated session goes on as it began"
         assert refusal("run", "--resume", path, option, value) == expected
     before = read_json(session.path / "manifest.json")
     write_json(session.path / "manifest.json", before | {"arm": {"driver": "xarm"}})
-    assert "with --arm xarm; say that to go on" in refusal("run", "--resume", path, "--arm", "ur", "--host", "127.0.0.1")
+    assert "with --arm xarm; say that to go on" in refusal(
+        "run", "--resume", path, "--arm", "ur", "--host", "127.0.0.1"
+    )
     write_json(session.path / "manifest.json", before)

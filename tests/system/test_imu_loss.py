@@ -1,4 +1,6 @@
-"""A sensor falls silent or is unplugged while an arm moves: what the guards do, what is kept, and how the run goes on."""
+"""A sensor falls silent or is unplugged while an arm moves: what the guards do, what is kept, and
+how the run goes on.
+"""
 
 from __future__ import annotations
 
@@ -50,12 +52,18 @@ class Silent(SimulatedImu):
     def read(self, until_ns: int) -> ImuSamples:
         samples = super().read(until_ns)
         heard = (samples.host_time_ns < SILENT_NS[0]) | (samples.host_time_ns >= SILENT_NS[1])
-        arrays = {key: value[heard] for key, value in vars(samples).items() if isinstance(value, np.ndarray)}
+        arrays = {
+            key: value[heard]
+            for key, value in vars(samples).items()
+            if isinstance(value, np.ndarray)
+        }
         return replace(samples, **arrays)
 
 
 class Listening(FakeClock):
-    """Time that passes only when somebody sleeps; the operator lets a paused run go on after three seconds of it."""
+    """Time that passes only when somebody sleeps; the operator lets a paused run go on after three
+    seconds of it.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -85,7 +93,11 @@ def test_a_sensor_that_is_heard_again_leaves_a_gap_in_a_run_that_is_judged_witho
     session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, "realtime", clock=Listening())
     assert session.status is RunStatus.COMPLETED
     guard = next(event for event in session.events if event.event == "guard")
-    assert (guard.details["guard"], guard.details["subject"], guard.details["action"]) == ("imu_silence_s", "hand", action)
+    assert (guard.details["guard"], guard.details["subject"], guard.details["action"]) == (
+        "imu_silence_s",
+        "hand",
+        action,
+    )
     assert 0.5e9 < guard.host_time_ns - SILENT_NS[0] < 0.8e9
     assert [event.event for event in session.events if event.event in {"paused", "resumed"}] == (
         ["paused", "resumed"] if action == "pause" else []
@@ -101,12 +113,21 @@ def test_a_sensor_that_is_heard_again_leaves_a_gap_in_a_run_that_is_judged_witho
         assert found.inclination_rmse_deg == pytest.approx(usual.inclination_rmse_deg, abs=0.5)
 
 
-def test_a_run_that_silence_stopped_is_resumed_to_the_undisturbed_one(tmp_path, monkeypatch, undisturbed):
+def test_a_run_that_silence_stopped_is_resumed_to_the_undisturbed_one(
+    tmp_path, monkeypatch, undisturbed
+):
     (tmp_path / "tiny.yaml").write_text(guarded(TINY, "stop", 0.5), encoding="utf-8")
     with monkeypatch.context() as silence:
         silence.setattr(executor, "SimulatedImu", Silent)
         with pytest.raises(GuardTripped, match="imu silence of hand") as caught:
-            execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, "realtime", clock=FakeClock(), session_name="stopped")
+            execute(
+                plan(tmp_path / "tiny.yaml"),
+                tmp_path,
+                5,
+                "realtime",
+                clock=FakeClock(),
+                session_name="stopped",
+            )
     assert caught.value.exit_code == 3
     session = Session(tmp_path / "stopped")
     assert session.status is RunStatus.ERROR and session.events[-1].event == "run_error"
@@ -120,10 +141,17 @@ def test_a_run_that_silence_stopped_is_resumed_to_the_undisturbed_one(tmp_path, 
 
 
 class Board:
-    """A board on a pseudo-terminal that writes `t ax ay az gx gy gz` at 100 Hz; it can be muted, unplugged and plugged in."""
+    """A board on a pseudo-terminal that writes `t ax ay az gx gy gz` at 100 Hz; it can be muted,
+    unplugged and plugged in.
+    """
 
     def __init__(self, link: Path):
-        self.link, self.muted, self.ended, self.lock = link, False, threading.Event(), threading.Lock()
+        self.link, self.muted, self.ended, self.lock = (
+            link,
+            False,
+            threading.Event(),
+            threading.Lock(),
+        )
         self.master = self.slave = -1
         self.plug_in()
         self.thread = threading.Thread(target=self._run)
@@ -148,7 +176,10 @@ class Board:
     def _run(self) -> None:
         begin, k = time.monotonic(), 0
         while not self.ended.wait(max(begin + k / 100 - time.monotonic(), 0)):
-            text = f"{10 * k} 0.0 0.0 {1 + 0.001 * math.sin(k):.4f} {0.01 * math.sin(3 * k):.4f} 0.0 0.0\n"
+            text = (
+                f"{10 * k} 0.0 0.0 {1 + 0.001 * math.sin(k):.4f} {0.01 * math.sin(3 * k):.4f} "
+                "0.0 0.0\n"
+            )
             with self.lock, suppress(BlockingIOError):
                 if self.master >= 0 and not self.muted:
                     os.write(self.master, text.encode())
@@ -198,9 +229,13 @@ def drive(robot: EmulatedUr, board: Board, action: str, logs: Path, **options) -
     protocol.write_text(guarded(SHORT, action, 0.4), encoding="utf-8")
     the_plan, time_ = make_plan(protocol), SessionTime(SystemClock())
     devices = open_devices([f"hand={board.link}:mpu6050_plain"], [], SystemClock(), time=time_)
-    settings = replace(ur_settings(the_plan, robot.address), watchdog=1.5, arm_silence=1.5)  # this machine may be busy
+    settings = replace(
+        ur_settings(the_plan, robot.address), watchdog=1.5, arm_silence=1.5
+    )  # this machine may be busy
     arm = UrArm(the_plan.robot, settings, time_)
-    return execute_on_arm(the_plan, arm, Sensors.live(the_plan, devices), time_, ArmRunOptions(logs, **options))
+    return execute_on_arm(
+        the_plan, arm, Sensors.live(the_plan, devices), time_, ArmRunOptions(logs, **options)
+    )
 
 
 def named(session: Session, *names: str) -> list[str]:
@@ -223,8 +258,14 @@ def test_an_unplugged_sensor_that_comes_back_is_a_gap_in_a_run_on_an_arm(ur3e, t
     assert session.status is RunStatus.COMPLETED
     assert [step.index for step in session.steps] == [0, 1, 2]
     assert named(session, "disconnected", "reconnected") == ["disconnected", "reconnected"]
-    (guard,) = (event for event in session.events if event.event == "guard" and event.details["guard"] == "imu_silence_s")
-    lost, found = (event for event in session.events if event.event in {"disconnected", "reconnected"})
+    (guard,) = (
+        event
+        for event in session.events
+        if event.event == "guard" and event.details["guard"] == "imu_silence_s"
+    )
+    lost, found = (
+        event for event in session.events if event.event in {"disconnected", "reconnected"}
+    )
     assert lost.host_time_ns < guard.host_time_ns and found.details["gap_s"] > 0.5
     samples = session.imu("hand")
     gap = np.diff(samples.host_time_ns).argmax()
@@ -244,10 +285,19 @@ def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_know
         assert caught.value.exit_code == 3
         ur3e.wait_until("at rest", 5)
     (session,) = list_sessions(tmp_path)
-    assert session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest["message"]
+    assert (
+        session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest["message"]
+    )
     assert not list(session.path.glob("*.arrows"))
-    assert len(session.imu("hand")) > 20 and named(session, "guard", "run_error") == ["guard", "run_error"]
-    assert [step.index for step in missing_steps(session, make_plan(tmp_path / "short.yaml"))] == [0, 1, 2]
+    assert len(session.imu("hand")) > 20 and named(session, "guard", "run_error") == [
+        "guard",
+        "run_error",
+    ]
+    assert [step.index for step in missing_steps(session, make_plan(tmp_path / "short.yaml"))] == [
+        0,
+        1,
+        2,
+    ]
     assert analyse(session, with_report=False).evaluation.outcome == "not_measured"
 
 

@@ -1,4 +1,6 @@
-"""A joint's axes against a gyroscope that turns the heading away, from the protocol to the report."""
+"""A joint's axes against a gyroscope that turns the heading away, from the protocol to the
+report.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from testbench.model.truth import truth_at
 from testbench.records.estimate import Estimate
 from testbench.reporting.report import report
 
-# A bias of the gyroscope that nothing takes out: mahony_imu, without its integral, lets the heading go.
+# A bias of the gyroscope that nothing takes out: mahony_imu, without its integral, lets the heading
+# go.
 PROTOCOL = """\
 name: constrained
 purpose: An uncorrected gyroscope on a joint of two axes
@@ -59,7 +62,11 @@ def result(run_protocol, tmp_path_factory):
 
 
 def total(result, joint, name):
-    (row,) = [r for r in result.evaluation.ranking if (r.owner, r.filter, r.criterion) == (joint, name, "RMS total error")]
+    (row,) = [
+        r
+        for r in result.evaluation.ranking
+        if (r.owner, r.filter, r.criterion) == (joint, name, "RMS total error")
+    ]
     return row.value
 
 
@@ -82,7 +89,9 @@ def test_the_drift_of_the_heading_is_taken_out(result):
 
 
 def test_filters_that_need_no_help_are_left_alone(result):
-    """A magnetometer's heading is the filter's own affair, and nobody knows what the device uses."""
+    """A magnetometer's heading is the filter's own affair, and nobody knows what the device
+    uses.
+    """
     assert list(result.estimate.joints["kept"].headings) == ["mahony_imu"]
     assert result.estimate.joints["free"].headings == {}
     for name in ("device", "ecompass"):

@@ -1,4 +1,6 @@
-"""A joint of the arm by every definition, from the protocol to the evaluation, through a sweep that passes 180 degrees."""
+"""A joint of the arm by every definition, from the protocol to the evaluation, through a sweep that
+passes 180 degrees.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from testbench.model import rotation
 from testbench.model.joint_angle import decomposition_of
 from testbench.records.joint_definition import FlexionAngle
 
-# Both sensors sit as the last wrist joint's axis lies (z of its link); their segments agree where that joint stands at zero.
+# Both sensors sit as the last wrist joint's axis lies (z of its link); their segments agree where
+# that joint stands at zero.
 PROTOCOL = """\
 name: robot_joint
 purpose: The last wrist joint as a joint of the body, swept through half a turn
@@ -57,9 +60,18 @@ sections:
 estimate: {filters: [vqf_6d], align: reference_pose, calibrate: none}
 """
 LABELS = [
-    "hinge_z", "isb_elbow", "isb_knee", "isb_ankle_left", "ZXY", "YXZ", "XYZ", "swing_twist_z", "hinge_minus_z",
-    "rotation_vector", "axis_angle",
-]  # fmt: skip
+    "hinge_z",
+    "isb_elbow",
+    "isb_knee",
+    "isb_ankle_left",
+    "ZXY",
+    "YXZ",
+    "XYZ",
+    "swing_twist_z",
+    "hinge_minus_z",
+    "rotation_vector",
+    "axis_angle",
+]
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +102,9 @@ def test_the_flexion_is_one_curve_through_half_a_turn(result):
         flexion = np.degrees(series[f"vqf_6d_{label}_flexion_rad"])
         known = np.isfinite(flexion) & np.isfinite(reference)
         np.testing.assert_allclose(flexion[known], reference[known], atol=0.6)
-        assert np.abs(np.diff(flexion[known])).max() < 3  # 60 deg/s at 100 Hz, and what a filter adds
+        assert (
+            np.abs(np.diff(flexion[known])).max() < 3
+        )  # 60 deg/s at 100 Hz, and what a filter adds
     raw = np.degrees(result.estimate.joints["wrist"].angles["vqf_6d", "hinge_z"][:, 0])
     assert np.abs(np.diff(raw)).max() > 300  # which the principal angle is not
 
@@ -98,19 +112,26 @@ def test_the_flexion_is_one_curve_through_half_a_turn(result):
 def test_a_hinge_says_how_far_the_joint_is_from_being_one(result):
     tilt = np.degrees(result.estimate.joints["wrist"].angles["vqf_6d", "hinge_z"][:, 1])
     assert np.median(tilt) < 0.3
-    others = next(row for row in result.evaluation.joint_angle if row.sequence == "hinge_z").other_mean_abs_error_deg
+    others = next(
+        row for row in result.evaluation.joint_angle if row.sequence == "hinge_z"
+    ).other_mean_abs_error_deg
     assert others[0] < 0.3  # the tilt is judged, though it is about none
     assert others[1] is None  # its direction is not
 
 
 def test_a_flexion_that_is_lost_in_gimbal_lock_is_announced_before_anything_moves(tmp_path):
     text = PROTOCOL.replace(
-        "definition: {hinge: [0, 0, 1]}", "definition: {euler: ZXZ}, flexion: first".replace(", ", "\n    ")
+        "definition: {hinge: [0, 0, 1]}",
+        "definition: {euler: ZXZ}, flexion: first".replace(", ", "\n    "),
     )
     file = tmp_path / "robot_joint.yaml"
     file.write_text(text)
     warnings = plan(file).check.warnings
-    assert [w for w in warnings if "the first angle of ZXZ is its flexion" in w and "0.0 deg from where" in w]
+    assert [
+        w
+        for w in warnings
+        if "the first angle of ZXZ is its flexion" in w and "0.0 deg from where" in w
+    ]
     assert not [w for w in warnings if "isb_elbow" in w]
 
 

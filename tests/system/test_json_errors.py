@@ -18,8 +18,16 @@ CALLS = {
     "an unknown command": (["evaluat"], "InputError", 2),
     "a missing argument": (["export"], "InputError", 2),
     "a number that is none": (["run", "quick", "--seed", "many"], "InputError", 2),
-    "a file that is not there": (["import", "broad", "nowhere.mat", "--out", "nowhere"], "FileProblems", 2),
-    "a port that is not there": (["record", "--serial", "/dev/no_such_port:mpu6050", "--duration", "1"], "DriverError", 3),
+    "a file that is not there": (
+        ["import", "broad", "nowhere.mat", "--out", "nowhere"],
+        "FileProblems",
+        2,
+    ),
+    "a port that is not there": (
+        ["record", "--serial", "/dev/no_such_port:mpu6050", "--duration", "1"],
+        "DriverError",
+        3,
+    ),
 }
 
 

@@ -1,4 +1,6 @@
-"""Long campaigns: the memory of planning and running hardly grows with them; tests/benchmarks/long_campaign.py has hours."""
+"""Long campaigns: the memory of planning and running hardly grows with them;
+tests/benchmarks/long_campaign.py has hours.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +12,10 @@ from tests.benchmarks.long_campaign import RECORD_HZ, Measured, measure, write_c
 
 SHORT_S, LONG_S, BLOCK = 180.0, 600.0, 10_000
 ROW_BYTES = 152
-"""Of the arm's samples: time, commanded and measured angles, and rates of six joints. A run that kept them, or a plan with
-states every few milliseconds, would grow by as much a row, and a stage that reads them whole by twice that."""
+"""Of the arm's samples: time, commanded and measured angles, and rates of six joints. A run that
+kept them, or a plan with states every few milliseconds, would grow by as much a row, and a stage
+that reads them whole by twice that.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +33,9 @@ def test_the_peak_memory_of_a_run_with_its_plan_hardly_grows(measured) -> None:
     short, long = measured
     rows = (long.found["duration_s"] - short.found["duration_s"]) * RECORD_HZ
     assert rows == pytest.approx((LONG_S - SHORT_S) * RECORD_HZ)
-    assert (long.peak_mb - short.peak_mb) * 2**20 / rows < ROW_BYTES / 2, f"from {short.peak_mb:.0f} to {long.peak_mb:.0f} MB"
+    assert (long.peak_mb - short.peak_mb) * 2**20 / rows < ROW_BYTES / 2, (
+        f"from {short.peak_mb:.0f} to {long.peak_mb:.0f} MB"
+    )
 
 
 @pytest.mark.slow

@@ -1,4 +1,6 @@
-"""Long recordings: the memory of every stage hardly grows with their length; tests/benchmarks/long_recordings.py has hours."""
+"""Long recordings: the memory of every stage hardly grows with their length;
+tests/benchmarks/long_recordings.py has hours.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +8,21 @@ from pathlib import Path
 
 import pytest
 
-from tests.benchmarks.long_recordings import DRIFT_PPM, OFFSET_S, STAGES, Measured, measure, write_case
+from tests.benchmarks.long_recordings import (
+    DRIFT_PPM,
+    OFFSET_S,
+    STAGES,
+    Measured,
+    measure,
+    write_case,
+)
 
 RATE, KEPT = 1000.0, 50_000
 SHORT_S, LONG_S = 400.0, 2000.0
 RAW_BYTES = 48
-"""Of a sample: rate and force in float64. A stage that held no more than these would grow by as much; with times, orientations
-and errors it would be over 150."""
+"""Of a sample: rate and force in float64. A stage that held no more than these would grow by as
+much; with times, orientations and errors it would be over 150.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +42,18 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Measur
 def test_the_peak_memory_of_a_stage_hardly_grows_with_the_recording(measured, stage: str) -> None:
     short, long = measured[stage]
     grown = (long.peak_mb - short.peak_mb) * 2**20 / ((LONG_S - SHORT_S) * RATE)
-    assert grown < RAW_BYTES, f"{grown:.0f} bytes a sample: from {short.peak_mb:.0f} to {long.peak_mb:.0f} MB"
+    assert grown < RAW_BYTES, (
+        f"{grown:.0f} bytes a sample: from {short.peak_mb:.0f} to {long.peak_mb:.0f} MB"
+    )
 
 
 @pytest.mark.slow
 def test_what_comes_out_is_right_whatever_the_length(measured) -> None:
     assert measured["import"][1].found["samples"] == LONG_S * RATE
     for found in (m.found for m in measured["estimate"]):
-        assert found["clock"] == pytest.approx([OFFSET_S + 0.5 / RATE], abs=2e-3)  # rates are means over the interval before
+        assert found["clock"] == pytest.approx(
+            [OFFSET_S + 0.5 / RATE], abs=2e-3
+        )  # rates are means over the interval before
         assert found["drift_ppm"] == pytest.approx([DRIFT_PPM], abs=10)
         assert set(found["frames"]) == {"motion"}
     for found in (m.found for m in measured["evaluate"]):

@@ -1,4 +1,6 @@
-"""Malformed protocols through the command line: one readable message with file and line, exit code 2, nothing left behind."""
+"""Malformed protocols through the command line: one readable message with file and line, exit code
+2, nothing left behind.
+"""
 
 import os
 import subprocess
@@ -28,7 +30,11 @@ def run_cli(monkeypatch, capsys, *arguments):
     except SystemExit as ended:
         code = ended.code or 0
     out, err = capsys.readouterr()
-    return code, out, err.lstrip("\n")  # a progress bar that is not on a terminal leaves an empty line
+    return (
+        code,
+        out,
+        err.lstrip("\n"),
+    )  # a progress bar that is not on a terminal leaves an empty line
 
 
 def assert_refused(result, logs, *parts):
@@ -44,7 +50,9 @@ def assert_refused(result, logs, *parts):
 
 @pytest.fixture
 def bench(tmp_path, monkeypatch, capsys):
-    """Runs a protocol of the given content and returns the result, the folder of sessions, and the file."""
+    """Runs a protocol of the given content and returns the result, the folder of sessions, and the
+    file.
+    """
     monkeypatch.chdir(tmp_path)
 
     def run(content, command="run"):
@@ -80,7 +88,11 @@ def test_a_file_that_is_no_protocol_is_refused(bench, content, says):
 
 
 def test_several_faults_are_all_reported_in_the_order_of_the_file(bench):
-    text = VALID.replace("name: wave", "name: 5").replace("sequence: ZXZ", "sequenz: ZXZ").replace("cycles: 2", "cycles: []")
+    text = (
+        VALID.replace("name: wave", "name: 5")
+        .replace("sequence: ZXZ", "sequenz: ZXZ")
+        .replace("cycles: 2", "cycles: []")
+    )
     result, logs, _ = bench(text)
     assert_refused(result, logs)
     assert [int(line.split(":")[2]) for line in result[2].splitlines()] == [1, 15, 28]
@@ -92,7 +104,9 @@ def test_a_thoroughly_wrong_file_does_not_fill_the_terminal(bench):
     assert len(result[2].splitlines()) == 31
 
 
-@pytest.mark.parametrize("name", ["missing.yaml", "no_such_protocol", "x" * 5000, "x" * 300 + ".yaml", "."])
+@pytest.mark.parametrize(
+    "name", ["missing.yaml", "no_such_protocol", "x" * 5000, "x" * 300 + ".yaml", "."]
+)
 def test_a_protocol_that_is_no_file_is_refused(tmp_path, monkeypatch, capsys, name):
     monkeypatch.chdir(tmp_path)
     result = run_cli(monkeypatch, capsys, "run", name, "--logs", tmp_path / "logs")
@@ -102,7 +116,11 @@ def test_a_protocol_that_is_no_file_is_refused(tmp_path, monkeypatch, capsys, na
 def test_an_unknown_name_lists_the_protocols_that_ship(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     result = run_cli(monkeypatch, capsys, "check", "elbow")
-    assert_refused(result, tmp_path / "logs", "unknown protocol 'elbow'; known: axis_identification, beta_zeta, calibration_2d")
+    assert_refused(
+        result,
+        tmp_path / "logs",
+        "unknown protocol 'elbow'; known: axis_identification, beta_zeta, calibration_2d",
+    )
 
 
 def test_includes_that_run_in_a_circle_are_refused(bench, tmp_path):
@@ -118,7 +136,9 @@ def test_includes_that_multiply_are_refused_quickly(bench, tmp_path):
         return VALID.replace("sections:\n", "sections:\n" + sections, 1)
 
     for i in range(1, 8):
-        (tmp_path / f"level_{i}.yaml").write_text(including(f"level_{i + 1}.yaml") if i < 7 else VALID)
+        (tmp_path / f"level_{i}.yaml").write_text(
+            including(f"level_{i + 1}.yaml") if i < 7 else VALID
+        )
     start = time.perf_counter()
     result, logs, _ = bench(including("level_1.yaml"))
     assert_refused(result, logs, "includes nest deeper than 5 files")
@@ -127,14 +147,17 @@ def test_includes_that_multiply_are_refused_quickly(bench, tmp_path):
 
 def test_a_fault_in_an_included_file_is_reported_there(bench, tmp_path):
     (tmp_path / "other.yaml").write_text(VALID.replace("dwell_s: rest_s", "dwell_s: rest_s - 1", 1))
-    result, logs, _ = bench(VALID.replace("- name: sweep", "- {name: more, include: other.yaml}\n  - name: sweep", 1))
+    result, logs, _ = bench(
+        VALID.replace("- name: sweep", "- {name: more, include: other.yaml}\n  - name: sweep", 1)
+    )
     assert_refused(result, logs, f"error: {tmp_path / 'other.yaml'}:24:", "must be at least 0")
 
 
 def test_a_loop_without_end_in_sight_is_refused_quickly(bench):
     values = "".join(f"  v{i}: {{start: 1, stop: 90000, step: 1}}\n" for i in range(10))
     text = VALID.replace("variables:\n", "variables:\n" + values).replace(
-        "for_each: [flexion_deg]", f"for_each: [flexion_deg, {', '.join(f'v{i}' for i in range(9))}]"
+        "for_each: [flexion_deg]",
+        f"for_each: [flexion_deg, {', '.join(f'v{i}' for i in range(9))}]",
     )
     start = time.perf_counter()
     result, logs, _ = bench(text)
@@ -145,9 +168,23 @@ def test_a_loop_without_end_in_sight_is_refused_quickly(bench):
 def test_a_fault_is_refused_in_a_process_of_its_own_too(tmp_path):
     file = tmp_path / "wave.yaml"
     file.write_text(VALID.replace("dwell_s: rest_s", "dwell_s: [1]", 1))
-    command = [sys.executable, "-m", "testbench", "run", str(file), "--logs", str(tmp_path / "logs")]
+    command = [
+        sys.executable,
+        "-m",
+        "testbench",
+        "run",
+        str(file),
+        "--logs",
+        str(tmp_path / "logs"),
+    ]
     result = subprocess.run(
-        command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False, env=os.environ | {"PYTHONPATH": ""}
+        command,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env=os.environ | {"PYTHONPATH": ""},
     )
     assert result.returncode == 2
     assert result.stdout == ""
@@ -159,9 +196,55 @@ def test_a_fault_is_refused_in_a_process_of_its_own_too(tmp_path):
 
 
 WORDS = st.sampled_from(
-    ["", " ", "\n", "\t", ":", "- ", "[", "]", "{", "}", "'", '"', "&a ", "*a", "!!int ", "!!float ", "!!bool ", "---\n", "#"]
-    + ["|", ">", "-1", "0", "1e999", ".nan", "1e-300", "null", "true", "~", "9" * 400, "\x00", "\ufeff", "é", "\U0001f600"]
-    + [r'"\ud800"', "%", "name", "steps", "sweep", "sine", "for_each: [flexion_deg]", "flexion_deg", "include: wave.yaml"]
+    [
+        "",
+        " ",
+        "\n",
+        "\t",
+        ":",
+        "- ",
+        "[",
+        "]",
+        "{",
+        "}",
+        "'",
+        '"',
+        "&a ",
+        "*a",
+        "!!int ",
+        "!!float ",
+        "!!bool ",
+        "---\n",
+        "#",
+    ]
+    + [
+        "|",
+        ">",
+        "-1",
+        "0",
+        "1e999",
+        ".nan",
+        "1e-300",
+        "null",
+        "true",
+        "~",
+        "9" * 400,
+        "\x00",
+        "\ufeff",
+        "é",
+        "\U0001f600",
+    ]
+    + [
+        r'"\ud800"',
+        "%",
+        "name",
+        "steps",
+        "sweep",
+        "sine",
+        "for_each: [flexion_deg]",
+        "flexion_deg",
+        "include: wave.yaml",
+    ]
     + ["? ", "<<: ", "pi", "sqrt("]
 )
 
@@ -169,7 +252,9 @@ WORDS = st.sampled_from(
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     cuts=st.lists(
-        st.tuples(st.integers(0, len(VALID)), st.integers(0, 12), WORDS | st.text(max_size=8)), min_size=1, max_size=4
+        st.tuples(st.integers(0, len(VALID)), st.integers(0, 12), WORDS | st.text(max_size=8)),
+        min_size=1,
+        max_size=4,
     )
 )
 def test_whatever_is_done_to_a_protocol_it_is_read_or_refused(tmp_path_factory, cuts):

@@ -1,4 +1,6 @@
-"""Every key of a manifest, whoever writes it, is in docs/session_format.md, and every key there is written by somebody."""
+"""Every key of a manifest, whoever writes it, is in docs/session_format.md, and every key there is
+written by somebody.
+"""
 
 from __future__ import annotations
 
@@ -44,13 +46,17 @@ REST = np.zeros((400, 3))
 
 
 def documented() -> dict[str, set[str]]:
-    """Kinds of session by key, of the tables under `manifest.json`; `<sensor>` stands for any name, a last `*` for anything."""
+    """Kinds of session by key, of the tables under `manifest.json`; `<sensor>` stands for any name,
+    a last `*` for anything.
+    """
     section = PAGE.read_text(encoding="utf-8").split("### manifest.json")[1].split("\n## ")[0]
     result = {}
     for line in section.splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if line.startswith("| `") and len(cells) == 3:
-            kinds = {"run", "import", "recording"} if cells[1] == "all" else set(cells[1].split(", "))
+            kinds = (
+                {"run", "import", "recording"} if cells[1] == "all" else set(cells[1].split(", "))
+            )
             result |= dict.fromkeys(re.findall(r"`([^`]+)`", cells[0]), kinds)
     return result
 
@@ -69,9 +75,17 @@ def pattern(key: str) -> str:
     return text.replace(r"\.\*", r"(\..+)?")
 
 
-def table(path: Path, columns: dict[str, np.ndarray], above: str = "", separator: str = ",") -> Path:
+def table(
+    path: Path, columns: dict[str, np.ndarray], above: str = "", separator: str = ","
+) -> Path:
     rows = zip(*([f"{value:.9g}" for value in column] for column in columns.values()), strict=True)
-    path.write_text(above + separator.join(columns) + "\n" + "\n".join(separator.join(row) for row in rows) + "\n")
+    path.write_text(
+        above
+        + separator.join(columns)
+        + "\n"
+        + "\n".join(separator.join(row) for row in rows)
+        + "\n"
+    )
     return path
 
 
@@ -82,24 +96,39 @@ def xyz(form: str, array: np.ndarray, axes: str = "XYZ") -> dict[str, np.ndarray
 def imports(folder: Path) -> Iterator[Session]:
     clock = FakeClock()
 
-    def load(name: str, files: list[Path], options: Options | None = None, truth: TruthOptions | None = None) -> Session:
+    def load(
+        name: str,
+        files: list[Path],
+        options: Options | None = None,
+        truth: TruthOptions | None = None,
+    ) -> Session:
         return import_recording(name, files, folder / f"session_{name}", clock, options, truth)
 
     above = "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nFilterProfile:,General\nOutputRate:,60Hz\nStartTime:,now\n\n"
-    dot = {"PacketCounter": np.arange(400), "SampleTimeFine": 16667 * np.arange(400)} | xyz("Acc_{}", UP) | xyz("Gyr_{}", REST)
+    dot = (
+        {"PacketCounter": np.arange(400), "SampleTimeFine": 16667 * np.arange(400)}
+        | xyz("Acc_{}", UP)
+        | xyz("Gyr_{}", REST)
+    )
     yield load("xsens_dot", [table(folder / "dot.csv", dot, above)])
     above = "// DeviceId: 00B432CC\n// ProductCode: MTw\n// Firmware Version: 4.6.0\n"
     above += "// Filter Profile: human\n// Update Rate: 100.0Hz\n"
     mtw = {"PacketCounter": np.arange(400)} | xyz("Acc_{}", UP) | xyz("Gyr_{}", REST)
     yield load("mtw", [table(folder / "MT_0120-000_00B432CC.txt", mtw, above, "\t")])
     for kind, values in (("acc", 32768 + COUNTS_PER_M_S2 * UP), ("gyro", 32768 + REST)):
-        np.savetxt(folder / f"pair_{kind}.mat", np.column_stack([TIME, np.round(values)]), fmt="%.4f")
+        np.savetxt(
+            folder / f"pair_{kind}.mat", np.column_stack([TIME, np.round(values)]), fmt="%.4f"
+        )
     yield load("imu_tk", [folder / "pair_acc.mat", folder / "pair_gyro.mat"])
     (folder / "map.yaml").write_text(
-        "description: counts\nrate_hz: 100\nsensors: {imu: {acc: {columns: [x, y, z], unit: g, offset: 32768, scale: 1.0e-3}, "
+        "description: counts\nrate_hz: 100\nsensors: {imu: {acc: {columns: [x, y, z], unit: g, "
+        "offset: 32768, scale: 1.0e-3}, "
         "gyr: {columns: [u, v, w], unit: deg/s}}}\n"
     )
-    counts = table(folder / "counts.csv", xyz("{}", 32768 + 1000 * UP / 9.80665, "xyz") | xyz("{}", REST, "uvw"))
+    counts = table(
+        folder / "counts.csv",
+        xyz("{}", 32768 + 1000 * UP / 9.80665, "xyz") | xyz("{}", REST, "uvw"),
+    )
     (folder / "poses.txt").write_text("0,-90,-90,-90,90,180\n")
     truth = TruthOptions(folder / "poses.txt", "ur3e", {"": "wrist_3_link"}, dwell=2.0, move=1.0)
     yield load("generic", [counts], Options(str(folder / "map.yaml")), truth)
@@ -131,12 +160,19 @@ def live_devices() -> Iterator[tuple[Feeder, Bench]]:
 
 def recordings(folder: Path) -> Iterator[Session]:
     with live_devices() as (board, bench):
-        devices = open_devices([f"{board.port}:mpu6050_plain"], [bench.dots[0].address], SystemClock(), bluetooth=bench.loop)
+        devices = open_devices(
+            [f"{board.port}:mpu6050_plain"],
+            [bench.dots[0].address],
+            SystemClock(),
+            bluetooth=bench.loop,
+        )
         yield record_devices(devices, folder, duration_s=0.6)
 
 
 def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator[Session]:
-    """A run that broke off and was resumed, a replay with live sensors, and a run on an emulated arm."""
+    """A run that broke off and was resumed, a replay with live sensors, and a run on an emulated
+    arm.
+    """
     the_plan = plan(tiny)
 
     def fail(progress: Progress) -> None:
@@ -157,14 +193,20 @@ def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator
         moved = plan(folder / "two.yaml")
         arm = ReplayArm(moved.robot, broken.path, time)
         yield execute_on_arm(moved, arm, Sensors.live(moved, devices), time, ArmRunOptions(folder))
-    yield drive_ur(short_plan, ur, folder, checklist={"by": "a test"}, resumes={"session": "none", "steps": []})
+    yield drive_ur(
+        short_plan, ur, folder, checklist={"by": "a test"}, resumes={"session": "none", "steps": []}
+    )
     with emulated_xarm() as emulator:
         yield drive(plan_of(folder, "moves", MOVES)[1], emulator.address, folder)
 
 
 @pytest.fixture(scope="module")
 def written(
-    quick: Result, tiny: Path, ur_emulator: EmulatedUr, short_plan: Plan, tmp_path_factory: pytest.TempPathFactory
+    quick: Result,
+    tiny: Path,
+    ur_emulator: EmulatedUr,
+    short_plan: Plan,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> dict[str, set[str]]:
     """Kinds of session by the keys that were written into their manifests."""
     pytest.importorskip("serial")
@@ -183,17 +225,25 @@ def written(
     return found
 
 
-def test_every_key_that_is_written_is_documented_for_its_kind_of_session(written: dict[str, set[str]]) -> None:
+def test_every_key_that_is_written_is_documented_for_its_kind_of_session(
+    written: dict[str, set[str]],
+) -> None:
     known = documented()
     assert len(known) > 40
     for key, kinds in written.items():
         fitting = [allowed for name, allowed in known.items() if re.fullmatch(pattern(name), key)]
         assert fitting, f"docs/session_format.md does not say what {key} is"
-        assert kinds <= set.union(*fitting), f"{key} is written by {kinds}, documented for {fitting}"
+        assert kinds <= set.union(*fitting), (
+            f"{key} is written by {kinds}, documented for {fitting}"
+        )
 
 
-def test_every_key_that_is_documented_is_written_by_each_kind_that_is_named(written: dict[str, set[str]]) -> None:
+def test_every_key_that_is_documented_is_written_by_each_kind_that_is_named(
+    written: dict[str, set[str]],
+) -> None:
     for name, kinds in documented().items():
         found = [own for key, own in written.items() if re.fullmatch(pattern(name), key)]
         assert found, f"nothing writes {name}"
-        assert set.union(*found) == kinds, f"{name} is documented for {kinds}, but written by {set.union(*found)}"
+        assert set.union(*found) == kinds, (
+            f"{name} is documented for {kinds}, but written by {set.union(*found)}"
+        )

@@ -13,7 +13,11 @@ from tests.command_line import command
 
 
 def by_axis(evaluation, sensor, key):
-    return {(row.quantity, row.axis): getattr(row, key) for row in evaluation.noise if row.sensor == sensor}
+    return {
+        (row.quantity, row.axis): getattr(row, key)
+        for row in evaluation.noise
+        if row.sensor == sensor
+    }
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +25,12 @@ def measured(tmp_path_factory):
     """A rest, measured; and the preset file made of it beside a protocol that names it."""
     folder = tmp_path_factory.mktemp("noise")
     first = run("static_noise", logs=folder / "logs", with_report=False)
-    assert command("noise", first.session.path, "--sensor", "matrix", "--out", folder / "my_matrix.yaml") == 0
+    assert (
+        command(
+            "noise", first.session.path, "--sensor", "matrix", "--out", folder / "my_matrix.yaml"
+        )
+        == 0
+    )
     return folder, first
 
 
@@ -29,20 +38,32 @@ def test_a_measured_sensor_simulates_with_the_same_noise(measured, altered_proto
     folder, first = measured
 
     def rename(protocol):
-        protocol["sensors"] = {"matrix": {**protocol["sensors"]["matrix"], "preset": "my_matrix.yaml"}}
+        protocol["sensors"] = {
+            "matrix": {**protocol["sensors"]["matrix"], "preset": "my_matrix.yaml"}
+        }
 
     path = altered_protocol("static_noise", rename)
     (path.parent / "my_matrix.yaml").write_bytes((folder / "my_matrix.yaml").read_bytes())
     second = run(path, seed=7, logs=folder / "logs", with_report=False)
     for key, tolerance in (("sd", 0.06), ("noise_density", 0.15)):
-        before, after = by_axis(first.evaluation, "matrix", key), by_axis(second.evaluation, "matrix", key)
+        before, after = (
+            by_axis(first.evaluation, "matrix", key),
+            by_axis(second.evaluation, "matrix", key),
+        )
         assert before.keys() == after.keys()
         for axis in before:
             assert after[axis] == pytest.approx(before[axis], rel=tolerance), (key, axis)
-    kept = yaml.safe_load((second.session.path / "included_my_matrix.yaml").read_text(encoding="utf-8"))
-    assert kept["description"].endswith("all else copied from the preset matrix named by the session's protocol")
+    kept = yaml.safe_load(
+        (second.session.path / "included_my_matrix.yaml").read_text(encoding="utf-8")
+    )
+    assert kept["description"].endswith(
+        "all else copied from the preset matrix named by the session's protocol"
+    )
     other = run("static_noise", seed=7, logs=folder / "logs", with_report=False)
-    ratio = [by_axis(other.evaluation, "dot", "sd")[a] / by_axis(second.evaluation, "matrix", "sd")[a] for a in [("acc", "x")]]
+    ratio = [
+        by_axis(other.evaluation, "dot", "sd")[a] / by_axis(second.evaluation, "matrix", "sd")[a]
+        for a in [("acc", "x")]
+    ]
     assert np.all(np.array(ratio) < 0.5)  # the noise is the part's, not anyone's
 
 
@@ -50,7 +71,9 @@ def test_what_was_measured_stands_in_the_file(measured):
     folder, first = measured
     sheet = load_yaml(folder / "my_matrix.yaml", ImuParameters).value
     density = by_axis(first.evaluation, "matrix", "noise_density")
-    rounding = 1 / sheet.gyroscope.counts_per_deg_s / np.sqrt(12 * sheet.rate_hz / 2)  # the simulated sensor rounds again
+    rounding = (
+        1 / sheet.gyroscope.counts_per_deg_s / np.sqrt(12 * sheet.rate_hz / 2)
+    )  # the simulated sensor rounds again
     white = [np.sqrt(density["gyr", a] ** 2 - rounding**2) for a in "xyz"]
     assert sheet.gyroscope.noise_density_deg_s_sqrthz == pytest.approx(white, rel=1e-3)
     assert sheet.accelerometer.range_g == 8  # from the data sheet: a rest does not show it
@@ -59,20 +82,38 @@ def test_what_was_measured_stands_in_the_file(measured):
 
 
 def test_what_another_preset_gave_is_said(measured, tmp_path, capsys):
-    """MATRIX has no magnetometer: one that comes with the preset was not measured, and neither file nor terminal hides it."""
+    """MATRIX has no magnetometer: one that comes with the preset was not measured, and neither file
+    nor terminal hides it.
+    """
     _, first = measured
     out = tmp_path / "mixed.yaml"
-    assert command("noise", first.session.path, "--sensor", "matrix", "--like", "xsens_dot", "--out", out) == 0
+    assert (
+        command(
+            "noise", first.session.path, "--sensor", "matrix", "--like", "xsens_dot", "--out", out
+        )
+        == 0
+    )
     sheet = load_yaml(out, ImuParameters).value
-    copied = "magnetometer: nothing was measured, the recording holds none; all of it copied from the preset xsens_dot"
+    copied = (
+        "magnetometer: nothing was measured, the recording holds none; all of it copied from "
+        "the preset xsens_dot"
+    )
     assert sheet.magnetometer is not None
     assert copied in sheet.source
     assert copied in " ".join(capsys.readouterr().out.split())
     assert "DOT" not in sheet.description.replace("xsens_dot", "")
-    assert sheet.accelerometer.noise_density_ug_sqrthz != load_preset("xsens_dot").accelerometer.noise_density_ug_sqrthz
+    assert (
+        sheet.accelerometer.noise_density_ug_sqrthz
+        != load_preset("xsens_dot").accelerometer.noise_density_ug_sqrthz
+    )
     again = tmp_path / "again.yaml"
-    assert command("noise", first.session.path, "--sensor", "dot", "--like", out, "--out", again) == 0
-    assert "copied from the preset file mixed.yaml" in load_yaml(again, ImuParameters).value.description
+    assert (
+        command("noise", first.session.path, "--sensor", "dot", "--like", out, "--out", again) == 0
+    )
+    assert (
+        "copied from the preset file mixed.yaml"
+        in load_yaml(again, ImuParameters).value.description
+    )
     assert "magnetometer: nothing" not in again.read_text()
 
 
@@ -81,7 +122,10 @@ def test_refusals(measured, tmp_path, capsys):
     assert command("noise", first.session.path, "--out", tmp_path / "x.yaml") == 2
     assert "say which with --sensor" in capsys.readouterr().err
     assert command("noise", first.session.path, "--sensor", "nobody") == 2
-    assert command("noise", first.session.path, "--sensor", "dot", "--out", folder / "my_matrix.yaml") == 2
+    assert (
+        command("noise", first.session.path, "--sensor", "dot", "--out", folder / "my_matrix.yaml")
+        == 2
+    )
     assert "exists already" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     assert command("noise", first.session.path, "--sensor", "dot", "--json") == 0
@@ -89,7 +133,10 @@ def test_refusals(measured, tmp_path, capsys):
 
 
 def test_a_preset_file_must_lie_beside_the_protocol(altered_protocol, tmp_path):
-    for name, sentence in (("missing.yaml", "no file 'missing.yaml'"), ("../../etc/x.yaml", "no file|lies elsewhere")):
+    for name, sentence in (
+        ("missing.yaml", "no file 'missing.yaml'"),
+        ("../../etc/x.yaml", "no file|lies elsewhere"),
+    ):
 
         def rename(protocol, name=name):
             protocol["sensors"]["dot"]["preset"] = name

@@ -16,7 +16,8 @@ def doubtful(tmp_path) -> str:
     """A protocol on an arm of which much is assumed."""
     file = tmp_path / "doubtful.yaml"
     file.write_text(
-        "name: doubtful\npurpose: For a test\nrobot: ur3\nsensors: {hand: {preset: ideal, link: wrist_3_link}}\n"
+        "name: doubtful\npurpose: For a test\nrobot: ur3\nsensors: {hand: {preset: ideal, link: "
+        "wrist_3_link}}\n"
         "sections: [{name: part, steps: [dwell_s: 1]}]\n"
     )
     return str(file)

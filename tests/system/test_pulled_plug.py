@@ -1,4 +1,6 @@
-"""The plug is pulled, or the disk is full, while files take their names: in recovery, resumption, and all that is derived."""
+"""The plug is pulled, or the disk is full, while files take their names: in recovery, resumption,
+and all that is derived.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ from tests.conftest import FakeClock
 from tests.system.crashes import ROOT, comparable, killed, on_a_small_disk
 
 # A process that is gone closes no files; here they are closed when they are collected.
-pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore::ResourceWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::pytest.PytestUnraisableExceptionWarning", "ignore::ResourceWarning"
+)
 
 OPERATIONS = ("fsync", "rename", "replace", "unlink", "rmdir", "mkdir")
 
@@ -40,7 +44,9 @@ class Cut(BaseException):
 
 @contextmanager
 def cut_before(number: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
-    """From its operation of that number on, the file system hears nothing more of this process; yields what was done before."""
+    """From its operation of that number on, the file system hears nothing more of this process;
+    yields what was done before.
+    """
     done: list[str] = []
 
     def counting(name: str, real: Callable[..., Any]) -> Callable[..., Any]:
@@ -58,8 +64,12 @@ def cut_before(number: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[st
         yield done
 
 
-def cuts(action: Callable[[Path], object], start: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Copies of a session in which an action was cut off, one for each of its operations on files."""
+def cuts(
+    action: Callable[[Path], object], start: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Path]:
+    """Copies of a session in which an action was cut off, one for each of its operations on
+    files.
+    """
     for number in itertools.count():
         copy = folder / f"cut_{number}" / start.name
         shutil.copytree(start, copy)
@@ -90,7 +100,9 @@ def cut_off(tiny, tmp_path_factory) -> Path:
     return logs / "run"
 
 
-def test_a_recovery_that_is_cut_off_anywhere_is_made_good_by_the_next(cut_off, tmp_path, monkeypatch):
+def test_a_recovery_that_is_cut_off_anywhere_is_made_good_by_the_next(
+    cut_off, tmp_path, monkeypatch
+):
     shutil.copytree(cut_off, tmp_path / "run")
     expected = raw(recover(Session(tmp_path / "run")))
     for copy in cuts(lambda path: recover(Session(path)), cut_off, tmp_path, monkeypatch):
@@ -98,7 +110,9 @@ def test_a_recovery_that_is_cut_off_anywhere_is_made_good_by_the_next(cut_off, t
 
 
 @pytest.mark.slow
-def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(cut_off, tiny, tmp_path, monkeypatch):
+def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(
+    cut_off, tiny, tmp_path, monkeypatch
+):
     def again(path: Path) -> Session:
         session = recover(Session(path))
         return execute(plan(tiny), seed=5, speed="fast", clock=FakeClock(), resumed=session)
@@ -112,7 +126,9 @@ def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(cut_off, tiny, tm
         if session.status is not RunStatus.COMPLETED:
             session = resume(copy, with_report=False, clock=FakeClock()).session
         for name in ("arm", "imu_hand", "truth_hand"):
-            assert (session.path / f"{name}.parquet").read_bytes() == (whole.path / f"{name}.parquet").read_bytes()
+            assert (session.path / f"{name}.parquet").read_bytes() == (
+                whole.path / f"{name}.parquet"
+            ).read_bytes()
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +144,10 @@ def judged(tiny, tmp_path_factory) -> Path:
 
 def test_an_estimate_that_is_cut_off_leaves_the_old_one_or_none(judged, tmp_path, monkeypatch):
     session = Session(judged)
-    by = {"madgwick_imu": estimate(session, ["madgwick_imu"]), "vqf_6d": estimate(session, ["vqf_6d"])}
+    by = {
+        "madgwick_imu": estimate(session, ["madgwick_imu"]),
+        "vqf_6d": estimate(session, ["vqf_6d"]),
+    }
     found = set()
     for copy in cuts(by["madgwick_imu"].save, judged, tmp_path, monkeypatch):
         try:
@@ -139,7 +158,9 @@ def test_an_estimate_that_is_cut_off_leaves_the_old_one_or_none(judged, tmp_path
             (name,) = loaded.filter_parameters
             found.add(name)
             assert list(loaded.sensors["hand"].orientation) == [name]
-            np.testing.assert_array_equal(loaded.sensors["hand"].orientation[name], by[name].sensors["hand"].orientation[name])
+            np.testing.assert_array_equal(
+                loaded.sensors["hand"].orientation[name], by[name].sensors["hand"].orientation[name]
+            )
         by["vqf_6d"].save(copy)  # whatever was left lying does no harm
         assert list(Estimate.load(copy).filter_parameters) == ["vqf_6d"]
         assert not list(copy.glob("*.new")) and not list(copy.glob("*.old"))
@@ -158,7 +179,9 @@ def test_an_evaluation_that_is_cut_off_leaves_the_old_one_or_none(judged, tmp_pa
             continue
         which = {row.filter for row in loaded.orientation}
         assert which in ({"vqf_6d"}, {"madgwick_imu"})
-        assert {f"{name}_total_rad" for name in which} == {key for key in loaded.series["orientation_hand"] if "_total_" in key}
+        assert {f"{name}_total_rad" for name in which} == {
+            key for key in loaded.series["orientation_hand"] if "_total_" in key
+        }
 
 
 def test_a_report_that_is_cut_off_leaves_the_old_one(judged, tmp_path, monkeypatch):
@@ -171,14 +194,21 @@ def test_a_report_that_is_cut_off_leaves_the_old_one(judged, tmp_path, monkeypat
 def test_a_full_disk_leaves_the_session_and_what_was_derived_before(stage, judged, tmp_path):
     size = sum(file.stat().st_size for file in judged.rglob("*") if file.is_file()) // 1024
     words = shutil.which("env") or "env"
-    copied = f"cp -r {judged} {tmp_path}/disk/session && head -c 100M /dev/zero > {tmp_path}/disk/filler"
-    command = f"{copied}; {words} PYTHONPATH={ROOT} {sys.executable} -m testbench {stage} {tmp_path}/disk/session --json"
+    copied = (
+        f"cp -r {judged} {tmp_path}/disk/session && head -c 100M /dev/zero > {tmp_path}/disk/filler"
+    )
+    command = (
+        f"{copied}; {words} PYTHONPATH={ROOT} {sys.executable} -m testbench {stage} "
+        f"{tmp_path}/disk/session --json"
+    )
     done = on_a_small_disk(["sh", "-c", command], tmp_path / "disk", size + 200)
     if "unshare" in done.stderr or "mount:" in done.stderr:
         pytest.skip("this machine does not let tests mount a file system")
     assert done.returncode == 3, done.stderr
     said = json.loads(done.stderr.splitlines()[-1])
-    assert "there is no room left on the disk; the recording is as it was" in said["error"]["message"]
+    assert (
+        "there is no room left on the disk; the recording is as it was" in said["error"]["message"]
+    )
     assert "Traceback" not in done.stderr
     kept = tmp_path / "disk_kept" / "session"
     for file in (file for file in judged.rglob("*") if file.is_file()):
@@ -186,18 +216,26 @@ def test_a_full_disk_leaves_the_session_and_what_was_derived_before(stage, judge
     assert {path.name for path in kept.iterdir()} == {path.name for path in judged.iterdir()}
 
 
-@pytest.mark.parametrize("command", ["recover {}", "run --no-report --resume {}"], ids=["recover", "resume"])
-def test_a_full_disk_in_recovery_or_resumption_says_which_session_and_what_to_do(command, cut_off, tmp_path):
+@pytest.mark.parametrize(
+    "command", ["recover {}", "run --no-report --resume {}"], ids=["recover", "resume"]
+)
+def test_a_full_disk_in_recovery_or_resumption_says_which_session_and_what_to_do(
+    command, cut_off, tmp_path
+):
     session = f"{tmp_path}/disk/run"
     copied = f"cp -r {cut_off} {session} && head -c 100M /dev/zero > {tmp_path}/disk/filler"
-    words = f"{shutil.which('env') or 'env'} PYTHONPATH={ROOT} {sys.executable} -m testbench {command.format(session)}"
+    words = (
+        f"{shutil.which('env') or 'env'} PYTHONPATH={ROOT} {sys.executable} -m testbench "
+        f"{command.format(session)}"
+    )
     size = sum(file.stat().st_size for file in cut_off.rglob("*") if file.is_file()) // 1024
     done = on_a_small_disk(["sh", "-c", f"{copied}; {words}"], tmp_path / "disk", size + 100)
     if "unshare" in done.stderr or "mount:" in done.stderr:
         pytest.skip("this machine does not let tests mount a file system")
     assert done.returncode == 3, done.stderr
     assert done.stderr.splitlines()[-1] == (
-        f"error: {session} cannot be written: there is no room left on the disk; nothing of the recording is lost; make room, "
+        f"error: {session} cannot be written: there is no room left on the disk; nothing of the "
+        "recording is lost; make room, "
         f"then `testbench recover {session}`"
     )
     kept = tmp_path / "disk_kept" / "run"
@@ -212,16 +250,28 @@ def raw_of_recovered(session: Path, folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("begun", ["by a resumption", "anew"])
-def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(begun, cut_off, tiny, tmp_path, monkeypatch):
+def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(
+    begun, cut_off, tiny, tmp_path, monkeypatch
+):
     def full(*arguments: Any, **options: Any) -> None:
-        raise OSError(errno.ENOSPC, "Error writing bytes to file. Detail: [errno 28] No space left on device")
+        raise OSError(
+            errno.ENOSPC, "Error writing bytes to file. Detail: [errno 28] No space left on device"
+        )
 
     shutil.copytree(cut_off, tmp_path / "run")
     recovered = recover(Session(tmp_path / "run"))
     before = raw(recovered)
-    monkeypatch.setattr("testbench.records.storage.Journal.append" if begun != "anew" else "pathlib.Path.write_text", full)
+    monkeypatch.setattr(
+        "testbench.records.storage.Journal.append"
+        if begun != "anew"
+        else "pathlib.Path.write_text",
+        full,
+    )
     if begun == "anew":
-        with pytest.raises(StorageError, match=r"new cannot be written: there is no room .*; nothing was recorded; make room"):
+        with pytest.raises(
+            StorageError,
+            match=r"new cannot be written: there is no room .*; nothing was recorded; make room",
+        ):
             execute(plan(tiny), tmp_path, clock=FakeClock(), session_name="new")
         return
     with pytest.raises(StorageError, match=r"make room, then `testbench run --resume .*run`"):
@@ -231,11 +281,23 @@ def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(begun, cut_off,
     assert {name: after[name] for name in before if name != "manifest.json"} == {
         name: content for name, content in before.items() if name != "manifest.json"
     }
-    assert resume(tmp_path / "run", with_report=False, clock=FakeClock()).session.status is RunStatus.COMPLETED
+    assert (
+        resume(tmp_path / "run", with_report=False, clock=FakeClock()).session.status
+        is RunStatus.COMPLETED
+    )
 
 
 def test_a_kill_while_it_is_planned_leaves_nothing(tiny, tmp_path):
-    run = [sys.executable, "-m", "testbench", "run", str(tiny), "--logs", str(tmp_path / "logs"), "--no-report"]
+    run = [
+        sys.executable,
+        "-m",
+        "testbench",
+        "run",
+        str(tiny),
+        "--logs",
+        str(tmp_path / "logs"),
+        "--no-report",
+    ]
     process = subprocess.Popen(run, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(0.5)

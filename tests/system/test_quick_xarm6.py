@@ -1,4 +1,6 @@
-"""The protocol for an xArm 6 has the same elbow as `quick`, and its controller can go every way by itself."""
+"""The protocol for an xArm 6 has the same elbow as `quick`, and its controller can go every way by
+itself.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,13 @@ def segments(plan: Plan, step: int, what: str) -> dict[str, np.ndarray]:
     kinematics, found = Kinematics(plan.robot), {}
     for name, sensor in plan.protocol.spec.sensors.items():
         assert sensor.segment is not None
-        ((sequence, angles),) = (sensor.segment if what == "segment" else sensor.mounting).rotation_deg.items()
+        ((sequence, angles),) = (
+            sensor.segment if what == "segment" else sensor.mounting
+        ).rotation_deg.items()
         R_link_from_frame = Rotation.from_euler(sequence, angles, degrees=True).as_matrix()
-        found[name] = kinematics.frame_motion(sensor.link, q).R_world_from_frame[0] @ R_link_from_frame
+        found[name] = (
+            kinematics.frame_motion(sensor.link, q).R_world_from_frame[0] @ R_link_from_frame
+        )
     return found
 
 

@@ -1,4 +1,6 @@
-"""Quijano & Valencia (2018), tables 4.1 to 4.4: the published numbers, and the study on a few short runs."""
+"""Quijano & Valencia (2018), tables 4.1 to 4.4: the published numbers, and the study on a few short
+runs.
+"""
 
 import numpy as np
 import pytest
@@ -13,7 +15,9 @@ def test_the_published_numbers_are_those_of_the_source():
     published = load_published_chain()
     sums = {"4.1": (0.112, 0.083), "4.2": (0.2098, 0.1950)}  # a digit copied wrongly changes one
     for table in published.servo_rms:
-        found = tuple(round(float(np.sum(table.states[state])), 4) for state in ("kinematic", "fourier"))
+        found = tuple(
+            round(float(np.sum(table.states[state])), 4) for state in ("kinematic", "fourier")
+        )
         assert found == pytest.approx(sums[table.table], abs=1e-9)
     means = [row.mean_error_deg for row in published.gait.rows]
     assert np.mean(means) == pytest.approx(published.gait.mean_error_deg, abs=5e-5)
@@ -35,7 +39,9 @@ def study(altered_protocol, tmp_path_factory):
 
     protocols = {name: altered_protocol(name, fewer) for name in ("pendulum", "squat")}
     protocols["gait"] = altered_protocol("gait", walk)
-    return reference_5(tmp_path_factory.mktemp("logs"), (0, 1, 2), protocols, with_report=False, rigs_a_part=1)
+    return reference_5(
+        tmp_path_factory.mktemp("logs"), (0, 1, 2), protocols, with_report=False, rigs_a_part=1
+    )
 
 
 @pytest.mark.slow
@@ -44,7 +50,9 @@ def test_the_fourier_state_beats_the_kinematic_one_on_periodic_motion(study):
         change = row.fourier_change()
         assert change["rate"].percent < 0 and change["acceleration"].percent < -50, row.joint
         assert change["acceleration"].verdict == "less", row.joint
-        assert change["angle"].verdict != "more", row.joint  # of three sensors: biases, which both states share, decide it
+        assert change["angle"].verdict != "more", (
+            row.joint
+        )  # of three sensors: biases, which both states share, decide it
         assert row.pooled(FOURIER)[0] < 1.15 * row.pooled("kinematic")[0], row.joint
 
 
@@ -53,7 +61,9 @@ def test_the_joint_farther_out_has_the_larger_error(study):
     near, far = [row for row in study.servo if row.table == "4.2"]
     assert far.pooled("kinematic")[1] >= near.pooled("kinematic")[1]
     assert far.pooled("fourier")[1] >= near.pooled("fourier")[1]
-    assert far.pooled("kinematic")[2] >= near.pooled("kinematic")[2]  # fourier: what the reference itself is wrong by
+    assert (
+        far.pooled("kinematic")[2] >= near.pooled("kinematic")[2]
+    )  # fourier: what the reference itself is wrong by
 
 
 @pytest.mark.slow
@@ -78,14 +88,25 @@ def test_what_is_said_is_what_the_numbers_say(study):
     for (_, joint, _), errors in uncovered(study).items():
         assert np.mean([row.covered_percent for row in errors.rows]) < 80, joint
     assert "Over 3 runs" in said and "over 1 run" not in said
-    magnitudes = [np.mean([abs(row.ours[FOURIER].rows[i].mean_error_deg) for row in study.gait]) for i in range(3)]
-    assert f"{min(magnitudes):.3f} to {max(magnitudes):.3f} deg in magnitude (published 0.498" in said
+    magnitudes = [
+        np.mean([abs(row.ours[FOURIER].rows[i].mean_error_deg) for row in study.gait])
+        for i in range(3)
+    ]
+    assert (
+        f"{min(magnitudes):.3f} to {max(magnitudes):.3f} deg in magnitude (published 0.498" in said
+    )
 
 
 @pytest.mark.slow
 def test_a_pelvis_whose_place_nothing_tells_is_not_taken_for_known(study):
-    """Its shift and tilt are told apart by accelerations alone; their errors must not exceed what is stated of them."""
-    rows = [row for row in Evaluation.load(study.sessions["gait"][0]).chain if row.joint.startswith(("carrier", "pelvis"))]
+    """Its shift and tilt are told apart by accelerations alone; their errors must not exceed what
+    is stated of them.
+    """
+    rows = [
+        row
+        for row in Evaluation.load(study.sessions["gait"][0]).chain
+        if row.joint.startswith(("carrier", "pelvis"))
+    ]
     assert len(rows) == 2 * 6
     for row in rows:
         assert row.normalised_error < 1.5, (row.joint, row.state)
@@ -94,7 +115,13 @@ def test_a_pelvis_whose_place_nothing_tells_is_not_taken_for_known(study):
 
 @pytest.mark.slow
 def test_every_number_has_a_session(study):
-    assert {name: len(paths) for name, paths in study.sessions.items()} == {"pendulum": 3, "squat": 3, "gait": 3}
-    assert all((path / "evaluation.json").is_file() for paths in study.sessions.values() for path in paths)
+    assert {name: len(paths) for name, paths in study.sessions.items()} == {
+        "pendulum": 3,
+        "squat": 3,
+        "gait": 3,
+    }
+    assert all(
+        (path / "evaluation.json").is_file() for paths in study.sessions.values() for path in paths
+    )
     for errors in [e for row in study.servo for e in row.ours.values()] + list(study.walk.values()):
         assert len(errors.rows) == study.parts == 3

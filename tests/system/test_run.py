@@ -23,13 +23,17 @@ BENCH = [sys.executable, "-m", "testbench"]
 
 
 def bench(*arguments: object, timeout: float = 120) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*BENCH, *map(str, arguments)], capture_output=True, text=True, timeout=timeout)
+    return subprocess.run(
+        [*BENCH, *map(str, arguments)], capture_output=True, text=True, timeout=timeout
+    )
 
 
 @pytest.fixture(scope="module")
 def run(tiny, tmp_path_factory):
     """The tiny protocol, run once from the command line: what it printed."""
-    return bench("run", tiny, "--logs", tmp_path_factory.mktemp("logs"), "--no-report", "--seed", 4, "--json")
+    return bench(
+        "run", tiny, "--logs", tmp_path_factory.mktemp("logs"), "--no-report", "--seed", 4, "--json"
+    )
 
 
 def test_a_run_ends_with_one_json_object_that_names_session_outcome_and_report(run):
@@ -51,12 +55,20 @@ def test_evaluate_prints_the_evaluation_as_json(run):
 def test_the_command_line_writes_the_bytes_that_the_library_writes(run, tiny, tmp_path):
     session = Session(json.loads(run.stdout.splitlines()[-1])["session"])
     same = execute(plan(tiny), tmp_path, seed=4)
-    for name in ("arm.parquet", "imu_hand.parquet", "truth_hand.parquet", "plan.parquet", "events.jsonl"):
+    for name in (
+        "arm.parquet",
+        "imu_hand.parquet",
+        "truth_hand.parquet",
+        "plan.parquet",
+        "events.jsonl",
+    ):
         assert (session.path / name).read_bytes() == (same.path / name).read_bytes(), name
 
 
 def wait_for(folder: Path, process: subprocess.Popen[str], seconds: float) -> Path:
-    """The session that a process in real time is writing, once it holds this many seconds of the arm."""
+    """The session that a process in real time is writing, once it holds this many seconds of the
+    arm.
+    """
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline:
         assert process.poll() is None, process.communicate()
@@ -73,12 +85,17 @@ def wait_for(folder: Path, process: subprocess.Popen[str], seconds: float) -> Pa
 
 @pytest.fixture(scope="module")
 def interrupted(tiny, tmp_path_factory):
-    """The tiny protocol in real time, ended by Ctrl-C during its first move: exit code, what was printed, session."""
+    """The tiny protocol in real time, ended by Ctrl-C during its first move: exit code, what was
+    printed, session.
+    """
     logs = tmp_path_factory.mktemp("logs")
     process = subprocess.Popen(
         [*BENCH, "run", str(tiny), "--speed", "realtime", "--logs", str(logs), "--no-report"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "NO_COLOR": "1"},
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "NO_COLOR": "1"},
+    )
     try:
         folder = wait_for(logs, process, 1.3)
         process.send_signal(signal.SIGINT)
@@ -119,23 +136,39 @@ def test_an_interrupted_session_is_estimated_and_evaluated_like_any_other(interr
 def test_a_session_killed_in_the_middle_is_recovered_from_the_command_line(tiny, tmp_path):
     process = subprocess.Popen(
         [*BENCH, "run", str(tiny), "--speed", "realtime", "--logs", str(tmp_path), "--no-report"],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True,
-    )  # fmt: skip
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
     try:
         folder = wait_for(tmp_path, process, 1.5)
     finally:
         process.kill()
         process.wait()
     refused = bench("evaluate", folder)
-    assert refused.returncode == 2 and "recover" in refused.stderr and "Traceback" not in refused.stderr
+    assert (
+        refused.returncode == 2
+        and "recover" in refused.stderr
+        and "Traceback" not in refused.stderr
+    )
     recovered = bench("recover", folder)
     assert recovered.returncode == 0, recovered.stderr
-    assert "and recovered" in recovered.stdout and f"go on: testbench run --resume {folder}" in recovered.stdout
+    assert (
+        "and recovered" in recovered.stdout
+        and f"go on: testbench run --resume {folder}" in recovered.stdout
+    )
     again = json.loads(bench("recover", folder, "--json").stdout)
-    assert again["message"].startswith("nothing to recover; it was closed as aborted before: cut off after")
+    assert again["message"].startswith(
+        "nothing to recover; it was closed as aborted before: cut off after"
+    )
     done = {step.index for step in Session(folder).steps}
-    assert again["missing_steps"] == [index for index in range(max(again["missing_steps"]) + 1) if index not in done]
+    assert again["missing_steps"] == [
+        index for index in range(max(again["missing_steps"]) + 1) if index not in done
+    ]
     assert 0 not in again["missing_steps"]
-    assert f"missing: {len(again['missing_steps'])} of 3 steps: {in_ranges(again['missing_steps'])}\n" in recovered.stdout
+    assert (
+        f"missing: {len(again['missing_steps'])} of 3 steps: {in_ranges(again['missing_steps'])}\n"
+        in recovered.stdout
+    )
     assert bench("evaluate", folder, "--json").returncode == 0
     assert Session(folder).status is RunStatus.ABORTED

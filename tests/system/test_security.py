@@ -1,4 +1,6 @@
-"""The bench trusts no file: mutated and malicious protocols, robots and sessions are refused in a sentence, quickly."""
+"""The bench trusts no file: mutated and malicious protocols, robots and sessions are refused in a
+sentence, quickly.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,14 @@ def campaign(tmp_path, tiny, quick, monkeypatch):
     monkeypatch.chdir(tmp_path)  # put back at the end
     (tmp_path / "inside").mkdir()
     small = tmp_path / "inside" / "session"
-    shutil.copytree(quick.session.path, small, ignore=shutil.ignore_patterns("estimate", "evaluation*", "report.html"))
-    return Campaign(tmp_path / "inside", tiny, shipped_folder("robots") / "ur3e", small, CALIBRATION)
+    shutil.copytree(
+        quick.session.path,
+        small,
+        ignore=shutil.ignore_patterns("estimate", "evaluation*", "report.html"),
+    )
+    return Campaign(
+        tmp_path / "inside", tiny, shipped_folder("robots") / "ur3e", small, CALIBRATION
+    )
 
 
 @pytest.mark.parametrize("begin", [0, 100, 200])
@@ -45,7 +53,9 @@ def test_no_mutated_file_ends_in_a_traceback_a_hang_or_a_file_elsewhere(campaign
     assert campaign.found.refused > 40
 
 
-@pytest.mark.parametrize("name", ["../../evil", "/etc/x", "..", "a/b", "a\\b", "", "x\x00y", "n" * 200])
+@pytest.mark.parametrize(
+    "name", ["../../evil", "/etc/x", "..", "a/b", "a\\b", "", "x\x00y", "n" * 200]
+)
 def test_a_session_cannot_name_a_sensor_out_of_its_folder(tmp_path, quick, name):
     copy = tmp_path / "session"
     shutil.copytree(quick.session.path, copy)
@@ -68,7 +78,8 @@ def test_a_part_of_a_manifest_that_is_no_mapping_is_called_damage(tmp_path, quic
 
 
 @pytest.mark.parametrize(
-    "expression", ["__import__('os')", "open('/etc/passwd')", "(" * 150 + ")" * 150, "9**9**9", "x.__class__"]
+    "expression",
+    ["__import__('os')", "open('/etc/passwd')", "(" * 150 + ")" * 150, "9**9**9", "x.__class__"],
 )
 def test_arithmetic_runs_no_code_and_has_an_end(expression):
     with pytest.raises(ExpressionError):
@@ -80,7 +91,9 @@ def test_includes_stay_in_the_folder_of_the_protocol(tmp_path, tiny):
     secret.write_text(tiny.read_text())
     inside = tmp_path / "inside"
     inside.mkdir()
-    text = tiny.read_text().replace("sections:\n", "sections:\n  - {name: stolen, include: ../secret.yaml}\n")
+    text = tiny.read_text().replace(
+        "sections:\n", "sections:\n  - {name: stolen, include: ../secret.yaml}\n"
+    )
     (inside / "protocol.yaml").write_text(text)
     with pytest.raises(FileProblems, match="lies elsewhere"):
         load_protocol(inside / "protocol.yaml")

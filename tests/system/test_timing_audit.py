@@ -18,7 +18,11 @@ def result(altered_protocol, tmp_path_factory):
         for sensor in protocol["sensors"].values():
             sensor["parameters"] = {"clock": dict(clock), "lost_packets_percent": 0.5}
 
-    return run(altered_protocol("timing_audit", set_clocks), logs=tmp_path_factory.mktemp("logs"), with_report=False)
+    return run(
+        altered_protocol("timing_audit", set_clocks),
+        logs=tmp_path_factory.mktemp("logs"),
+        with_report=False,
+    )
 
 
 @pytest.mark.parametrize("name", ["dot", "matrix"])

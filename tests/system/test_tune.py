@@ -36,12 +36,25 @@ class Own(MadgwickMarg):
 @pytest.fixture
 def sessions(tmp_path) -> list[Path]:
     noise = ((0.0, 0.0, 0.0), (0.02, -0.01, 0.015), (0.015, 0.02, 0.0))
-    return [write_known(tmp_path / f"s{i}", 20 + i, 20.0, bias=bias).path for i, bias in enumerate(noise)]
+    return [
+        write_known(tmp_path / f"s{i}", 20 + i, 20.0, bias=bias).path
+        for i, bias in enumerate(noise)
+    ]
 
 
 def test_what_tune_writes_is_what_the_other_commands_use_and_mark(sessions, tmp_path, capsys):
     file = tmp_path / "tuned.json"
-    asked = ("--filter", "madgwick_marg", "--parameters", "beta", "--values", 5, "--leave-one-out", "--out", file)
+    asked = (
+        "--filter",
+        "madgwick_marg",
+        "--parameters",
+        "beta",
+        "--values",
+        5,
+        "--leave-one-out",
+        "--out",
+        file,
+    )
     assert command("tune", *sessions[:2], "--test", sessions[2], *asked) == 0
     shown = capsys.readouterr().out
     assert "not a test" in shown.replace("\n", " ")
@@ -59,7 +72,9 @@ def test_what_tune_writes_is_what_the_other_commands_use_and_mark(sessions, tmp_
         assert row.tuned_on == ["s0", "s1"]
         page = (path / "report.html").read_text()
         assert f"beta {beta:.4g}" in page
-        assert ("madgwick_marg was tuned on this session: the place" in page) is (path == sessions[0])
+        assert ("madgwick_marg was tuned on this session: the place" in page) is (
+            path == sessions[0]
+        )
         assert "defaults, or the protocol&#39;s" in page  # vqf_9d beside it
     (tested,) = found.of_role("test")
     rows = {row.filter: row.total_rmse_deg for row in Evaluation.load(sessions[2]).orientation}
@@ -82,7 +97,11 @@ def test_a_filter_of_the_users_own_is_tuned_and_needs_its_file_to_run(tmp_path, 
     printed = json.loads(capsys.readouterr().out)
     assert printed["filter_source"] == f"{plug_in}:Own"
     twin = tune(
-        get_filter("madgwick_marg", {"beta": 0.35}), Sessions.given([Session(path)], []), "total_rmse_deg", NOW, ["beta"]
+        get_filter("madgwick_marg", {"beta": 0.35}),
+        Sessions.given([Session(path)], []),
+        "total_rmse_deg",
+        NOW,
+        ["beta"],
     )
     assert printed["parameters"]["gain"] == pytest.approx(twin.parameters["beta"], rel=0.05)
     assert command("evaluate", path, "--tuned", file) == 2
@@ -110,22 +129,35 @@ def test_tune_refuses_before_it_computes(sessions, tmp_path, capsys):
         assert command("tune", *sessions[:2], *arguments) == 2
         assert complaint in capsys.readouterr().err
     assert not out.exists()
-    assert command("run", "quick", "--tuned", taken, "--logs", tmp_path / "logs") == 2  # before anything moves
+    assert (
+        command("run", "quick", "--tuned", taken, "--logs", tmp_path / "logs") == 2
+    )  # before anything moves
     assert not (tmp_path / "logs").exists()
 
 
 @pytest.mark.data
 def test_madgwicks_beta_on_broad_each_trial_alone_and_one_for_the_others(data, tmp_path):
     trials = [
-        import_recording("broad", [next((data / "broad").glob(f"{number}_*.mat"))], tmp_path / f"broad_{number}", FixedClock())
+        import_recording(
+            "broad",
+            [next((data / "broad").glob(f"{number}_*.mat"))],
+            tmp_path / f"broad_{number}",
+            FixedClock(),
+        )
         for number in ("02", "05", "14", "16", "30")
     ]
     found = tune(
-        get_filter("madgwick_marg"), Sessions.given(trials, []), "total_rmse_deg", NOW, ["beta"],
-        Effort(values=7), leave_one_out=True,
-    )  # fmt: skip
+        get_filter("madgwick_marg"),
+        Sessions.given(trials, []),
+        "total_rmse_deg",
+        NOW,
+        ["beta"],
+        Effort(values=7),
+        leave_one_out=True,
+    )
     own = {entry.session[-2:]: entry.own_parameters["beta"] for entry in found.sessions}
-    # Laidig et al. (2021) found 0.12 best over all 39 trials; fast motion wants more than a field that is disturbed
+    # Laidig et al. (2021) found 0.12 best over all 39 trials; fast motion wants more than a field
+    # that is disturbed
     assert max(own, key=own.__getitem__) == "16"
     assert min(own, key=own.__getitem__) == "30"
     for number, beta in own.items():
@@ -134,19 +166,32 @@ def test_madgwicks_beta_on_broad_each_trial_alone_and_one_for_the_others(data, t
     for entry in found.sessions:
         assert entry.own_value <= entry.value
         assert entry.own_value <= entry.left_out_value
-    means = [np.mean([getattr(entry, key) for entry in found.sessions]) for key in ("own_value", "value", "left_out_value")]
-    assert means == sorted(means)  # the more a set was fitted to what judges it, the better it looks
+    means = [
+        np.mean([getattr(entry, key) for entry in found.sessions])
+        for key in ("own_value", "value", "left_out_value")
+    ]
+    assert means == sorted(
+        means
+    )  # the more a set was fitted to what judges it, the better it looks
 
 
 def best_of_a_scan(data: Path, number: str) -> float:
-    """The best beta of a trial, straight from its file: no session, no alignment, errors by scipy."""
+    """The best beta of a trial, straight from its file: no session, no alignment, errors by
+    scipy.
+    """
     content = loadmat(next((data / "broad").glob(f"{number}_*.mat")))
-    gyr, acc, mag = (np.ascontiguousarray(content[key], dtype=float) for key in ("imu_gyr", "imu_acc", "imu_mag"))
+    gyr, acc, mag = (
+        np.ascontiguousarray(content[key], dtype=float) for key in ("imu_gyr", "imu_acc", "imu_mag")
+    )
     samples = UniformSamples(1 / float(content["sampling_rate"].squeeze()), gyr, acc, mag)
-    counted = content["movement"].squeeze().astype(bool) & np.isfinite(content["opt_quat"]).all(axis=1)
+    counted = content["movement"].squeeze().astype(bool) & np.isfinite(content["opt_quat"]).all(
+        axis=1
+    )
     true = Rotation.from_quat(content["opt_quat"][counted], scalar_first=True)
     errors = {}
     for beta in np.geomspace(0.008, 0.2, 40):
         q = get_filter("madgwick_marg", {"beta": beta}).run(samples)[counted]
-        errors[beta] = np.sqrt(np.mean((Rotation.from_quat(q, scalar_first=True) * true.inv()).magnitude() ** 2))
+        errors[beta] = np.sqrt(
+            np.mean((Rotation.from_quat(q, scalar_first=True) * true.inv()).magnitude() ** 2)
+        )
     return float(min(errors, key=errors.__getitem__))

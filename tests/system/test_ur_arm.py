@@ -1,4 +1,6 @@
-"""The driver of Universal Robots arms: the real client library against an emulated controller, over TCP."""
+"""The driver of Universal Robots arms: the real client library against an emulated controller, over
+TCP.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ def test_static_poses_are_reached_to_a_hundredth_of_a_degree(done, short_plan):
     for step in done.steps:
         rest = (arm.host_time_ns > step.settled_ns) & (arm.host_time_ns < step.end_ns)
         assert rest.sum() > 10
-        planned = short_plan.trajectory.at(np.array([short_plan.steps[step.index].settled_ns]))[0][0]
+        planned = short_plan.trajectory.at(np.array([short_plan.steps[step.index].settled_ns]))[0][
+            0
+        ]
         assert np.degrees(np.abs(np.median(arm.q_measured[rest], axis=0) - planned)).max() < 0.01
 
 
@@ -89,7 +93,9 @@ def test_the_session_is_judged_like_any_other(done):
         ("fault slider 0.4", "speed slider stands at 40 %"),
     ],
 )
-def test_an_arm_that_must_not_be_driven_is_refused_before_anything_moves(ur3e, short_plan, tmp_path, fault, sentence):
+def test_an_arm_that_must_not_be_driven_is_refused_before_anything_moves(
+    ur3e, short_plan, tmp_path, fault, sentence
+):
     moved = ur3e.control("status").rpartition(",")[2]
     ur3e.control(fault)
     with pytest.raises(ArmRefused, match=sentence) as caught:
@@ -100,14 +106,24 @@ def test_an_arm_that_must_not_be_driven_is_refused_before_anything_moves(ur3e, s
 
 
 def test_another_model_or_an_old_controller_is_refused(short_plan, tmp_path):
-    with emulated_ur("--model", "ur5e") as other, pytest.raises(ArmRefused, match="plan is for a ur3e, the controller calls"):
+    with (
+        emulated_ur("--model", "ur5e") as other,
+        pytest.raises(ArmRefused, match="plan is for a ur3e, the controller calls"),
+    ):
         drive_ur(short_plan, other, tmp_path)
-    with emulated_ur("--polyscope", "5.3.0.1") as old, pytest.raises(ArmRefused, match=r"PolyScope 5\.3"):
+    with (
+        emulated_ur("--polyscope", "5.3.0.1") as old,
+        pytest.raises(ArmRefused, match=r"PolyScope 5\.3"),
+    ):
         drive_ur(short_plan, old, tmp_path)
 
 
-def test_a_second_run_on_the_same_arm_is_refused_and_leaves_the_first_alone(ur3e, short_plan, tmp_path, monkeypatch):
-    elsewhere = tmp_path / "tmp"  # where the lock of another machine would be: only the controller can tell then
+def test_a_second_run_on_the_same_arm_is_refused_and_leaves_the_first_alone(
+    ur3e, short_plan, tmp_path, monkeypatch
+):
+    elsewhere = (
+        tmp_path / "tmp"
+    )  # where the lock of another machine would be: only the controller can tell then
     elsewhere.mkdir()
     told: list[str] = []
 
@@ -145,7 +161,10 @@ def test_nobody_at_the_address_is_a_clear_message(short_plan, tmp_path):
 
 
 def test_an_arm_whose_way_to_the_start_is_blocked_is_refused(short_plan, tmp_path):
-    with emulated_ur("--at", "0,30,-10,-90,90,0") as far, pytest.raises(ArmRefused, match="by hand"):
+    with (
+        emulated_ur("--at", "0,30,-10,-90,90,0") as far,
+        pytest.raises(ArmRefused, match="by hand"),
+    ):
         drive_ur(short_plan, far, tmp_path)
 
 
@@ -162,12 +181,18 @@ FAULTS = [
 MAY_BE_SEEN_AS = {
     "disconnect": {"disconnect", "rtde_silence", "refused", "driver"},
     "program_stopped": {"program_stopped", "refused"},
-    "slow_response": {"slow_response", "refused", "host_silence"},  # nothing feeds the watchdog while the client waits
+    "slow_response": {
+        "slow_response",
+        "refused",
+        "host_silence",
+    },  # nothing feeds the watchdog while the client waits
 }
 
 
 @pytest.mark.parametrize(("fault", "kind"), FAULTS, ids=[kind for _, kind in FAULTS])
-def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names_it(ur3e, short_plan, tmp_path, fault, kind):
+def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names_it(
+    ur3e, short_plan, tmp_path, fault, kind
+):
     struck: list[str] = []
 
     def strike(progress) -> None:
@@ -183,8 +208,12 @@ def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names
     (told,) = [event for event in session.events if event.event == "arm_fault"]
     seen = told.details["fault"]
     notes = [note for note in caught.value.__notes__ if "what to do" not in note]
-    assert notes == [f"what was recorded is kept in {session.path}: {len(session.steps)} of 4 steps are whole"]
-    assert (f"what to do: {UR_REMEDIES.get(seen)}" in caught.value.__notes__) == (seen in UR_REMEDIES)
+    assert notes == [
+        f"what was recorded is kept in {session.path}: {len(session.steps)} of 4 steps are whole"
+    ]
+    assert (f"what to do: {UR_REMEDIES.get(seen)}" in caught.value.__notes__) == (
+        seen in UR_REMEDIES
+    )
 
 
 def test_late_and_lost_packages_do_not_stop_a_run_that_can_bear_them(ur3e, short_plan, tmp_path):
@@ -197,7 +226,9 @@ def test_late_and_lost_packages_do_not_stop_a_run_that_can_bear_them(ur3e, short
     assert 0.1 < lost / expected < 0.8
 
 
-def test_stamps_that_fall_behind_in_motion_are_followed_before_the_next_one(ur3e, short_plan, tmp_path):
+def test_stamps_that_fall_behind_in_motion_are_followed_before_the_next_one(
+    ur3e, short_plan, tmp_path
+):
     struck: list[str] = []
 
     def strike(progress) -> None:
@@ -211,7 +242,9 @@ def test_stamps_that_fall_behind_in_motion_are_followed_before_the_next_one(ur3e
     arm, begun = session.arm(), {step.index: step.start_ns for step in session.steps}
     for index in (2, 3):
         before = (arm.host_time_ns > begun[index] - 0.3e9) & (arm.host_time_ns < begun[index])
-        assert np.abs(np.ptp(arm.q_measured[before], axis=0)).max() < np.radians(0.05), "nothing moves before it is commanded"
+        assert np.abs(np.ptp(arm.q_measured[before], axis=0)).max() < np.radians(0.05), (
+            "nothing moves before it is commanded"
+        )
 
 
 def test_a_controller_that_sends_nothing_is_told_with_what_to_do(ur3e, short_plan, tmp_path):
@@ -226,8 +259,12 @@ def test_a_controller_that_sends_nothing_is_told_with_what_to_do(ur3e, short_pla
 @pytest.mark.parametrize("whom", ["the bench", "the process that drives the arm"])
 def test_a_kill_in_motion_stops_the_arm(ur3e, short, tmp_path, whom):
     before = int(ur3e.control("status").split()[-2])
-    run = ur_command(ur3e, short, tmp_path / "logs", "--confirm-motion", "--hazards-checked", "--json")
-    bench = subprocess.Popen(run, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    run = ur_command(
+        ur3e, short, tmp_path / "logs", "--confirm-motion", "--hazards-checked", "--json"
+    )
+    bench = subprocess.Popen(
+        run, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     try:
         end = time.monotonic() + 30
         while int(ur3e.control("status").split()[-2]) < before + 100 and time.monotonic() < end:
@@ -256,7 +293,8 @@ def test_a_kill_in_motion_stops_the_arm(ur3e, short, tmp_path, whom):
         assert "watchdog" in said
         told = json.loads(said.splitlines()[-1])["error"]
         assert told["notes"][-1] == (
-            f"go on: testbench run --resume {session.path} --arm ur --host {ur3e.address} --confirm-motion --simulate-imus "
+            f"go on: testbench run --resume {session.path} --arm ur --host {ur3e.address} "
+            "--confirm-motion --simulate-imus "
             f"--logs {tmp_path / 'logs'}"
         )
         assert session.status is RunStatus.ERROR

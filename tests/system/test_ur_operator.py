@@ -54,7 +54,8 @@ def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(ur3e, short_plan, 
 
 def test_a_guard_stops_the_arm(ur3e, short, tmp_path):
     guarded = tmp_path / "guarded.yaml"
-    rule = "guards: {temperature_degC: {limit: 25, action: stop}}\n"  # the emulated joints have 30 degC
+    # the emulated joints have 30 degC
+    rule = "guards: {temperature_degC: {limit: 25, action: stop}}\n"
     guarded.write_text(SHORT + rule, encoding="utf-8")
     with pytest.raises(GuardTripped, match=r"temperature of .*: 30 degC, the limit is 25 degC"):
         drive_ur(make_plan(guarded), ur3e, tmp_path / "logs")
@@ -76,9 +77,11 @@ def test_a_guard_that_pauses_says_why_and_how_to_go_on(ur3e, tmp_path):
             os.kill(os.getpid(), signal.SIGUSR2)
 
     session = drive_ur(make_plan(guarded), ur3e, tmp_path / "logs", say=hear)
-    why = "guard: temperature of wrist_3_joint: 30 degC, the limit is 25 degC"  # the last of six that trip at once
+    # the last of six that trip at once
+    why = "guard: temperature of wrist_3_joint: 30 degC, the limit is 25 degC"
     assert said[:6] == [
-        f"warning: temperature of {joint}: 30 degC, the limit is 25 degC" for joint in session.robot.joint_names
+        f"warning: temperature of {joint}: 30 degC, the limit is 25 degC"
+        for joint in session.robot.joint_names
     ]
     assert said[6:9] == [
         f"pause requested ({why}): the arm rests after this step",
@@ -93,7 +96,13 @@ def test_a_guard_that_pauses_says_why_and_how_to_go_on(ur3e, tmp_path):
 
 def test_without_confirmation_the_whole_motion_is_shown_and_nothing_moves(ur3e, short, tmp_path):
     before = ur3e.control("status")
-    done = subprocess.run(ur_command(ur3e, short, tmp_path / "logs"), cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        ur_command(ur3e, short, tmp_path / "logs"),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert done.returncode == 2
     assert "--confirm-motion" in done.stderr
     for name in ("start", "out", "wave", "back"):
@@ -104,7 +113,9 @@ def test_without_confirmation_the_whole_motion_is_shown_and_nothing_moves(ur3e, 
 
 def test_without_a_look_at_the_hazards_nothing_moves(ur3e, short, tmp_path):
     asked = ur_command(ur3e, short, tmp_path / "logs", "--confirm-motion")
-    done = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL)
+    done = subprocess.run(
+        asked, cwd=ROOT, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL
+    )
     assert done.returncode == 2
     assert "--hazards-checked" in done.stderr
 
@@ -112,12 +123,17 @@ def test_without_a_look_at_the_hazards_nothing_moves(ur3e, short, tmp_path):
 @pytest.mark.parametrize(
     ("choice", "sentence"),
     [
-        (ArmChoice("ur", "127.0.0.1", confirmed=True), "name the sensors on the arm with --serial or --dot"),
+        (
+            ArmChoice("ur", "127.0.0.1", confirmed=True),
+            "name the sensors on the arm with --serial or --dot",
+        ),
         (ArmChoice("ur", "127.99.99.99", simulate_imus=True, confirmed=True), r"127\.99\.99\.99"),
     ],
     ids=["no sensors", "no controller"],
 )
-def test_a_person_is_asked_only_when_nothing_else_would_refuse_the_run(short_plan, choice, sentence, monkeypatch):
+def test_a_person_is_asked_only_when_nothing_else_would_refuse_the_run(
+    short_plan, choice, sentence, monkeypatch
+):
     asked: list[str] = []
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("testbench.cli.running._ask", lambda question: bool(asked.append(question)))
@@ -126,7 +142,9 @@ def test_a_person_is_asked_only_when_nothing_else_would_refuse_the_run(short_pla
     assert not asked
 
 
-def test_a_person_is_asked_of_an_arm_that_can_be_driven_and_that_was_let_go(ur3e, short_plan, monkeypatch):
+def test_a_person_is_asked_of_an_arm_that_can_be_driven_and_that_was_let_go(
+    ur3e, short_plan, monkeypatch
+):
     asked: list[str] = []
 
     def ask(question: str) -> bool:

@@ -1,4 +1,6 @@
-"""A run on an arm that broke off goes on: with its missing steps, by the same protocol, on the same arm."""
+"""A run on an arm that broke off goes on: with its missing steps, by the same protocol, on the same
+arm.
+"""
 
 from __future__ import annotations
 
@@ -27,21 +29,27 @@ pytestmark = REAL_TIME
 
 def broken_off(ur3e: EmulatedUr, plan: Plan, logs: Path) -> Session:
     """A session that the operator stopped at once."""
-    with pytest.raises(RunInterrupted, match=r"what was recorded is kept in .*: \d of \d steps are whole$"):
+    with pytest.raises(
+        RunInterrupted, match=r"what was recorded is kept in .*: \d of \d steps are whole$"
+    ):
         drive_ur(plan, ur3e, logs, progress=lambda progress: os.kill(os.getpid(), signal.SIGINT))
     (session,) = list_sessions(logs)
     return session
 
 
 @pytest.fixture(scope="module")
-def stopped(ur_emulator: EmulatedUr, short_plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Session:
+def stopped(
+    ur_emulator: EmulatedUr, short_plan: Plan, tmp_path_factory: pytest.TempPathFactory
+) -> Session:
     """A session of the short protocol; its files must not be changed."""
     ur_emulator.control("clear")
     ur_emulator.wait_until("at rest")
     return broken_off(ur_emulator, short_plan, tmp_path_factory.mktemp("logs"))
 
 
-def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_references(ur3e, short_plan, short, tmp_path):
+def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_references(
+    ur3e, short_plan, short, tmp_path
+):
     def strike(progress) -> None:
         if progress.index == 2:  # the sweep
             ur3e.control("fault protective_stop")
@@ -52,7 +60,18 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
     assert [step.index for step in broken.steps] == [0, 1]
     ur3e.control("clear")
     before = ur3e.control("status")
-    dry = [sys.executable, "-m", "testbench", "run", "--resume", str(broken.path), "--arm", "ur", "--host", ur3e.address]
+    dry = [
+        sys.executable,
+        "-m",
+        "testbench",
+        "run",
+        "--resume",
+        str(broken.path),
+        "--arm",
+        "ur",
+        "--host",
+        ur3e.address,
+    ]
     shown = subprocess.run(dry, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert shown.returncode == 2 and "dry run" in shown.stderr
     assert f"{short} is still the same" in shown.stderr
@@ -65,7 +84,9 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
     assert ur3e.control("status") == before
     seen: list[str] = []
     setup = ArmSetup(host=ur3e.address, simulate_imus=True, seed=1)
-    options = ArmRunOptions(tmp_path, 1, progress=lambda progress: progress.doing or seen.append(progress.step))
+    options = ArmRunOptions(
+        tmp_path, 1, progress=lambda progress: progress.doing or seen.append(progress.step)
+    )
     result = resume(broken.path, setup, options, with_report=False)
     assert result.session.status is RunStatus.COMPLETED
     assert list(dict.fromkeys(seen)) == ["start", "on to 'wave'", "wave", "back"]
@@ -80,9 +101,14 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
 
 
 def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_arm(ur3e, tmp_path):
-    steps = "".join(f"      - {{move_to_deg: {{wrist_3_joint: {2 * (k % 2)}}}}}\n" for k in range(15))
+    steps = "".join(
+        f"      - {{move_to_deg: {{wrist_3_joint: {2 * (k % 2)}}}}}\n" for k in range(15)
+    )
     path = tmp_path / "many.yaml"
-    path.write_text(SHORT.partition("  - name: moves")[0] + "  - name: moves\n    steps:\n" + steps, encoding="utf-8")
+    path.write_text(
+        SHORT.partition("  - name: moves")[0] + "  - name: moves\n    steps:\n" + steps,
+        encoding="utf-8",
+    )
     the_plan = make_plan(path)
     every_other = [the_plan.steps[0], *the_plan.steps[2::2]]
     session = drive_ur(the_plan, ur3e, tmp_path / "logs", steps=every_other)
@@ -94,11 +120,18 @@ def test_a_changed_protocol_is_not_resumed_and_the_difference_shown(stopped, tmp
     changed = tmp_path / "short.yaml"
     changed.write_text(SHORT.replace("dwell_s: 0.5", "dwell_s: 0.6"), encoding="utf-8")
     with pytest.raises(InputError, match=r"short\.yaml differs") as caught:
-        resume(stopped.path, ArmSetup(host="127.99.99.99", simulate_imus=True, seed=1), ArmRunOptions(tmp_path, 1), changed)
+        resume(
+            stopped.path,
+            ArmSetup(host="127.99.99.99", simulate_imus=True, seed=1),
+            ArmRunOptions(tmp_path, 1),
+            changed,
+        )
     assert "dwell_s: 0.6" in str(caught.value)
 
 
-def test_a_protocol_that_was_edited_since_is_not_resumed_unless_the_sessions_own_is_named(ur3e, tmp_path):
+def test_a_protocol_that_was_edited_since_is_not_resumed_unless_the_sessions_own_is_named(
+    ur3e, tmp_path
+):
     edited = tmp_path / "short.yaml"
     edited.write_text(SHORT, encoding="utf-8")
     session = broken_off(ur3e, make_plan(edited), tmp_path / "logs")
@@ -112,7 +145,9 @@ def test_a_protocol_that_was_edited_since_is_not_resumed_unless_the_sessions_own
         prepare_resume(session.path)
     other = tmp_path / "other.yaml"
     other.write_text(SHORT.replace("wrist_3_joint: 40", "wrist_3_joint: 20"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"called other\.yaml, that of the session short\.yaml") as caught:
+    with pytest.raises(
+        InputError, match=r"called other\.yaml, that of the session short\.yaml"
+    ) as caught:
         prepare_resume(session.path, other)
     assert str(caught.value).count("\n+") == 2  # the head of the difference, and the line
     kept = prepare_resume(session.path, session.path / "protocol.yaml")

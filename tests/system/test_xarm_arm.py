@@ -29,9 +29,19 @@ from testbench.pipeline import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.benchmarks.real_arm import following
-from tests.emulated_arms import COMMAND_PORT, REAL_TIME, Emulated, emulated_xarm, faulted_session, free_address
+from tests.emulated_arms import (
+    COMMAND_PORT,
+    REAL_TIME,
+    Emulated,
+    emulated_xarm,
+    faulted_session,
+    free_address,
+)
 
-pytestmark = [pytest.mark.skipif(find_spec("xarm") is None, reason="xarm-python-sdk is not installed"), REAL_TIME]
+pytestmark = [
+    pytest.mark.skipif(find_spec("xarm") is None, reason="xarm-python-sdk is not installed"),
+    REAL_TIME,
+]
 
 PROTOCOL = """\
 name: {name}
@@ -85,13 +95,19 @@ def robot(emulator: Emulated) -> Emulated:
 
 def the_arm(plan: Plan, address: str, time_: SessionTime | None = None) -> XArm:
     settings = xarm_settings(plan, f"{address}:{COMMAND_PORT}")
-    return XArm(plan.robot, replace(settings, arm_silence=1.2, answer=0.8), time_)  # this machine may be busy
+    return XArm(
+        plan.robot, replace(settings, arm_silence=1.2, answer=0.8), time_
+    )  # this machine may be busy
 
 
 def drive(plan: Plan, address: str, logs: Path, **options) -> Session:
     time_ = SessionTime(SystemClock())
     return execute_on_arm(
-        plan, the_arm(plan, address, time_), Sensors.simulated(plan, 1), time_, ArmRunOptions(logs, **options)
+        plan,
+        the_arm(plan, address, time_),
+        Sensors.simulated(plan, 1),
+        time_,
+        ArmRunOptions(logs, **options),
     )
 
 
@@ -117,7 +133,9 @@ def test_static_poses_are_reached_to_a_hundredth_of_a_degree(done, poses_plan):
     for step in done.steps:
         rest = (arm.host_time_ns > step.settled_ns + 150_000_000) & (arm.host_time_ns < step.end_ns)
         assert rest.sum() > 5
-        planned = poses_plan.trajectory.at(np.array([poses_plan.steps[step.index].settled_ns]))[0][0]
+        planned = poses_plan.trajectory.at(np.array([poses_plan.steps[step.index].settled_ns]))[0][
+            0
+        ]
         assert np.degrees(np.abs(np.median(arm.q_measured[rest], axis=0) - planned)).max() < 0.01
 
 
@@ -133,21 +151,29 @@ def test_the_session_says_that_the_driver_is_unverified_and_so_did_the_connectio
     assert arm["driver"] == "xarm" and arm["model"] == "xArm 6" and arm["firmware"] == "2.5.0"
     assert arm["unverified_on_hardware"] is True
     assert len(told) == 1 and "UNVERIFIED ON HARDWARE" in told[0]
-    assert [event.details["message"] for event in done.events if event.event == "arm_notice"] == told
+    assert [
+        event.details["message"] for event in done.events if event.event == "arm_notice"
+    ] == told
 
 
 def test_measured_angles_states_and_the_controllers_time_are_recorded(done, emulator):
     import pandas as pd
 
     table = pd.read_parquet(done.path / "arm.parquet")
-    assert set(np.diff(table["controller_time_ns"])) == {5_000_000}  # every report, though they come in bursts
+    assert set(np.diff(table["controller_time_ns"])) == {
+        5_000_000
+    }  # every report, though they come in bursts
     assert (table["error_code"] == 0).all() and (table["temperature_joint1_degC"] == 30).all()
     sweep = next(step for step in done.steps if step.kind == "sweep")
-    inside = (table["host_time_ns"] > sweep.start_ns + 100_000_000) & (table["host_time_ns"] < sweep.settled_ns - 100_000_000)
+    inside = (table["host_time_ns"] > sweep.start_ns + 100_000_000) & (
+        table["host_time_ns"] < sweep.settled_ns - 100_000_000
+    )
     assert (table["mode"][inside] == 1).all() and (table["state"] <= 2).sum() > 0.95 * len(table)
     lag = np.abs(table["q_sent_joint6_rad"] - table["q_measured_joint6_rad"])[inside].max()
     assert lag > np.radians(0.3)  # what the encoders measured, not what was asked for
-    assert "STOPPED" in emulator.control("status")  # the driver lets go of an arm that stays where it is
+    assert "STOPPED" in emulator.control(
+        "status"
+    )  # the driver lets go of an arm that stays where it is
 
 
 @contextmanager
@@ -172,7 +198,9 @@ def controller(**identity) -> Iterator[str]:
         ("fault power_off", "motors of joints 1, 2, 3, 4, 5, 6 are not enabled"),
     ],
 )
-def test_an_arm_that_must_not_be_driven_is_refused_before_anything_moves(robot, moves, fault, sentence):
+def test_an_arm_that_must_not_be_driven_is_refused_before_anything_moves(
+    robot, moves, fault, sentence
+):
     robot.control(fault)
     before = robot.control("status")
     with pytest.raises(ArmRefused, match=sentence) as caught:
@@ -184,7 +212,10 @@ def test_an_arm_that_must_not_be_driven_is_refused_before_anything_moves(robot, 
 @pytest.mark.parametrize(
     ("identity", "sentence"),
     [
-        ({"claims": "lite6"}, "the plan is for a xarm6, the controller says that it drives an Lite 6"),
+        (
+            {"claims": "lite6"},
+            "the plan is for a xarm6, the controller says that it drives an Lite 6",
+        ),
         ({"firmware": "1.12.0"}, r"has firmware 1\.12\.0; this driver needs 2\.1\.0"),
     ],
 )
@@ -204,11 +235,15 @@ def test_what_cannot_be_driven_is_said_in_a_sentence(moves):
         XArm(other.robot, xarm_settings(other, "127.0.0.1"))
 
 
-def test_a_bench_that_plans_for_long_between_connection_and_motion_does_not_give_the_arm_up(robot, moves, monkeypatch):
+def test_a_bench_that_plans_for_long_between_connection_and_motion_does_not_give_the_arm_up(
+    robot, moves, monkeypatch
+):
     arm = the_arm(moves[1], robot.address)
     try:
         arm.connect()
-        monkeypatch.setattr(arm._link, "_heard", time.monotonic() - 60)  # as if it had looked at many ways
+        monkeypatch.setattr(
+            arm._link, "_heard", time.monotonic() - 60
+        )  # as if it had looked at many ways
         arm.check_way(moves[1])
         arm.prepare(moves[1])
     finally:
@@ -227,7 +262,9 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("fault", "kinds"), FAULTS, ids=[fault.split()[1] for fault, _ in FAULTS])
-def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names_it(robot, moves, tmp_path, fault, kinds):
+def test_a_fault_in_motion_ends_in_a_stopped_arm_and_a_closed_session_that_names_it(
+    robot, moves, tmp_path, fault, kinds
+):
     struck: list[str] = []
 
     def strike(progress) -> None:
@@ -270,7 +307,11 @@ def test_an_arm_whose_driving_process_is_killed_is_stopped_by_the_bench(robot, m
 
     def kill(progress) -> None:
         if not killed and "MOVING" in robot.control("status"):
-            (child,) = Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children").read_text().split()[-1:]
+            (child,) = (
+                Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children")
+                .read_text()
+                .split()[-1:]
+            )
             killed.append(int(child))
             os.kill(int(child), signal.SIGKILL)
 

@@ -12,7 +12,8 @@ from testbench.records.session import Event
 
 
 class Arm(ABC):
-    """An arm that can follow a plan: prepare, kickoff, read until done; stop is allowed in every state.
+    """An arm that can follow a plan: prepare, kickoff, read until done; stop is allowed in every
+    state.
 
     Attributes:
         extra_columns: What its samples hold beyond angles and rates, name to type.
@@ -30,7 +31,9 @@ class Arm(ABC):
 
     @abstractmethod
     def read(self, until_ns: int) -> ArmSamples:
-        """What was recorded since the last call, up to a host time; waits for it where time is real."""
+        """What was recorded since the last call, up to a host time; waits for it where time is
+        real.
+        """
 
     @abstractmethod
     def stop(self) -> None:
@@ -42,11 +45,12 @@ class Arm(ABC):
 
 
 class SteppingArm(Arm):
-    """An arm that goes through the steps of a plan in its own time, and says when each of them happened.
+    """An arm that goes through the steps of a plan in its own time, and says when each of them
+    happened.
 
     Attributes:
-        notice: What a person must know before it moves; nothing if empty. remedies: What a person does after it has stopped, by
-        the word for the cause.
+        notice: What a person must know before it moves; nothing if empty.
+        remedies: What a person does after it has stopped, by the word for the cause.
     """
 
     notice: str = ""
@@ -58,7 +62,9 @@ class SteppingArm(Arm):
 
     @abstractmethod
     def check_way(self, plan: Plan, steps: list[PlannedStep] | None = None) -> None:
-        """Look at the ways between steps before anything moves; `steps` are those to do, all if None."""
+        """Look at the ways between steps before anything moves; `steps` are those to do, all if
+        None.
+        """
 
     @property
     @abstractmethod
@@ -67,7 +73,9 @@ class SteppingArm(Arm):
 
     @abstractmethod
     def events(self) -> list[Event]:
-        """What happened since the last call: step_started, step_settled, step_ended with their `index`, paused, faults."""
+        """What happened since the last call: step_started, step_settled, step_ended with their
+        `index`, paused, faults.
+        """
 
     @abstractmethod
     def pause(self) -> None:

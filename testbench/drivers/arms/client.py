@@ -12,7 +12,9 @@ from testbench.drivers.arms.controller_clock import ControllerClock
 from testbench.drivers.arms.link import LinkSettings
 
 SMOOTHING = 0.1
-"""Weight of the newest sample in the smoothed angles that decide whether a pose is reached: encoders hiss."""
+"""Weight of the newest sample in the smoothed angles that decide whether a pose is reached:
+encoders hiss.
+"""
 MOVES_RAD = 0.001
 """An angle so far from its smoothed value moves; the smoothed value follows at once [rad]."""
 SILENT_S = 3.0
@@ -39,9 +41,13 @@ class ArmClient(ABC):
         settings: Address, rates, tool.
 
     Attributes:
-        q, v, q_target: Angles [rad] and rates [rad/s] of the newest sample, and where the controller is going. q_smooth: Angles
-        without the hiss of their encoders. slider: Share of the asked speed at which the controller moves. listening: Whether
-        it can be asked for samples.
+        q: Angles [rad] and rates [rad/s] of the newest sample, and where the controller is going.
+        v: Angles [rad] and rates [rad/s] of the newest sample, and where the controller is going.
+        q_target: Angles [rad] and rates [rad/s] of the newest sample, and where the controller is
+            going.
+        q_smooth: Angles without the hiss of their encoders.
+        slider: Share of the asked speed at which the controller moves.
+        listening: Whether it can be asked for samples.
     """
 
     def __init__(self, settings: LinkSettings):
@@ -57,17 +63,26 @@ class ArmClient(ABC):
         """Host time [ns]."""
         return time.monotonic_ns()
 
-    def _note(self, stamp_ns: int, q: np.ndarray, v: np.ndarray, target: np.ndarray) -> tuple[int, int]:
+    def _note(
+        self, stamp_ns: int, q: np.ndarray, v: np.ndarray, target: np.ndarray
+    ) -> tuple[int, int]:
         """Take in a sample.
 
         Args:
-            stamp_ns: Of the controller's clock. q, v, target: Shape (n,) [rad], [rad/s], [rad].
+            stamp_ns: Of the controller's clock.
+            q: Shape (n,) [rad], [rad/s], [rad].
+            v: Shape (n,) [rad], [rad/s], [rad].
+            target: Shape (n,) [rad], [rad/s], [rad].
 
         Returns:
             Its host time [ns], and how many samples were missed before it.
         """
         arrival, first = self.now_ns(), self._stamp_ns < 0
-        missed = 0 if first else max(round((stamp_ns - self._stamp_ns) * 1e-9 * self.settings.record_hz) - 1, 0)
+        missed = (
+            0
+            if first
+            else max(round((stamp_ns - self._stamp_ns) * 1e-9 * self.settings.record_hz) - 1, 0)
+        )
         self._stamp_ns, self._arrival = stamp_ns, time.monotonic()
         self.q, self.v, self.q_target = q, v, target
         self.q_smooth = q if first else self.q_smooth + SMOOTHING * (q - self.q_smooth)
@@ -86,13 +101,15 @@ class ArmClient(ABC):
             if time.monotonic() > end:
                 raise ArmFault(
                     "silence",
-                    f"the controller at {self.settings.host} takes connections and sends no data: none came in {SILENT_S:g} s",
+                    f"the controller at {self.settings.host} takes connections and sends no data: "
+                    f"none came in {SILENT_S:g} s",
                 )
             time.sleep(0.001)
 
     @abstractmethod
     def connect(self) -> dict[str, Any]:
-        """Connect, and say what there is, with the reason to refuse it under `refused`; nothing moves.
+        """Connect, and say what there is, with the reason to refuse it under `refused`; nothing
+        moves.
 
         Raises:
             ArmFault: There is no controller, or none that this client can drive.
@@ -103,8 +120,9 @@ class ArmClient(ABC):
         """What came in since the last call.
 
         Returns:
-            Host time [ns], controller time [ns], angles, rates, the driver's columns for every joint, its other columns, where
-            the controller is going (angles), and the number of samples that were missed before it.
+            Host time [ns], controller time [ns], angles, rates, the driver's columns for every
+            joint, its other columns, where the controller is going (angles), and the number of
+            samples that were missed before it.
         """
 
     @abstractmethod
@@ -121,7 +139,9 @@ class ArmClient(ABC):
 
     @abstractmethod
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
-        """Begin a straight move of the joints; speed [rad/s] and acceleration [rad/s^2] of the leading joint."""
+        """Begin a straight move of the joints; speed [rad/s] and acceleration [rad/s^2] of the
+        leading joint.
+        """
 
     def begin_stream(self) -> None:  # noqa: B027 - most controllers take a first target at any time
         """Make ready for targets; the arm is at rest."""

@@ -5,13 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 BLOCK_NS = 5_000_000_000
-"""The least delayed package is sought in blocks of this length [ns]; that of the last two blocks counts."""
+"""The least delayed package is sought in blocks of this length [ns]; that of the last two blocks
+counts.
+"""
 LATELY_NS = 200_000_000
 """The same for what the packages of right now say; at 125 Hz a block holds 25 of them."""
 SLEW = 200e-6
-"""The estimate follows the clocks' drift by at most this much (relative); quartz clocks differ by less."""
+"""The estimate follows the clocks' drift by at most this much (relative); quartz clocks differ by
+less.
+"""
 STEP_NS = 10_000_000
-"""A difference beyond this is no drift: one of the clocks has made a step, or the packages are delayed."""
+"""A difference beyond this is no drift: one of the clocks has made a step, or the packages are
+delayed.
+"""
 ANSWER_NS = 30_000_000
 """Where answers come faster than this the packages themselves are not delayed by more."""
 
@@ -21,7 +27,8 @@ class ClockStep:
     """One of the clocks went on by more, or by less, than the other.
 
     Attributes:
-        host_ns: When it was found. by_ns: Change of host time less controller time; times before it may be wrong by this.
+        host_ns: When it was found.
+        by_ns: Change of host time less controller time; times before it may be wrong by this.
     """
 
     host_ns: int
@@ -50,11 +57,13 @@ class _Least:
 class ControllerClock:
     """Maps the controller's time stamps to host time.
 
-    A package arrives late by a delay that is never negative, so the smallest difference between arrival and stamp is nearest to
-    the offset between the clocks. Once it is in use the mapping follows drift slowly, and steps only where there is proof:
+    A package arrives late by a delay that is never negative, so the smallest difference between
+    arrival and stamp is nearest to the offset between the clocks. Once it is in use the mapping
+    follows drift slowly, and steps only where there is proof:
 
     - a package that arrives before the time of its stamp proves that the offset is too large;
-    - an effect whose stamp lies before its cause proves that it is too small. Packages that merely come late prove nothing.
+    - an effect whose stamp lies before its cause proves that it is too small. Packages that merely
+      come late prove nothing.
     """
 
     def __init__(self) -> None:
@@ -70,7 +79,9 @@ class ControllerClock:
         return 0.0 if self._offset is None else self._offset
 
     def begin(self) -> None:
-        """From now on the mapping goes on smoothly, for samples are being recorded, unless it is proved wrong."""
+        """From now on the mapping goes on smoothly, for samples are being recorded, unless it is
+        proved wrong.
+        """
         self._slewing = True
 
     def steps(self) -> list[ClockStep]:
@@ -99,14 +110,17 @@ class ControllerClock:
         return self.at(controller_ns)
 
     def not_before(self, controller_ns: int, cause_ns: int, margin_ns: int = STEP_NS) -> float:
-        """Take note of something that the controller stamped, and that cannot have happened before its cause.
+        """Take note of something that the controller stamped, and that cannot have happened before
+        its cause.
 
-        Where it seems to, and the packages of right now all say that the clocks' difference has grown, the mapping follows at
-        once: to their least difference, or as far as the cause demands where that is much less, for then they are delayed too.
+        Where it seems to, and the packages of right now all say that the clocks' difference has
+        grown, the mapping follows at once: to their least difference, or as far as the cause
+        demands where that is much less, for then they are delayed too.
 
         Args:
-            controller_ns: A stamp not older than that of the effect. cause_ns: Host time of the cause [ns]. margin_ns: The
-            mapping steps where the effect seems to precede it by more [ns].
+            controller_ns: A stamp not older than that of the effect.
+            cause_ns: Host time of the cause [ns].
+            margin_ns: The mapping steps where the effect seems to precede it by more [ns].
 
         Returns:
             By how much the effect still seems to precede its cause [s]; zero where it does not.

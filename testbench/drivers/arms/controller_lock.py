@@ -1,4 +1,6 @@
-"""One bench on this machine drives a controller at a time: a lock on a file named after its address."""
+"""One bench on this machine drives a controller at a time: a lock on a file named after its
+address.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +12,14 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-USED_BY_ANOTHER_RUN = "another run of the bench on this machine drives it; wait for its end, or stop it"
+USED_BY_ANOTHER_RUN = (
+    "another run of the bench on this machine drives it; wait for its end, or stop it"
+)
 
 
 class ControllerLock:
-    """The right to drive the controller at an address, until it is let go or the process ends, however it ends.
+    """The right to drive the controller at an address, until it is let go or the process ends,
+    however it ends.
 
     Args:
         host: Name or address of the controller; names of one address share one lock.
@@ -24,7 +29,10 @@ class ControllerLock:
         address = host
         with suppress(OSError, UnicodeError):
             address = socket.gethostbyname(host)
-        self.path = Path(tempfile.gettempdir()) / f"testbench-arm-{re.sub('[^A-Za-z0-9.-]', '_', address)}.lock"
+        self.path = (
+            Path(tempfile.gettempdir())
+            / f"testbench-arm-{re.sub('[^A-Za-z0-9.-]', '_', address)}.lock"
+        )
         self._file: int | None = None
 
     def take(self) -> bool:
@@ -47,7 +55,9 @@ class ControllerLock:
         return os.open(self.path, os.O_RDONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
 
     def release(self) -> None:
-        """Let go; a second call does nothing. The file stays, so that two processes never hold two files of one name."""
+        """Let go; a second call does nothing. The file stays, so that two processes never hold two
+        files of one name.
+        """
         if self._file is not None:
             os.close(self._file)
             self._file = None

@@ -1,7 +1,8 @@
 """What passes between the bench and the process that drives an arm.
 
-Client libraries hold the interpreter while they connect, and a servo loop must not wait for a disk: the arm is driven by a
-process of its own, which stops the arm when the bench falls silent. The bench talks to it over a pair of sockets.
+Client libraries hold the interpreter while they connect, and a servo loop must not wait for a disk:
+the arm is driven by a process of its own, which stops the arm when the bench falls silent. The
+bench talks to it over a pair of sockets.
 """
 
 from __future__ import annotations
@@ -27,9 +28,13 @@ if TYPE_CHECKING:
     from testbench.drivers.arms.client import ArmClient
 
 ANSWER_S = 20.0
-"""The process must answer a request for connection within this time [s]; the client allows 5 s for each of its own steps."""
+"""The process must answer a request for connection within this time [s]; the client allows 5 s for
+each of its own steps.
+"""
 SILENCE_S = 5.0
-"""During motion the process says something at least twice a second; after so long it is given up and killed [s]."""
+"""During motion the process says something at least twice a second; after so long it is given up
+and killed [s].
+"""
 Message = tuple[Any, ...]
 
 
@@ -38,9 +43,14 @@ class Motion:
     """One step as the process is told of it.
 
     Attributes:
-        index: Of the step; -1 for the approach. kind: "move" (the controller plans it), "stream" (target by target) or "hold".
-        target: Joint angles at its end, shape (n,) [rad]. speed, acceleration: Of the leading joint [rad/s], [rad/s^2].
-        path: Targets at the streaming rate, shape (k, n) [rad], or None. dwell: [s]. duration: As planned [s].
+        index: Of the step; -1 for the approach.
+        kind: "move" (the controller plans it), "stream" (target by target) or "hold".
+        target: Joint angles at its end, shape (n,) [rad].
+        speed: Of the leading joint [rad/s], [rad/s^2].
+        acceleration: Of the leading joint [rad/s], [rad/s^2].
+        path: Targets at the streaming rate, shape (k, n) [rad], or None.
+        dwell: [s].
+        duration: As planned [s].
     """
 
     index: int
@@ -58,11 +68,21 @@ class LinkSettings(ABC):
     """How the process drives the arm.
 
     Attributes:
-        host: Address of the controller. joints: How many. control_hz, record_hz: Rates of streaming and of recording [Hz].
-        tracking: Largest error of following [rad]. settled: Largest error of a pose that counts as reached [rad]. host_silence,
-        arm_silence: The arm stops when the bench, or the controller's data, are silent for so long [s]. mass, centre: Tool
-        [kg], [m]. orphaned: What becomes of an arm whose driving process is gone, for a person to read.
-        remedies: What a person does then, by the word for the cause. joint_names: For messages.
+        host: Address of the controller.
+        joints: How many.
+        control_hz: Rates of streaming and of recording [Hz].
+        record_hz: Rates of streaming and of recording [Hz].
+        tracking: Largest error of following [rad].
+        settled: Largest error of a pose that counts as reached [rad].
+        host_silence: The arm stops when the bench, or the controller's data, are silent for so long
+            [s].
+        arm_silence: The arm stops when the bench, or the controller's data, are silent for so long
+            [s].
+        mass: Tool [kg], [m].
+        centre: Tool [kg], [m].
+        orphaned: What becomes of an arm whose driving process is gone, for a person to read.
+        remedies: What a person does then, by the word for the cause.
+        joint_names: For messages.
     """
 
     host: str
@@ -81,7 +101,9 @@ class LinkSettings(ABC):
 
     @abstractmethod
     def client(self) -> ArmClient:
-        """The client library that takes these settings, in the process that drives the arm; nothing is connected."""
+        """The client library that takes these settings, in the process that drives the arm; nothing
+        is connected.
+        """
 
 
 class Link:
@@ -119,10 +141,13 @@ class Link:
         try:
             self._connection.send(message)
         except OSError:
-            raise DriverError(f"the process that drives the arm has ended; {self.settings.orphaned}") from None
+            raise DriverError(
+                f"the process that drives the arm has ended; {self.settings.orphaned}"
+            ) from None
 
     def begin(self, *message: Any) -> None:
-        """Send a request for motion; from now on the process must be heard of, however long the bench took before.
+        """Send a request for motion; from now on the process must be heard of, however long the
+        bench took before.
 
         Raises:
             DriverError: The process has ended.
@@ -143,10 +168,15 @@ class Link:
                 self._heard = time.monotonic()
         except (EOFError, OSError):
             if not messages:
-                raise DriverError(f"the process that drives the arm has ended; {self.settings.orphaned}") from None
+                raise DriverError(
+                    f"the process that drives the arm has ended; {self.settings.orphaned}"
+                ) from None
         if not messages and time.monotonic() - self._heard > SILENCE_S:
             self.kill()
-            silent = f"the process that drives the arm is silent for {SILENCE_S:g} s: it waits for the controller"
+            silent = (
+                f"the process that drives the arm is silent for {SILENCE_S:g} s: it waits "
+                "for the controller"
+            )
             raise DriverError(f"{silent}; {self.settings.orphaned}")
         return messages
 
@@ -163,7 +193,9 @@ class Link:
                     continue
                 message = self._connection.recv()
             except (EOFError, OSError):
-                raise DriverError(f"the process that drives the arm has ended; {self.settings.orphaned}") from None
+                raise DriverError(
+                    f"the process that drives the arm has ended; {self.settings.orphaned}"
+                ) from None
             self._heard = time.monotonic()
             if message[0] == kind:
                 return message, before
@@ -174,10 +206,14 @@ class Link:
                 raise error
             before.append(message)
         self.kill()
-        raise DriverError(f"the controller at {self.settings.host} does not answer within {timeout:g} s")
+        raise DriverError(
+            f"the controller at {self.settings.host} does not answer within {timeout:g} s"
+        )
 
     def kill(self) -> None:
-        """End the process at once; an arm in motion is then left to what `LinkSettings.orphaned` says."""
+        """End the process at once; an arm in motion is then left to what `LinkSettings.orphaned`
+        says.
+        """
         self._process.kill()
 
     def close(self, timeout: float = 5.0) -> None:

@@ -1,7 +1,8 @@
 """An arm at the other end of a network, driven by a process of its own through a client library.
 
-Static poses go by moves that the controller plans, sweeps target by target at the streaming rate. The arm keeps its own time: a
-step ends when the joints rest in its pose, and what was recorded, not what was planned, is the truth.
+Static poses go by moves that the controller plans, sweeps target by target at the streaming rate.
+The arm keeps its own time: a step ends when the joints rest in its pose, and what was recorded, not
+what was planned, is the truth.
 """
 
 from __future__ import annotations
@@ -37,17 +38,21 @@ class RemoteArm(SteppingArm):
     """What the drivers of all makers' arms have in common.
 
     Args:
-        robot: What the plan is for. settings: Address, rates, limits. time: Of the session; a new one if None. serial: Number
-        that the arm must have; any if None.
+        robot: What the plan is for.
+        settings: Address, rates, limits.
+        time: Of the session; a new one if None.
+        serial: Number that the arm must have; any if None.
 
     Raises:
         InputError: The plan is for an arm that the driver is not for.
 
     Attributes:
-        driver: Its name on the command line. models: A regular expression of the robots that it drives. family: What
-        people call them. joint_columns: Columns that samples have for every joint, with {} for its name.
-        columns: Their other columns, and the type of each. told: Keys of what the controller says of itself that the manifest
-        keeps.
+        driver: Its name on the command line.
+        models: A regular expression of the robots that it drives.
+        family: What people call them.
+        joint_columns: Columns that samples have for every joint, with {} for its name.
+        columns: Their other columns, and the type of each.
+        told: Keys of what the controller says of itself that the manifest keeps.
     """
 
     driver: ClassVar[str]
@@ -57,11 +62,21 @@ class RemoteArm(SteppingArm):
     columns: ClassVar[dict[str, Any]]
     told: ClassVar[tuple[str, ...]]
 
-    def __init__(self, robot: Robot, settings: LinkSettings, time: SessionTime | None = None, serial: str | None = None):
+    def __init__(
+        self,
+        robot: Robot,
+        settings: LinkSettings,
+        time: SessionTime | None = None,
+        serial: str | None = None,
+    ):
         self.refuse_other(robot)
         self.robot, self.settings, self.time = robot, settings, time or SessionTime(SystemClock())
         self.clock, self.serial = self.time.clock, serial
-        each = {column.format(joint): np.float64 for column in self.joint_columns for joint in robot.joint_names}
+        each = {
+            column.format(joint): np.float64
+            for column in self.joint_columns
+            for joint in robot.joint_names
+        }
         self.extra_columns = {"controller_time_ns": np.int64} | each | self.columns
         self.info: dict[str, Any] = {}
         self.timing: dict[str, Any] = {}
@@ -88,7 +103,9 @@ class RemoteArm(SteppingArm):
             InputError: The driver is for others.
         """
         if not cls.drives(robot):
-            raise InputError(f"--arm {cls.driver} drives {cls.family}; the plan is for {robot.name}")
+            raise InputError(
+                f"--arm {cls.driver} drives {cls.family}; the plan is for {robot.name}"
+            )
 
     @property
     def finished(self) -> bool:
@@ -98,7 +115,8 @@ class RemoteArm(SteppingArm):
         """Connect, and refuse an arm that must not be driven; nothing moves.
 
         Raises:
-            ArmRefused: Stopped by its safety system, another model, or in a state that the driver does not take over.
+            ArmRefused: Stopped by its safety system, another model, or in a state that the driver
+                does not take over.
             DriverError: There is no controller at the address, or it does not answer.
         """
         self._link = Link(self.settings)
@@ -124,23 +142,28 @@ class RemoteArm(SteppingArm):
         """Why the model is not the plan's, or None if it is."""
 
     def _stop_orphan(self) -> None:
-        """Stop an arm whose driving process is gone, where its controller does not; bounded, and never raises."""
+        """Stop an arm whose driving process is gone, where its controller does not; bounded, and
+        never raises.
+        """
 
     def check_way(self, plan: Plan, steps: list[PlannedStep] | None = None) -> None:
         """Look at every straight path that the controller would plan, before anything moves.
 
         Args:
-            plan: The motion. steps: Those of its steps to do, in order; all if None.
+            plan: The motion.
+            steps: Those of its steps to do, in order; all if None.
 
         Raises:
-            ArmRefused: The way to the start, or to a step that does not follow on the one before, is not free.
+            ArmRefused: The way to the start, or to a step that does not follow on the one before,
+                is not free.
         """
         paths = StraightPaths(self.robot)
         start, now = plan.trajectory.q[0], np.array(self.info["q_rad"])
         nearest = paths.blocked(now, start)
         if nearest is not None:
             raise ArmRefused(
-                f"the straight way from where the arm stands to the start of the plan brings {nearest.first} and "
+                "the straight way from where the arm stands to the start of the plan brings "
+                f"{nearest.first} and "
                 f"{nearest.second} to {1000 * nearest.distance:.1f} mm; move the arm nearer to "
                 f"{np.degrees(start).round(1).tolist()} deg by hand"
             )
@@ -158,7 +181,9 @@ class RemoteArm(SteppingArm):
         try:
             self._link.begin("approach", approach)
             self._wait_for_start()
-        except DriverError as error:  # where the process itself is gone or silent, nobody has told of a fault yet
+        except (
+            DriverError
+        ) as error:  # where the process itself is gone or silent, nobody has told of a fault yet
             self._fail(("fault", "driver", str(error)))
             raise
 
@@ -190,7 +215,8 @@ class RemoteArm(SteppingArm):
         """Wait for a host time, then hand over what the controller reported.
 
         Raises:
-            DriverError: The arm stopped by itself; what it reported until then was handed over before.
+            DriverError: The arm stopped by itself; what it reported until then was handed over
+                before.
         """
         if self._link is None:
             raise DriverError("the arm was read before it was prepared")
@@ -231,7 +257,11 @@ class RemoteArm(SteppingArm):
         self._fault = f"the arm was stopped: {said}"
         now = found[0] if found else self.clock.monotonic_ns()
         self._events.append(
-            Event(max(now - self._origin_ns, 0) if self._origin_ns else 0, "arm_fault", {"fault": kind, "message": str(said)})
+            Event(
+                max(now - self._origin_ns, 0) if self._origin_ns else 0,
+                "arm_fault",
+                {"fault": kind, "message": str(said)},
+            )
         )
 
     def _feed(self, count: int) -> None:
@@ -246,11 +276,15 @@ class RemoteArm(SteppingArm):
         joints = self.robot.joint_names
         n = len(joints)
         if self._batches:
-            host, controller, q, v, *others, sent = (np.concatenate(columns) for columns in zip(*self._batches, strict=True))
+            host, controller, q, v, *others, sent = (
+                np.concatenate(columns) for columns in zip(*self._batches, strict=True)
+            )
         else:
             host = controller = np.zeros(0, np.int64)
             q = v = sent = np.zeros((0, n))
-            others = [np.zeros((0, n))] * len(self.joint_columns) + [np.zeros(0)] * len(self.columns)
+            others = [np.zeros((0, n))] * len(self.joint_columns) + [np.zeros(0)] * len(
+                self.columns
+            )
         self._batches = []
         kept = np.zeros(len(host), dtype=bool)
         for i, time in enumerate(host):  # never back in time, whatever the clocks do
@@ -259,7 +293,9 @@ class RemoteArm(SteppingArm):
         extras: dict[str, np.ndarray] = {"controller_time_ns": controller[kept].astype(np.int64)}
         for column, values in zip(self.joint_columns, others, strict=False):
             extras |= {column.format(joint): values[kept][:, i] for i, joint in enumerate(joints)}
-        for (column, kind), values in zip(self.columns.items(), others[len(self.joint_columns) :], strict=True):
+        for (column, kind), values in zip(
+            self.columns.items(), others[len(self.joint_columns) :], strict=True
+        ):
             extras[column] = values[kept].astype(kind)
         return ArmSamples(joints, host[kept].astype(np.int64), sent[kept], q[kept], v[kept], extras)
 
@@ -319,35 +355,53 @@ class RemoteArm(SteppingArm):
     def _tool(self) -> dict[str, Any] | None:
         """The weight that the controller was told of, or None where it was left as it was."""
         mass, centre = self.settings.mass, self.settings.centre
-        return None if mass is None else {"mass_kg": mass, "centre_mm": [round(1000 * x, 6) for x in centre]}
+        return (
+            None
+            if mass is None
+            else {"mass_kg": mass, "centre_mm": [round(1000 * x, 6) for x in centre]}
+        )
 
     def _motions(self, plan: Plan, steps: list[PlannedStep], paths: StraightPaths) -> list[Motion]:
-        """Steps of a plan as the process is told of them; where one was left out, a move to the next one's beginning."""
+        """Steps of a plan as the process is told of them; where one was left out, a move to the
+        next one's beginning.
+        """
         motions, before = [], plan.trajectory.q[0]
         for step in steps:
             begin = plan.trajectory.at(np.array([step.start_ns]))[0][0]
             if not np.allclose(begin, before, atol=1e-9):
                 nearest = paths.blocked(before, begin)
                 if nearest is not None:
-                    raise ArmRefused(f"the way to step '{step.name}' brings {nearest.first} and {nearest.second} too near")
+                    raise ArmRefused(
+                        f"the way to step '{step.name}' brings {nearest.first} and "
+                        f"{nearest.second} too near"
+                    )
                 duration = float(np.abs(begin - before).max()) / APPROACH_RAD_S
-                motions.append(Motion(-1, "move", begin, APPROACH_RAD_S, APPROACH_RAD_S2, duration=duration))
+                motions.append(
+                    Motion(-1, "move", begin, APPROACH_RAD_S, APPROACH_RAD_S2, duration=duration)
+                )
                 before = begin
             motion = self._motion(plan, step, before, paths)
             motions.append(motion)
             before = motion.target
         return motions
 
-    def _motion(self, plan: Plan, step: PlannedStep, before: np.ndarray, paths: StraightPaths) -> Motion:
+    def _motion(
+        self, plan: Plan, step: PlannedStep, before: np.ndarray, paths: StraightPaths
+    ) -> Motion:
         knots = plan.trajectory
         target = knots.at(np.array([step.settled_ns]))[0][0]
-        dwell, duration = (step.end_ns - step.settled_ns) / NANOSECONDS, (step.settled_ns - step.start_ns) / NANOSECONDS
+        dwell, duration = (
+            (step.end_ns - step.settled_ns) / NANOSECONDS,
+            (step.settled_ns - step.start_ns) / NANOSECONDS,
+        )
         if step.settled_ns == step.start_ns:
             return Motion(step.index, "hold", target, dwell=dwell)
         direct = step.kind == "move" and paths.blocked(before, target) is None
         if not direct:
             self.streamed_moves += step.kind == "move"
-            times = np.arange(step.start_ns, step.settled_ns, round(NANOSECONDS / self.settings.control_hz))
+            times = np.arange(
+                step.start_ns, step.settled_ns, round(NANOSECONDS / self.settings.control_hz)
+            )
             path = knots.at(np.append(times, step.settled_ns))[0]
             return Motion(step.index, "stream", target, path=path, dwell=dwell, duration=duration)
         inside = (knots.time_ns >= step.start_ns) & (knots.time_ns <= step.settled_ns)

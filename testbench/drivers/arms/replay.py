@@ -1,8 +1,8 @@
 """Replay: a recorded motion drives the bench as if an arm moved now.
 
-The motion is that of a session's `arm.parquet`, or of a CSV table with `time_s` and a column `q_<joint>_rad` or `q_<joint>_deg`
-for each joint. It is taken as it is: nothing moves, the plan's steps are found at the times at which the motion first rests in
-their poses.
+The motion is that of a session's `arm.parquet`, or of a CSV table with `time_s` and a column
+`q_<joint>_rad` or `q_<joint>_deg` for each joint. It is taken as it is: nothing moves, the plan's
+steps are found at the times at which the motion first rests in their poses.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ class ReplayArm(SteppingArm):
     """A recorded motion in real time.
 
     Args:
-        robot: Whose joints the log names. log: A session's folder, a Parquet or a CSV file. time: Of the session.
+        robot: Whose joints the log names.
+        log: A session's folder, a Parquet or a CSV file.
+        time: Of the session.
     """
 
     def __init__(self, robot: Robot, log: Path, time: SessionTime):
@@ -59,7 +61,9 @@ class ReplayArm(SteppingArm):
         self._time = _times(table, self.log)
         if np.any(np.diff(self._time) <= 0):
             raise InputError(f"{self.log}: its times do not increase")
-        self._q = np.column_stack([_joint(table, joint, self.log) for joint in self.robot.joint_names])
+        self._q = np.column_stack(
+            [_joint(table, joint, self.log) for joint in self.robot.joint_names]
+        )
         if not np.isfinite(self._q).all():
             raise InputError(f"{self.log}: a joint angle is not finite")
         self._v = np.gradient(self._q, self._time / NANOSECONDS, axis=0)
@@ -87,7 +91,11 @@ class ReplayArm(SteppingArm):
             end = settled + int(away[0]) - 1 if len(away) else len(self._time) - 1
             wanted = self._time[settled] + step.end_ns - step.settled_ns
             end = max(min(end, int(np.searchsorted(self._time, wanted))), settled)
-            for index, name in ((at, "step_started"), (settled, "step_settled"), (end, "step_ended")):
+            for index, name in (
+                (at, "step_started"),
+                (settled, "step_settled"),
+                (end, "step_ended"),
+            ):
                 self._events.append(Event(int(self._time[index]), name, {"index": step.index}))
             at = end
 
@@ -103,11 +111,17 @@ class ReplayArm(SteppingArm):
             raise DriverError("the recorded motion was read before it was started")
         self.time.wait_until(until_ns)
         until = until_ns - self._shift_ns if self._held_ns is None else self._held_ns
-        last = len(self._time) if self._stopped else int(np.searchsorted(self._time, until, side="right"))
+        last = (
+            len(self._time)
+            if self._stopped
+            else int(np.searchsorted(self._time, until, side="right"))
+        )
         rows = slice(self._next, self._next if self._stopped else max(last, self._next))
         self._next = rows.stop
         q = self._q[rows]
-        return ArmSamples(self.robot.joint_names, self._time[rows] + self._shift_ns, q, q, self._v[rows])
+        return ArmSamples(
+            self.robot.joint_names, self._time[rows] + self._shift_ns, q, q, self._v[rows]
+        )
 
     @property
     def finished(self) -> bool:
@@ -118,7 +132,9 @@ class ReplayArm(SteppingArm):
         due = [event for event in self._events if event.host_time_ns <= reached]
         self._events = self._events[len(due) :]
         told, self._told = self._told, []
-        return [Event(event.host_time_ns + self._shift_ns, event.event, event.details) for event in due] + told
+        return [
+            Event(event.host_time_ns + self._shift_ns, event.event, event.details) for event in due
+        ] + told
 
     def pause(self) -> None:
         self._held_ns = self.time.now_ns() - self._shift_ns
@@ -169,12 +185,20 @@ def _times(table: dict[str, np.ndarray], path: Path) -> np.ndarray:
     elif "time_s" in table:
         times = np.round((table["time_s"] - table["time_s"][0]) * NANOSECONDS).astype(np.int64)
     else:
-        raise InputError(f"the log {path} has neither time_s nor host_time_ns; it has {', '.join(table)}")
+        raise InputError(
+            f"the log {path} has neither time_s nor host_time_ns; it has {', '.join(table)}"
+        )
     return np.asarray(times - times[0])
 
 
 def _joint(table: dict[str, np.ndarray], joint: str, path: Path) -> np.ndarray:
-    for name, factor in ((f"q_measured_{joint}_rad", 1.0), (f"q_{joint}_rad", 1.0), (f"q_{joint}_deg", np.pi / 180)):
+    for name, factor in (
+        (f"q_measured_{joint}_rad", 1.0),
+        (f"q_{joint}_rad", 1.0),
+        (f"q_{joint}_deg", np.pi / 180),
+    ):
         if name in table:
             return np.asarray(table[name], float) * factor
-    raise InputError(f"the log {path} has no column q_{joint}_rad or q_{joint}_deg; it has {', '.join(table)}")
+    raise InputError(
+        f"the log {path} has no column q_{joint}_rad or q_{joint}_deg; it has {', '.join(table)}"
+    )

@@ -1,4 +1,6 @@
-"""A simulated arm: servo lag, encoders that round and hiss, and joints that are not quite where the encoders say."""
+"""A simulated arm: servo lag, encoders that round and hiss, and joints that are not quite where the
+encoders say.
+"""
 
 from __future__ import annotations
 
@@ -17,25 +19,31 @@ from testbench.records.trajectory import Trajectory
 
 STOP_TIME_S = 0.5
 KEPT_INSTANTS = 256
-"""Control instants that stay known after the next reading: a sensor's jitter may ask for a moment before its beginning."""
+"""Control instants that stay known after the next reading: a sensor's jitter may ask for a moment
+before its beginning.
+"""
 
 
 class SimulatedArm(Arm):
     """An arm in virtual time.
 
-    Each joint follows its reference as a second-order servo, solved exactly between control instants. Its true angle differs
-    from the servo's by a repeatability error that is redrawn with every move and blends over the move; its reading is the
-    servo's
-    angle, rounded and noisy. `true_state` is what the simulated sensors feel; nothing else may ask for it.
+    Each joint follows its reference as a second-order servo, solved exactly between control
+    instants. Its true angle differs from the servo's by a repeatability error that is redrawn with
+    every move and blends over the move; its reading is the servo's angle, rounded and noisy.
+    `true_state` is what the simulated sensors feel; nothing else may ask for it.
 
     Args:
-        robot: Servo, encoder and rates. seed: Of the run. joint_errors: Whether the joints' zeros are off as the robot file's
-        uncertainty says; drawn once for the run, felt by the sensors and not seen by the encoders.
+        robot: Servo, encoder and rates.
+        seed: Of the run.
+        joint_errors: Whether the joints' zeros are off as the robot file's uncertainty says; drawn
+            once for the run, felt by the sensors and not seen by the encoders.
     """
 
     def __init__(self, robot: Robot, seed: int, joint_errors: bool = False):
         self.robot, self.seed = robot, seed
-        self.zero_errors = draw_zero_errors(robot, seed) if joint_errors else np.zeros(len(robot.joint_names))
+        self.zero_errors = (
+            draw_zero_errors(robot, seed) if joint_errors else np.zeros(len(robot.joint_names))
+        )
         self._period_ns = round(NANOSECONDS / robot.spec.rates.control_hz)
         self._every = max(round(robot.spec.rates.control_hz / robot.spec.rates.record_hz), 1)
         self._noise = random_stream(seed, "arm", "encoder")
@@ -65,7 +73,9 @@ class SimulatedArm(Arm):
         """Advance virtual time."""
         if self._reference is None or not self._kicked:
             raise DriverError("the simulated arm was read before it was started")
-        last = until_ns // self._period_ns + 1  # one control period ahead, so that sensors can interpolate
+        last = (
+            until_ns // self._period_ns + 1
+        )  # one control period ahead, so that sensors can interpolate
         ticks = np.arange(self._next - 1, last + 1)
         times = ticks * self._period_ns
         sent = self._sent(times)
@@ -81,8 +91,12 @@ class SimulatedArm(Arm):
         return self._samples(times[1:][keep], sent[1:][keep], servo[1:][keep])
 
     def true_state(self, time_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """True joint angles, rates and accelerations at times within what was just read, shape (n, n_joints)."""
-        return Trajectory(self._times, self._true[:, 0], self._true[:, 1], self._true[:, 2]).at(time_ns)
+        """True joint angles, rates and accelerations at times within what was just read, shape (n,
+        n_joints).
+        """
+        return Trajectory(self._times, self._true[:, 0], self._true[:, 1], self._true[:, 2]).at(
+            time_ns
+        )
 
     def stop(self) -> None:
         """Freeze the reference; the servo brings the joints to rest."""
@@ -111,7 +125,9 @@ class SimulatedArm(Arm):
         return ArmSamples(self.robot.joint_names, times, sent, q, v)
 
     def _repeatability(self, plan: Plan) -> Trajectory:
-        """Error of the true angles: that of the zeros, and another of each move, blended smoothly over it."""
+        """Error of the true angles: that of the zeros, and another of each move, blended smoothly
+        over it.
+        """
         sd = np.radians(self.robot.spec.servo.repeatability_deg)
         rng = random_stream(self.seed, "arm", "repeatability")
         joints = len(self.robot.joint_names)
@@ -125,20 +141,32 @@ class SimulatedArm(Arm):
                 errors.append(sd * rng.standard_normal(joints))
         end = max(plan.trajectory.time_ns[-1], times[-1]) + 3600 * NANOSECONDS
         q = np.array([*errors, errors[-1]]) + self.zero_errors
-        return Trajectory(np.array([*times, end], dtype=np.int64), q, np.zeros_like(q), np.zeros_like(q))
+        return Trajectory(
+            np.array([*times, end], dtype=np.int64), q, np.zeros_like(q), np.zeros_like(q)
+        )
 
 
 def draw_zero_errors(robot: Robot, seed: int) -> np.ndarray:
-    """How far each joint's true angle lies from what its encoder says, through a whole run, shape (n_joints,) [rad]."""
-    return robot.joint_angle_uncertainty * random_stream(seed, "arm", "zeros").standard_normal(len(robot.joint_names))
+    """How far each joint's true angle lies from what its encoder says, through a whole run, shape
+    (n_joints,) [rad].
+    """
+    return robot.joint_angle_uncertainty * random_stream(seed, "arm", "zeros").standard_normal(
+        len(robot.joint_names)
+    )
 
 
 @njit(cache=True)
-def servo_response(Phi: np.ndarray, now: np.ndarray, following: np.ndarray, start: np.ndarray, sent: np.ndarray) -> np.ndarray:
+def servo_response(
+    Phi: np.ndarray, now: np.ndarray, following: np.ndarray, start: np.ndarray, sent: np.ndarray
+) -> np.ndarray:
     """Angles and rates of joints that follow a reference.
 
     Args:
-        Phi, now, following: Update x+ = Phi x + now u + following u+. start: First state, shape (2, m). sent: Shape (n, m).
+        Phi: Update x+ = Phi x + now u + following u+.
+        now: Update x+ = Phi x + now u + following u+.
+        following: Update x+ = Phi x + now u + following u+.
+        start: First state, shape (2, m).
+        sent: Shape (n, m).
 
     Returns:
         Shape (n, 2, m); the first row is the start.
@@ -150,5 +178,10 @@ def servo_response(Phi: np.ndarray, now: np.ndarray, following: np.ndarray, star
         for j in range(m):
             q, v = states[i - 1, 0, j], states[i - 1, 1, j]
             for r in range(2):
-                states[i, r, j] = Phi[r, 0] * q + Phi[r, 1] * v + now[r] * sent[i - 1, j] + following[r] * sent[i, j]
+                states[i, r, j] = (
+                    Phi[r, 0] * q
+                    + Phi[r, 1] * v
+                    + now[r] * sent[i - 1, j]
+                    + following[r] * sent[i, j]
+                )
     return states

@@ -1,4 +1,6 @@
-"""Clearance along straight lines between joint angles: the path of moveJ, which no plan has looked at."""
+"""Clearance along straight lines between joint angles: the path of moveJ, which no plan has looked
+at.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from testbench.model.kinematics import Kinematics
 from testbench.records.robot import Robot
 
 STEP_RAD = math.radians(1.0)
-"""Joint motion, summed over the joints, between two configurations that are looked at; as for plans."""
+"""Joint motion, summed over the joints, between two configurations that are looked at; as for
+plans.
+"""
 
 
 class StraightPaths:
@@ -27,7 +31,9 @@ class StraightPaths:
         self._limits = robot.position_limits
 
     def blocked(self, start: np.ndarray, end: np.ndarray) -> NearestPair | None:
-        """The pair that comes nearest within the margin on the way, or None if the way is free; angles of shape (n,) [rad]."""
+        """The pair that comes nearest within the margin on the way, or None if the way is free;
+        angles of shape (n,) [rad].
+        """
         count = max(math.ceil(float(np.abs(end - start).sum()) / STEP_RAD), 1)
         for share in np.linspace(0.0, 1.0, count + 1):
             nearest = self._model.nearest(start + share * (end - start))

@@ -1,4 +1,6 @@
-"""Universal Robots e-series arms, through the client library ur_rtde: poses by moveJ, sweeps by servoJ."""
+"""Universal Robots e-series arms, through the client library ur_rtde: poses by moveJ, sweeps by
+servoJ.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,10 @@ class UrArm(RemoteArm):
     """An arm of the e-series.
 
     Args:
-        robot, settings, time, serial: As for `RemoteArm`.
+        robot: As for `RemoteArm`.
+        settings: As for `RemoteArm`.
+        time: As for `RemoteArm`.
+        serial: As for `RemoteArm`.
     """
 
     driver: ClassVar[str] = "ur"
@@ -24,7 +29,11 @@ class UrArm(RemoteArm):
     family: ClassVar[str] = "e-series arms such as ur3e"
     remedies = UR_REMEDIES
     joint_columns: ClassVar[tuple[str, ...]] = ("current_{}_A", "temperature_{}_degC")
-    columns: ClassVar[dict[str, Any]] = {"robot_mode": np.int64, "safety_mode": np.int64, "speed_scaling": np.float64}
+    columns: ClassVar[dict[str, Any]] = {
+        "robot_mode": np.int64,
+        "safety_mode": np.int64,
+        "speed_scaling": np.float64,
+    }
     told: ClassVar[tuple[str, ...]] = ("model", "serial", "polyscope", "speed_slider")
 
     def _wrong_model(self, info: dict[str, Any]) -> str | None:
@@ -36,4 +45,8 @@ class UrArm(RemoteArm):
 
 def ur_settings(plan: Plan, host: str) -> UrSettings:
     """What the driving process must know of a plan."""
-    return UrSettings(host, **common_settings(plan), least_slider=plan.protocol.spec.arm.speed_slider_percent / 100 - 0.005)
+    return UrSettings(
+        host,
+        **common_settings(plan),
+        least_slider=plan.protocol.spec.arm.speed_slider_percent / 100 - 0.005,
+    )

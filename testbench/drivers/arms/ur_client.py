@@ -1,6 +1,8 @@
-"""A Universal Robots controller through its client library ur_rtde: connect, ask, sample, move, stop.
+"""A Universal Robots controller through its client library ur_rtde: connect, ask, sample, move,
+stop.
 
-Samples are read as one piece: the time stamp is read before and after the values, and where it changed they are read again.
+Samples are read as one piece: the time stamp is read before and after the values, and where it
+changed they are read again.
 """
 
 from __future__ import annotations
@@ -27,21 +29,38 @@ SECONDARY_PORT = 30002
 KEEP_ALIVE_S = 0.02
 IN_TOUCH_S = 0.25
 REASON_S = 0.1
-"""Samples come slower than the client learns that a program ended; they say why within this time [s]."""
+"""Samples come slower than the client learns that a program ended; they say why within this time
+[s].
+"""
 ANSWERED_NS = 50_000_000
-"""Samples come over another connection than answers, and may be older than these by so much [ns]."""
+"""Samples come over another connection than answers, and may be older than these by so much
+[ns].
+"""
 MOST_UNFED = 3
 """Feeds of the watchdog that may fail one after the other."""
 LATELY_S = 2.0
-"""A program that ended is put down to a silence towards the controller within this time before [s]."""
+"""A program that ended is put down to a silence towards the controller within this time before
+[s].
+"""
 ENDING_S = 0.5
 """A program that nobody feeds any more has ended this long after its watchdog's time [s]."""
 PROGRAM_STATES = {"PLAYING": "running", "PAUSED": "paused"}
 """Answers to `programState` of the dashboard that are not STOPPED, in words."""
 VARIABLES = [
-    "timestamp", "target_q", "actual_q", "actual_qd", "actual_current", "joint_temperatures", "robot_mode", "safety_mode",
-    "runtime_state", "robot_status_bits", "safety_status_bits", "target_speed_fraction", "speed_scaling",
-]  # fmt: skip
+    "timestamp",
+    "target_q",
+    "actual_q",
+    "actual_qd",
+    "actual_current",
+    "joint_temperatures",
+    "robot_mode",
+    "safety_mode",
+    "runtime_state",
+    "robot_status_bits",
+    "safety_status_bits",
+    "target_speed_fraction",
+    "speed_scaling",
+]
 PROTECTIVE, SAFEGUARD, EMERGENCY, VIOLATION, FAULT = 1 << 2, 1 << 4, 1 << 7, 1 << 8, 1 << 9
 """Bits of `safety_status_bits` (RTDE guide)."""
 RUNNING = 7
@@ -53,9 +72,11 @@ class UrSettings(LinkSettings):
     """How a Universal Robots arm is driven.
 
     Attributes:
-        lookahead, gain: Of servoJ [s]. watchdog: The controller ends the program, which stops the arm, when no input comes for
-        so long [s]; it is the last resort, for when the driving process itself is gone. least_slider: Smallest position of the
-        speed slider that does not stop the run.
+        lookahead: Of servoJ [s].
+        gain: Of servoJ [s].
+        watchdog: The controller ends the program, which stops the arm, when no input comes for so
+            long [s]; it is the last resort, for when the driving process itself is gone.
+        least_slider: Smallest position of the speed slider that does not stop the run.
     """
 
     lookahead: float = 0.03
@@ -89,7 +110,8 @@ class UrClient(ArmClient):
         self._program_seen = self._streaming = False
         self._lock = ControllerLock(settings.host)
         self._said_at = time.monotonic()
-        # The longest time of late between two commands [s], what of it was waiting for an answer [s], and when that was.
+        # The longest time of late between two commands [s], what of it was waiting for an answer
+        # [s], and when that was.
         self._unfed = (0.0, 0.0, 0.0)
         self._unfed_in_a_row = 0
 
@@ -106,7 +128,8 @@ class UrClient(ArmClient):
         except ImportError:
             raise ArmFault(
                 "extra_missing",
-                "driving a Universal Robots arm needs the extra 'ur': pip install 'imu-testbench[ur]' "
+                "driving a Universal Robots arm needs the extra 'ur': pip install "
+                "'imu-testbench[ur]' "
                 "(its client library exists for x86-64 and Python up to 3.12)",
             ) from None
         host = self.settings.host
@@ -117,17 +140,29 @@ class UrClient(ArmClient):
         if info["refused"] is not None:
             return info
         try:
-            self._receive = rtde_receive.RTDEReceiveInterface(host, self.settings.record_hz, VARIABLES, False, True)
+            self._receive = rtde_receive.RTDEReceiveInterface(
+                host, self.settings.record_hz, VARIABLES, False, True
+            )
             self.listening = True
             self._wait_for_sample()
-            info |= {"q_rad": self.q.tolist(), "speed_slider": self.slider, "robot_mode": self._modes[0]}
+            info |= {
+                "q_rad": self.q.tolist(),
+                "speed_slider": self.slider,
+                "robot_mode": self._modes[0],
+            }
             refusal = self._refusal()
             if refusal is not None:
                 return info | {"refused": refusal}
             interface = rtde_control.RTDEControlInterface
-            flags = interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS | interface.FLAG_NO_EXT_FT
+            flags = (
+                interface.FLAG_UPLOAD_SCRIPT
+                | interface.FLAG_UPPER_RANGE_REGISTERS
+                | interface.FLAG_NO_EXT_FT
+            )
             self._control = interface(host, self.settings.control_hz, flags)
-            if self.settings.mass is not None and not self._control.setPayload(self.settings.mass, list(self.settings.centre)):
+            if self.settings.mass is not None and not self._control.setPayload(
+                self.settings.mass, list(self.settings.centre)
+            ):
                 raise ArmFault("payload", "the controller did not take the weight of the tool")
             if not self._control.setWatchdog(1 / self.settings.watchdog):
                 raise ArmFault("watchdog", "the controller's watchdog could not be set")
@@ -135,7 +170,9 @@ class UrClient(ArmClient):
         except ArmFault:
             raise
         except Exception as error:
-            raise ArmFault("connection", f"the controller at {host} cannot be driven: {error}") from None
+            raise ArmFault(
+                "connection", f"the controller at {host} cannot be driven: {error}"
+            ) from None
         return info
 
     def _ask(self, dashboard: Any) -> dict[str, Any]:
@@ -147,13 +184,17 @@ class UrClient(ArmClient):
         try:
             dashboard.connect(2000)
             if not dashboard.isConnected():
-                raise ArmFault("connection", f"no controller answers at {host}, port {DASHBOARD_PORT}")
+                raise ArmFault(
+                    "connection", f"no controller answers at {host}, port {DASHBOARD_PORT}"
+                )
             version = dashboard.polyscopeVersion()
             found = re.match(r"(\d+)\.(\d+)", version)
             numbers = (int(found.group(1)), int(found.group(2))) if found else (0, 0)
             info: dict[str, Any] = {"polyscope": version, "refused": None}
             if numbers < (5, 6) or numbers[0] > 5:
-                info["refused"] = f"the controller has PolyScope {version}; this driver needs 5.6 or a later 5"
+                info["refused"] = (
+                    f"the controller has PolyScope {version}; this driver needs 5.6 or a later 5"
+                )
                 return info
             info |= {
                 "model": dashboard.getRobotModel(),
@@ -161,17 +202,26 @@ class UrClient(ArmClient):
                 "remote_control": dashboard.isInRemoteControl(),
                 "safety_status": dashboard.safetystatus().partition(": ")[2],
             }
-            sound = info["safety_status"] in {"NORMAL", "REDUCED"}  # of a stopped arm the cause of its stop is said first
+            sound = info["safety_status"] in {
+                "NORMAL",
+                "REDUCED",
+            }  # of a stopped arm the cause of its stop is said first
             program = self._program_of_others(dashboard) if sound else None
             dashboard.disconnect()
         except ArmFault:
             raise
         except Exception as error:
-            raise ArmFault("connection", f"the dashboard at {host} does not answer: {error}") from None
+            raise ArmFault(
+                "connection", f"the dashboard at {host} does not answer: {error}"
+            ) from None
         if not info["remote_control"]:
             info["refused"] = "the robot is not in remote control; switch it on the teach pendant"
         elif program is not None:
-            whose = "another bench, or the pendant?" if program == "running" else "of a run that was stopped, or another's?"
+            whose = (
+                "another bench, or the pendant?"
+                if program == "running"
+                else "of a run that was stopped, or another's?"
+            )
             info["refused"] = (
                 f"a program is {program} on this controller ({whose}); "
                 "look at who uses the arm, then stop the program on the teach pendant"
@@ -179,7 +229,9 @@ class UrClient(ArmClient):
         return info
 
     def _program_of_others(self, dashboard: Any) -> str | None:
-        """Whether a program is "running" or "paused"; that of a bench that is just gone has the time to end by its watchdog."""
+        """Whether a program is "running" or "paused"; that of a bench that is just gone has the
+        time to end by its watchdog.
+        """
         end = time.monotonic() + self.settings.watchdog + ENDING_S
         while True:
             state = str(dashboard.programState()).partition(" ")[0]
@@ -189,14 +241,21 @@ class UrClient(ArmClient):
 
     def _refusal(self) -> str | None:
         if self._bits & PROTECTIVE:
-            return "the robot is in a protective stop; find its cause, then unlock it on the teach pendant"
+            return (
+                "the robot is in a protective stop; find its cause, then unlock it on the "
+                "teach pendant"
+            )
         if self._bits & (EMERGENCY | SAFEGUARD | VIOLATION | FAULT):
             return "the robot's safety system has stopped it; see the teach pendant"
         if self._modes[0] != RUNNING:
-            return f"the arm is not running (robot mode {self._modes[0]}); power it on and release the brakes"
+            return (
+                f"the arm is not running (robot mode {self._modes[0]}); power it on and "
+                "release the brakes"
+            )
         if self.slider < self.settings.least_slider:
             return (
-                f"the speed slider stands at {100 * self.slider:.0f} %, below the {100 * self.settings.least_slider:.0f} % "
+                f"the speed slider stands at {100 * self.slider:.0f} %, below the "
+                f"{100 * self.settings.least_slider:.0f} % "
                 "that the plan needs"
             )
         return None
@@ -214,7 +273,10 @@ class UrClient(ArmClient):
                 return None
             q, v, target = receive.getActualQ(), receive.getActualQd(), receive.getTargetQ()
             current, heat = receive.getActualCurrent(), receive.getJointTemperatures()
-            modes, bits = (receive.getRobotMode(), receive.getSafetyMode()), receive.getSafetyStatusBits()
+            modes, bits = (
+                (receive.getRobotMode(), receive.getSafetyMode()),
+                receive.getSafetyStatusBits(),
+            )
             slider, scaling = receive.getTargetSpeedFraction(), receive.getSpeedScaling()
             if not q:  # nothing has come yet
                 return None
@@ -225,7 +287,18 @@ class UrClient(ArmClient):
         self._stamp, self._modes, self._bits, self.slider = stamp, modes, bits, slider
         controller_ns = round(stamp * 1e9)
         host_ns, missed = self._note(controller_ns, np.array(q), np.array(v), np.array(target))
-        return host_ns, controller_ns, self.q, self.v, np.array(current), np.array(heat), *modes, scaling, self.q_target, missed
+        return (
+            host_ns,
+            controller_ns,
+            self.q,
+            self.v,
+            np.array(current),
+            np.array(heat),
+            *modes,
+            scaling,
+            self.q_target,
+            missed,
+        )
 
     def check(self) -> None:
         """Look at safety, power, program and data.
@@ -238,15 +311,21 @@ class UrClient(ArmClient):
         if not self._receive.isConnected():
             raise ArmFault("disconnect", "the connection to the controller was lost")
         if self.silent_for > settings.arm_silence:
-            raise ArmFault("rtde_silence", f"the controller sent no data for {settings.arm_silence:g} s")
+            raise ArmFault(
+                "rtde_silence", f"the controller sent no data for {settings.arm_silence:g} s"
+            )
         if self.slider < settings.least_slider - 0.005:
-            raise ArmFault("speed_slider", f"the speed slider was turned down to {100 * self.slider:.0f} %")
+            raise ArmFault(
+                "speed_slider", f"the speed slider was turned down to {100 * self.slider:.0f} %"
+            )
         if self._program_seen and not self._control.isProgramRunning():
             self._look_again()
             raise self._program_ended()
 
     def _program_ended(self) -> ArmFault:
-        """Who ended the program: its watchdog, where nothing reached it for longer than that waits, or somebody else."""
+        """Who ended the program: its watchdog, where nothing reached it for longer than that waits,
+        or somebody else.
+        """
         now, watchdog = time.monotonic(), self.settings.watchdog
         gap, waited, at = self._unfed
         if now - self._said_at > watchdog:
@@ -255,9 +334,14 @@ class UrClient(ArmClient):
             return ArmFault("program_stopped", "the program on the controller was stopped")
         ended = f"its watchdog, which waits {watchdog:g} s, ended the program"
         if waited > 0.5 * gap:
-            return ArmFault("slow_response", f"the controller did not answer a command within {waited:.1f} s: {ended}")
+            return ArmFault(
+                "slow_response",
+                f"the controller did not answer a command within {waited:.1f} s: {ended}",
+            )
         return ArmFault(
-            "slow_response", f"nothing was sent to the controller for {gap:.1f} s, this machine is too busy: {ended}"
+            "slow_response",
+            f"nothing was sent to the controller for {gap:.1f} s, this machine is too busy: "
+            f"{ended}",
         )
 
     def _check_state(self) -> None:
@@ -266,12 +350,17 @@ class UrClient(ArmClient):
         if self._bits & PROTECTIVE:
             raise ArmFault("protective_stop", "the robot made a protective stop")
         if self._bits & (SAFEGUARD | VIOLATION | FAULT):
-            raise ArmFault("safety_stop", f"the robot's safety system stopped it (safety mode {self._modes[1]})")
+            raise ArmFault(
+                "safety_stop",
+                f"the robot's safety system stopped it (safety mode {self._modes[1]})",
+            )
         if self._modes[0] != RUNNING:
             raise ArmFault("power_off", f"the arm lost its power (robot mode {self._modes[0]})")
 
     def keep_alive(self) -> None:
-        """Feed the controller's watchdog; a feed that is lost is repeated, for the watchdog itself decides what is too late."""
+        """Feed the controller's watchdog; a feed that is lost is repeated, for the watchdog itself
+        decides what is too late.
+        """
         now = time.monotonic()
         if self._control is not None and now - self._fed > KEEP_ALIVE_S:
             self._fed = now
@@ -285,8 +374,11 @@ class UrClient(ArmClient):
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
         """Begin a moveJ."""
         asked_ns = self.now_ns()
-        self._command("moveJ was refused", self._control.moveJ, target.tolist(), speed, acceleration, True)
-        # The controller answers after it was asked: where the newest stamp says otherwise the clocks have parted.
+        self._command(
+            "moveJ was refused", self._control.moveJ, target.tolist(), speed, acceleration, True
+        )
+        # The controller answers after it was asked: where the newest stamp says otherwise the
+        # clocks have parted.
         self.clock.not_before(round(1e9 * self._receive.getTimestamp()), asked_ns, ANSWERED_NS)
 
     def stream(self, target: np.ndarray) -> None:
@@ -294,7 +386,14 @@ class UrClient(ArmClient):
         settings, period = self.settings, 1.0 / self.settings.control_hz
         self._fed, self._streaming = time.monotonic(), True
         self._command(
-            "servoJ was refused", self._control.servoJ, target.tolist(), 0.0, 0.0, period, settings.lookahead, settings.gain
+            "servoJ was refused",
+            self._control.servoJ,
+            target.tolist(),
+            0.0,
+            0.0,
+            period,
+            settings.lookahead,
+            settings.gain,
         )
 
     def stop_stream(self, deceleration: float) -> None:
@@ -313,7 +412,9 @@ class UrClient(ArmClient):
         try:
             done = call(*arguments)
         except Exception as error:
-            raise ArmFault("disconnect", f"the connection to the controller was lost: {error}") from None
+            raise ArmFault(
+                "disconnect", f"the connection to the controller was lost: {error}"
+            ) from None
         now = time.monotonic()
         gap, self._said_at = now - self._said_at, now
         if gap >= self._unfed[0] or now - self._unfed[2] > LATELY_S:
@@ -321,7 +422,9 @@ class UrClient(ArmClient):
         return bool(done)
 
     def _look_again(self) -> None:
-        """A command that is refused, or a program that ended, has a reason, which the next samples may tell."""
+        """A command that is refused, or a program that ended, has a reason, which the next samples
+        may tell.
+        """
         end = time.monotonic() + REASON_S
         while time.monotonic() < end and self.listening:
             self.samples()
@@ -332,16 +435,21 @@ class UrClient(ArmClient):
         if self._program_seen and not self._control.isProgramRunning():
             raise self._program_ended()
         if self.silent_for > IN_TOUCH_S:
-            raise ArmFault("rtde_silence", f"the controller sent no data for {1000 * self.silent_for:.0f} ms")
+            raise ArmFault(
+                "rtde_silence", f"the controller sent no data for {1000 * self.silent_for:.0f} ms"
+            )
 
     def _in_touch(self) -> bool:
-        """Whether the controller spoke lately; if not, the client's commands would wait for an answer for minutes."""
+        """Whether the controller spoke lately; if not, the client's commands would wait for an
+        answer for minutes.
+        """
         return bool(self._receive.isConnected()) and self.silent_for < IN_TOUCH_S
 
     def stop(self, deceleration: float) -> None:
         """Bring the arm to rest by every way there is; never raises.
 
-        Where the controller is out of touch, a program of its own goes to its script interface and replaces the one that moves.
+        Where the controller is out of touch, a program of its own goes to its script interface and
+        replaces the one that moves.
         """
         if self._control is not None and self._in_touch():
             with suppress(Exception):
@@ -354,7 +462,10 @@ class UrClient(ArmClient):
                     return
         if self._receive is None or math.isinf(deceleration):
             return
-        with suppress(OSError), socket.create_connection((self.settings.host, SECONDARY_PORT), 0.5) as script:
+        with (
+            suppress(OSError),
+            socket.create_connection((self.settings.host, SECONDARY_PORT), 0.5) as script,
+        ):
             script.sendall(f"def stop_bench():\n  stopj({deceleration})\nend\n".encode())
 
     def close(self) -> None:
@@ -363,7 +474,11 @@ class UrClient(ArmClient):
             with suppress(Exception):
                 if self._control.isConnected() and self._control.isProgramRunning():
                     self._control.stopScript()
-        endings = [Thread(target=_disconnect, args=(own,)) for own in (self._control, self._receive) if own is not None]
+        endings = [
+            Thread(target=_disconnect, args=(own,))
+            for own in (self._control, self._receive)
+            if own is not None
+        ]
         for ending in endings:
             ending.start()
         for ending in endings:

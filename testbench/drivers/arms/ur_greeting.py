@@ -1,4 +1,6 @@
-"""Whether a Universal Robots dashboard answers at an address, before the client library is let loose on it."""
+"""Whether a Universal Robots dashboard answers at an address, before the client library is let
+loose on it.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,15 @@ GREETING = b"Universal Robots Dashboard Server"
 ANSWER_S = 2.0
 
 
-def greet_dashboard(host: str, port: int = DASHBOARD_PORT, patience_s: float = ANSWER_S) -> str | None:
+def greet_dashboard(
+    host: str, port: int = DASHBOARD_PORT, patience_s: float = ANSWER_S
+) -> str | None:
     """What is wrong at an address, in a sentence; None if a dashboard answers.
 
     Args:
-        host, port: Where. patience_s: For the connection, and for each answer [s].
+        host: Where.
+        port: Where.
+        patience_s: For the connection, and for each answer [s].
     """
     said = b""
     try:
@@ -26,7 +32,11 @@ def greet_dashboard(host: str, port: int = DASHBOARD_PORT, patience_s: float = A
                 connection.sendall(b"PolyscopeVersion\n\n")
                 said = connection.recv(200)
     except (OSError, UnicodeError) as error:
-        reason = "timed out" if isinstance(error, TimeoutError) else getattr(error, "strerror", None) or str(error)
+        reason = (
+            "timed out"
+            if isinstance(error, TimeoutError)
+            else getattr(error, "strerror", None) or str(error)
+        )
         return f"no controller answers at {host}, port {port}: {reason}"
     if GREETING in said:
         return None

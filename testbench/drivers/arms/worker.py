@@ -1,7 +1,8 @@
 """The process that drives an arm; started by `link.Link`, never by a person.
 
-One loop at the streaming rate with absolute deadlines: take samples, look at the controller's state, advance the step under
-way, feed the controller's watchdog where it has one. Whatever goes wrong, the arm is stopped first and reported afterwards.
+One loop at the streaming rate with absolute deadlines: take samples, look at the controller's
+state, advance the step under way, feed the controller's watchdog where it has one. Whatever goes
+wrong, the arm is stopped first and reported afterwards.
 """
 
 from __future__ import annotations
@@ -22,13 +23,17 @@ from testbench.drivers.arms.link import LinkSettings, Motion
 from testbench.drivers.arms.onset import LEAD_S, Onset
 
 SENT_KEPT_S = 0.4
-"""Targets sent within this time are compared with what is reached: longer than lookahead and servo lag together [s]."""
+"""Targets sent within this time are compared with what is reached: longer than lookahead and servo
+lag together [s].
+"""
 SETTLED_FOR_S = 0.05
 """A pose counts as reached once the joints are at rest in it for so long [s]."""
 REST_RAD_S = float(np.radians(0.15))
 """Largest joint rate at rest: above the noise of the rates [rad/s]."""
 STALE_S = 0.05
-"""An error of following is none when the newest sample is older: then it is the controller's silence [s]."""
+"""An error of following is none when the newest sample is older: then it is the controller's
+silence [s].
+"""
 STOP_RAD_S2 = 4.0
 """Deceleration of stops [rad/s^2]; the script manual's default for stopj is 2."""
 PATIENCE = 3.0
@@ -39,9 +44,17 @@ HAND_OVER_S = 0.05
 """Samples go to the bench this often [s]."""
 
 SAYING_S = 0.5
-"""While nothing is recorded the bench hears at least this often that the arm is looked after [s]."""
-CONNECTING = {"step_started": "connecting_started", "step_settled": "", "step_ended": "connecting_ended"}
-"""What the events of a step are called on the way to a step that does not follow on the one before."""
+"""While nothing is recorded the bench hears at least this often that the arm is looked after
+[s].
+"""
+CONNECTING = {
+    "step_started": "connecting_started",
+    "step_settled": "",
+    "step_ended": "connecting_ended",
+}
+"""What the events of a step are called on the way to a step that does not follow on the one
+before.
+"""
 REALTIME_PRIORITY = 20
 """Of the first-in-first-out class: above every ordinary process, below the kernel's own threads."""
 
@@ -54,7 +67,9 @@ class Worker:
     """The loop.
 
     Args:
-        connection: To the bench. client: Of the controller. settings: As the bench said.
+        connection: To the bench.
+        client: Of the controller.
+        settings: As the bench said.
     """
 
     def __init__(self, connection: Connection, client: ArmClient, settings: LinkSettings):
@@ -143,7 +158,11 @@ class Worker:
         """How the deadlines were kept."""
         total = np.cumsum(self.lateness)
         count = int(total[-1])
-        at = [float(np.searchsorted(total, share * count)) * 10e-6 for share in (0.5, 0.99)] if count else [0.0, 0.0]
+        at = (
+            [float(np.searchsorted(total, share * count)) * 10e-6 for share in (0.5, 0.99)]
+            if count
+            else [0.0, 0.0]
+        )
         return {
             "cycles": self.cycles,
             "overruns": self.overruns,
@@ -166,7 +185,9 @@ class Worker:
             self.lateness[min(max(late, 0) // 10_000, 2000)] += 1
             if late > LATE_NS:
                 self.overruns += 1
-            if late > 50 * self.period_ns:  # a stall: the rhythm begins anew, what was missed is not made up in a burst
+            if (
+                late > 50 * self.period_ns
+            ):  # a stall: the rhythm begins anew, what was missed is not made up in a burst
                 due += late
             self._keep(self.client.samples())
             self.client.check()
@@ -189,7 +210,9 @@ class Worker:
             elif message[0] in {"pause", "resume"}:
                 self.paused = message[0] == "pause"
         if now - self.heard > self.settings.host_silence:
-            raise ArmFault("host_silence", f"the bench was silent for {self.settings.host_silence:g} s")
+            raise ArmFault(
+                "host_silence", f"the bench was silent for {self.settings.host_silence:g} s"
+            )
 
     def _keep(self, rows: list[Row]) -> None:
         if self.origin_ns is None:
@@ -242,7 +265,9 @@ class Worker:
                 self.client.begin_stream()
             self.onset.expect(self.client.now_ns())
             self._event("step_started", motion.index)
-            yield from {"move": self._move, "stream": self._stream, "hold": self._hold}[motion.kind](motion)
+            yield from {"move": self._move, "stream": self._stream, "hold": self._hold}[
+                motion.kind
+            ](motion)
             self._event("step_settled", motion.index)
             yield from self._dwell(motion.dwell)
             self._event("step_ended", motion.index)
@@ -271,14 +296,18 @@ class Worker:
             yield
 
     def _keep_target(self) -> None:
-        """Between moves the controller is only kept awake; while streaming, the last target is sent again."""
+        """Between moves the controller is only kept awake; while streaming, the last target is sent
+        again.
+        """
         if self.streamed is None:
             self.client.keep_alive()
         else:
             self.client.stream(self.streamed)
 
     def _stream(self, motion: Motion) -> Iterator[None]:
-        """Send the path's targets at the times they are planned for; late turns skip, they never bunch."""
+        """Send the path's targets at the times they are planned for; late turns skip, they never
+        bunch.
+        """
         assert motion.path is not None
         begin, last = time.monotonic_ns(), len(motion.path) - 1
         window = round(SENT_KEPT_S * self.settings.control_hz)
@@ -297,7 +326,9 @@ class Worker:
         self.streamed = None
 
     def _compare(self, sent: np.ndarray) -> None:
-        """Watch the error of following: against whatever was sent lately, so that lag alone is no error."""
+        """Watch the error of following: against whatever was sent lately, so that lag alone is no
+        error.
+        """
         errors = np.abs(sent - self.client.q)
         nearest = int(errors.max(axis=1).argmin())
         error = float(errors[nearest].max())
@@ -305,9 +336,14 @@ class Worker:
             return
         silence = self.client.silent_for
         if silence > STALE_S:  # where the arm is nobody knows: it may well be where it was sent
-            raise ArmFault("rtde_silence", f"the controller sent no data for {1000 * silence:.0f} ms of a motion")
+            raise ArmFault(
+                "rtde_silence",
+                f"the controller sent no data for {1000 * silence:.0f} ms of a motion",
+            )
         joint = self._joint(errors[nearest])
-        raise ArmFault("tracking_error", f"{joint} is {np.degrees(error):.2f} deg from where it was sent")
+        raise ArmFault(
+            "tracking_error", f"{joint} is {np.degrees(error):.2f} deg from where it was sent"
+        )
 
     def _joint(self, errors: np.ndarray) -> str:
         """Name of the joint whose error is largest; errors of shape (n,)."""
@@ -357,7 +393,11 @@ def main(descriptor: int) -> None:
         _serve(connection, client, settings)
     finally:
         client.close()
-    os._exit(0)  # the destructors of UR's client library would wait half a second each for connections that are closed by now
+    os._exit(
+        0
+        # the destructors of UR's client library would wait half a second each for connections that
+        # are closed by now
+    )
 
 
 def _serve(connection: Connection, client: ArmClient, settings: LinkSettings) -> None:

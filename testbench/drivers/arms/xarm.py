@@ -1,6 +1,8 @@
-"""UFACTORY xArm arms, through the client library xarm-python-sdk: poses in position mode, sweeps in servo mode.
+"""UFACTORY xArm arms, through the client library xarm-python-sdk: poses in position mode, sweeps in
+servo mode.
 
-Written against the maker's published interfaces and tested against an emulated controller, never on an arm.
+Written against the maker's published interfaces and tested against an emulated controller, never on
+an arm.
 """
 
 from __future__ import annotations
@@ -23,19 +25,28 @@ class XArm(RemoteArm):
     """An xArm.
 
     Args:
-        robot, settings, time, serial: As for `RemoteArm`.
+        robot: As for `RemoteArm`.
+        settings: As for `RemoteArm`.
+        time: As for `RemoteArm`.
+        serial: As for `RemoteArm`.
     """
 
     driver: ClassVar[str] = "xarm"
     models: ClassVar[str] = "|".join(KINDS)
     family: ClassVar[str] = ", ".join(KINDS)
     notice = (
-        "the xArm driver is UNVERIFIED ON HARDWARE: it was tested against an emulated controller only, and this controller has "
-        "no watchdog that stops the arm when the bench is cut off; keep a hand on the emergency stop"
+        "the xArm driver is UNVERIFIED ON HARDWARE: it was tested against an emulated controller "
+        "only, and this controller has "
+        "no watchdog that stops the arm when the bench is cut off; keep a hand on the emergency "
+        "stop"
     )
     remedies = XARM_REMEDIES
     joint_columns: ClassVar[tuple[str, ...]] = ("current_{}_A", "temperature_{}_degC")
-    columns: ClassVar[dict[str, Any]] = {"state": np.int64, "mode": np.int64, "error_code": np.int64}
+    columns: ClassVar[dict[str, Any]] = {
+        "state": np.int64,
+        "mode": np.int64,
+        "error_code": np.int64,
+    }
     told: ClassVar[tuple[str, ...]] = ("model", "serial", "firmware", "axes", "device_type")
 
     settings: XArmSettings
@@ -43,7 +54,10 @@ class XArm(RemoteArm):
     def _wrong_model(self, info: dict[str, Any]) -> str | None:
         if (info.get("axes"), info.get("device_type")) == KINDS[self.robot.name]:
             return None
-        return f"the plan is for a {self.robot.name}, the controller says that it drives an {info.get('model')}"
+        return (
+            f"the plan is for a {self.robot.name}, the controller says that it drives an "
+            f"{info.get('model')}"
+        )
 
     def _stop_orphan(self) -> None:
         stop_at_once(self.settings.host, self.settings.control_port)
@@ -56,7 +70,8 @@ def xarm_settings(plan: Plan, host: str) -> XArmSettings:
     """What the driving process must know of a plan.
 
     Args:
-        plan: The motion. host: Address of the controller, with :PORT where commands do not go to port 502.
+        plan: The motion.
+        host: Address of the controller, with :PORT where commands do not go to port 502.
 
     Raises:
         InputError: The port is no number.
@@ -64,4 +79,6 @@ def xarm_settings(plan: Plan, host: str) -> XArmSettings:
     address, colon, port = host.partition(":")
     if colon and not (port.isdigit() and 0 < int(port) < 65536):
         raise InputError(f"--host {host}: after the colon must come the number of a port")
-    return XArmSettings(address, **common_settings(plan), control_port=int(port) if colon else CONTROL_PORT)
+    return XArmSettings(
+        address, **common_settings(plan), control_port=int(port) if colon else CONTROL_PORT
+    )

@@ -1,9 +1,11 @@
-"""A UFACTORY xArm controller through its client library xarm-python-sdk: connect, ask, sample, move, stop.
+"""A UFACTORY xArm controller through its client library xarm-python-sdk: connect, ask, sample,
+move, stop.
 
-Commands go through the library. Samples come from the controller's report port 30000, which the library does not read: only
-there is a time stamp, and only there are the angles sure to be those that the encoders measured; `get_servo_angle` says where
-the controller wants the joints to be (xArm-Python-SDK on GitHub, thread 73). Layout of the report:
-xArm-Developer/ufactory_docs, firmware/report; states: xArm user manual, 2.1.3; modes and error codes: the library, x_config.py
+Commands go through the library. Samples come from the controller's report port 30000, which the
+library does not read: only there is a time stamp, and only there are the angles sure to be those
+that the encoders measured; `get_servo_angle` says where the controller wants the joints to be
+(xArm-Python-SDK on GitHub, thread 73). Layout of the report: xArm-Developer/ufactory_docs,
+firmware/report; states: xArm user manual, 2.1.3; modes and error codes: the library, x_config.py
 and x_code.py (1.18.4).
 """
 
@@ -42,17 +44,23 @@ OLDEST_FIRMWARE = (2, 1, 0)
 POSITION, SERVO = 0, 1
 """Modes: the controller plans; it follows targets."""
 READY, PAUSED = {0, 1, 2}, 3
-"""States in which commands are taken (ready, in motion, standing by), and that of a suspended motion; higher ones are stops."""
+"""States in which commands are taken (ready, in motion, standing by), and that of a suspended
+motion; higher ones are stops.
+"""
 STOP_STATE = 4
 MOVING = 1
 EMERGENCY, SERVO_ERRORS, COLLISIONS = {1, 2, 3}, set(range(10, 18)), {22, 31}
 """Error codes: stop buttons, motors, collisions found by model or by current."""
 NOT_CONNECTED, NO_ANSWER, NOT_READY = {-1, 8}, 3, 9
-"""What the library's calls return: the connection is gone; no answer came in time; the controller takes no moves now."""
+"""What the library's calls return: the connection is gone; no answer came in time; the controller
+takes no moves now.
+"""
 LOAD_S = 2.0
 """The weight of the tool shows in the slow reports within this time [s]."""
 MODE_S, SURE_NS = 2.0, 50_000_000
-"""A change of mode shows in the reports within this time [s], and counts when they have told of it for so long [ns]."""
+"""A change of mode shows in the reports within this time [s], and counts when they have told of it
+for so long [ns].
+"""
 REASON_S = 0.45
 """Slow reports come every 0.2 s; the reason of a stop is known within this time [s]."""
 IN_TOUCH_S = 0.25
@@ -65,8 +73,9 @@ class XArmSettings(LinkSettings):
     """How an xArm is driven.
 
     Attributes:
-        settled: As for every arm; wider, for nobody knows how well this one holds a pose. control_port: For commands. answer:
-        The controller must answer a command within this time [s].
+        settled: As for every arm; wider, for nobody knows how well this one holds a pose.
+        control_port: For commands.
+        answer: The controller must answer a command within this time [s].
     """
 
     settled: float = float(np.radians(0.05))
@@ -80,9 +89,11 @@ class XArmSettings(LinkSettings):
 
 
 def stop_at_once(host: str, port: int, timeout: float = 0.5) -> None:
-    """Tell a controller to stop, over a connection of its own and without the library; never raises.
+    """Tell a controller to stop, over a connection of its own and without the library; never
+    raises.
 
-    The frame (docs.ufactory.cc/private_tcp_protocol): transaction, protocol 2, length 2, register 12 (state), 4 (stop).
+    The frame (docs.ufactory.cc/private_tcp_protocol): transaction, protocol 2, length 2, register
+    12 (state), 4 (stop).
     """
     with suppress(OSError), socket.create_connection((host, port), timeout) as connection:
         connection.settimeout(timeout)
@@ -117,7 +128,9 @@ class XArmClient(ArmClient):
             address = socket.gethostbyname(host)
             socket.create_connection((address, self.settings.control_port), 2.0).close()
         except OSError:
-            raise ArmFault("connection", f"no controller answers at {host}, port {self.settings.control_port}") from None
+            raise ArmFault(
+                "connection", f"no controller answers at {host}, port {self.settings.control_port}"
+            ) from None
         if not self._lock.take():
             return {"refused": USED_BY_ANOTHER_RUN}
         try:
@@ -134,11 +147,15 @@ class XArmClient(ArmClient):
         except ArmFault:
             raise
         except Exception as error:
-            raise ArmFault("connection", f"the controller at {host} cannot be driven: {error}") from None
+            raise ArmFault(
+                "connection", f"the controller at {host} cannot be driven: {error}"
+            ) from None
         return info
 
     def _open(self, address: str) -> Any:
-        """The library, connected; it prints, which goes nowhere in this process, and makes a folder in the user's home."""
+        """The library, connected; it prints, which goes nowhere in this process, and makes a folder
+        in the user's home.
+        """
         home = os.environ.get("HOME")
         try:
             with TemporaryDirectory() as folder:
@@ -148,14 +165,19 @@ class XArmClient(ArmClient):
                 from xarm.wrapper import XArmAPI
         except ImportError:
             raise ArmFault(
-                "extra_missing", "driving an xArm needs the extra 'xarm': pip install 'imu-testbench[xarm]'"
+                "extra_missing",
+                "driving an xArm needs the extra 'xarm': pip install 'imu-testbench[xarm]'",
             ) from None
         finally:
             os.environ.pop("HOME", None)
             if home is not None:
                 os.environ["HOME"] = home
-        self._titles = {code: entry["en"]["title"] for code, entry in ControllerErrorCodeMap.items()}
-        XCONF.SocketConf.TCP_CONTROL_PORT = self.settings.control_port  # the library lets nobody choose it
+        self._titles = {
+            code: entry["en"]["title"] for code, entry in ControllerErrorCodeMap.items()
+        }
+        XCONF.SocketConf.TCP_CONTROL_PORT = (
+            self.settings.control_port
+        )  # the library lets nobody choose it
         arm = XArmAPI(
             address,
             is_radian=True,
@@ -183,7 +205,8 @@ class XArmClient(ArmClient):
         }
         if version < OLDEST_FIRMWARE:
             info["refused"] = (
-                f"the controller has firmware {firmware}; this driver needs {'.'.join(map(str, OLDEST_FIRMWARE))} or later, "
+                f"the controller has firmware {firmware}; this driver needs "
+                f"{'.'.join(map(str, OLDEST_FIRMWARE))} or later, "
                 "which reports measured angles with time stamps"
             )
         return info
@@ -200,19 +223,36 @@ class XArmClient(ArmClient):
         arm, joints = self._arm, self.settings.joints
         error = self._error()
         if error in EMERGENCY:
-            return "its emergency stop is pressed; release it, and enable the robot in UFACTORY Studio"
+            return (
+                "its emergency stop is pressed; release it, and enable the robot in UFACTORY Studio"
+            )
         if error:
-            return f"its controller reports error {self._named(error)}; find its cause, then clear it in UFACTORY Studio"
+            return (
+                f"its controller reports error {self._named(error)}; find its cause, then "
+                "clear it in UFACTORY Studio"
+            )
         ready = zip(arm.motor_enable_states[:joints], arm.motor_brake_states[:joints], strict=True)
         off = [str(i + 1) for i, states in enumerate(ready) if states != (1, 1)]
         if off:
-            return f"the motors of joints {', '.join(off)} are not enabled; enable the robot in UFACTORY Studio"
+            return (
+                f"the motors of joints {', '.join(off)} are not enabled; enable the robot in "
+                "UFACTORY Studio"
+            )
         if arm.is_simulation_robot:
-            return "its controller simulates the arm instead of moving it; switch that off in UFACTORY Studio"
+            return (
+                "its controller simulates the arm instead of moving it; switch that off in "
+                "UFACTORY Studio"
+            )
         if arm.is_reduced_mode:
-            return "its controller is in reduced mode and would move slower than planned; switch that off in UFACTORY Studio"
+            return (
+                "its controller is in reduced mode and would move slower than planned; switch "
+                "that off in UFACTORY Studio"
+            )
         if self._mode not in {POSITION, SERVO}:
-            return f"its controller is in mode {self._mode}, in which somebody else moves it; switch it to position mode"
+            return (
+                f"its controller is in mode {self._mode}, in which somebody else moves it; "
+                "switch it to position mode"
+            )
         if self._state == MOVING or self._commands > 0:
             return "it is moving, or has motions waiting: something else drives it"
         if self._state == PAUSED:
@@ -227,14 +267,24 @@ class XArmClient(ArmClient):
         if mass is None:
             return
         code = self._arm.set_tcp_load(mass, centre_mm)
-        if code not in {0, NOT_READY}:  # some versions want to be made ready anew when the load has changed
-            raise ArmFault("payload", f"the controller did not take the weight of the tool (code {code} of the client library)")
+        if code not in {
+            0,
+            NOT_READY,
+        }:  # some versions want to be made ready anew when the load has changed
+            raise ArmFault(
+                "payload",
+                f"the controller did not take the weight of the tool (code {code} of the client "
+                "library)",
+            )
         self._wanted_mode = None
         self._enter(POSITION)
         end = time.monotonic() + LOAD_S
         while not np.allclose([mass, *centre_mm], np.hstack(self._arm.tcp_load), atol=0.01):
             if time.monotonic() > end:
-                raise ArmFault("payload", "the controller does not report the weight of the tool that it was told")
+                raise ArmFault(
+                    "payload",
+                    "the controller does not report the weight of the tool that it was told",
+                )
             self._held += self._read()
             time.sleep(0.01)
 
@@ -262,7 +312,9 @@ class XArmClient(ArmClient):
                 break
             else:
                 report = np.frombuffer(bytes(self._bytes[: REPORT.itemsize]), REPORT)[0]
-                if np.isfinite(report["q"]).all() and np.isfinite(report["v"]).all():  # without angles it counts as none
+                if (
+                    np.isfinite(report["q"]).all() and np.isfinite(report["v"]).all()
+                ):  # without angles it counts as none
                     rows.append(self._row(report))
                 del self._bytes[:size]
         return rows
@@ -272,10 +324,24 @@ class XArmClient(ArmClient):
         self._state, self._mode = int(report["state_mode"]) & 0x0F, int(report["state_mode"]) >> 4
         self._commands = int(report["commands"])
         stamp_ns = 1000 * int(report["time_us"])
-        q, v, target, current = (report[name][:n].astype(float) for name in ("q", "v", "q_target", "current"))
+        q, v, target, current = (
+            report[name][:n].astype(float) for name in ("q", "v", "q_target", "current")
+        )
         host_ns, missed = self._note(stamp_ns, q, v, target)
         heat = np.array(self._arm.temperatures[:n], dtype=float)
-        return host_ns, stamp_ns, q, v, current, heat, self._state, self._mode, self._arm.error_code, target, missed
+        return (
+            host_ns,
+            stamp_ns,
+            q,
+            v,
+            current,
+            heat,
+            self._state,
+            self._mode,
+            self._arm.error_code,
+            target,
+            missed,
+        )
 
     def check(self) -> None:
         if self._arm.error_code or self._state > PAUSED:
@@ -285,7 +351,10 @@ class XArmClient(ArmClient):
             raise ArmFault("disconnect", "the connection to the controller was lost")
         if self.silent_for > self.settings.arm_silence:
             self.listening = False
-            raise ArmFault("report_silence", f"the controller sent no report for {self.settings.arm_silence:g} s")
+            raise ArmFault(
+                "report_silence",
+                f"the controller sent no report for {self.settings.arm_silence:g} s",
+            )
         if self._wanted_mode is not None and self._mode != self._wanted_mode:
             raise ArmFault("mode_changed", f"somebody switched the controller to mode {self._mode}")
         if self._state == PAUSED:
@@ -302,16 +371,27 @@ class XArmClient(ArmClient):
     def _raise_reason(self) -> None:
         """Why the arm stopped; the motors' state comes with the slow reports."""
         end, joints = time.monotonic() + REASON_S, self.settings.joints
-        while not (error := self._error()) and all(self._arm.motor_enable_states[:joints]) and time.monotonic() < end:
+        while (
+            not (error := self._error())
+            and all(self._arm.motor_enable_states[:joints])
+            and time.monotonic() < end
+        ):
             time.sleep(0.02)
         if error in EMERGENCY:
-            raise ArmFault("emergency_stop", f"the robot's emergency stop was pressed: error {self._named(error)}")
+            raise ArmFault(
+                "emergency_stop",
+                f"the robot's emergency stop was pressed: error {self._named(error)}",
+            )
         if error in COLLISIONS:
-            raise ArmFault("protective_stop", f"the controller found a collision: error {self._named(error)}")
+            raise ArmFault(
+                "protective_stop", f"the controller found a collision: error {self._named(error)}"
+            )
         if error in SERVO_ERRORS:
             raise ArmFault("servo_error", f"a motor failed: error {self._named(error)}")
         if error:
-            raise ArmFault("controller_error", f"the controller stopped the arm: error {self._named(error)}")
+            raise ArmFault(
+                "controller_error", f"the controller stopped the arm: error {self._named(error)}"
+            )
         if not all(self._arm.motor_enable_states[:joints]):
             raise ArmFault("power_off", "the motors were switched off")
         raise ArmFault("program_stopped", "somebody stopped the arm")
@@ -324,7 +404,13 @@ class XArmClient(ArmClient):
         if not self._taken_over:
             self._take_over()
         self._enter(POSITION)
-        move = partial(self._arm.set_servo_angle, angle=target.tolist(), speed=speed, mvacc=acceleration, wait=False)
+        move = partial(
+            self._arm.set_servo_angle,
+            angle=target.tolist(),
+            speed=speed,
+            mvacc=acceleration,
+            wait=False,
+        )
         self._command("a move was refused", move)
 
     def begin_stream(self) -> None:
@@ -345,13 +431,17 @@ class XArmClient(ArmClient):
         self._command("the mode was not taken", self._arm.set_mode, mode)
         self._command("the state was not taken", self._arm.set_state, 0)
         end, since = time.monotonic() + MODE_S, -1
-        while since < 0 or self._stamp_ns - since < SURE_NS:  # the first reports may be older than the commands
+        while (
+            since < 0 or self._stamp_ns - since < SURE_NS
+        ):  # the first reports may be older than the commands
             self._held += self._read()
             ready = self._mode == mode and self._state in READY
             since = -1 if not ready else since if since >= 0 else self._stamp_ns
             if time.monotonic() > end:
                 told = f"state {self._state}, mode {self._mode}, error {self._named(self._error())}"
-                raise ArmFault("not_ready", f"the controller did not get ready in mode {mode}: {told}")
+                raise ArmFault(
+                    "not_ready", f"the controller did not get ready in mode {mode}: {told}"
+                )
             time.sleep(0.001)
         self._wanted_mode = mode
 
@@ -363,14 +453,18 @@ class XArmClient(ArmClient):
             raise ArmFault("disconnect", "the connection to the controller was lost")
         if code == NO_ANSWER:
             self._unanswered = True
-            raise ArmFault("slow_response", f"the controller did not answer within {self.settings.answer:g} s")
+            raise ArmFault(
+                "slow_response", f"the controller did not answer within {self.settings.answer:g} s"
+            )
         self._held += self._read()
         if self._state > PAUSED or self._error():
             self._raise_reason()
         raise ArmFault("refused", f"{failure} (code {code} of the client library)")
 
     def stop(self, deceleration: float) -> None:
-        """Tell the controller to stop, which it does at a rate of its own; where it does not answer, over a new connection."""
+        """Tell the controller to stop, which it does at a rate of its own; where it does not
+        answer, over a new connection.
+        """
         if not self._taken_over:
             return
         with suppress(Exception):

@@ -13,7 +13,10 @@ class Imu(ABC):
     """A sensor that records by itself and hands over its samples.
 
     Attributes:
-        rate: Nominal output rate [Hz]. has_magnetometer, has_orientation, has_temperature: What its samples hold.
+        rate: Nominal output rate [Hz].
+        has_magnetometer: What its samples hold.
+        has_orientation: What its samples hold.
+        has_temperature: What its samples hold.
     """
 
     rate: float
@@ -27,7 +30,9 @@ class Imu(ABC):
 
     @abstractmethod
     def read(self, until_ns: int) -> ImuSamples:
-        """What was sampled since the last call, up to a host time; waits for it where time is real."""
+        """What was sampled since the last call, up to a host time; waits for it where time is
+        real.
+        """
 
     @abstractmethod
     def stop(self) -> None:
@@ -42,5 +47,7 @@ class Imu(ABC):
         return ImuSamples.columns(self.has_magnetometer, self.has_orientation, self.has_temperature)
 
     def events(self) -> list[Event]:
-        """What happened to the device since the last call, such as a lost connection; nothing by default."""
+        """What happened to the device since the last call, such as a lost connection; nothing by
+        default.
+        """
         return []

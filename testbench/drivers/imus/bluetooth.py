@@ -1,4 +1,6 @@
-"""Bluetooth for drivers that are not asynchronous: bleak in an event loop of its own thread, and the search for Xsens DOTs."""
+"""Bluetooth for drivers that are not asynchronous: bleak in an event loop of its own thread, and
+the search for Xsens DOTs.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,10 @@ def import_bleak() -> ModuleType:
     try:
         import bleak
     except ImportError:
-        message = "Bluetooth devices need the extra 'ble', which is not installed: pip install 'imu-testbench[ble]'"
+        message = (
+            "Bluetooth devices need the extra 'ble', which is not installed: pip install "
+            "'imu-testbench[ble]'"
+        )
         raise DriverError(message) from None
     return bleak
 
@@ -34,7 +39,8 @@ class BluetoothLoop:
     """An event loop in a thread, shared by all Bluetooth devices of a session.
 
     Args:
-        client: Class with the interface of `bleak.BleakClient`; bleak's own if None. scanner: Likewise of `bleak.BleakScanner`.
+        client: Class with the interface of `bleak.BleakClient`; bleak's own if None.
+        scanner: Likewise of `bleak.BleakScanner`.
     """
 
     def __init__(self, client: Any = None, scanner: Any = None):

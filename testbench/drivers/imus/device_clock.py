@@ -1,20 +1,27 @@
-"""A device's own clock: counters that wrap, boards that restart, samples that were lost on the way."""
+"""A device's own clock: counters that wrap, boards that restart, samples that were lost on the
+way.
+"""
 
 from __future__ import annotations
 
 from testbench.frames import NANOSECONDS
 
 LONGEST_BACKLOG_NS = 30 * NANOSECONDS
-"""Samples may reach the host this late without the device's clock being doubted [ns]; a Bluetooth link stalls for seconds."""
+"""Samples may reach the host this late without the device's clock being doubted [ns]; a Bluetooth
+link stalls for seconds.
+"""
 AFTER_RECONNECT_NS = 2 * NANOSECONDS
-"""The same for the first sample of a new connection, behind which nothing can have piled up [ns]."""
+"""The same for the first sample of a new connection, behind which nothing can have piled up
+[ns].
+"""
 
 
 class DeviceClock:
     """Turns wrapping time stamps into times that only grow, with the host's clock as witness.
 
-    A stamp is known modulo `wrap_ns`. Which turn it belongs to, the host says: the last accepted sample's time plus what has
-    passed on the host since. So wraps are resolved across gaps of any length, and a device that started anew is noticed.
+    A stamp is known modulo `wrap_ns`. Which turn it belongs to, the host says: the last accepted
+    sample's time plus what has passed on the host since. So wraps are resolved across gaps of any
+    length, and a device that started anew is noticed.
 
     Args:
         wrap_ns: Period of the stamp [ns], None if it does not wrap.
@@ -28,11 +35,15 @@ class DeviceClock:
         self._fresh = False
 
     def reconnected(self) -> None:
-        """The next stamp comes over a new connection: nothing is queued behind it, and the device may have restarted."""
+        """The next stamp comes over a new connection: nothing is queued behind it, and the device
+        may have restarted.
+        """
         self._fresh = True
 
     def unwrap(self, stamp_ns: int, host_ns: int) -> int | None:
-        """The time of a stamp, on the scale of the first one [ns]; None if it contradicts the host's clock."""
+        """The time of a stamp, on the scale of the first one [ns]; None if it contradicts the
+        host's clock.
+        """
         if self.last_ns is None:
             return stamp_ns
         predicted, time = self._predicted(host_ns), stamp_ns + self._offset_ns
@@ -51,7 +62,9 @@ class DeviceClock:
         self._fresh = False
 
     def restart(self, stamp_ns: int, host_ns: int) -> int:
-        """The device counts from anew: carry its time on by the host's clock, and return that of the stamp [ns]."""
+        """The device counts from anew: carry its time on by the host's clock, and return that of
+        the stamp [ns].
+        """
         time = self._predicted(host_ns)
         self._offset_ns = time - stamp_ns
         self.accept(time, host_ns)
@@ -65,8 +78,8 @@ class SampleCounter:
     """A running number for each sample; a step of more than one is a loss.
 
     Args:
-        rate: Nominal [Hz]; losses are told from steps of time where the device sends no counter. wrap: The device's counter
-        runs from 0 to wrap - 1, None if it does not wrap.
+        rate: Nominal [Hz]; losses are told from steps of time where the device sends no counter.
+        wrap: The device's counter runs from 0 to wrap - 1, None if it does not wrap.
     """
 
     def __init__(self, rate: float, wrap: int | None = None):
@@ -79,8 +92,9 @@ class SampleCounter:
         """How many periods this sample lies after the last one; 0 for one that was sent twice.
 
         Args:
-            time_ns: Of the sample, by the device; None where only the order is known. own: The device's counter, if it sends
-            one. restarted: The device began to count anew.
+            time_ns: Of the sample, by the device; None where only the order is known.
+            own: The device's counter, if it sends one.
+            restarted: The device began to count anew.
         """
         previous_time, previous_own = self._time_ns, self._own
         self._time_ns, self._own = time_ns, own
@@ -100,7 +114,9 @@ class SampleCounter:
         return self._value
 
     def _credible(self, step: int, time_ns: int | None, previous_ns: int | None) -> bool:
-        """Whether the clock does not contradict a counter's step, as it does where a digit was lost on the line."""
+        """Whether the clock does not contradict a counter's step, as it does where a digit was lost
+        on the line.
+        """
         if time_ns is None or previous_ns is None:
             return True
         return step * self._period_ns <= 2 * max(time_ns - previous_ns, 0) + NANOSECONDS

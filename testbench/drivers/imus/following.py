@@ -1,4 +1,6 @@
-"""The motion that an arm reports, as simulated sensors feel it: for rehearsals on a real or an emulated arm."""
+"""The motion that an arm reports, as simulated sensors feel it: for rehearsals on a real or an
+emulated arm.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,13 @@ from testbench.records.trajectory import Trajectory
 KEPT_NS = 3 * NANOSECONDS
 """The motion stays known for so long [ns]."""
 SMOOTHING_S = 0.1
-"""Width of the cubic Savitzky-Golay window that smooths and differentiates what was reported [s]; its half is not known yet."""
+"""Width of the cubic Savitzky-Golay window that smooths and differentiates what was reported [s];
+its half is not known yet.
+"""
 KNOT_EVERY = 4
-"""Samples between two knots of the motion: the polynomial between them follows 5 Hz, and hiss is not blown up."""
+"""Samples between two knots of the motion: the polynomial between them follows 5 Hz, and hiss is
+not blown up.
+"""
 
 
 class ReportedMotion:
@@ -44,7 +50,11 @@ class ReportedMotion:
             return
         if not len(self._time):  # the arm rests until its first sample
             first = np.minimum(samples.host_time_ns[:1], 0)
-            self._time, self._q, self._v = first, samples.q_measured[:1], np.zeros_like(samples.v_measured[:1])
+            self._time, self._q, self._v = (
+                first,
+                samples.q_measured[:1],
+                np.zeros_like(samples.v_measured[:1]),
+            )
         later = samples.host_time_ns > self._time[-1]
         self._time = np.append(self._time, samples.host_time_ns[later])
         self._q = np.vstack([self._q, samples.q_measured[later]])
@@ -62,7 +72,8 @@ class ReportedMotion:
         curve = CubicHermiteSpline(self._time / NANOSECONDS, self._q, self._v)
         q, v = curve(grid / NANOSECONDS), curve(grid / NANOSECONDS, 1)
         a = savgol_filter(v, self._window, 3, deriv=1, delta=self._interval / NANOSECONDS, axis=0)
-        # Encoders hiss: unsmoothed angles 8 ms apart would make accelerations of 0.3 rad/s^2 between the knots.
+        # Encoders hiss: unsmoothed angles 8 ms apart would make accelerations of 0.3 rad/s^2
+        # between the knots.
         q, v = (savgol_filter(array, self._window, 3, axis=0) for array in (q, v))
         known = slice(None, -(self._window // 2), KNOT_EVERY)
         self._motion = Trajectory(grid[known], q[known], v[known], a[known])

@@ -1,4 +1,6 @@
-"""Line format: how a board writes its samples as lines of text, as a YAML file; docs/devices.md explains every key."""
+"""Line format: how a board writes its samples as lines of text, as a YAML file; docs/devices.md
+explains every key.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ class TimeColumn(StrictModel):
 
     quantity: Literal["time"]
     unit: Literal["s", "ms", "us", "ns"] = Field(description="Unit of the column.")
-    wrap_bits: int | None = Field(default=None, ge=8, le=63, description="Width of the board's counter; null: never wraps.")
+    wrap_bits: int | None = Field(
+        default=None, ge=8, le=63, description="Width of the board's counter; null: never wraps."
+    )
 
     @property
     def width(self) -> int:
@@ -47,7 +51,8 @@ class _Scaled(StrictModel):
     counts_per_unit: float | None = Field(
         default=None,
         gt=0,
-        description="Counts in one unit, for raw readings: value = (column - zero_counts) / counts_per_unit.",
+        description="Counts in one unit, for raw readings: value = (column - zero_counts) / "
+        "counts_per_unit.",
     )
     zero_counts: float = Field(default=0.0, description="Column value that stands for zero.")
 
@@ -56,11 +61,16 @@ class _Vector(_Scaled):
     """Neighbouring columns of one triad."""
 
     axes: list[Axis] = Field(
-        default=["x", "y", "z"], min_length=1, max_length=3,
+        default=["x", "y", "z"],
+        min_length=1,
+        max_length=3,
         description="Axis of the sensor that each column holds; a minus sign turns it round.",
-    )  # fmt: skip
+    )
     full_scale: float | None = Field(
-        default=None, gt=0, description="Range, +- [unit]; readings at it are marked saturated, and ones beyond it are refused."
+        default=None,
+        gt=0,
+        description="Range, +- [unit]; readings at it are marked saturated, and ones beyond it are "
+        "refused.",
     )
 
     @property
@@ -72,21 +82,27 @@ class AccelerationColumns(_Vector):
     """Specific force."""
 
     quantity: Literal["acceleration"]
-    unit: Literal["m/s^2", "g", "mg"] = Field(description="Unit of the columns, after counts_per_unit.")
+    unit: Literal["m/s^2", "g", "mg"] = Field(
+        description="Unit of the columns, after counts_per_unit."
+    )
 
 
 class AngularRateColumns(_Vector):
     """Angular rate."""
 
     quantity: Literal["angular_rate"]
-    unit: Literal["rad/s", "deg/s", "mdeg/s"] = Field(description="Unit of the columns, after counts_per_unit.")
+    unit: Literal["rad/s", "deg/s", "mdeg/s"] = Field(
+        description="Unit of the columns, after counts_per_unit."
+    )
 
 
 class MagneticFieldColumns(_Vector):
     """Magnetic field."""
 
     quantity: Literal["magnetic_field"]
-    unit: Literal["uT", "nT", "G", "mG"] = Field(description="Unit of the columns, after counts_per_unit.")
+    unit: Literal["uT", "nT", "G", "mG"] = Field(
+        description="Unit of the columns, after counts_per_unit."
+    )
 
 
 class QuaternionColumns(StrictModel):
@@ -94,7 +110,10 @@ class QuaternionColumns(StrictModel):
 
     quantity: Literal["quaternion"]
     order: list[Literal["w", "x", "y", "z"]] = Field(
-        default=["w", "x", "y", "z"], min_length=4, max_length=4, description="Order of the columns."
+        default=["w", "x", "y", "z"],
+        min_length=4,
+        max_length=4,
+        description="Order of the columns.",
     )
     rotates: Literal["earth_from_sensor", "sensor_from_earth"] = Field(
         default="earth_from_sensor", description="Which vectors the quaternion turns into which."
@@ -115,7 +134,9 @@ class TemperatureColumn(_Scaled):
     """Temperature; its mean is recorded as an event now and then."""
 
     quantity: Literal["temperature"]
-    unit: Literal["degC"] = Field(default="degC", description="Unit of the column, after counts_per_unit.")
+    unit: Literal["degC"] = Field(
+        default="degC", description="Unit of the column, after counts_per_unit."
+    )
 
     @property
     def width(self) -> int:
@@ -126,7 +147,9 @@ class CounterColumn(StrictModel):
     """A number that grows by one from line to line, so that lost lines are counted."""
 
     quantity: Literal["counter"]
-    wrap_bits: int | None = Field(default=None, ge=4, le=63, description="Width of the counter; null: never wraps.")
+    wrap_bits: int | None = Field(
+        default=None, ge=4, le=63, description="Width of the counter; null: never wraps."
+    )
 
     @property
     def width(self) -> int:
@@ -145,19 +168,28 @@ class IgnoredColumns(StrictModel):
 
 
 Column = Annotated[
-    TimeColumn | AccelerationColumns | AngularRateColumns | MagneticFieldColumns | QuaternionColumns | TemperatureColumn
-    | CounterColumn | IgnoredColumns,
+    TimeColumn
+    | AccelerationColumns
+    | AngularRateColumns
+    | MagneticFieldColumns
+    | QuaternionColumns
+    | TemperatureColumn
+    | CounterColumn
+    | IgnoredColumns,
     Field(discriminator="quantity"),
-]  # fmt: skip
+]
 
 
 class Checksum(StrictModel):
     """Two or more hexadecimal digits at the end of the line, after a mark."""
 
     algorithm: Literal["xor", "sum"] = Field(
-        description="Over the bytes between prefix and mark: exclusive or (as in NMEA 0183), or sum modulo 256."
+        description="Over the bytes between prefix and mark: exclusive or (as in NMEA 0183), or "
+        "sum modulo 256."
     )
-    mark: str = Field(default="*", min_length=1, max_length=1, description="Character before the digits.")
+    mark: str = Field(
+        default="*", min_length=1, max_length=1, description="Character before the digits."
+    )
 
 
 class LineFormat(StrictModel):
@@ -166,22 +198,36 @@ class LineFormat(StrictModel):
     description: str = Field(min_length=1, description="What the board is, in a line.")
     source: str = Field(default="", description="Where the numbers come from.")
     rate_hz: float = Field(gt=0, le=10_000, description="Nominal number of lines in a second [Hz].")
-    baud_rate: int = Field(default=115_200, ge=300, le=12_000_000, description="Speed of the port [bit/s].")
+    baud_rate: int = Field(
+        default=115_200, ge=300, le=12_000_000, description="Speed of the port [bit/s]."
+    )
     separator: Literal["space", "comma", "semicolon", "tab"] = Field(
         default="space", description="What stands between columns; space: any run of blanks."
     )
     prefix: str = Field(
-        default="", max_length=32, description="What every line of data begins with; lines without it are faults."
+        default="",
+        max_length=32,
+        description="What every line of data begins with; lines without it are faults.",
     )
     comment_prefixes: list[Annotated[str, Field(min_length=1, max_length=32)]] = Field(
-        default=["#"], description="Lines that begin so are passed over: comments, headers, greetings."
+        default=["#"],
+        description="Lines that begin so are passed over: comments, headers, greetings.",
     )
-    columns: list[Column] = Field(min_length=1, max_length=64, description="The columns from left to right.")
-    checksum: Checksum | None = Field(default=None, description="Check digits at the end of the line; null: none.")
+    columns: list[Column] = Field(
+        min_length=1, max_length=64, description="The columns from left to right."
+    )
+    checksum: Checksum | None = Field(
+        default=None, description="Check digits at the end of the line; null: none."
+    )
     settle_s: float = Field(
-        default=0.0, ge=0, le=30, description="Time from opening the port to start_command [s]: some boards reboot."
+        default=0.0,
+        ge=0,
+        le=30,
+        description="Time from opening the port to start_command [s]: some boards reboot.",
     )
-    start_command: str = Field(default="", max_length=200, description="Text sent to make the board begin.")
+    start_command: str = Field(
+        default="", max_length=200, description="Text sent to make the board begin."
+    )
     stop_command: str = Field(default="", max_length=200, description="Text sent to make it stop.")
 
     @model_validator(mode="after")
@@ -191,10 +237,17 @@ class LineFormat(StrictModel):
             if kinds.count(kind) > 1:
                 raise ValueError(f"columns: {kind} stands {kinds.count(kind)} times")
         for kind in ("acceleration", "angular_rate", "magnetic_field"):
-            axes = sorted(axis[-1] for column in self.columns if column.quantity == kind for axis in column.axes)  # type: ignore[union-attr]
+            axes = sorted(
+                axis[-1]
+                for column in self.columns
+                if column.quantity == kind
+                for axis in column.axes  # type: ignore[union-attr]
+            )
             if axes != ["x", "y", "z"] and (axes or kind != "magnetic_field"):
                 found = ", ".join(axes) or "none"
-                raise ValueError(f"columns: {kind} needs the axes x, y and z once each, not {found}")
+                raise ValueError(
+                    f"columns: {kind} needs the axes x, y and z once each, not {found}"
+                )
         for text in (self.prefix, self.start_command, self.stop_command, *self.comment_prefixes):
             if not text.isascii():
                 raise ValueError(f"{text!r} is not ASCII, which is what boards speak")

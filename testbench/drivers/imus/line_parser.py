@@ -1,4 +1,6 @@
-"""Parse a board's lines by their format, fast enough for several boards at hundreds of lines a second."""
+"""Parse a board's lines by their format, fast enough for several boards at hundreds of lines a
+second.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,13 @@ from testbench.drivers.imus.line_format import (
 )
 
 NEAR_FULL_SCALE = 0.999
-"""Readings from this part of the full scale on count as saturated: the last count or printed digit lies just below it."""
+"""Readings from this part of the full scale on count as saturated: the last count or printed digit
+lies just below it.
+"""
 BEYOND_FULL_SCALE = 1.05
-"""Readings beyond this part of it cannot come from the sensor; a digit was lost or doubled on the line."""
+"""Readings beyond this part of it cannot come from the sensor; a digit was lost or doubled on the
+line.
+"""
 QUATERNION_TOLERANCE = 0.05
 """A quaternion's norm may differ from 1 by as much, as boards print few digits."""
 
@@ -38,9 +44,12 @@ class Line:
     """What a line said.
 
     Attributes:
-        time_ns: The board's clock [ns], as sent; None without a time column. counter: As sent, or None.
-        values: Angular rate [rad/s], specific force [m/s^2], field [uT] and quaternion (q_earth_from_sensor, w x y z), the
-        latter two where the format has them. saturated: A reading is at full scale. temperature: [degC], or None.
+        time_ns: The board's clock [ns], as sent; None without a time column.
+        counter: As sent, or None.
+        values: Angular rate [rad/s], specific force [m/s^2], field [uT] and quaternion
+            (q_earth_from_sensor, w x y z), the latter two where the format has them.
+        saturated: A reading is at full scale.
+        temperature: [degC], or None.
     """
 
     time_ns: int | None
@@ -78,7 +87,9 @@ class LineParser:
         self._order = self._arrange(line_format)
 
     def _arrange(self, line_format: LineFormat) -> list[int]:
-        """Note where each quantity stands; returns the columns in the order of `Line.values`, without the quaternion."""
+        """Note where each quantity stands; returns the columns in the order of `Line.values`,
+        without the quaternion.
+        """
         places: dict[tuple[str, str], int] = {}
         at = 0
         for column in line_format.columns:
@@ -89,24 +100,39 @@ class LineParser:
                     self._counter = at
                 case TemperatureColumn():
                     self._temperature = at
-                    self._zero[at], self._factor[at] = column.zero_counts, 1 / (column.counts_per_unit or 1.0)
+                    self._zero[at], self._factor[at] = (
+                        column.zero_counts,
+                        1 / (column.counts_per_unit or 1.0),
+                    )
                 case QuaternionColumns():
-                    self._quaternion = [at + column.order.index(part) for part in ("w", "x", "y", "z")]
+                    self._quaternion = [
+                        at + column.order.index(part) for part in ("w", "x", "y", "z")
+                    ]
                     self._conjugate = column.rotates == "sensor_from_earth"
                 case AccelerationColumns() | AngularRateColumns() | MagneticFieldColumns():
                     unit = (ACCELERATION_UNITS | RATE_UNITS | FIELD_UNITS)[column.unit]
                     for i, axis in enumerate(column.axes, at):
                         sign = -1.0 if axis.startswith("-") else 1.0
                         places[column.quantity, axis[-1]] = i
-                        self._zero[i], self._factor[i] = column.zero_counts, sign * unit / (column.counts_per_unit or 1.0)
+                        self._zero[i], self._factor[i] = (
+                            column.zero_counts,
+                            sign * unit / (column.counts_per_unit or 1.0),
+                        )
                         if column.full_scale is not None:
                             full = column.full_scale * unit
-                            self._limits.append((i, NEAR_FULL_SCALE * full, BEYOND_FULL_SCALE * full))
+                            self._limits.append(
+                                (i, NEAR_FULL_SCALE * full, BEYOND_FULL_SCALE * full)
+                            )
                 case _:
                     pass
             at += column.width
         kinds = ("angular_rate", "acceleration", "magnetic_field")
-        return [places[kind, axis] for kind in kinds for axis in ("x", "y", "z") if (kind, axis) in places]
+        return [
+            places[kind, axis]
+            for kind in kinds
+            for axis in ("x", "y", "z")
+            if (kind, axis) in places
+        ]
 
     def parse(self, line: bytes) -> Line | None:
         """Read one line, without its end; None for a comment or an empty line.
@@ -128,7 +154,8 @@ class LineParser:
             raise MalformedLine(f"has {len(fields)} columns, not {self._width}")
         try:
             values = [
-                (float(text) - zero) * factor for text, zero, factor in zip(fields, self._zero, self._factor, strict=True)
+                (float(text) - zero) * factor
+                for text, zero, factor in zip(fields, self._zero, self._factor, strict=True)
             ]
         except ValueError:
             raise MalformedLine("holds something that is no number") from None

@@ -62,7 +62,10 @@ def import_pyserial() -> ModuleType:
     try:
         import serial
     except ImportError:
-        message = "serial devices need the extra 'serial', which is not installed: pip install 'imu-testbench[serial]'"
+        message = (
+            "serial devices need the extra 'serial', which is not installed: pip install "
+            "'imu-testbench[serial]'"
+        )
         raise DriverError(message) from None
     return serial
 
@@ -75,7 +78,9 @@ def open_serial_port(name: str, baud_rate: int) -> Port:
         OSError: The port cannot be opened.
     """
     serial = import_pyserial()
-    port: Port = serial.Serial(name, baud_rate, timeout=READ_TIMEOUT_S, write_timeout=1.0, exclusive=True)
+    port: Port = serial.Serial(
+        name, baud_rate, timeout=READ_TIMEOUT_S, write_timeout=1.0, exclusive=True
+    )
     return port
 
 
@@ -88,18 +93,25 @@ def list_serial_ports() -> list[dict[str, str]]:
     import_pyserial()
     from serial.tools.list_ports import comports
 
-    return [{"port": port.device, "description": port.description or "", "hardware": port.hwid or ""} for port in comports()]
+    return [
+        {"port": port.device, "description": port.description or "", "hardware": port.hwid or ""}
+        for port in comports()
+    ]
 
 
 class SerialImu(StreamedImu):
     """An IMU behind a serial port.
 
-    A thread of its own reads the port, stamps each piece with the time it arrived, and parses it at once. A lost port is
-    opened again with growing waits; the gap is an event.
+    A thread of its own reads the port, stamps each piece with the time it arrived, and parses it at
+    once. A lost port is opened again with growing waits; the gap is an event.
 
     Args:
-        port: Name of the port, e.g. /dev/ttyACM0. line_format: How the board writes. time: Of the session. open_port: Opens a
-        port by name and speed. queue_s: Length of the queue [s]. backoff_s: First and longest wait between attempts [s].
+        port: Name of the port, e.g. /dev/ttyACM0.
+        line_format: How the board writes.
+        time: Of the session.
+        open_port: Opens a port by name and speed.
+        queue_s: Length of the queue [s].
+        backoff_s: First and longest wait between attempts [s].
     """
 
     def __init__(
@@ -136,10 +148,14 @@ class SerialImu(StreamedImu):
         try:
             port = self._open_port(self.port_name, self.line_format.baud_rate)
         except OSError as error:
-            raise DriverError(f"the serial port {self.port_name} cannot be opened: {_reason(error)}") from None
+            raise DriverError(
+                f"the serial port {self.port_name} cannot be opened: {_reason(error)}"
+            ) from None
         self.time.start()
         self.notices.add("connected", port=self.port_name)
-        self._thread = threading.Thread(target=self._run, args=(port,), name=f"serial {self.port_name}", daemon=True)
+        self._thread = threading.Thread(
+            target=self._run, args=(port,), name=f"serial {self.port_name}", daemon=True
+        )
         self._thread.start()
 
     def stop(self) -> None:
@@ -151,15 +167,20 @@ class SerialImu(StreamedImu):
         self._stopped = True
 
     def trial(self) -> SerialImu:
-        """The same device once more, to listen to before anything depends on it; must be stopped before this one starts."""
+        """The same device once more, to listen to before anything depends on it; must be stopped
+        before this one starts.
+        """
         time = SessionTime(self.time.clock)
-        return SerialImu(self.port_name, self.line_format, time, self._open_port, backoff_s=self._backoff_s)
+        return SerialImu(
+            self.port_name, self.line_format, time, self._open_port, backoff_s=self._backoff_s
+        )
 
     def wait_for_sample(self, name: str, patience_s: float = FIRST_SAMPLE_S) -> None:
         """Wait until a sample has come.
 
         Args:
-            name: Of the sensor, for the message. patience_s: After the board has settled [s]; ten periods are granted anyway.
+            name: Of the sensor, for the message.
+            patience_s: After the board has settled [s]; ten periods are granted anyway.
 
         Raises:
             DriverError: None came; says what came instead.
@@ -173,7 +194,10 @@ class SerialImu(StreamedImu):
         events = {event.event: event.details for event in self.notices.take(everything=True)}
         if "malformed_lines" in events:
             example = events["malformed_lines"]
-            heard = f"lines arrive but none fits the format: {example['why']}, such as '{example['line'].strip()}'"
+            heard = (
+                f"lines arrive but none fits the format: {example['why']}, such as "
+                f"'{example['line'].strip()}'"
+            )
         elif "disconnected" in events:
             heard = f"its port was lost: {events['disconnected']['reason']}"
         else:
@@ -209,7 +233,9 @@ class SerialImu(StreamedImu):
                 _close(port)
 
     def _begin(self, port: Port) -> None:
-        """Wait for the board to be up, forget what it said meanwhile (it would be stamped late), then make it start."""
+        """Wait for the board to be up, forget what it said meanwhile (it would be stamped late),
+        then make it start.
+        """
         if self.line_format.settle_s > 0:
             self._stopping.wait(self.line_format.settle_s)
             port.read(port.in_waiting)
@@ -225,7 +251,10 @@ class SerialImu(StreamedImu):
         Raises:
             OSError: The port is gone.
         """
-        pending, in_step = b"", False  # what comes before the first end of line is the rest of a line
+        pending, in_step = (
+            b"",
+            False,
+        )  # what comes before the first end of line is the rest of a line
         heard_ns, silent = self.time.now_ns(), False
         while not self._stopping.is_set():
             chunk = port.read(port.in_waiting or 1)
@@ -274,7 +303,8 @@ class SerialImu(StreamedImu):
             self._note_temperature(line.temperature, host_ns)
 
     def _device_time(self, line: Line, host_ns: int) -> tuple[int | None, bool]:
-        """Time of a line on the device's clock [ns], None if it is not believed; and whether the device restarted.
+        """Time of a line on the device's clock [ns], None if it is not believed; and whether the
+        device restarted.
 
         A time that contradicts the host's clock is a lost digit or a restart: the next line tells.
         """
@@ -286,20 +316,30 @@ class SerialImu(StreamedImu):
             self._suspect = None
             return time, False
         before, self._suspect = self._suspect, (line.time_ns, host_ns)
-        if before is not None and 0 <= line.time_ns - before[0] <= host_ns - before[1] + NANOSECONDS:
+        if (
+            before is not None
+            and 0 <= line.time_ns - before[0] <= host_ns - before[1] + NANOSECONDS
+        ):
             self._suspect = None
             time = self._clock.restart(line.time_ns, host_ns)
-            self.notices.add("device_clock_restarted", host_ns, device_time_s=line.time_ns / NANOSECONDS)
+            self.notices.add(
+                "device_clock_restarted", host_ns, device_time_s=line.time_ns / NANOSECONDS
+            )
             return time, True
         self.notices.tally("untimely_lines", stamp_s=line.time_ns / NANOSECONDS)
         return None, False
 
     def _malformed(self, raw: bytes, why: str) -> None:
-        self.notices.tally("malformed_lines", why=why, line=raw[:80].decode("ascii", "backslashreplace"))
+        self.notices.tally(
+            "malformed_lines", why=why, line=raw[:80].decode("ascii", "backslashreplace")
+        )
 
     def _note_temperature(self, temperature: float, host_ns: int) -> None:
         self._temperatures.append(temperature)
-        if host_ns - self._temperature_ns >= TEMPERATURE_EVERY_S * NANOSECONDS or self._temperature_ns == 0:
+        if (
+            host_ns - self._temperature_ns >= TEMPERATURE_EVERY_S * NANOSECONDS
+            or self._temperature_ns == 0
+        ):
             mean = sum(self._temperatures) / len(self._temperatures)
             self.notices.add("temperature", host_ns, temperature_degC=round(mean, 3))
             self._temperatures, self._temperature_ns = [], host_ns
@@ -318,7 +358,9 @@ class SerialImu(StreamedImu):
                 wait = min(2 * wait, self._backoff_s[1])
                 continue
             now = self.time.now_ns()
-            self.notices.add("reconnected", now, gap_s=(now - lost_ns) / NANOSECONDS, attempts=attempts)
+            self.notices.add(
+                "reconnected", now, gap_s=(now - lost_ns) / NANOSECONDS, attempts=attempts
+            )
             self._clock.reconnected()
             return port
         return None
@@ -342,4 +384,8 @@ def _close(port: Port) -> None:
 def _reason(error: OSError) -> str:
     """Why a port cannot be opened, in the words of the system, with the most common remedy."""
     said = os.strerror(error.errno) if error.errno else str(error)
-    return f"{said}; is this user in the group that may use it (dialout)?" if error.errno == errno.EACCES else said
+    return (
+        f"{said}; is this user in the group that may use it (dialout)?"
+        if error.errno == errno.EACCES
+        else said
+    )

@@ -1,4 +1,6 @@
-"""A simulated inertial sensor: it feels the arm's true motion and reports it on its own clock, with its own errors."""
+"""A simulated inertial sensor: it feels the arm's true motion and reports it on its own clock, with
+its own errors.
+"""
 
 from __future__ import annotations
 
@@ -24,15 +26,29 @@ class SimulatedImu(Imu):
     """An IMU in virtual time.
 
     Args:
-        name: The sensor's name in the protocol; it selects its random numbers. sensor: Where it sits, and its parameters.
-        kinematics: Of the arm that carries it. environment: The magnetic field. true_state: Gives the true joint angles, rates
-        and accelerations at host times. seed: Of the run.
+        name: The sensor's name in the protocol; it selects its random numbers.
+        sensor: Where it sits, and its parameters.
+        kinematics: Of the arm that carries it.
+        environment: The magnetic field.
+        true_state: Gives the true joint angles, rates and accelerations at host times.
+        seed: Of the run.
     """
 
     def __init__(
-        self, name: str, sensor: Sensor, kinematics: Kinematics, environment: Environment, true_state: TrueState, seed: int
+        self,
+        name: str,
+        sensor: Sensor,
+        kinematics: Kinematics,
+        environment: Environment,
+        true_state: TrueState,
+        seed: int,
     ):
-        self.name, self.sensor, self.kinematics, self.environment = name, sensor, kinematics, environment
+        self.name, self.sensor, self.kinematics, self.environment = (
+            name,
+            sensor,
+            kinematics,
+            environment,
+        )
         self.parameters = parameters = sensor.imu()
         self.rate = rate = parameters.rate_hz
         self.has_magnetometer = parameters.magnetometer is not None
@@ -40,11 +56,17 @@ class SimulatedImu(Imu):
         self._true_state, self._seed = true_state, seed
         self._field = MagneticField(environment, kinematics)
         # The real mounting is the believed one followed by its error.
-        self._link_from_sensor = Pose.from_placement(sensor.mounting) @ Pose.from_placement(sensor.mounting_error)
-        self._accelerometer = TriadModel(parameters.accelerometer.triad(), rate, seed, name, "accelerometer")
+        self._link_from_sensor = Pose.from_placement(sensor.mounting) @ Pose.from_placement(
+            sensor.mounting_error
+        )
+        self._accelerometer = TriadModel(
+            parameters.accelerometer.triad(), rate, seed, name, "accelerometer"
+        )
         self._gyroscope = TriadModel(parameters.gyroscope.triad(), rate, seed, name, "gyroscope")
         self._magnetometer = (
-            TriadModel(parameters.magnetometer.triad(), rate, seed, name, "magnetometer") if parameters.magnetometer else None
+            TriadModel(parameters.magnetometer.triad(), rate, seed, name, "magnetometer")
+            if parameters.magnetometer
+            else None
         )
         self._orientation = (
             DeviceOrientationModel(parameters.device_orientation, rate, seed, name, "orientation")
@@ -67,7 +89,10 @@ class SimulatedImu(Imu):
         times, device_times, counter = self._sampling(until_ns)
         q, v, a = self._true_state(times)
         motion = self.kinematics.frame_motion(self.sensor.link, q, v, a, self._link_from_sensor)
-        rate, force = motion.angular_velocity_in_frame, motion.specific_force_in_frame(self.kinematics.robot.gravity)
+        rate, force = (
+            motion.angular_velocity_in_frame,
+            motion.specific_force_in_frame(self.kinematics.robot.gravity),
+        )
         if self.parameters.sampling == "integrated":
             rate, force = self._integrated(motion.q_world_from_frame, rate, force)
         warmth = self._warmth(times)
@@ -77,13 +102,30 @@ class SimulatedImu(Imu):
         mag = None
         if self._magnetometer is not None:
             field = self._field.at(motion.position, q)
-            mag, mag_saturated = self._magnetometer.measure(np.einsum("nji,nj->ni", motion.R_world_from_frame, field))
+            mag, mag_saturated = self._magnetometer.measure(
+                np.einsum("nji,nj->ni", motion.R_world_from_frame, field)
+            )
             saturated = saturated | mag_saturated
-        device_q = None if self._orientation is None else self._orientation.measure(motion.q_world_from_frame)
+        device_q = (
+            None
+            if self._orientation is None
+            else self._orientation.measure(motion.q_world_from_frame)
+        )
         arrival = self._arrival(times)
         kept = self._loss.random(len(times)) >= self.parameters.lost_packets_percent / 100
-        samples = (device_times, arrival, gyr, acc, mag, device_q, counter, saturated, self._read_thermometer(warmth))
-        return ImuSamples(*[None if array is None else array[kept] for array in samples])  # type: ignore[arg-type]
+        samples = (
+            device_times,
+            arrival,
+            gyr,
+            acc,
+            mag,
+            device_q,
+            counter,
+            saturated,
+            self._read_thermometer(warmth),
+        )
+        chosen = [None if array is None else array[kept] for array in samples]
+        return ImuSamples(*chosen)  # type: ignore[arg-type]
 
     def stop(self) -> None:
         """Stop recording."""
@@ -106,19 +148,24 @@ class SimulatedImu(Imu):
     def _warmth(self, times_ns: np.ndarray) -> np.ndarray:
         """Temperature of the part, shape (n,) [deg C]: it warms up after it is switched on."""
         e = self.environment
-        return np.asarray(e.temperature_deg_c + e.warm_up_deg_c * -np.expm1(-times_ns / NANOSECONDS / e.warm_up_time_s))
+        return np.asarray(
+            e.temperature_deg_c
+            + e.warm_up_deg_c * -np.expm1(-times_ns / NANOSECONDS / e.warm_up_time_s)
+        )
 
     def _read_thermometer(self, warmth: np.ndarray) -> np.ndarray | None:
         thermometer = self.parameters.thermometer
         if thermometer is None:
             return None
-        read = warmth + thermometer.noise_sd_deg_c * self._thermal_noise.standard_normal(len(warmth))
+        read = warmth + thermometer.noise_sd_deg_c * self._thermal_noise.standard_normal(
+            len(warmth)
+        )
         step = thermometer.resolution_deg_c
         return np.round(read / step) * step if step else read
 
     def _rate_delay(self) -> float:
-        """How much older than its time stamp an angular rate is by the data sheet [s]: half an interval of integration, and the
-        delay of the low pass.
+        """How much older than its time stamp an angular rate is by the data sheet [s]: half an
+        interval of integration, and the delay of the low pass.
         """
         bandwidth = self.parameters.gyroscope.bandwidth_hz
         integration = 0.5 / self.rate if self.parameters.sampling == "integrated" else 0.0
@@ -143,19 +190,35 @@ class SimulatedImu(Imu):
         if self._stopped:
             return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64)
         period = NANOSECONDS / self.rate
-        margin = 10_000 * self.parameters.clock.jitter_us  # ten standard deviations, so that no sample lies past `until`
+        margin = (
+            10_000 * self.parameters.clock.jitter_us
+        )  # ten standard deviations, so that no sample lies past `until`
         last = int(((until_ns - margin) * (1 + self._drift) - self._phase_ns) // period)
         counter = np.arange(self._count, max(last + 1, self._count))
         self._count += len(counter)
-        own = self._phase_ns + counter * period  # the sensor's clock since the session began, without its offset
-        jitter = 1000 * self.parameters.clock.jitter_us * np.clip(self._jitter.standard_normal(len(counter)), -8, 8)
+        own = (
+            self._phase_ns + counter * period
+        )  # the sensor's clock since the session began, without its offset
+        jitter = (
+            1000
+            * self.parameters.clock.jitter_us
+            * np.clip(self._jitter.standard_normal(len(counter)), -8, 8)
+        )
         times = np.maximum(own / (1 + self._drift) + jitter, 0)
-        return np.round(times).astype(np.int64), np.round(own + self._offset_ns).astype(np.int64), counter
+        return (
+            np.round(times).astype(np.int64),
+            np.round(own + self._offset_ns).astype(np.int64),
+            counter,
+        )
 
-    def _integrated(self, q: np.ndarray, rate: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Means over the interval before each sample, seen in the sensor's axes at its end, shapes (n, 3).
+    def _integrated(
+        self, q: np.ndarray, rate: np.ndarray, force: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Means over the interval before each sample, seen in the sensor's axes at its end, shapes
+        (n, 3).
 
-        The mean rate is the rotation between the samples over the time between them; the mean force is the trapezoid's.
+        The mean rate is the rotation between the samples over the time between them; the mean force
+        is the trapezoid's.
         """
         if len(q) == 0:
             return rate, force
@@ -168,8 +231,12 @@ class SimulatedImu(Imu):
 
     def _arrival(self, times: np.ndarray) -> np.ndarray:
         clock = self.parameters.clock
-        delay = 1e6 * (clock.latency_ms + clock.latency_jitter_ms * self._latency.exponential(size=len(times)))
-        arrival = np.maximum.accumulate(np.append(self._last_arrival, times + np.round(delay).astype(np.int64)))[1:]
+        delay = 1e6 * (
+            clock.latency_ms + clock.latency_jitter_ms * self._latency.exponential(size=len(times))
+        )
+        arrival = np.maximum.accumulate(
+            np.append(self._last_arrival, times + np.round(delay).astype(np.int64))
+        )[1:]
         if len(arrival):
             self._last_arrival = int(arrival[-1])
         return np.asarray(arrival)

@@ -1,6 +1,8 @@
-"""What every live sensor shares: the session's time, a bounded queue that never blocks the device, and notices of faults.
+"""What every live sensor shares: the session's time, a bounded queue that never blocks the device,
+and notices of faults.
 
-A live sensor has a thread of its own that reads the device and puts samples into the queue; the recorder takes them out.
+A live sensor has a thread of its own that reads the device and puts samples into the queue; the
+recorder takes them out.
 """
 
 from __future__ import annotations
@@ -74,47 +76,68 @@ class Notices:
         """Note something that is worth an event of its own."""
         with self._lock:
             self.totals[event] = self.totals.get(event, 0) + 1
-            self._events.append(Event(self._time.now_ns() if host_time_ns is None else host_time_ns, event, details))
+            self._events.append(
+                Event(self._time.now_ns() if host_time_ns is None else host_time_ns, event, details)
+            )
 
     def tally(self, event: str, count: int = 1, **details: Any) -> None:
-        """Note something that may come in swarms: the event holds the count of a second and the details of its first."""
+        """Note something that may come in swarms: the event holds the count of a second and the
+        details of its first.
+        """
         with self._lock:
             self.totals[event] = self.totals.get(event, 0) + count
             tally = self._tallies.setdefault(event, _Tally(self._time.now_ns(), 0, details))
             tally.count += count
 
     def take(self, everything: bool = False) -> list[Event]:
-        """Events since the last call; tallies only once their second is over, unless `everything` is asked for."""
+        """Events since the last call; tallies only once their second is over, unless `everything`
+        is asked for.
+        """
         now = self._time.now_ns()
         with self._lock:
             taken, self._events = self._events, []
             for event, tally in list(self._tallies.items()):
                 if everything or now - tally.first_ns >= TALLY_NS:
-                    taken.append(Event(tally.first_ns, event, {"count": tally.count, **tally.details}))
+                    taken.append(
+                        Event(tally.first_ns, event, {"count": tally.count, **tally.details})
+                    )
                     del self._tallies[event]
         return sorted(taken, key=lambda event: event.host_time_ns)
 
 
 Row = tuple[int, int, int, bool, tuple[float, ...]]
-"""device_time_ns, host_time_ns, counter, saturated; angular rate [rad/s], specific force [m/s^2], field [uT], quaternion."""
+"""device_time_ns, host_time_ns, counter, saturated; angular rate [rad/s], specific force [m/s^2],
+field [uT], quaternion.
+"""
 
 
 class SampleQueue:
-    """A bounded queue of samples; what does not fit is dropped and counted, so that the device's reader never waits.
+    """A bounded queue of samples; what does not fit is dropped and counted, so that the device's
+    reader never waits.
 
     Args:
-        capacity: Samples it holds. magnetometer, orientation: What follows rate and force in each row. notices: Told of drops.
+        capacity: Samples it holds.
+        magnetometer: What follows rate and force in each row.
+        orientation: What follows rate and force in each row.
+        notices: Told of drops.
     """
 
     def __init__(self, capacity: int, magnetometer: bool, orientation: bool, notices: Notices):
-        self.capacity, self.magnetometer, self.orientation, self._notices = capacity, magnetometer, orientation, notices
+        self.capacity, self.magnetometer, self.orientation, self._notices = (
+            capacity,
+            magnetometer,
+            orientation,
+            notices,
+        )
         self._rows: deque[Row] = deque()
         self.received = 0
 
     def put(self, row: Row) -> None:
         """Append a sample, or drop it if nobody takes any out."""
         if len(self._rows) >= self.capacity:
-            self._notices.tally("samples_dropped", why=f"the queue of {self.capacity} samples was full")
+            self._notices.tally(
+                "samples_dropped", why=f"the queue of {self.capacity} samples was full"
+            )
             return
         self._rows.append(row)
         self.received += 1
@@ -125,7 +148,9 @@ class SampleQueue:
         while self._rows and self._rows[0][1] <= until_ns:
             rows.append(self._rows.popleft())
         width = 6 + 3 * self.magnetometer + 4 * self.orientation
-        device, host, counter, saturated, values = zip(*rows, strict=True) if rows else ((), (), (), (), ())
+        device, host, counter, saturated, values = (
+            zip(*rows, strict=True) if rows else ((), (), (), (), ())
+        )
         table = np.array(values, dtype=float).reshape(-1, width)
         return ImuSamples(
             np.array(device, dtype=np.int64),
@@ -143,15 +168,27 @@ class StreamedImu(Imu):
     """A live sensor whose reader puts samples into a queue.
 
     Args:
-        time: Of the session. rate: Nominal [Hz]. magnetometer, orientation: What its samples hold. queue_s: Length of the
-        queue [s].
+        time: Of the session.
+        rate: Nominal [Hz].
+        magnetometer: What its samples hold.
+        orientation: What its samples hold.
+        queue_s: Length of the queue [s].
     """
 
-    def __init__(self, time: SessionTime, rate: float, magnetometer: bool, orientation: bool, queue_s: float = QUEUE_S):
+    def __init__(
+        self,
+        time: SessionTime,
+        rate: float,
+        magnetometer: bool,
+        orientation: bool,
+        queue_s: float = QUEUE_S,
+    ):
         self.rate, self.has_magnetometer, self.has_orientation = rate, magnetometer, orientation
         self.time = time
         self.notices = Notices(time)
-        self.queue = SampleQueue(max(round(queue_s * rate), 1), magnetometer, orientation, self.notices)
+        self.queue = SampleQueue(
+            max(round(queue_s * rate), 1), magnetometer, orientation, self.notices
+        )
         self._failure: BaseException | None = None
         self._stopped = False
 
@@ -164,11 +201,15 @@ class StreamedImu(Imu):
         self.time.wait_until(until_ns)
         if self._failure is not None:
             failure, self._failure = self._failure, None
-            raise DriverError(f"the reader of {self} failed: {type(failure).__name__}: {failure}") from failure
+            raise DriverError(
+                f"the reader of {self} failed: {type(failure).__name__}: {failure}"
+            ) from failure
         return self.queue.take(until_ns)
 
     def events(self) -> list[Event]:
-        """What happened since the last call; swarms of the same fault within a second are one event."""
+        """What happened since the last call; swarms of the same fault within a second are one
+        event.
+        """
         return self.notices.take(everything=self._stopped)
 
     def statistics(self) -> dict[str, int]:

@@ -1,4 +1,6 @@
-"""Xsens DOT over Bluetooth: connect, set the rate, stream, and connect again when the link is lost."""
+"""Xsens DOT over Bluetooth: connect, set the rate, stream, and connect again when the link is
+lost.
+"""
 
 from __future__ import annotations
 
@@ -46,9 +48,13 @@ class XsensDot(StreamedImu):
     """One Xsens DOT.
 
     Args:
-        target: Its Bluetooth address, or the name it advertises if it is the only one of that name. time: Of the session.
-        bluetooth: The loop it lives in. payload: Name of the payload mode. rate: Output rate [Hz]. queue_s: Length of the
-        queue [s]. backoff_s: First and longest wait between attempts [s].
+        target: Its Bluetooth address, or the name it advertises if it is the only one of that name.
+        time: Of the session.
+        bluetooth: The loop it lives in.
+        payload: Name of the payload mode.
+        rate: Output rate [Hz].
+        queue_s: Length of the queue [s].
+        backoff_s: First and longest wait between attempts [s].
 
     Raises:
         NotFoundError: No such payload mode.
@@ -69,10 +75,13 @@ class XsensDot(StreamedImu):
         if payload not in RECORDABLE:
             modes = ", ".join(RECORDABLE)
             raise InputError(
-                f"payload mode '{payload}' lacks angular rate or specific force; modes that can be recorded: {modes}"
+                f"payload mode '{payload}' lacks angular rate or specific force; modes that can be "
+                f"recorded: {modes}"
             )
         if rate not in OUTPUT_RATES:
-            raise InputError(f"an Xsens DOT streams at {', '.join(map(str, OUTPUT_RATES))} Hz, not at {rate} Hz")
+            raise InputError(
+                f"an Xsens DOT streams at {', '.join(map(str, OUTPUT_RATES))} Hz, not at {rate} Hz"
+            )
         super().__init__(time, float(rate), self.mode.has_field, self.mode.has_orientation, queue_s)
         self.target, self._bluetooth, self._backoff_s = target, bluetooth, backoff_s
         self._client: Any = None
@@ -94,7 +103,8 @@ class XsensDot(StreamedImu):
         """Find the sensor, connect and set it up; it does not stream yet.
 
         Raises:
-            DriverError: It was not found, or does not answer. InputError: Several have this name.
+            DriverError: It was not found, or does not answer.
+            InputError: Several have this name.
         """
         if self._client is None:
             try:
@@ -176,7 +186,8 @@ class XsensDot(StreamedImu):
             "rate_hz": self.rate,
             "magnetometer": self.has_magnetometer,
             "orientation": self.has_orientation,
-            # Rates and forces are means over the interval before the stamp: strapdown integration on board (user manual).
+            # Rates and forces are means over the interval before the stamp: strapdown integration
+            # on board (user manual).
             "rate_delay_s": 0.5 / self.rate,
             "battery_percent": self._battery,
             "sync_root": self._sync_root,
@@ -195,30 +206,41 @@ class XsensDot(StreamedImu):
         self._client = client
 
     async def _find(self) -> Any:
-        """The device as the scanner knows it: BlueZ connects only to devices it has heard lately."""
+        """The device as the scanner knows it: BlueZ connects only to devices it has heard
+        lately.
+        """
         scanner = self._bluetooth.scanner
         if ":" in self.target or self.target.count("-") == 4:  # macOS knows devices by UUID
             device = await scanner.find_device_by_address(self.target, timeout=2 * SCAN_S)
             if device is None:
-                raise DriverError("it was not heard; is it switched on, near, and not connected to another host?")
+                raise DriverError(
+                    "it was not heard; is it switched on, near, and not connected to another host?"
+                )
             self._address = self.target
             return device
         heard = await find_dots(scanner, SCAN_S)
         mine = [dot for dot in heard if dot["name"].lower() == self.target.lower()]
         if len(mine) > 1:
-            raise InputError(f"{self}: {len(mine)} sensors have this name; use {' or '.join(d['address'] for d in mine)}")
+            raise InputError(
+                f"{self}: {len(mine)} sensors have this name; use "
+                f"{' or '.join(d['address'] for d in mine)}"
+            )
         if not mine:
             names = ", ".join(f"{dot['name']} ({dot['address']})" for dot in heard) or "none"
             raise DriverError(f"it was not heard; sensors that were: {names}")
         self._address = mine[0]["address"]
-        return await scanner.find_device_by_address(self._address, timeout=2 * SCAN_S) or self._address
+        return (
+            await scanner.find_device_by_address(self._address, timeout=2 * SCAN_S) or self._address
+        )
 
     async def _set_up(self, client: Any) -> None:
         self._info = parse_device_info(bytes(await client.read_gatt_char(DEVICE_INFO)))
         control = bytes(await client.read_gatt_char(DEVICE_CONTROL))
         self._battery = int((await client.read_gatt_char(BATTERY))[0])
         if parse_device_control(control).rate != self.rate:
-            await client.write_gatt_char(DEVICE_CONTROL, set_rate_command(control, round(self.rate)), response=True)
+            await client.write_gatt_char(
+                DEVICE_CONTROL, set_rate_command(control, round(self.rate)), response=True
+            )
             control = bytes(await client.read_gatt_char(DEVICE_CONTROL))
         self._settings = parse_device_control(control)
         if self._settings.rate != self.rate:
@@ -228,7 +250,9 @@ class XsensDot(StreamedImu):
     async def _start(self, client: Any) -> None:
         """Notifications first, then the command, as the specification wants [3.1]."""
         await client.start_notify(self.mode.characteristic, self._notified)
-        await client.write_gatt_char(MEASUREMENT_CONTROL, measurement_command(self.mode, start=True), response=True)
+        await client.write_gatt_char(
+            MEASUREMENT_CONTROL, measurement_command(self.mode, start=True), response=True
+        )
 
     async def _end(self) -> None:
         if self._reconnecting is not None:
@@ -239,7 +263,9 @@ class XsensDot(StreamedImu):
             command = measurement_command(self.mode, start=False)
             await _quietly(client.write_gatt_char(MEASUREMENT_CONTROL, command, response=True))
             await _quietly(client.stop_notify(self.mode.characteristic))
-            if self._sync_root is not None:  # it would cost battery until it is switched off [5.3.2.2]
+            if (
+                self._sync_root is not None
+            ):  # it would cost battery until it is switched off [5.3.2.2]
                 await _quietly(ask(client, message(STOP), STOP_RESULT))
             await _quietly(client.disconnect())
         self._give(keep=0)
@@ -249,7 +275,9 @@ class XsensDot(StreamedImu):
         if client is not self._client:
             return
         self._client = None
-        if not self._streaming or (self._reconnecting is not None and not self._reconnecting.done()):
+        if not self._streaming or (
+            self._reconnecting is not None and not self._reconnecting.done()
+        ):
             return  # the attempt under way sees that its client is gone
         now = self.time.now_ns()
         self.notices.add("disconnected", now, reason="the Bluetooth link was lost")
@@ -275,7 +303,9 @@ class XsensDot(StreamedImu):
                 wait = min(2 * wait, self._backoff_s[1])
                 continue
             now = self.time.now_ns()
-            self.notices.add("reconnected", now, gap_s=(now - lost_ns) / NANOSECONDS, attempts=attempts)
+            self.notices.add(
+                "reconnected", now, gap_s=(now - lost_ns) / NANOSECONDS, attempts=attempts
+            )
             return
 
     def _notified(self, characteristic: Any, data: bytearray) -> None:
@@ -290,7 +320,9 @@ class XsensDot(StreamedImu):
         if time is None:
             self._give(keep=0)
             time = self._clock.restart(reading.stamp_ns, host_ns)
-            self.notices.add("device_clock_restarted", host_ns, device_time_s=reading.stamp_ns / NANOSECONDS)
+            self.notices.add(
+                "device_clock_restarted", host_ns, device_time_s=reading.stamp_ns / NANOSECONDS
+            )
         self._clock.accept(time, host_ns)
         if self._given_ns is not None and time <= self._given_ns:
             self.notices.tally("late_packets")
@@ -311,7 +343,9 @@ class XsensDot(StreamedImu):
             if step > 1:
                 self.notices.tally("samples_lost", step - 1)
             self._given_ns = time
-            self.queue.put((time, host_ns, self._counter.advance(step), reading.saturated, reading.values))
+            self.queue.put(
+                (time, host_ns, self._counter.advance(step), reading.saturated, reading.values)
+            )
 
 
 async def _quietly(work: Any) -> None:

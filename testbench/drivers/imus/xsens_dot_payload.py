@@ -1,7 +1,8 @@
-"""Xsens DOT: names and bytes of its Bluetooth services, and what its payloads mean. Pure; nothing here talks to a device.
+"""Xsens DOT: names and bytes of its Bluetooth services, and what its payloads mean. Pure; nothing
+here talks to a device.
 
-Source: Movella DOT BLE Service Specification, document XD0506P, revision C, July 2023 (sections in brackets below). All
-numbers are little-endian [1.3].
+Source: Movella DOT BLE Service Specification, document XD0506P, revision C, July 2023 (sections in
+brackets below). All numbers are little-endian [1.3].
 """
 
 from __future__ import annotations
@@ -39,19 +40,34 @@ STAMP_WRAP_NS = TICK_NS << 32
 """The time stamp counts microseconds in 32 bits [3.5]: it wraps every 71.6 minutes [ns]."""
 
 FIXED_POINT = 4096.0
-"""Counts of one unit of the magnetic field. The specification says "fixed point" of 2 bytes and no more; 12 fractional bits
-are what published readers of it use, and agree with a norm of 1 in the Earth's field."""
+"""Counts of one unit of the magnetic field. The specification says "fixed point" of 2 bytes and no
+more; 12 fractional bits are what published readers of it use, and agree with a norm of 1 in the
+Earth's field.
+"""
 ARBITRARY_UNIT_UT = 40.0
-"""Microtesla that one arbitrary unit of the field is recorded as, as in imported files of the DOT: about the field of the
-maker's laboratory, to which it is normalised (user manual XD0502P, section 4.2.2). The magnitude is nominal."""
+"""Microtesla that one arbitrary unit of the field is recorded as, as in imported files of the DOT:
+about the field of the maker's laboratory, to which it is normalised (user manual XD0502P, section
+4.2.2). The magnitude is nominal.
+"""
 RATE_RANGE, FORCE_RANGE = 0.999 * 2000 * DEG, 0.999 * 16 * STANDARD_GRAVITY
-"""Readings from here on count as saturated [rad/s], [m/s^2]: +-2000 deg/s and +-16 g (user manual XD0502P). No mode that can be
-recorded holds the clip counts."""
+"""Readings from here on count as saturated [rad/s], [m/s^2]: +-2000 deg/s and +-16 g (user manual
+XD0502P). No mode that can be recorded holds the clip counts.
+"""
 
 PARTS = {
-    "timestamp": "I", "quaternion": "4f", "euler": "3f", "free_acceleration": "3f", "dq": "4f", "dv": "3f",
-    "acceleration": "3f", "angular_velocity": "3f", "magnetic_field": "3h", "status": "H", "clip_acc": "B", "clip_gyr": "B",
-}  # fmt: skip
+    "timestamp": "I",
+    "quaternion": "4f",
+    "euler": "3f",
+    "free_acceleration": "3f",
+    "dq": "4f",
+    "dv": "3f",
+    "acceleration": "3f",
+    "angular_velocity": "3f",
+    "magnetic_field": "3h",
+    "status": "H",
+    "clip_acc": "B",
+    "clip_gyr": "B",
+}
 """Binary format of each quantity [table 17]."""
 
 
@@ -60,7 +76,10 @@ class PayloadMode:
     """A payload mode [3.1 to 3.4].
 
     Attributes:
-        name: As in the specification. id: Its number. characteristic: UUID that notifies it. parts: Quantities, in order.
+        name: As in the specification.
+        id: Its number.
+        characteristic: UUID that notifies it.
+        parts: Quantities, in order.
     """
 
     name: str
@@ -85,7 +104,9 @@ class PayloadMode:
 
     @property
     def has_force(self) -> bool:
-        """Whether specific force is in it, or follows from it: free acceleration and orientation give it exactly."""
+        """Whether specific force is in it, or follows from it: free acceleration and orientation
+        give it exactly.
+        """
         oriented = self.has_orientation and "free_acceleration" in self.parts
         return "acceleration" in self.parts or "dv" in self.parts or oriented
 
@@ -103,24 +124,59 @@ _FLAGS = ("status", "clip_acc", "clip_gyr")
 MODES = {
     mode.name: mode
     for mode in (
-        PayloadMode("extended_quaternion", 2, MEDIUM_PAYLOAD, (_T, "quaternion", "free_acceleration", *_FLAGS)),
-        PayloadMode("complete_quaternion", 3, MEDIUM_PAYLOAD, (_T, "quaternion", "free_acceleration")),
+        PayloadMode(
+            "extended_quaternion",
+            2,
+            MEDIUM_PAYLOAD,
+            (_T, "quaternion", "free_acceleration", *_FLAGS),
+        ),
+        PayloadMode(
+            "complete_quaternion", 3, MEDIUM_PAYLOAD, (_T, "quaternion", "free_acceleration")
+        ),
         PayloadMode("orientation_euler", 4, SHORT_PAYLOAD, (_T, "euler")),
         PayloadMode("orientation_quaternion", 5, SHORT_PAYLOAD, (_T, "quaternion")),
         PayloadMode("free_acceleration", 6, SHORT_PAYLOAD, (_T, "free_acceleration")),
-        PayloadMode("extended_euler", 7, MEDIUM_PAYLOAD, (_T, "euler", "free_acceleration", *_FLAGS)),
+        PayloadMode(
+            "extended_euler", 7, MEDIUM_PAYLOAD, (_T, "euler", "free_acceleration", *_FLAGS)
+        ),
         PayloadMode("complete_euler", 16, MEDIUM_PAYLOAD, (_T, "euler", "free_acceleration")),
-        PayloadMode("delta_quantities_with_mag", 18, MEDIUM_PAYLOAD, (_T, "dq", "dv", "magnetic_field")),
+        PayloadMode(
+            "delta_quantities_with_mag", 18, MEDIUM_PAYLOAD, (_T, "dq", "dv", "magnetic_field")
+        ),
         PayloadMode("delta_quantities", 19, MEDIUM_PAYLOAD, (_T, "dq", "dv")),
-        PayloadMode("rate_quantities_with_mag", 20, MEDIUM_PAYLOAD, (_T, "acceleration", "angular_velocity", "magnetic_field")),
-        PayloadMode("rate_quantities", 21, MEDIUM_PAYLOAD, (_T, "acceleration", "angular_velocity")),
-        PayloadMode("custom_mode_1", 22, MEDIUM_PAYLOAD, (_T, "euler", "free_acceleration", "angular_velocity")),
-        PayloadMode("custom_mode_2", 23, MEDIUM_PAYLOAD, (_T, "euler", "free_acceleration", "magnetic_field")),
+        PayloadMode(
+            "rate_quantities_with_mag",
+            20,
+            MEDIUM_PAYLOAD,
+            (_T, "acceleration", "angular_velocity", "magnetic_field"),
+        ),
+        PayloadMode(
+            "rate_quantities", 21, MEDIUM_PAYLOAD, (_T, "acceleration", "angular_velocity")
+        ),
+        PayloadMode(
+            "custom_mode_1",
+            22,
+            MEDIUM_PAYLOAD,
+            (_T, "euler", "free_acceleration", "angular_velocity"),
+        ),
+        PayloadMode(
+            "custom_mode_2",
+            23,
+            MEDIUM_PAYLOAD,
+            (_T, "euler", "free_acceleration", "magnetic_field"),
+        ),
         PayloadMode("custom_mode_3", 24, MEDIUM_PAYLOAD, (_T, "quaternion", "angular_velocity")),
-        PayloadMode("custom_mode_5", 26, LONG_PAYLOAD, (_T, "quaternion", "acceleration", "angular_velocity")),
+        PayloadMode(
+            "custom_mode_5",
+            26,
+            LONG_PAYLOAD,
+            (_T, "quaternion", "acceleration", "angular_velocity"),
+        ),
     )
 }
-"""Every mode whose layout is public; the high fidelity modes (1, 17, and custom mode 4, 25) only the vendor's SDK can read."""
+"""Every mode whose layout is public; the high fidelity modes (1, 17, and custom mode 4, 25) only
+the vendor's SDK can read.
+"""
 RECORDABLE = [name for name, mode in MODES.items() if mode.has_rate and mode.has_force]
 """Modes that hold what a recording needs: angular rate and specific force."""
 
@@ -164,9 +220,10 @@ class DotReading:
     """What a notification of a recordable mode means.
 
     Attributes:
-        stamp_ns: The sensor's clock, modulo `STAMP_WRAP_NS`. values: Angular rate [rad/s], specific force [m/s^2], then the
-        field [uT] and the quaternion q_earth_from_sensor (w x y z, earth: ENU) where the mode has them. saturated: At full
-        scale.
+        stamp_ns: The sensor's clock, modulo `STAMP_WRAP_NS`.
+        values: Angular rate [rad/s], specific force [m/s^2], then the field [uT] and the quaternion
+            q_earth_from_sensor (w x y z, earth: ENU) where the mode has them.
+        saturated: At full scale.
     """
 
     stamp_ns: int
@@ -178,7 +235,9 @@ def read(mode: PayloadMode, data: bytes, rate: float) -> DotReading:
     """Read a notification.
 
     Args:
-        mode: One of `RECORDABLE`. data: Its bytes. rate: Output rate [Hz], over whose period increments were taken.
+        mode: One of `RECORDABLE`.
+        data: Its bytes.
+        rate: Output rate [Hz], over whose period increments were taken.
 
     Raises:
         MalformedPayload: It does not fit the mode.
@@ -196,13 +255,17 @@ def read(mode: PayloadMode, data: bytes, rate: float) -> DotReading:
     else:
         x, y, z = found["free_acceleration"]
         acc = _rotate_back(q, (x, y, z + STANDARD_GRAVITY))
-    mag = tuple(value / FIXED_POINT * ARBITRARY_UNIT_UT for value in found.get("magnetic_field", ()))
+    mag = tuple(
+        value / FIXED_POINT * ARBITRARY_UNIT_UT for value in found.get("magnetic_field", ())
+    )
     saturated = max(map(abs, gyr)) >= RATE_RANGE or max(map(abs, acc)) >= FORCE_RANGE
     return DotReading(int(found["timestamp"][0]) * TICK_NS, (*gyr, *acc, *mag, *q), saturated)
 
 
 def _orientation(found: dict[str, tuple[float, ...]]) -> tuple[float, ...]:
-    """Unit quaternion; from Euler angles roll, pitch, yaw [deg] (about x, y, z: R = Rz Ry Rx) where only those were sent."""
+    """Unit quaternion; from Euler angles roll, pitch, yaw [deg] (about x, y, z: R = Rz Ry Rx) where
+    only those were sent.
+    """
     if "quaternion" in found:
         q = found["quaternion"]
     else:
@@ -229,7 +292,9 @@ def _rotation_vector(q: tuple[float, ...]) -> tuple[float, float, float]:
 
 
 def _rotate_back(q: tuple[float, ...], v: tuple[float, float, float]) -> tuple[float, float, float]:
-    """A vector of the earth frame in the sensor frame: v + 2 u x (u x v + w v) with the conjugate quaternion."""
+    """A vector of the earth frame in the sensor frame: v + 2 u x (u x v + w v) with the conjugate
+    quaternion.
+    """
     w, x, y, z = q[0], -q[1], -q[2], -q[3]
     tx, ty, tz = 2 * (y * v[2] - z * v[1]), 2 * (z * v[0] - x * v[2]), 2 * (x * v[1] - y * v[0])
     return (
@@ -259,7 +324,12 @@ def parse_device_info(data: bytes) -> DeviceInfo:
         raise MalformedPayload(f"the device information has {len(data)} bytes, not 34")
     address = ":".join(f"{byte:02X}" for byte in reversed(data[:6]))
     serial = f"{int.from_bytes(data[20:28], 'little'):X}"
-    return DeviceInfo(address, ".".join(str(b) for b in data[6:9]), serial, data[28:34].decode("ascii", "replace").strip("\0 "))
+    return DeviceInfo(
+        address,
+        ".".join(str(b) for b in data[6:9]),
+        serial,
+        data[28:34].decode("ascii", "replace").strip("\0 "),
+    )
 
 
 @dataclass(frozen=True)
@@ -284,7 +354,9 @@ def parse_device_control(data: bytes) -> DeviceSettings:
 
 
 def set_rate_command(control: bytes, rate: int) -> bytes:
-    """Bytes for 0x1002 that set the output rate and leave everything else: only bit 4 of the visit index is set."""
+    """Bytes for 0x1002 that set the output rate and leave everything else: only bit 4 of the visit
+    index is set.
+    """
     data = bytearray(control[:32].ljust(32, b"\0"))
     data[0] = 0x10
     data[1] = data[2] = 0  # neither blink nor power off

@@ -1,7 +1,9 @@
-"""Synchronisation of Xsens DOTs: one is the root, whose clock the others take over, by radio among themselves.
+"""Synchronisation of Xsens DOTs: one is the root, whose clock the others take over, by radio among
+themselves.
 
-Source: Movella DOT BLE Service Specification, document XD0506P, revision C, July 2023 (sections in brackets below).
-The sensors must be let go while they listen to the root, and tell the result once they are connected again [5.3.5].
+Source: Movella DOT BLE Service Specification, document XD0506P, revision C, July 2023 (sections in
+brackets below). The sensors must be let go while they listen to the root, and tell the result once
+they are connected again [5.3.5].
 """
 
 from __future__ import annotations
@@ -16,7 +18,11 @@ from testbench.exceptions import DriverError
 if TYPE_CHECKING:
     from testbench.drivers.imus.xsens_dot import XsensDot
 
-MESSAGE_CONTROL, MESSAGE_ACKNOWLEDGE, MESSAGE_NOTIFICATION = uuid(0x7001), uuid(0x7002), uuid(0x7003)
+MESSAGE_CONTROL, MESSAGE_ACKNOWLEDGE, MESSAGE_NOTIFICATION = (
+    uuid(0x7001),
+    uuid(0x7002),
+    uuid(0x7003),
+)
 SYNCHRONISATION = 0x02
 """Message identifier [table 24]."""
 START, STOP, ACKNOWLEDGE, GET_STATUS, STOP_RESULT, STATUS = 0x01, 0x02, 0x03, 0x08, 0x50, 0x51
@@ -42,7 +48,9 @@ ATTEMPTS = 2
 
 
 def message(identifier: int, data: bytes = b"") -> bytes:
-    """Bytes of a synchronisation message [5.1]: identifier, length, data, and a checksum that makes the sum of all zero."""
+    """Bytes of a synchronisation message [5.1]: identifier, length, data, and a checksum that makes
+    the sum of all zero.
+    """
     body = bytes((SYNCHRONISATION, 1 + len(data), identifier)) + data
     return body + bytes((-sum(body) & 0xFF,))
 
@@ -53,7 +61,8 @@ def start_message(root_address: str) -> bytes:
 
 
 def parse(data: bytes) -> tuple[int, bytes] | None:
-    """Identifier and data of a synchronisation message; None for anything else, or where the checksum is wrong.
+    """Identifier and data of a synchronisation message; None for anything else, or where the
+    checksum is wrong.
 
     Args:
         data: As read; characteristics are longer than the messages in them.
@@ -86,18 +95,24 @@ async def ask(client: Any, command: bytes, answer: int) -> int:
         await client.write_gatt_char(MESSAGE_CONTROL, command, response=True)
         return await asyncio.wait_for(answered, ANSWER_S)
     except TimeoutError:
-        raise DriverError("it does not answer to messages of synchronisation; update its firmware") from None
+        raise DriverError(
+            "it does not answer to messages of synchronisation; update its firmware"
+        ) from None
     finally:
         await client.stop_notify(MESSAGE_NOTIFICATION)
 
 
 async def release(client: Any) -> None:
-    """Make sure that a sensor is not synchronised: one that is must be stopped before it is started anew [5.3.5].
+    """Make sure that a sensor is not synchronised: one that is must be stopped before it is started
+    anew [5.3.5].
 
     Raises:
         DriverError: It stays synchronised.
     """
-    if await ask(client, message(GET_STATUS), STATUS) == SYNCED and await ask(client, message(STOP), STOP_RESULT) != 0:
+    if (
+        await ask(client, message(GET_STATUS), STATUS) == SYNCED
+        and await ask(client, message(STOP), STOP_RESULT) != 0
+    ):
         raise DriverError("its earlier synchronisation cannot be stopped; switch it off and on")
 
 
@@ -114,14 +129,16 @@ async def result_of(client: Any) -> int:
 
 
 def synchronise(dots: Sequence[XsensDot], listen_s: float | None = None) -> None:
-    """Bring the clocks of connected sensors to that of the first; they are connected again when it returns.
+    """Bring the clocks of connected sensors to that of the first; they are connected again when it
+    returns.
 
     Args:
-        dots: Connected, their output rates set (that is impossible afterwards), and not streaming. listen_s: Time that the
-        sensors are let go for [s]; `LISTEN_S` if None.
+        dots: Connected, their output rates set (that is impossible afterwards), and not streaming.
+        listen_s: Time that the sensors are let go for [s]; `LISTEN_S` if None.
 
     Raises:
-        DriverError: A sensor could not be synchronised; names each with the reason. None is left synchronised.
+        DriverError: A sensor could not be synchronised; names each with the reason. None is left
+            synchronised.
     """
     root = dots[0].address
     failures: dict[str, str] = {}
@@ -147,7 +164,10 @@ def synchronise(dots: Sequence[XsensDot], listen_s: float | None = None) -> None
     for dot in dots:
         dot.work(release)
     listing = "; ".join(f"{name}: {why}" for name, why in failures.items())
-    raise DriverError(f"the clocks could not be synchronised: {listing}; lay the sensors side by side, or leave out --dot-sync")
+    raise DriverError(
+        f"the clocks could not be synchronised: {listing}; lay the sensors side by side, or leave "
+        "out --dot-sync"
+    )
 
 
 def _connect_again(dot: XsensDot) -> None:

@@ -1,1 +1,3 @@
-"""A Universal Robots controller on loopback: dashboard, script ports and RTDE, with joints that move like an arm's."""
+"""A Universal Robots controller on loopback: dashboard, script ports and RTDE, with joints that
+move like an arm's.
+"""

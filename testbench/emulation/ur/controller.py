@@ -1,4 +1,6 @@
-"""The emulated controller: what its safety system, its program and its joints do from one control period to the next."""
+"""The emulated controller: what its safety system, its program and its joints do from one control
+period to the next.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ ZERO3, ZERO6 = [0.0] * 3, [0.0] * 6
 
 @dataclass(frozen=True)
 class Identity:
-    """What a controller says of itself: model as the dashboard names it, serial number, PolyScope version."""
+    """What a controller says of itself: model as the dashboard names it, serial number, PolyScope
+    version.
+    """
 
     model: str
     serial: str = "20265000001"
@@ -31,14 +35,23 @@ class Identity:
     def version(self) -> tuple[int, int, int, int]:
         """Major, minor, bugfix, build."""
         numbers = [int(part) for part in self.polyscope.split(".")]
-        return (numbers + [0] * 4)[0], (numbers + [0] * 4)[1], (numbers + [0] * 4)[2], (numbers + [0] * 4)[3]
+        return (
+            (numbers + [0] * 4)[0],
+            (numbers + [0] * 4)[1],
+            (numbers + [0] * 4)[2],
+            (numbers + [0] * 4)[3],
+        )
 
 
 class Controller(EmulatedController):
     """State of the controller.
 
     Args:
-        robot, q, seed, scenario: As for `EmulatedController`. identity: Model, serial number, version.
+        robot: As for `EmulatedController`.
+        q: As for `EmulatedController`.
+        seed: As for `EmulatedController`.
+        scenario: As for `EmulatedController`.
+        identity: Model, serial number, version.
     """
 
     def __init__(
@@ -51,7 +64,11 @@ class Controller(EmulatedController):
     ):
         super().__init__(robot, q, seed, scenario)
         self.identity, self.registers = identity, Registers()
-        self.mode, self.safety, self.runtime = RobotMode.RUNNING, SafetyMode.NORMAL, RuntimeState.STOPPED
+        self.mode, self.safety, self.runtime = (
+            RobotMode.RUNNING,
+            SafetyMode.NORMAL,
+            RuntimeState.STOPPED,
+        )
         self.script: ControlScript | None = None
         self.slider, self.remote_control = 1.0, True
         self.payload, self.payload_cog = 0.0, [0.0, 0.0, 0.0]
@@ -89,7 +106,9 @@ class Controller(EmulatedController):
         elif program.strip().startswith(("stopj", "def stop", "sec ")) or "stopj" in program:
             self.stop_program("replaced by another program")
         else:
-            self.messages.append("a program was refused: only ur_rtde's control script and stopj are emulated")
+            self.messages.append(
+                "a program was refused: only ur_rtde's control script and stopj are emulated"
+            )
 
     def stop_program(self, why: str) -> None:
         """End the program; the joints come to rest."""
@@ -106,7 +125,11 @@ class Controller(EmulatedController):
 
     def play(self) -> bool:
         """Go on with a paused program."""
-        ready = self.mode is RobotMode.RUNNING and self.safety is SafetyMode.NORMAL and self.remote_control
+        ready = (
+            self.mode is RobotMode.RUNNING
+            and self.safety is SafetyMode.NORMAL
+            and self.remote_control
+        )
         if self.script is None or self.runtime is not RuntimeState.PAUSED or not ready:
             return False
         self.runtime = RuntimeState.PLAYING

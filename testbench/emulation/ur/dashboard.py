@@ -10,7 +10,16 @@ if TYPE_CHECKING:
     from testbench.emulation.ur.controller import Controller
 
 GREETING = "Connected: Universal Robots Dashboard Server"
-REMOTE_ONLY = {"play", "stop", "pause", "power on", "power off", "brake release", "unlock protective stop", "restart safety"}
+REMOTE_ONLY = {
+    "play",
+    "stop",
+    "pause",
+    "power on",
+    "power off",
+    "brake release",
+    "unlock protective stop",
+    "restart safety",
+}
 REFUSED = "Command is not allowed due to safety reasons"
 
 
@@ -35,7 +44,11 @@ def answer(controller: Controller, command: str) -> str:  # noqa: C901 - one bra
         return f"Program running: {str(controller.playing).lower()}"
     if command == "programState":
         state = controller.runtime.name
-        return f"{state} rtde_control" if controller.script is not None else f"{RuntimeState.STOPPED.name} null"
+        return (
+            f"{state} rtde_control"
+            if controller.script is not None
+            else f"{RuntimeState.STOPPED.name} null"
+        )
     if command == "get loaded program":
         return "No program loaded"
     if command == "play":
@@ -60,7 +73,9 @@ def answer(controller: Controller, command: str) -> str:  # noqa: C901 - one bra
     if command == "unlock protective stop":
         return controller.unlock_protective_stop()
     if command in {"close popup", "close safety popup", "restart safety"}:
-        return {"close popup": "closing popup", "close safety popup": "closing safety popup"}.get(command, "Restarting safety")
+        return {"close popup": "closing popup", "close safety popup": "closing safety popup"}.get(
+            command, "Restarting safety"
+        )
     if command.startswith(("popup ", "addToLog ", "setUserRole ")):
         return "showing popup" if command.startswith("popup") else "Added log message"
     if command == "isProgramSaved":

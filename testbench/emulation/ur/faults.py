@@ -14,11 +14,14 @@ FAULTS = {
     "emergency_stop": FaultKind("the arm stops hard and the program ends"),
     "power_off": FaultKind("the arm stops and its power is cut"),
     "disconnect": FaultKind(
-        "all connections are cut and none is accepted for value seconds (default: until cleared)", "seconds"
+        "all connections are cut and none is accepted for value seconds (default: until cleared)",
+        "seconds",
     ),
     "rtde_delay": FaultKind("RTDE packages arrive value seconds late", "seconds"),
     "rtde_loss": FaultKind("this share of the RTDE packages is not sent (value 0 to 1)", "share"),
-    "clock_step": FaultKind("the time stamps jump by value seconds; they fall behind where it is negative", "step"),
+    "clock_step": FaultKind(
+        "the time stamps jump by value seconds; they fall behind where it is negative", "step"
+    ),
     "rtde_silence": FaultKind("no RTDE package is sent any more, the connection stays open"),
     "slow_response": FaultKind("dashboard and script answer value seconds late", "seconds"),
     "slider": FaultKind("the speed slider stands at value (0 to 1)", "share"),

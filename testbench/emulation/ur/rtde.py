@@ -1,7 +1,7 @@
 """The robot's side of RTDE, protocol version 2: recipes, data packages, start and pause.
 
-Format: Universal Robots, Real-Time Data Exchange (RTDE) guide. A package is its size (2 bytes) and its type (1 byte), all big
-endian, and a payload.
+Format: Universal Robots, Real-Time Data Exchange (RTDE) guide. A package is its size (2 bytes) and
+its type (1 byte), all big endian, and a payload.
 """
 
 from __future__ import annotations
@@ -19,9 +19,17 @@ PROTOCOL_VERSION, GET_VERSION, TEXT, DATA = ord("V"), ord("v"), ord("M"), ord("U
 SETUP_OUTPUTS, SETUP_INPUTS, START, PAUSE = ord("O"), ord("I"), ord("S"), ord("P")
 LARGEST_PACKAGE = 4096
 FORMATS = {
-    "VECTOR6D": "6d", "VECTOR3D": "3d", "DOUBLE": "d", "VECTOR6INT32": "6i", "VECTOR6UINT32": "6I",
-    "INT32": "i", "UINT32": "I", "UINT64": "Q", "UINT8": "B", "BOOL": "?",
-}  # fmt: skip
+    "VECTOR6D": "6d",
+    "VECTOR3D": "3d",
+    "DOUBLE": "d",
+    "VECTOR6INT32": "6i",
+    "VECTOR6UINT32": "6I",
+    "INT32": "i",
+    "UINT32": "I",
+    "UINT64": "Q",
+    "UINT8": "B",
+    "BOOL": "?",
+}
 """struct codes of RTDE's types."""
 
 
@@ -38,7 +46,8 @@ class RtdeConnection:
     """One client of the RTDE port.
 
     Args:
-        controller: Whose variables it reads and writes. send: Takes bytes to the client.
+        controller: Whose variables it reads and writes.
+        send: Takes bytes to the client.
     """
 
     def __init__(self, controller: Controller, send: Callable[[bytes], None]):
@@ -76,7 +85,9 @@ class RtdeConnection:
             if name in outputs:
                 value = outputs[name]
             elif "_register_" in name:
-                value = getattr(registers, name.rpartition("_register_")[0])[int(name.rpartition("_")[2])]
+                value = getattr(registers, name.rpartition("_register_")[0])[
+                    int(name.rpartition("_")[2])
+                ]
             else:
                 value = _zero(OUTPUT_TYPES[name])
             try:
@@ -114,7 +125,11 @@ class RtdeConnection:
         types = [OUTPUT_TYPES.get(name, "NOT_FOUND") for name in self._outputs]
         found = "NOT_FOUND" not in types
         self._every = max(round(control / frequency), 1)
-        self._packer = struct.Struct(">B" + "".join(FORMATS[kind] for kind in types)) if found else struct.Struct(">B")
+        self._packer = (
+            struct.Struct(">B" + "".join(FORMATS[kind] for kind in types))
+            if found
+            else struct.Struct(">B")
+        )
         self._send(package(SETUP_OUTPUTS, bytes([int(found)]) + ",".join(types).encode()))
 
     def _setup_inputs(self, payload: bytes) -> None:
@@ -123,13 +138,18 @@ class RtdeConnection:
         recipe = 0
         if "NOT_FOUND" not in types:
             recipe = len(self._recipes) + 1
-            self._recipes[recipe] = (names, struct.Struct(">" + "".join(FORMATS[kind] for kind in types)))
+            self._recipes[recipe] = (
+                names,
+                struct.Struct(">" + "".join(FORMATS[kind] for kind in types)),
+            )
         self._send(package(SETUP_INPUTS, bytes([recipe]) + ",".join(types).encode()))
 
     def _write_inputs(self, payload: bytes) -> None:
         names, packer = self._recipes.get(payload[0] if payload else 0, ([], struct.Struct(">")))
         if len(payload) - 1 != packer.size:
-            raise ProtocolError(f"input data of {len(payload) - 1} bytes for a recipe of {packer.size}")
+            raise ProtocolError(
+                f"input data of {len(payload) - 1} bytes for a recipe of {packer.size}"
+            )
         values = packer.unpack_from(payload, 1)
         controller, at = self._controller, 0
         written: dict[str, Any] = {}

@@ -1,9 +1,10 @@
-"""The script that ur_rtde uploads, as a machine of its own: it reads commands from input registers and answers in output ones.
+"""The script that ur_rtde uploads, as a machine of its own: it reads commands from input registers
+and answers in output ones.
 
-The client writes a command's number into input integer register 0 and its arguments into the input double registers (both
-shifted by 24 with the upper range). The script writes 1 into output integer register 0 when it is ready and 2 when it has
-done a command; streaming commands leave it at 1. Numbers and order follow the script text inside the client (ur_rtde 1.6.5,
-MIT).
+The client writes a command's number into input integer register 0 and its arguments into the input
+double registers (both shifted by 24 with the upper range). The script writes 1 into output integer
+register 0 when it is ready and 2 when it has done a command; streaming commands leave it at 1.
+Numbers and order follow the script text inside the client (ur_rtde 1.6.5, MIT).
 """
 
 from __future__ import annotations
@@ -15,7 +16,15 @@ if TYPE_CHECKING:
     from testbench.emulation.ur.controller import Controller
 
 READY, DONE = 1, 2
-MOVE_J, SPEED_J, SERVO_J, SPEED_STOP, SERVO_STOP, SET_PAYLOAD, WATCHDOG_KICK = 1, 9, 11, 15, 16, 17, 24
+MOVE_J, SPEED_J, SERVO_J, SPEED_STOP, SERVO_STOP, SET_PAYLOAD, WATCHDOG_KICK = (
+    1,
+    9,
+    11,
+    15,
+    16,
+    17,
+    24,
+)
 STEP_TIME, PROTECTIVE_STOP, STOP_L, STOP_J, SET_WATCHDOG, JOINTS_WITHIN, IS_STEADY, STOP_SCRIPT = (
     26,
     31,
@@ -120,7 +129,10 @@ class ControlScript:
             if command in {STOP_J, STOP_L}:
                 self._begin_asynchronous(controller)
         elif command == SET_PAYLOAD:
-            controller.payload, controller.payload_cog = value[first], list(value[first + 1 : first + 4])
+            controller.payload, controller.payload_cog = (
+                value[first],
+                list(value[first + 1 : first + 4]),
+            )
         elif command == SET_WATCHDOG:
             self._watchdog_period = 1 / value[first] if value[first] > 0 else None
         elif command == PROTECTIVE_STOP:
@@ -148,9 +160,13 @@ class ControlScript:
         controller.registers.output_int[self.offset] = value
 
     def _progress(self, controller: Controller, value: int) -> None:
-        """Progress of an asynchronous operation in output integer register 2, in the script's own coding."""
+        """Progress of an asynchronous operation in output integer register 2, in the script's own
+        coding.
+        """
         self._writes = (self._writes + 1) % 128
         if value == 0:
             self._operations = (self._operations + 1) % 128
         coded = self._writes * 65536 + self._operations * 16777216
-        controller.registers.output_int[self.offset + 2] = coded + (32768 + value if value >= 0 else 0)
+        controller.registers.output_int[self.offset + 2] = coded + (
+            32768 + value if value >= 0 else 0
+        )

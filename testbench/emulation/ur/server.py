@@ -46,7 +46,9 @@ class UrConnection(Connection):
             self._lines(self._control_line if self.kind == CONTROL else self._dashboard_line)
 
     def _programs(self) -> None:
-        """Whole programs: from `def` to the `end` at the margin; anything else is a line of its own."""
+        """Whole programs: from `def` to the `end` at the margin; anything else is a line of its
+        own.
+        """
         while b"\n" in self.text:
             text = bytes(self.text).decode("utf-8", "replace")
             if text.lstrip().startswith(("def ", "sec ")):
@@ -62,19 +64,25 @@ class UrConnection(Connection):
 
     def _dashboard_line(self, line: str) -> None:
         reply = "Disconnected" if line == "quit" else answer(self.controller, line)
-        self.server.later(self.controller.faults.response_delay_s, lambda: self.send(f"{reply}\n".encode()))
+        self.server.later(
+            self.controller.faults.response_delay_s, lambda: self.send(f"{reply}\n".encode())
+        )
 
 
 class UrServer(Server):
     """Serves one emulated controller.
 
     Args:
-        controller, address, token: As for `Server`.
+        controller: As for `Server`.
+        address: As for `Server`.
+        token: As for `Server`.
     """
 
     faults: ClassVar[Mapping[str, FaultKind]] = FAULTS
 
-    def __init__(self, controller: Controller, address: str = "127.0.0.1", token: str | None = None):
+    def __init__(
+        self, controller: Controller, address: str = "127.0.0.1", token: str | None = None
+    ):
         self._ur = controller
         super().__init__(controller, PORTS, address, token)
 

@@ -26,8 +26,12 @@ def make_controller(
     """A controller with its arm at rest.
 
     Args:
-        model: ur3e, ur5e or ur10e. polyscope: Version it claims. q_deg: Joint angles at the start [deg]; home if None.
-        seed: Of the encoders' noise. scenario: File of faults to come. local_control: Start out of remote control.
+        model: ur3e, ur5e or ur10e.
+        polyscope: Version it claims.
+        q_deg: Joint angles at the start [deg]; home if None.
+        seed: Of the encoders' noise.
+        scenario: File of faults to come.
+        local_control: Start out of remote control.
 
     Raises:
         InputError: The model is not emulated, a version is no version, or the angles are not six.

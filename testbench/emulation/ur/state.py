@@ -1,6 +1,8 @@
-"""What an emulated controller knows of itself: modes, safety, program, registers, and the variables that RTDE gives out.
+"""What an emulated controller knows of itself: modes, safety, program, registers, and the variables
+that RTDE gives out.
 
-Numbers of modes and bits: Universal Robots, Real-Time Data Exchange (RTDE) guide, tables of output fields.
+Numbers of modes and bits: Universal Robots, Real-Time Data Exchange (RTDE) guide, tables of output
+fields.
 """
 
 from __future__ import annotations

@@ -17,7 +17,9 @@ from testbench.emulation.xarm.protocol import Register, floats, padded
 from testbench.records.robot import Robot
 
 REPORT_HZ = 200.0
-"""Rate of port 30000 (xArm-Developer/ufactory_docs, firmware/report); the emulated controller's own period follows it."""
+"""Rate of port 30000 (xArm-Developer/ufactory_docs, firmware/report); the emulated controller's own
+period follows it.
+"""
 POSITION, SERVO = 0, 1
 """Modes."""
 SERVO_LAG_S, SERVO_GAIN = 0.03, 300.0
@@ -58,7 +60,11 @@ class Controller(EmulatedController):
     """State of the controller.
 
     Args:
-        robot, q, seed, scenario: As for `EmulatedController`. identity: Kind, serial number, firmware.
+        robot: As for `EmulatedController`.
+        q: As for `EmulatedController`.
+        seed: As for `EmulatedController`.
+        scenario: As for `EmulatedController`.
+        identity: Kind, serial number, firmware.
     """
 
     def __init__(
@@ -97,7 +103,11 @@ class Controller(EmulatedController):
         """What the controller does."""
         if self._halt is not None:
             return self._halt
-        moving = self.joints.mode is Motion.MOVE or bool(self._queue) or float(np.abs(self.joints.v_reference).max()) > 1e-6
+        moving = (
+            self.joints.mode is Motion.MOVE
+            or bool(self._queue)
+            or float(np.abs(self.joints.v_reference).max()) > 1e-6
+        )
         return State.MOVING if moving else State.STANDBY
 
     @property
@@ -114,7 +124,11 @@ class Controller(EmulatedController):
         command = self._commands.get(register)
         result = None if command is None else command(data)
         if result is None:
-            self.messages.append(f"command {register} was refused" if command else f"command {register} is not emulated")
+            self.messages.append(
+                f"command {register} was refused"
+                if command
+                else f"command {register} is not emulated"
+            )
         bits = protocol.INVALID if result is None else 0
         bits |= protocol.ERROR if self.error else 0
         bits |= protocol.NOT_READY if self._halt in {State.STOPPED, State.CHANGED} else 0
@@ -167,10 +181,16 @@ class Controller(EmulatedController):
         self.messages.append("cleared")
 
     def _joint_positions(self, data: bytes) -> bytes:
-        """Where the joints are to be; with an argument, measured angles, rates and torques, as many as it says."""
+        """Where the joints are to be; with an argument, measured angles, rates and torques, as many
+        as it says.
+        """
         if not data:
             return padded(self.joints.q_reference).astype("<f4").tobytes()
-        states = [padded(self.joints.q_measured), padded(self.joints.v_measured), np.zeros(protocol.JOINTS)]
+        states = [
+            padded(self.joints.q_measured),
+            padded(self.joints.v_measured),
+            np.zeros(protocol.JOINTS),
+        ]
         return np.concatenate(states[: data[0] & 0x0F]).astype("<f4").tobytes()
 
     def _enable(self, data: bytes) -> bytes | None:
@@ -212,7 +232,13 @@ class Controller(EmulatedController):
 
     def _move(self, data: bytes) -> bytes | None:
         values, n = floats(data, 10), len(self.robot.joint_names)
-        if values is None or not np.isfinite(values).all() or self.mode != POSITION or values[7] <= 0 or values[8] <= 0:
+        if (
+            values is None
+            or not np.isfinite(values).all()
+            or self.mode != POSITION
+            or values[7] <= 0
+            or values[8] <= 0
+        ):
             return None
         if self._halt in {None, State.PAUSED}:
             self._queue.append((values[:n], float(values[7]), float(values[8])))
@@ -229,9 +255,15 @@ class Controller(EmulatedController):
     def timely_report(self) -> bytes:
         """A report of port 30000."""
         report, joints = np.zeros(1, protocol.TIMELY), self.joints
-        report["size"], report["time_us"] = protocol.TIMELY.itemsize, max(round(1e6 * self.stamp), 0)
+        report["size"], report["time_us"] = (
+            protocol.TIMELY.itemsize,
+            max(round(1e6 * self.stamp), 0),
+        )
         report["state_mode"], report["commands"] = self.state_now | self.mode << 4, len(self._queue)
-        report["q_target"], report["v_target"] = padded(joints.q_reference), padded(joints.v_reference)
+        report["q_target"], report["v_target"] = (
+            padded(joints.q_reference),
+            padded(joints.v_reference),
+        )
         report["a_target"] = padded(joints.a_reference)
         report["q"], report["v"], report["current"] = (
             padded(joints.q_measured),
@@ -245,7 +277,10 @@ class Controller(EmulatedController):
         report, (axes, device_type) = np.zeros(1, protocol.RICH), KINDS[self.identity.kind]
         report["size"] = protocol.RICH.itemsize
         report["state_mode"], report["commands"] = self.state_now | self.mode << 4, len(self._queue)
-        report["q_target"], report["v"] = padded(self.joints.q_reference), padded(self.joints.v_reference)
+        report["q_target"], report["v"] = (
+            padded(self.joints.q_reference),
+            padded(self.joints.v_reference),
+        )
         report["brakes"] = report["motors"] = (1 << axes) - 1 if self.enabled else 0
         report["error"], report["load"] = self.error, self.load
         report["gravity"] = [0.0, 0.0, -1.0]

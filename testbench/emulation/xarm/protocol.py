@@ -1,8 +1,9 @@
 """Frames and reports of an xArm controller, as bytes.
 
-Commands: UFACTORY's private TCP protocol (docs.ufactory.cc/private_tcp_protocol), whose registers the client library names in
-x_config.py. Reports: ports 30000 (xArm-Developer/ufactory_docs, firmware/report) and 30002 (developer manual,
-automatic reporting), whose layouts the client library repeats in x3/report.py.
+Commands: UFACTORY's private TCP protocol (docs.ufactory.cc/private_tcp_protocol), whose registers
+the client library names in x_config.py. Reports: ports 30000 (xArm-Developer/ufactory_docs,
+firmware/report) and 30002 (developer manual, automatic reporting), whose layouts the client library
+repeats in x3/report.py.
 """
 
 from __future__ import annotations

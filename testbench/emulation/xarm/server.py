@@ -52,16 +52,26 @@ class XArmServer(Server):
     """Serves one emulated controller.
 
     Args:
-        controller, address, token: As for `Server`. command_port: The controller's is 502, which needs privileges.
+        controller: As for `Server`.
+        address: As for `Server`.
+        token: As for `Server`.
+        command_port: The controller's is 502, which needs privileges.
     """
 
     faults: ClassVar[Mapping[str, FaultKind]] = FAULTS
 
     def __init__(
-        self, controller: Controller, address: str = "127.0.0.1", token: str | None = None, command_port: int = COMMAND_PORT
+        self,
+        controller: Controller,
+        address: str = "127.0.0.1",
+        token: str | None = None,
+        command_port: int = COMMAND_PORT,
     ):
         if command_port in {CONTROL_PORT, *REPORT_PORTS}:
-            raise InputError(f"port {command_port} is taken: {CONTROL_PORT} is for faults, 30000 and 30002 are for reports")
+            raise InputError(
+                f"port {command_port} is taken: {CONTROL_PORT} is for faults, 30000 and 30002 are "
+                "for reports"
+            )
         self._xarm = controller
         super().__init__(controller, {command_port: COMMANDS, **REPORT_PORTS}, address, token)
 
@@ -69,7 +79,9 @@ class XArmServer(Server):
         return XArmConnection(sock, kind, self, self._xarm)
 
     def reports(self, connections: Iterable[Connection]) -> Iterator[tuple[Connection, bytes]]:
-        rich = self._xarm.rich_report() if self._xarm.ticks % round(REPORT_HZ / RICH_HZ) == 0 else None
+        rich = (
+            self._xarm.rich_report() if self._xarm.ticks % round(REPORT_HZ / RICH_HZ) == 0 else None
+        )
         timely: bytes | None = None
         for connection in connections:
             if connection.kind == TIMELY:

@@ -23,11 +23,16 @@ def make_controller(
     """A controller with its arm at rest, motors on, in position mode.
 
     Args:
-        model: xarm6. firmware: Version it claims. q_deg: Joint angles at the start [deg]; home if None. seed: Of the encoders'
-        noise. scenario: File of faults to come. claims: The arm that it says it drives; the model if None.
+        model: xarm6.
+        firmware: Version it claims.
+        q_deg: Joint angles at the start [deg]; home if None.
+        seed: Of the encoders' noise.
+        scenario: File of faults to come.
+        claims: The arm that it says it drives; the model if None.
 
     Raises:
-        InputError: The model is not emulated, there is no such arm, a version is no version, or the angles are not six.
+        InputError: The model is not emulated, there is no such arm, a version is no version, or the
+            angles are not six.
     """
     robot = emulated_robot(model, ["xarm6"])
     if firmware is not None and not re.fullmatch(r"\d{1,3}\.\d{1,3}\.\d{1,3}", firmware):

@@ -1,8 +1,9 @@
 """What the arm's own joints add to the uncertainty of a calibration by the arm.
 
-The zero of each joint is known to the robot file's `joint_angle_deg` and its error lasts all session: all poses share it, and
-no residual shows it. The calibration is made anew with each joint's zero off by its standard uncertainty, u_j; the change d_j
-of the parameters adds d_j d_j' to their covariance (JCGM 100:2008, 5.1.3 and 5.1.4 with a numeric derivative).
+The zero of each joint is known to the robot file's `joint_angle_deg` and its error lasts all
+session: all poses share it, and no residual shows it. The calibration is made anew with each
+joint's zero off by its standard uncertainty, u_j; the change d_j of the parameters adds d_j d_j' to
+their covariance (JCGM 100:2008, 5.1.3 and 5.1.4 with a numeric derivative).
 """
 
 from __future__ import annotations
@@ -25,13 +26,21 @@ from testbench.records.session import Session
 
 
 def shifted_truths(session: Session, sensor: str, truth: Truth) -> list[Truth]:
-    """The truth with each joint's zero off by its standard uncertainty, of the joints that turn the sensor.
+    """The truth with each joint's zero off by its standard uncertainty, of the joints that turn the
+    sensor.
 
     Args:
-        session: With the arm's samples, or nothing comes of it. sensor: Its name. truth: Of the sensor.
+        session: With the arm's samples, or nothing comes of it.
+        sensor: Its name.
+        truth: Of the sensor.
     """
     arm, robot = session.arm(), session.robot
-    if arm is None or robot is None or sensor not in session.analysis.sensors or len(arm.host_time_ns) < 2:
+    if (
+        arm is None
+        or robot is None
+        or sensor not in session.analysis.sensors
+        or len(arm.host_time_ns) < 2
+    ):
         return []
     placed, kinematics = session.analysis.sensors[sensor], Kinematics(robot)
     at = truth.host_time_ns
@@ -46,31 +55,52 @@ def shifted_truths(session: Session, sensor: str, truth: Truth) -> list[Truth]:
     for joint, u in enumerate(robot.joint_angle_uncertainty):
         if u <= 0:
             continue
-        moved = kinematics.frame_motion(placed.link, q + u * np.eye(q.shape[1])[joint], v, offset=offset)
+        moved = kinematics.frame_motion(
+            placed.link, q + u * np.eye(q.shape[1])[joint], v, offset=offset
+        )
         turn = rotation.multiply(moved.q_world_from_frame, q_base)
         if float(rotation.angle(turn).max()) < 1e-3 * u:  # it does not carry the sensor
             continue
         turned = None if truth.rate is None else truth.rate + moved.angular_velocity_in_frame - rate
-        truths.append(replace(truth, q_world_from_sensor=rotation.multiply(turn, truth.q_world_from_sensor), rate=turned))
+        truths.append(
+            replace(
+                truth,
+                q_world_from_sensor=rotation.multiply(turn, truth.q_world_from_sensor),
+                rate=turned,
+            )
+        )
     return truths
 
 
 def with_arm_uncertainty(
-    prepared: Prepared, truths: list[Truth], triads: dict[str, TriadCalibration], field: np.ndarray | None
+    prepared: Prepared,
+    truths: list[Truth],
+    triads: dict[str, TriadCalibration],
+    field: np.ndarray | None,
 ) -> tuple[dict[str, TriadCalibration], list[str]]:
     """The triads with the joints' part in their covariances, and a remark on its size.
 
     Args:
-        prepared: The recording. truths: One for each joint. triads: As the methods gave them. field: As for `calibrate`.
+        prepared: The recording.
+        truths: One for each joint.
+        triads: As the methods gave them.
+        field: As for `calibrate`.
     """
     accelerometer = triads.get("accelerometer")
     by_arm = accelerometer is not None and accelerometer.method in ARM_AIDED
-    concerned = {name: found for name, found in triads.items() if by_arm or found.method in ARM_AIDED}
+    concerned = {
+        name: found for name, found in triads.items() if by_arm or found.method in ARM_AIDED
+    }
     if "gyroscope" in concerned and concerned["gyroscope"].method == "ferraris_gyroscope":
-        del concerned["gyroscope"]  # its turns are of a stated angle about its own faces: the arm has no part in it
+        del concerned[
+            "gyroscope"
+        ]  # its turns are of a stated angle about its own faces: the arm has no part in it
     if not concerned or not truths:
         return triads, []
-    added = {name: [np.zeros_like(fit.covariance) for fit in found.fits] for name, found in concerned.items()}
+    added = {
+        name: [np.zeros_like(fit.covariance) for fit in found.fits]
+        for name, found in concerned.items()
+    }
     turned = 0.0
     for truth in truths:
         moved = replace(prepared, truth=truth)
@@ -86,29 +116,42 @@ def with_arm_uncertainty(
         turned += float(rotation.angle(rotation.from_matrix(near[0].T @ near[1]))) ** 2
     result = dict(triads)
     for name, found in concerned.items():
-        fits = tuple(replace(fit, covariance=fit.covariance + more) for fit, more in zip(found.fits, added[name], strict=True))
+        fits = tuple(
+            replace(fit, covariance=fit.covariance + more)
+            for fit, more in zip(found.fits, added[name], strict=True)
+        )
         result[name] = replace(found, fits=fits)
     angle = np.degrees(np.sqrt(turned))
     remark = (
-        f"the uncertainties hold those of the arm's joints as the robot file states them, which all poses share; they turn the "
+        "the uncertainties hold those of the arm's joints as the robot file states them, which all "
+        "poses share; they turn the "
         f"{next(iter(concerned))}'s axes by {angle:.3f} deg (standard uncertainty)"
     )
     return result, [remark]
 
 
 def _again(
-    moved: Prepared, triads: dict[str, TriadCalibration], concerned: dict[str, TriadCalibration], field: np.ndarray | None
+    moved: Prepared,
+    triads: dict[str, TriadCalibration],
+    concerned: dict[str, TriadCalibration],
+    field: np.ndarray | None,
 ) -> dict[str, TriadCalibration]:
     """The same methods on another truth."""
     found: dict[str, TriadCalibration] = {}
     accelerometer = triads.get("accelerometer")
     if "accelerometer" in concerned and accelerometer is not None:
-        accelerometer = found["accelerometer"] = ACCELEROMETER_METHODS[accelerometer.method].function(moved.poses)
+        accelerometer = found["accelerometer"] = ACCELEROMETER_METHODS[
+            accelerometer.method
+        ].function(moved.poses)
     if "gyroscope" in concerned:
         method = GYROSCOPE_METHODS[triads["gyroscope"].method]
         found["gyroscope"] = with_drift(method.function)(moved.gyroscope_recording(accelerometer))
     if "magnetometer" in concerned:
         name = triads["magnetometer"].method
-        method_of_field = MAGNETOMETER_METHODS["known_field" if name == "attitude_aided" else name]  # which that is, of a field
-        found["magnetometer"] = method_of_field.function(moved.magnetometer_poses(accelerometer, field))
+        method_of_field = MAGNETOMETER_METHODS[
+            "known_field" if name == "attitude_aided" else name
+        ]  # which that is, of a field
+        found["magnetometer"] = method_of_field.function(
+            moved.magnetometer_poses(accelerometer, field)
+        )
     return found

@@ -1,11 +1,13 @@
-"""Twelve parameters from poses whose orientation the arm knows: reading = response x expected + bias.
+"""Twelve parameters from poses whose orientation the arm knows: reading = response x expected +
+bias.
 
-Linear in all twelve, so one weighted least-squares step is the answer (the multi-position tumble test of IEEE Std 1293-2018,
-with the arm in the place of the dividing head). Each pose gives three numbers, where the norm alone gives one. The weights know
-that an error of the arm's direction lies across the expected vector.
+Linear in all twelve, so one weighted least-squares step is the answer (the multi-position tumble
+test of IEEE Std 1293-2018, with the arm in the place of the dividing head). Each pose gives three
+numbers, where the norm alone gives one. The weights know that an error of the arm's direction lies
+across the expected vector.
 
-Gauge: none. The mounting of the sensor on the arm is part of the response, and the correction turns it into the axes as
-believed.
+Gauge: none. The mounting of the sensor on the arm is part of the response, and the correction turns
+it into the axes as believed.
 """
 
 from __future__ import annotations
@@ -30,10 +32,12 @@ def attitude_aided(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> 
     """Fit response and bias, and the bias's drift where the temperature varied.
 
     Args:
-        poses: With expected vectors; at least four, not all in one plane. tolerance: Known beforehand.
+        poses: With expected vectors; at least four, not all in one plane.
+        tolerance: Known beforehand.
 
     Raises:
-        InputError: No expected vectors. PoorExcitation: The poses leave a parameter vaguer than its tolerance.
+        InputError: No expected vectors.
+        PoorExcitation: The poses leave a parameter vaguer than its tolerance.
     """
     expected = poses.need_expected("attitude_aided")
     warm, reference = warming(poses)
@@ -49,13 +53,16 @@ def attitude_aided(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> 
         parameters,
         known_scatter=True,
         residual_unit="standard deviations",
-        advice="poses that turn the sensor about two axes at least, each face up and down, are needed",
+        advice="poses that turn the sensor about two axes at least, each face up and down, are "
+        "needed",
     )
     return calibration_of(widened_by_misfit(fit), "attitude_aided", reference)
 
 
 def triad_design(expected: np.ndarray) -> np.ndarray:
-    """Readings of a triad by its twelve parameters: response row by row, then bias; shape (m, 3) to (m, 3, 12)."""
+    """Readings of a triad by its twelve parameters: response row by row, then bias; shape (m, 3) to
+    (m, 3, 12).
+    """
     design = np.zeros((len(expected), 3, 12))
     for axis in range(3):
         design[:, axis, 3 * axis : 3 * axis + 3] = expected
@@ -63,8 +70,18 @@ def triad_design(expected: np.ndarray) -> np.ndarray:
     return design
 
 
-def calibration_of(fit: Fit, method: str, reference: float | None = None, remarks: tuple[str, ...] = ()) -> TriadCalibration:
+def calibration_of(
+    fit: Fit, method: str, reference: float | None = None, remarks: tuple[str, ...] = ()
+) -> TriadCalibration:
     """The correction that undoes a fitted response, bias and drift."""
     matrix = np.linalg.inv(fit.block("response_").reshape(3, 3))
     drift = fit.block("drift_") if reference is not None else np.zeros(3)
-    return TriadCalibration(method, matrix, fit.block("bias_"), drift=drift, reference=reference, fits=(fit,), remarks=remarks)
+    return TriadCalibration(
+        method,
+        matrix,
+        fit.block("bias_"),
+        drift=drift,
+        reference=reference,
+        fits=(fit,),
+        remarks=remarks,
+    )

@@ -1,7 +1,8 @@
-"""Axis model: each axis by itself, reading = s (true . u) + o with |u| = 1, and the orthogonality check.
+"""Axis model: each axis by itself, reading = s (true . u) + o with |u| = 1, and the orthogonality
+check.
 
-Castellanos Alonso (Universidad de Oviedo, 2023): theta = [s u; o] by least squares, then s = |s u|. Where the poses turn about
-one axis only, the force stays in a plane and u is found in that plane.
+Castellanos Alonso (Universidad de Oviedo, 2023): theta = [s u; o] by least squares, then s = |s u|.
+Where the poses turn about one axis only, the force stays in a plane and u is found in that plane.
 """
 
 from __future__ import annotations
@@ -15,7 +16,13 @@ from testbench.estimation.calibration.least_squares import Parameter
 from testbench.estimation.calibration.linear import solve_linear
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.rotational import axes_in_plane
-from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance, bias_parameters, response_parameters
+from testbench.estimation.calibration.triad_model import (
+    ACCELEROMETER,
+    AXES,
+    Tolerance,
+    bias_parameters,
+    response_parameters,
+)
 from testbench.records.calibration import TriadCalibration
 from testbench.records.fit import Fit
 
@@ -26,13 +33,15 @@ def axis_model(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> Tria
     """Scale, direction and offset of each axis by itself, all poses counting alike.
 
     Args:
-        poses: With expected vectors; at least four, not all in a plane. tolerance: Known beforehand.
+        poses: With expected vectors; at least four, not all in a plane.
+        tolerance: Known beforehand.
 
     Returns:
         A correction whose three fits, one for each axis, hold s u (as response) and o (as bias).
 
     Raises:
-        InputError: No expected vectors. PoorExcitation: The poses leave a parameter vaguer than its tolerance.
+        InputError: No expected vectors.
+        PoorExcitation: The poses leave a parameter vaguer than its tolerance.
     """
     expected = poses.need_expected("axis_model")
     design = np.column_stack([expected, np.ones(len(poses))])
@@ -53,7 +62,11 @@ def axis_model(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> Tria
     scale = np.linalg.norm(response, axis=1)
     remark = ", ".join(f"s_{i} {s:.5f}" for i, s in zip(AXES, scale, strict=True))
     return TriadCalibration(
-        "axis_model", np.linalg.inv(response), np.array([fit.values[3] for fit in fits]), fits=fits, remarks=(remark,)
+        "axis_model",
+        np.linalg.inv(response),
+        np.array([fit.values[3] for fit in fits]),
+        fits=fits,
+        remarks=(remark,),
     )
 
 
@@ -62,10 +75,14 @@ class Orthogonality:
     """Two axes in the plane of a turn.
 
     Attributes:
-        axes: Their names. fits: Of each: s u (2) as response [1], and o as bias [m/s^2]. scale: s of each, shape (2,) [1].
-        angle: From the first axis to the second [rad]; a quarter turn, of a good sensor. angle_sd: Standard uncertainty [rad].
+        axes: Their names.
+        fits: Of each: s u (2) as response [1], and o as bias [m/s^2].
+        scale: s of each, shape (2,) [1].
+        angle: From the first axis to the second [rad]; a quarter turn, of a good sensor.
+        angle_sd: Standard uncertainty [rad].
         angle_half_width: Half of the 95 % interval of the angle [rad].
-        theta: s u of both axes, and one common offset over gravity, shape (5,); [1, 0, 0, 1, 0] of a good sensor.
+        theta: s u of both axes, and one common offset over gravity, shape (5,); [1, 0, 0, 1, 0] of
+            a good sensor.
     """
 
     axes: tuple[str, str]
@@ -84,7 +101,8 @@ def orthogonality(poses: StaticPoses) -> Orthogonality:
         poses: With expected forces in the plane of two axes.
 
     Raises:
-        InputError: No expected forces, or not in such a plane. PoorExcitation: Fewer than three different angles.
+        InputError: No expected forces, or not in such a plane.
+        PoorExcitation: Fewer than three different angles.
     """
     plane = axes_in_plane(poses, "orthogonality")
     expected = poses.need_expected("orthogonality")[:, plane]
@@ -92,7 +110,10 @@ def orthogonality(poses: StaticPoses) -> Orthogonality:
     design = np.column_stack([expected, np.ones(len(poses))])
     sd, found, variance = poses.typical_sd(), [], 0.0
     for axis, name in zip(plane, names, strict=True):
-        parameters = [Parameter(f"response_{name}{j}", "1", float(name == j), ACCELEROMETER.response) for j in names]
+        parameters = [
+            Parameter(f"response_{name}{j}", "1", float(name == j), ACCELEROMETER.response)
+            for j in names
+        ]
         parameters.append(Parameter(f"bias_{name}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias))
         fit = solve_linear(
             design / sd,
@@ -109,7 +130,11 @@ def orthogonality(poses: StaticPoses) -> Orthogonality:
     first, second = (fit.values[:2] for fit in found)
     angle = float(np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second))
     both = np.zeros((2 * len(poses), 5))
-    both[: len(poses), :2], both[len(poses) :, 2:4], both[:, 4] = expected, expected, poses.magnitude
+    both[: len(poses), :2], both[len(poses) :, 2:4], both[:, 4] = (
+        expected,
+        expected,
+        poses.magnitude,
+    )
     theta = np.linalg.lstsq(both, poses.mean[:, plane].T.reshape(-1), rcond=None)[0]
     scale = np.array([np.linalg.norm(first), np.linalg.norm(second)])
     angle_sd = float(np.sqrt(variance))

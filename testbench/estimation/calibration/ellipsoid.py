@@ -1,9 +1,12 @@
-"""Hard and soft iron of a magnetometer from the length of the field alone: corrected = S (raw - hard), S symmetric.
+"""Hard and soft iron of a magnetometer from the length of the field alone: corrected = S (raw -
+hard), S symmetric.
 
-Renaudin, Afzal & Lachapelle, Complete triaxis magnetometer calibration in the magnetic domain, Journal of Sensors 2010.
+Renaudin, Afzal & Lachapelle, Complete triaxis magnetometer calibration in the magnetic domain,
+Journal of Sensors 2010.
 
-Gauge: lengths do not change when all fields are turned together. S is taken to be symmetric, the nearest of all such matrices
-to no correction at all; the axes of the magnetometer against those of the accelerometer are a matter of `ellipsoid_dip`.
+Gauge: lengths do not change when all fields are turned together. S is taken to be symmetric, the
+nearest of all such matrices to no correction at all; the axes of the magnetometer against those of
+the accelerometer are a matter of `ellipsoid_dip`.
 """
 
 from __future__ import annotations
@@ -23,15 +26,20 @@ BASIS = np.zeros((6, 3, 3))
 """Symmetric matrices, one for each entry."""
 for _k, (_i, _j) in enumerate([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]):
     BASIS[_k, _i, _j] = BASIS[_k, _j, _i] = 1.0
-GAUGE = "the matrix is taken to be symmetric; how the magnetometer's axes sit against the accelerometer's is not seen"
+GAUGE = (
+    "the matrix is taken to be symmetric; how the magnetometer's axes sit against the "
+    "accelerometer's is not seen"
+)
 
 
 def ellipsoid(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> TriadCalibration:
-    """Hard iron (bias) and soft iron (symmetric matrix), and the bias's drift where the temperature varied.
+    """Hard iron (bias) and soft iron (symmetric matrix), and the bias's drift where the temperature
+    varied.
 
     Args:
-        poses: Nine at least. Where `magnitude` is NaN the field's length is taken from the ellipsoid itself, the geometric mean
-        of its axes. tolerance: Known beforehand.
+        poses: Nine at least. Where `magnitude` is NaN the field's length is taken from the
+            ellipsoid itself, the geometric mean of its axes.
+        tolerance: Known beforehand.
 
     Raises:
         PoorExcitation: Fewer poses than parameters, or the sensor was turned about one axis only.
@@ -39,18 +47,34 @@ def ellipsoid(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> TriadC
     remarks: tuple[str, ...] = (GAUGE,)
     poses, unknown = with_magnitude(poses)
     if unknown:
-        remarks += (f"the field's length was not given; it is taken to be {poses.magnitude:.3f} {tolerance.unit}",)
-    shape = [Parameter(f"soft_{name}", "1", float(name[0] == name[1]), tolerance.response) for name in ENTRIES]
-    return fit_norm(poses, shape, symmetric_root, symmetric, lambda _: BASIS, tolerance, "ellipsoid", remarks)
+        remarks += (
+            (
+                f"the field's length was not given; it is taken to be {poses.magnitude:.3f} "
+                f"{tolerance.unit}"
+            ),
+        )
+    shape = [
+        Parameter(f"soft_{name}", "1", float(name[0] == name[1]), tolerance.response)
+        for name in ENTRIES
+    ]
+    return fit_norm(
+        poses, shape, symmetric_root, symmetric, lambda _: BASIS, tolerance, "ellipsoid", remarks
+    )
 
 
 def with_magnitude(poses: StaticPoses) -> tuple[StaticPoses, bool]:
-    """The poses with a length of the field, by their own ellipsoid where none was given; and whether that was so."""
+    """The poses with a length of the field, by their own ellipsoid where none was given; and
+    whether that was so.
+    """
     if np.isfinite(poses.magnitude):
         return poses, False
     guess = ellipsoid_through(poses.mean)
     centred = poses.mean - (poses.mean.mean(axis=0) if guess is None else guess[0])
-    size = float(np.linalg.norm(centred, axis=1).mean()) if guess is None else float(np.linalg.det(guess[1]) ** (-1 / 6))
+    size = (
+        float(np.linalg.norm(centred, axis=1).mean())
+        if guess is None
+        else float(np.linalg.det(guess[1]) ** (-1 / 6))
+    )
     return replace(poses, magnitude=size), True
 
 

@@ -52,4 +52,6 @@ def six_faces(poses: StaticPoses) -> tuple[np.ndarray, np.ndarray]:
     need_all_faces(face)
     covariance = poses.covariance()
     mean = np.array([poses.mean[face == i].mean(axis=0) for i in range(6)])
-    return mean, np.array([covariance[face == i].sum(axis=0) / np.sum(face == i) ** 2 for i in range(6)])
+    return mean, np.array(
+        [covariance[face == i].sum(axis=0) / np.sum(face == i) ** 2 for i in range(6)]
+    )

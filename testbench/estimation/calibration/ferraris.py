@@ -1,10 +1,12 @@
 """Ferraris: the accelerometer from six faces up, the gyroscope from a known turn about each axis.
 
-Ferraris, Grimaldi & Parvis, Procedure for effortless in-field calibration of three-axial rate gyro and accelerometers, Sensors
-and Materials 7(5), 1995, eqs 9 to 23. The response is not split into scale and rotation here: it is their product K R.
-Each result is a linear combination of means, so its covariance follows from theirs.
+Ferraris, Grimaldi & Parvis, Procedure for effortless in-field calibration of three-axial rate gyro
+and accelerometers, Sensors and Materials 7(5), 1995, eqs 9 to 23. The response is not split into
+scale and rotation here: it is their product K R. Each result is a linear combination of means, so
+its covariance follows from theirs.
 
-The faces are taken to be exactly level: what a crooked table or housing adds looks like cross-axis error.
+The faces are taken to be exactly level: what a crooked table or housing adds looks like cross-axis
+error.
 """
 
 from __future__ import annotations
@@ -34,7 +36,9 @@ class Turn:
     """One turn about one axis of the sensor, from rest to rest.
 
     Attributes:
-        rate: Raw, shape (n, 3) [rad/s]. force: By the calibrated accelerometer, shape (n, 3) [m/s^2]. interval: [s].
+        rate: Raw, shape (n, 3) [rad/s].
+        force: By the calibrated accelerometer, shape (n, 3) [m/s^2].
+        interval: [s].
     """
 
     rate: np.ndarray
@@ -46,7 +50,8 @@ def ferraris(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> TriadC
     """Bias (eq. 20) and response (eqs 21 to 23) of an accelerometer.
 
     Args:
-        poses: With each face up once at least. tolerance: For the unit.
+        poses: With each face up once at least.
+        tolerance: For the unit.
 
     Raises:
         PoorExcitation: A face is never up.
@@ -63,23 +68,34 @@ def ferraris(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> TriadC
         noise[3 * face : 3 * face + 3, 3 * face : 3 * face + 3] = covariance[face]
     names = (*_response_names(), *(f"bias_{i}" for i in AXES))
     fit = Fit(
-        names, ("1",) * 9 + (tolerance.unit,) * 3, combine @ mean.reshape(-1), combine @ noise @ combine.T, condition=1.0
-    )  # fmt: skip
+        names,
+        ("1",) * 9 + (tolerance.unit,) * 3,
+        combine @ mean.reshape(-1),
+        combine @ noise @ combine.T,
+        condition=1.0,
+    )
     return calibration_of(fit, "ferraris", remarks=(LEVEL,))
 
 
 def ferraris_gyroscope(
-    rest: StaticPoses, force: StaticPoses, turns: Sequence[Turn], angle: float, angle_sd: float = 0.0
+    rest: StaticPoses,
+    force: StaticPoses,
+    turns: Sequence[Turn],
+    angle: float,
+    angle_sd: float = 0.0,
 ) -> TriadCalibration:
     """Bias, g-sensitivity (eq. 9) and response (eqs 12 to 15) of a gyroscope.
 
     Args:
-        rest: Readings of the gyroscope at rest [rad/s]; of `magnitude` the specific force [m/s^2]. force: Of the accelerometer
-        in the same poses: it says which face is up. turns: About x, y and z. angle: Of each [rad], negative for clockwise ones.
+        rest: Readings of the gyroscope at rest [rad/s]; of `magnitude` the specific force [m/s^2].
+        force: Of the accelerometer in the same poses: it says which face is up.
+        turns: About x, y and z.
+        angle: Of each [rad], negative for clockwise ones.
         angle_sd: Standard deviation of each turn's angle [rad].
 
     Raises:
-        InputError: Not three turns. PoorExcitation: A face is never up.
+        InputError: Not three turns.
+        PoorExcitation: A face is never up.
     """
     if len(turns) != 3:
         raise InputError(f"Ferraris needs three turns, about x, y and z; {len(turns)} were given")
@@ -94,7 +110,8 @@ def ferraris_gyroscope(
     lasting = np.array([len(turn.rate) * turn.interval for turn in turns])
     felt = np.array([turn.force.sum(axis=0) * turn.interval for turn in turns])
     swept = np.array([turn.rate.sum(axis=0) * turn.interval for turn in turns])
-    # All that is found is linear in the means at rest and the sums over the turns, alike for each axis of the gyroscope.
+    # All that is found is linear in the means at rest and the sums over the turns, alike for each
+    # axis of the gyroscope.
     found = np.zeros((7, m + 3))  # response (3), bias, g-sensitivity (3)
     found[3, :m], found[4:, :m] = pooled, differ
     found[:3, m:] = np.eye(3) / angle
@@ -104,19 +121,29 @@ def ferraris_gyroscope(
     white = (rest.variance * count[:, None]).mean(axis=0)  # of one sample
     covariance = np.zeros((21, 21))
     for i in range(3):
-        noise = np.concatenate([rest.variance[:, i], white[i] * lasting * np.array([turn.interval for turn in turns])])
+        noise = np.concatenate(
+            [rest.variance[:, i], white[i] * lasting * np.array([turn.interval for turn in turns])]
+        )
         block = [3 * i, 3 * i + 1, 3 * i + 2, 9 + i, 12 + 3 * i, 13 + 3 * i, 14 + 3 * i]
         covariance[np.ix_(block, block)] = found * noise @ found.T
     for j in range(3):  # an error of a turn's angle scales a column of the response
         column = [j, 3 + j, 6 + j]
-        covariance[np.ix_(column, column)] += np.outer(response[:, j], response[:, j]) * (angle_sd / angle) ** 2
+        covariance[np.ix_(column, column)] += (
+            np.outer(response[:, j], response[:, j]) * (angle_sd / angle) ** 2
+        )
     fit = Fit(
-        (*_response_names(), *(f"bias_{i}" for i in AXES), *(f"g_sensitivity_{i}{j}" for i in AXES for j in AXES)),
+        (
+            *_response_names(),
+            *(f"bias_{i}" for i in AXES),
+            *(f"g_sensitivity_{i}{j}" for i in AXES for j in AXES),
+        ),
         ("1",) * 9 + ("rad/s",) * 3 + ("rad/s/(m/s^2)",) * 9,
         np.concatenate([response.reshape(-1), bias, g_matrix.reshape(-1)]),
         covariance,
     )
-    return TriadCalibration("ferraris", np.linalg.inv(response), bias, g_matrix=g_matrix, fits=(fit,), remarks=(LEVEL,))
+    return TriadCalibration(
+        "ferraris", np.linalg.inv(response), bias, g_matrix=g_matrix, fits=(fit,), remarks=(LEVEL,)
+    )
 
 
 def largest_turns(recording: GyroscopeRecording) -> list[int]:
@@ -126,31 +153,42 @@ def largest_turns(recording: GyroscopeRecording) -> list[int]:
         PoorExcitation: No turn is about one of the axes.
     """
     bias = np.concatenate([rest.gyr for rest in recording.rests]).mean(axis=0)
-    swept = np.array([(turn.gyr - bias).sum(axis=0) * turn.interval for turn in recording.turns]).reshape(-1, 3)
+    swept = np.array(
+        [(turn.gyr - bias).sum(axis=0) * turn.interval for turn in recording.turns]
+    ).reshape(-1, 3)
     chosen = []
     for axis in range(3):
         about = np.abs(swept[:, axis]) >= ABOUT_ONE_AXIS * np.linalg.norm(swept, axis=1)
         known = [i for i in np.flatnonzero(about).tolist() if recording.turns[i].force is not None]
         if not known:
             names = [f"response_{i}{AXES[axis]}" for i in AXES]
-            raise PoorExcitation(names, float("inf"), f"no turn from rest to rest is about the axis {AXES[axis]}")
+            raise PoorExcitation(
+                names, float("inf"), f"no turn from rest to rest is about the axis {AXES[axis]}"
+            )
         chosen.append(max(known, key=lambda i: abs(swept[i, axis])))
     return chosen
 
 
-def ferraris_of_recording(recording: GyroscopeRecording, angle: float | None = None) -> TriadCalibration:
-    """The same from rests and the turns between them, of which the largest about each axis is the known one.
+def ferraris_of_recording(
+    recording: GyroscopeRecording, angle: float | None = None
+) -> TriadCalibration:
+    """The same from rests and the turns between them, of which the largest about each axis is the
+    known one.
 
     Args:
-        recording: Rests with the force they feel, and each face up in one of them; turns with their force. angle: Of each
-        known turn [rad], negative for clockwise ones (seen against the axis); None where nobody states it.
+        recording: Rests with the force they feel, and each face up in one of them; turns with their
+            force.
+        angle: Of each known turn [rad], negative for clockwise ones (seen against the axis); None
+            where nobody states it.
 
     Raises:
-        InputError: The angle is not stated. PoorExcitation: A face is never up, or no turn is about one of the axes.
+        InputError: The angle is not stated.
+        PoorExcitation: A face is never up, or no turn is about one of the axes.
     """
     if angle is None:
         raise InputError(
-            "the method ferraris_gyroscope needs the angle of its turns about x, y and z; state it with --turn-deg, such as "
+            "the method ferraris_gyroscope needs the angle of its turns about x, y and z; state it "
+            "with --turn-deg, such as "
             "--turn-deg 360 (where an arm made them, the method attitude knows it)"
         )
     rests = [rest for rest in recording.rests if rest.force is not None]
@@ -158,17 +196,27 @@ def ferraris_of_recording(recording: GyroscopeRecording, angle: float | None = N
     magnitude = float(np.linalg.norm(force, axis=1).mean()) if len(rests) else float("nan")
     count = np.array([len(rest.gyr) for rest in rests])
     mean = np.array([rest.gyr.mean(axis=0) for rest in rests]).reshape(-1, 3)
-    variance = np.array([rest.gyr.var(axis=0, ddof=1) / len(rest.gyr) for rest in rests]).reshape(-1, 3)
+    variance = np.array([rest.gyr.var(axis=0, ddof=1) / len(rest.gyr) for rest in rests]).reshape(
+        -1, 3
+    )
     still = StaticPoses(mean, variance, magnitude, count=count)
-    felt = StaticPoses(force, np.ones_like(force), magnitude, count=count)  # of it only the means are asked for
+    felt = StaticPoses(
+        force, np.ones_like(force), magnitude, count=count
+    )  # of it only the means are asked for
     largest = [recording.turns[i] for i in largest_turns(recording)]
-    turns = [Turn(turn.gyr, turn.force, turn.interval) for turn in largest if turn.force is not None]
+    turns = [
+        Turn(turn.gyr, turn.force, turn.interval) for turn in largest if turn.force is not None
+    ]
     found = ferraris_gyroscope(still, felt, turns, angle)
     reading = np.diag(np.linalg.inv(found.matrix))
     if (reading <= 0).any():
-        told = ", ".join(f"{axis} {np.degrees(angle * value):.1f} deg" for axis, value in zip(AXES, reading, strict=True))
+        told = ", ".join(
+            f"{axis} {np.degrees(angle * value):.1f} deg"
+            for axis, value in zip(AXES, reading, strict=True)
+        )
         raise InputError(
-            f"by the gyroscope its largest turns are {told}, where --turn-deg states {np.degrees(angle):g} deg for each: one "
+            f"by the gyroscope its largest turns are {told}, where --turn-deg states "
+            f"{np.degrees(angle):g} deg for each: one "
             "sense of turning for all three axes, negative if clockwise"
         )
     return replace(found, method="ferraris_gyroscope")

@@ -1,7 +1,9 @@
-"""Gyroscope calibration from rests and turns: bias, scale, misalignment, and where the force is known the response to it.
+"""Gyroscope calibration from rests and turns: bias, scale, misalignment, and where the force is
+known the response to it.
 
-The model is that of Tedaldi, Pretto & Menegatti, A robust and easy to implement method for IMU calibration without external
-equipments, ICRA 2014, with the bias subtracted and the response to specific force beside it:
+The model is that of Tedaldi, Pretto & Menegatti, A robust and easy to implement method for IMU
+calibration without external equipments, ICRA 2014, with the bias subtracted and the response to
+specific force beside it:
 
     w = T K (raw - b - G f),   T = [[1, -yz, zy], [xz, 1, -zx], [-xy, yx, 1]],   K = diag(scale)
 
@@ -30,26 +32,47 @@ from testbench.records.calibration import TriadCalibration
 from testbench.records.fit import Fit
 
 SCALE_SIZE = 0.05
-"""What is known of scales and misalignments beforehand, standard deviation [1, rad]: above any consumer MEMS data sheet."""
+"""What is known of scales and misalignments beforehand, standard deviation [1, rad]: above any
+consumer MEMS data sheet.
+"""
 BIAS_SIZE = np.radians(20.0)
-"""What is known of a bias beforehand [rad/s]: the zero-rate output of consumer MEMS data sheets (PS-MPU-6000A: +-20 deg/s)."""
+"""What is known of a bias beforehand [rad/s]: the zero-rate output of consumer MEMS data sheets
+(PS-MPU-6000A: +-20 deg/s).
+"""
 G_SIZE = np.radians(0.5) / STANDARD_GRAVITY
-"""What is known of the response to force beforehand [rad/s/(m/s^2)]: 0.1 to 0.5 deg/s/g in consumer MEMS data sheets."""
+"""What is known of the response to force beforehand [rad/s/(m/s^2)]: 0.1 to 0.5 deg/s/g in consumer
+MEMS data sheets.
+"""
 IN_RUN = np.radians(10 / 3600)
-"""How far a bias at rest may be from that of a turn [rad/s]: an in-run bias of 10 deg/h, of consumer MEMS data sheets."""
+"""How far a bias at rest may be from that of a turn [rad/s]: an in-run bias of 10 deg/h, of
+consumer MEMS data sheets.
+"""
 LEAST_NOISE = 1e-9
 """Below this a sensor counts as free of noise [rad/s]; weights stay finite."""
 FEWEST_SAMPLES = 10
 SHORTEST_PIECE = 3
-"""Samples of a piece: integrators whose rates inside a step come from the samples beside need as many."""
+"""Samples of a piece: integrators whose rates inside a step come from the samples beside need as
+many.
+"""
 WINDOW_S = 0.5
-"""Length of the pieces whose turn is compared with the arm's [s]: long against a sample, short against a motion."""
+"""Length of the pieces whose turn is compared with the arm's [s]: long against a sample, short
+against a motion.
+"""
 
 FEWEST_SPARE = 5
-"""Degrees of freedom that `gravity_turns` must leave: with four, Student's 95 % interval is 1.4 times the normal one."""
+"""Degrees of freedom that `gravity_turns` must leave: with four, Student's 95 % interval is 1.4
+times the normal one.
+"""
 
 AXES = "xyz"
-ELEMENTS = (("yz", 0, 1, -1.0), ("zy", 0, 2, 1.0), ("xz", 1, 0, 1.0), ("zx", 1, 2, -1.0), ("xy", 2, 0, -1.0), ("yx", 2, 1, 1.0))
+ELEMENTS = (
+    ("yz", 0, 1, -1.0),
+    ("zy", 0, 2, 1.0),
+    ("xz", 1, 0, 1.0),
+    ("zx", 1, 2, -1.0),
+    ("xy", 2, 0, -1.0),
+    ("yx", 2, 1, 1.0),
+)
 """Misalignments with their row, column and sign in T."""
 SCALES, MISALIGNMENTS, BIAS, G = slice(0, 3), slice(3, 9), slice(9, 12), slice(12, 21)
 
@@ -59,8 +82,10 @@ class RestReading:
     """What a gyroscope reads at rest.
 
     Attributes:
-        bias: Mean, shape (3,) [rad/s]. sd: Standard uncertainty of it as the bias of a turn, shape (3,). noise: Of one
-        sample, about each axis alike [rad/s]. samples: How many.
+        bias: Mean, shape (3,) [rad/s].
+        sd: Standard uncertainty of it as the bias of a turn, shape (3,).
+        noise: Of one sample, about each axis alike [rad/s].
+        samples: How many.
     """
 
     bias: np.ndarray
@@ -72,8 +97,8 @@ class RestReading:
 def read_rests(rests: Sequence[Rest], in_run: float = IN_RUN) -> RestReading:
     """Bias and noise by the rests.
 
-    Where the rests scatter about their mean more than their noise explains but once in a thousand, as by a response to gravity,
-    that scatter is the uncertainty.
+    Where the rests scatter about their mean more than their noise explains but once in a thousand,
+    as by a response to gravity, that scatter is the uncertainty.
 
     Raises:
         InputError: Too few samples.
@@ -81,10 +106,13 @@ def read_rests(rests: Sequence[Rest], in_run: float = IN_RUN) -> RestReading:
     counts = np.array([len(rest.gyr) for rest in rests])
     if counts.sum() < FEWEST_SAMPLES or (counts < 2).any():
         raise InputError(
-            f"the bias of a gyroscope needs {FEWEST_SAMPLES} samples at rest, two in each rest; there are {counts.sum()}"
+            f"the bias of a gyroscope needs {FEWEST_SAMPLES} samples at rest, two in each rest; "
+            f"there are {counts.sum()}"
         )
     means = np.array([rest.gyr.mean(axis=0) for rest in rests])
-    inside = sum(((rest.gyr - mean) ** 2).sum(axis=0) for rest, mean in zip(rests, means, strict=True))
+    inside = sum(
+        ((rest.gyr - mean) ** 2).sum(axis=0) for rest, mean in zip(rests, means, strict=True)
+    )
     variance = inside / max(counts.sum() - len(rests), 1)
     bias = counts @ means / counts.sum()
     white = variance / counts.sum()
@@ -106,7 +134,15 @@ def static_bias(recording: GyroscopeRecording, in_run: float = IN_RUN) -> TriadC
     reading = read_rests(recording.rests, in_run)
     names = tuple(f"gyr_bias_{axis}" for axis in AXES)
     left = np.concatenate([rest.gyr - reading.bias for rest in recording.rests])
-    fit = Fit(names, ("rad/s",) * 3, reading.bias, np.diag(reading.sd**2), residuals=left, residual_unit="rad/s", condition=1.0)
+    fit = Fit(
+        names,
+        ("rad/s",) * 3,
+        reading.bias,
+        np.diag(reading.sd**2),
+        residuals=left,
+        residual_unit="rad/s",
+        condition=1.0,
+    )
     return TriadCalibration("static_bias", bias=reading.bias, fits=(fit,))
 
 
@@ -117,49 +153,78 @@ def gravity_turns(
     g_sensitivity: bool = False,
     in_run: float = IN_RUN,
 ) -> TriadCalibration:
-    """Scale and misalignment by the direction of gravity before and after each turn (Tedaldi, Pretto & Menegatti 2014).
+    """Scale and misalignment by the direction of gravity before and after each turn (Tedaldi,
+    Pretto & Menegatti 2014).
 
-    Turning the direction before by the integrated rates must give the direction after. Of the difference, the two components
-    across that direction count, each weighed by the noise of the rates and of the directions. The bias is that of the rests,
-    with its uncertainty: it is fitted along, so that what is not known of it widens the rest.
+    Turning the direction before by the integrated rates must give the direction after. Of the
+    difference, the two components across that direction count, each weighed by the noise of the
+    rates and of the directions. The bias is that of the rests, with its uncertainty: it is fitted
+    along, so that what is not known of it widens the rest.
 
     Args:
-        recording: Rests, and turns with `up_before` and `up_after`; seven turns at least about different axes. integrator: See
-        `testbench.model.integrators`. stages: Where its rates come from, its best if None. g_sensitivity: Whether to fit the
-        response to specific force too, from rests and turns that know the force. in_run: What the bias of a turn may differ
-        from that at rest [rad/s].
+        recording: Rests, and turns with `up_before` and `up_after`; seven turns at least about
+            different axes.
+        integrator: See `testbench.model.integrators`.
+        stages: Where its rates come from, its best if None.
+        g_sensitivity: Whether to fit the response to specific force too, from rests and turns that
+            know the force.
+        in_run: What the bias of a turn may differ from that at rest [rad/s].
 
     Raises:
-        PoorExcitation: The turns do not determine a parameter. InputError: Nothing to calibrate from.
+        PoorExcitation: The turns do not determine a parameter.
+        InputError: Nothing to calibrate from.
     """
-    turns = [turn for turn in recording.turns if turn.up_before is not None and turn.up_after is not None]
+    turns = [
+        turn for turn in recording.turns if turn.up_before is not None and turn.up_after is not None
+    ]
     if not turns:
-        raise InputError("gravity_turns needs turns between two rests whose direction of gravity is known; there are none")
+        raise InputError(
+            "gravity_turns needs turns between two rests whose direction of gravity is known; "
+            "there are none"
+        )
     rests = _rests_with_force(recording, turns) if g_sensitivity else []
-    rows, names = 2 * len(turns) + 3 * max(len(rests), 1), [p.name for p in _parameters(np.zeros(3), g_sensitivity)]
+    rows, names = (
+        2 * len(turns) + 3 * max(len(rests), 1),
+        [p.name for p in _parameters(np.zeros(3), g_sensitivity)],
+    )
     if rows - len(names) < FEWEST_SPARE:
         raise PoorExcitation(
-            names, float("inf"),
-            f"{len(turns)} turns and the rests give {rows} numbers for {len(names)} parameters; {FEWEST_SPARE} more than that "
+            names,
+            float("inf"),
+            f"{len(turns)} turns and the rests give {rows} numbers for {len(names)} parameters; "
+            f"{FEWEST_SPARE} more than that "
             "are needed to tell turns that fit from turns that are merely bent to fit",
-        )  # fmt: skip
+        )
     reading = read_rests(recording.rests, in_run)
     integration = TurnIntegration(turns, get_integrator(integrator), stages)
-    before, after = (np.array([getattr(turn, key) for turn in turns], dtype=float) for key in ("up_before", "up_after"))
+    before, after = (
+        np.array([getattr(turn, key) for turn in turns], dtype=float)
+        for key in ("up_before", "up_after")
+    )
     across = _across(after)
-    shared = np.array([np.array_equal(a, b) for a, b in zip(after[:-1], before[1:], strict=True)], dtype=bool)
+    shared = np.array(
+        [np.array_equal(a, b) for a, b in zip(after[:-1], before[1:], strict=True)], dtype=bool
+    )
 
     def compare(ends: IntegratedTurns) -> tuple[np.ndarray, np.ndarray]:
         """Difference (m, 2) and what a turn of the end does to it (m, 2, 3)."""
         turned = rotation.rotate(rotation.conjugate(ends.q_before_from_after), before)
-        return np.einsum("mji,mj->mi", across, turned), np.einsum("mji,mjk->mik", across, _skew(turned))
+        return np.einsum("mji,mj->mi", across, turned), np.einsum(
+            "mji,mjk->mik", across, _skew(turned)
+        )
 
     def whiten(ends: IntegratedTurns) -> Whitening:
-        return Whitening.of(turns, np.array([turn.up_sd for turn in turns]), reading.noise, across, ends, shared)
+        return Whitening.of(
+            turns, np.array([turn.up_sd for turn in turns]), reading.noise, across, ends, shared
+        )
 
     advice = "more turns, about other axes and from other poses, are needed"
-    fit = _search(integration, compare, whiten, _RestRows(reading, rests, in_run), g_sensitivity, advice)
-    return _result("gravity_turns", fit, (f"integrated by {integrator} with {integration.stages} rates",))
+    fit = _search(
+        integration, compare, whiten, _RestRows(reading, rests, in_run), g_sensitivity, advice
+    )
+    return _result(
+        "gravity_turns", fit, (f"integrated by {integrator} with {integration.stages} rates",)
+    )
 
 
 def attitude(
@@ -170,28 +235,46 @@ def attitude(
     g_sensitivity: bool = True,
     in_run: float = IN_RUN,
 ) -> TriadCalibration:
-    """Scale, misalignment, bias and response to force by an arm that knows the orientation at every sample.
+    """Scale, misalignment, bias and response to force by an arm that knows the orientation at every
+    sample.
 
-    Each piece of a turn, integrated, must turn as the arm did: three numbers for each piece, where gravity gives two for each
-    turn.
+    Each piece of a turn, integrated, must turn as the arm did: three numbers for each piece, where
+    gravity gives two for each turn.
 
     Args:
-        recording: Turns with `q_world_from_sensor`, and rests. integrator, stages, in_run: As for `gravity_turns`.
-        window: Length of a piece [s]; the whole turn if None. g_sensitivity: Whether to fit the response to specific force,
-        which every turn must then know; rests that know it help.
+        recording: Turns with `q_world_from_sensor`, and rests.
+        integrator: As for `gravity_turns`.
+        stages: As for `gravity_turns`.
+        in_run: As for `gravity_turns`.
+        window: Length of a piece [s]; the whole turn if None.
+        g_sensitivity: Whether to fit the response to specific force, which every turn must then
+            know; rests that know it help.
 
     Raises:
-        PoorExcitation: The turns do not determine a parameter. InputError: Nothing to calibrate from.
+        PoorExcitation: The turns do not determine a parameter.
+        InputError: Nothing to calibrate from.
     """
-    turns = [piece for turn in recording.turns if turn.q_world_from_sensor is not None for piece in _pieces(turn, window)]
+    turns = [
+        piece
+        for turn in recording.turns
+        if turn.q_world_from_sensor is not None
+        for piece in _pieces(turn, window)
+    ]
     if not turns:
-        raise InputError("attitude needs turns whose orientation is known at every sample; there are none")
+        raise InputError(
+            "attitude needs turns whose orientation is known at every sample; there are none"
+        )
     rests = _rests_with_force(recording, turns) if g_sensitivity else []
     reading = read_rests(recording.rests, in_run)
     integration = TurnIntegration(turns, get_integrator(integrator), stages)
     truths = [turn.q_world_from_sensor for turn in turns if turn.q_world_from_sensor is not None]
     last = [-2 if integration.stages == "measured" and len(q) % 2 == 0 else -1 for q in truths]
-    ends = np.array([rotation.multiply(rotation.conjugate(q[0]), q[k]) for q, k in zip(truths, last, strict=True)])
+    ends = np.array(
+        [
+            rotation.multiply(rotation.conjugate(q[0]), q[k])
+            for q, k in zip(truths, last, strict=True)
+        ]
+    )
     identity = np.broadcast_to(np.eye(3), (len(turns), 3, 3))
     shared = np.array([np.array_equal(a[-1], b[0]) for a, b in pairwise(truths)], dtype=bool)
 
@@ -200,12 +283,23 @@ def attitude(
         return rotation.to_rotation_vector(difference), identity
 
     def whiten(found: IntegratedTurns) -> Whitening:
-        return Whitening.of(turns, np.array([turn.attitude_sd for turn in turns]), reading.noise, identity, found, shared)
+        return Whitening.of(
+            turns,
+            np.array([turn.attitude_sd for turn in turns]),
+            reading.noise,
+            identity,
+            found,
+            shared,
+        )
 
     advice = "motion about other axes, and other poses, are needed"
-    fit = _search(integration, compare, whiten, _RestRows(reading, rests, in_run), g_sensitivity, advice)
+    fit = _search(
+        integration, compare, whiten, _RestRows(reading, rests, in_run), g_sensitivity, advice
+    )
     pieces = "whole turns" if window is None else f"pieces of {window:g} s"
-    return _result("attitude", fit, (f"{pieces}, integrated by {integrator} with {integration.stages} rates",))
+    return _result(
+        "attitude", fit, (f"{pieces}, integrated by {integrator} with {integration.stages} rates",)
+    )
 
 
 def _rests_with_force(recording: GyroscopeRecording, turns: Sequence[Turn]) -> list[Rest]:
@@ -215,12 +309,16 @@ def _rests_with_force(recording: GyroscopeRecording, turns: Sequence[Turn]) -> l
         InputError: The force is not known in every turn.
     """
     if any(turn.force is None for turn in turns):
-        raise InputError("a response to specific force can only be fitted to turns whose force is known")
+        raise InputError(
+            "a response to specific force can only be fitted to turns whose force is known"
+        )
     return [rest for rest in recording.rests if rest.force is not None]
 
 
 def _pieces(turn: Turn, window: float | None) -> list[Turn]:
-    """A turn cut into pieces that share their borders; two samples left at the end, too few to integrate, join the last one."""
+    """A turn cut into pieces that share their borders; two samples left at the end, too few to
+    integrate, join the last one.
+    """
     if window is None:
         return [turn]
     size, last = max(round(window / turn.interval), 1), len(turn.gyr) - 1
@@ -245,8 +343,9 @@ class _RestRows:
     """What the rests say of the bias, and of the response to gravity.
 
     Attributes:
-        reading: Their mean and noise. rests: Those whose force counts; none compares the bias alone with the reading. in_run:
-        What all rests together may differ from the turns by [rad/s].
+        reading: Their mean and noise.
+        rests: Those whose force counts; none compares the bias alone with the reading.
+        in_run: What all rests together may differ from the turns by [rad/s].
     """
 
     reading: RestReading
@@ -259,7 +358,9 @@ class _RestRows:
         slope = np.zeros((r, 3, p))
         slope[:, :, BIAS] = np.eye(3)
         if not self.rests:
-            return (theta[BIAS] - self.reading.bias) / self.reading.sd, slope[0] / self.reading.sd[:, None]
+            return (theta[BIAS] - self.reading.bias) / self.reading.sd, slope[0] / self.reading.sd[
+                :, None
+            ]
         means = np.array([rest.gyr.mean(axis=0) for rest in self.rests])
         force = np.array([rest.force for rest in self.rests])
         for axis in range(3):
@@ -274,24 +375,35 @@ Compare = Callable[[IntegratedTurns], tuple[np.ndarray, np.ndarray]]
 
 
 def _search(
-    integration: TurnIntegration, compare: Compare, whiten: Callable[[IntegratedTurns], Whitening], rest_rows: _RestRows,
-    g_sensitivity: bool, advice: str,
-) -> Fit:  # fmt: skip
-    """Least squares over turns and rests, the scatter known: widened where the residuals are larger, and never narrowed.
+    integration: TurnIntegration,
+    compare: Compare,
+    whiten: Callable[[IntegratedTurns], Whitening],
+    rest_rows: _RestRows,
+    g_sensitivity: bool,
+    advice: str,
+) -> Fit:
+    """Least squares over turns and rests, the scatter known: widened where the residuals are
+    larger, and never narrowed.
 
-    Small differences at the ends say that the arm repeats well. They say nothing of the bias and the response to gravity, which
-    the rests and their in-run bias decide.
+    Small differences at the ends say that the arm repeats well. They say nothing of the bias and
+    the response to gravity, which the rests and their in-run bias decide.
 
     Args:
-        integration: The turns. compare: Differences at their ends (m, k), and what a small turn of an end does to them (m, k,
-        3). whiten: What makes them independent and of unit variance. rest_rows: What the rests say. g_sensitivity: Whether to
-        fit G. advice: Against poor excitation.
+        integration: The turns.
+        compare: Differences at their ends (m, k), and what a small turn of an end does to them (m,
+            k, 3).
+        whiten: What makes them independent and of unit variance.
+        rest_rows: What the rests say.
+        g_sensitivity: Whether to fit G.
+        advice: Against poor excitation.
     """
     parameters = _parameters(rest_rows.reading.bias, g_sensitivity)
     known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def integrate(theta: np.ndarray) -> IntegratedTurns:
-        return integration.run(matrix_of(theta)[0], theta[BIAS], theta[G].reshape(3, 3) if g_sensitivity else None)
+        return integration.run(
+            matrix_of(theta)[0], theta[BIAS], theta[G].reshape(3, 3) if g_sensitivity else None
+        )
 
     def evaluate(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = theta.tobytes()
@@ -299,31 +411,49 @@ def _search(
             known.clear()
             ends = integrate(theta)
             difference, by_end = compare(ends)
-            by_theta = [ends.by_matrix @ matrix_of(theta)[1], ends.by_bias] + ([ends.by_g] if g_sensitivity else [])
+            by_theta = [ends.by_matrix @ matrix_of(theta)[1], ends.by_bias] + (
+                [ends.by_g] if g_sensitivity else []
+            )
             slope = (by_end @ np.concatenate(by_theta, axis=2)).reshape(-1, len(theta))
             left, rest_slope = rest_rows(theta)
-            known[key] = np.concatenate([white(difference.ravel()), left]), np.vstack([white(slope), rest_slope])
+            known[key] = (
+                np.concatenate([white(difference.ravel()), left]),
+                np.vstack([white(slope), rest_slope]),
+            )
         return known[key]
 
     white = whiten(integrate(np.array([parameter.start for parameter in parameters])))
     fit = solve(
-        lambda theta: evaluate(theta)[0], parameters, jacobian=lambda theta: evaluate(theta)[1], known_scatter=True,
-        residual_unit="standard deviations", advice=advice,
-    )  # fmt: skip
+        lambda theta: evaluate(theta)[0],
+        parameters,
+        jacobian=lambda theta: evaluate(theta)[1],
+        known_scatter=True,
+        residual_unit="standard deviations",
+        advice=advice,
+    )
     return widened_by_misfit(fit)
 
 
 def _parameters(bias: np.ndarray, g_sensitivity: bool) -> list[Parameter]:
     result = [Parameter(f"gyr_scale_{axis}", "1", 1.0, SCALE_SIZE) for axis in AXES]
-    result += [Parameter(f"gyr_misalignment_{name}", "rad", 0.0, SCALE_SIZE) for name, *_ in ELEMENTS]
-    result += [Parameter(f"gyr_bias_{axis}", "rad/s", float(bias[i]), BIAS_SIZE) for i, axis in enumerate(AXES)]
+    result += [
+        Parameter(f"gyr_misalignment_{name}", "rad", 0.0, SCALE_SIZE) for name, *_ in ELEMENTS
+    ]
+    result += [
+        Parameter(f"gyr_bias_{axis}", "rad/s", float(bias[i]), BIAS_SIZE)
+        for i, axis in enumerate(AXES)
+    ]
     if g_sensitivity:
-        result += [Parameter(f"gyr_g_{a}{b}", "rad/s/(m/s^2)", 0.0, G_SIZE) for a in AXES for b in AXES]
+        result += [
+            Parameter(f"gyr_g_{a}{b}", "rad/s/(m/s^2)", 0.0, G_SIZE) for a in AXES for b in AXES
+        ]
     return result
 
 
 def matrix_of(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """T K, shape (3, 3), of scales and misalignments, and its elements (row by row) by these, shape (9, 9)."""
+    """T K, shape (3, 3), of scales and misalignments, and its elements (row by row) by these, shape
+    (9, 9).
+    """
     scale, T = theta[SCALES], np.eye(3)
     slope = np.zeros((3, 3, 9))
     for k, (_, row, column, sign) in enumerate(ELEMENTS):
@@ -337,29 +467,48 @@ def matrix_of(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _result(method: str, fit: Fit, remarks: tuple[str, ...]) -> TriadCalibration:
     matrix, _ = matrix_of(fit.values)
     g_matrix = fit.values[G].reshape(3, 3) if len(fit.values) == G.stop else np.zeros((3, 3))
-    return TriadCalibration(method, matrix, fit.values[BIAS], g_matrix, fits=(fit,), remarks=remarks)
+    return TriadCalibration(
+        method, matrix, fit.values[BIAS], g_matrix, fits=(fit,), remarks=remarks
+    )
 
 
 def gravity_direction_errors(
-    calibration: TriadCalibration, turns: Sequence[Turn], integrator: str = "rk4", stages: Stages | None = None
+    calibration: TriadCalibration,
+    turns: Sequence[Turn],
+    integrator: str = "rk4",
+    stages: Stages | None = None,
 ) -> np.ndarray:
-    """Angle between gravity's direction after each turn as integrated and as measured, shape (m,) [rad].
+    """Angle between gravity's direction after each turn as integrated and as measured, shape (m,)
+    [rad].
 
     Args:
-        calibration: To correct with; `TriadCalibration("none")` for raw readings. turns: With `up_before` and `up_after`; turns
-        that the calibration was not made from, if it is to be judged. integrator, stages: As for `gravity_turns`.
+        calibration: To correct with; `TriadCalibration("none")` for raw readings.
+        turns: With `up_before` and `up_after`; turns that the calibration was not made from, if it
+            is to be judged.
+        integrator: As for `gravity_turns`.
+        stages: As for `gravity_turns`.
     """
     if calibration.reference is not None:
         turns = [turn.without_drift(calibration.drift, calibration.reference) for turn in turns]
     integration = TurnIntegration(turns, get_integrator(integrator), stages)
-    ends = integration.run(calibration.matrix, calibration.bias, calibration.g_matrix).q_before_from_after
-    before, after = (np.array([getattr(turn, key) for turn in turns], dtype=float) for key in ("up_before", "up_after"))
+    ends = integration.run(
+        calibration.matrix, calibration.bias, calibration.g_matrix
+    ).q_before_from_after
+    before, after = (
+        np.array([getattr(turn, key) for turn in turns], dtype=float)
+        for key in ("up_before", "up_after")
+    )
     turned = rotation.rotate(rotation.conjugate(ends), before)
-    return np.arctan2(np.linalg.norm(np.cross(turned, after), axis=1), np.sum(turned * after, axis=1))
+    return np.arctan2(
+        np.linalg.norm(np.cross(turned, after), axis=1), np.sum(turned * after, axis=1)
+    )
 
 
 def validated(
-    calibration: TriadCalibration, held_out: Sequence[Turn], integrator: str = "rk4", stages: Stages | None = None
+    calibration: TriadCalibration,
+    held_out: Sequence[Turn],
+    integrator: str = "rk4",
+    stages: Stages | None = None,
 ) -> TriadCalibration:
     """The calibration with the errors of gravity's direction on turns that it was not made from."""
     errors = np.degrees(gravity_direction_errors(calibration, held_out, integrator, stages))

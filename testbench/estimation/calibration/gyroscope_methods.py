@@ -17,10 +17,13 @@ class GyroscopeMethod:
     """A method.
 
     Attributes:
-        name: As `testbench calibrate` spells it. needs: What the recording must know: "rests", "up" (direction of gravity
-        before and after each turn), "attitude" or "rate" (at every sample), "force" (for the response to it), or a phrase.
-        gives: What it determines. source: Where it comes from. function: From a `GyroscopeRecording` and the method's options
-        to the calibration.
+        name: As `testbench calibrate` spells it.
+        needs: What the recording must know: "rests", "up" (direction of gravity before and after
+            each turn), "attitude" or "rate" (at every sample), "force" (for the response to it), or
+            a phrase.
+        gives: What it determines.
+        source: Where it comes from.
+        function: From a `GyroscopeRecording` and the method's options to the calibration.
     """
 
     name: str

@@ -1,4 +1,6 @@
-"""The axis of a hinge, such as an elbow or a knee, in the axes of the sensors beside it, from their motion alone."""
+"""The axis of a hinge, such as an elbow or a knee, in the axes of the sensors beside it, from their
+motion alone.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +8,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, covariance_of, solve
+from testbench.estimation.calibration.least_squares import (
+    Parameter,
+    PoorExcitation,
+    covariance_of,
+    solve,
+)
 from testbench.estimation.calibration.triad_model import AXES
 from testbench.records.fit import Fit
 
 VAGUE = np.radians(10.0)
 """An axis that is known no better than this is refused [rad]; by eye it is known as well."""
 MOST_WOBBLE = 0.5
-"""A turn has no single axis where the RMS rate across it is above this share of the RMS rate along it."""
+"""A turn has no single axis where the RMS rate across it is above this share of the RMS rate along
+it.
+"""
 LEAST_RATE = np.radians(5.0)
-"""Samples at which neither sensor turns faster say nothing of an axis [rad/s]; Olsson et al. 2020 leave them out too."""
+"""Samples at which neither sensor turns faster say nothing of an axis [rad/s]; Olsson et al. 2020
+leave them out too.
+"""
 STARTS = 60
 """Directions over half a sphere from which the search begins; neighbours are about 20 deg apart."""
 COARSE = 400
 """Samples that the search for a start looks at."""
-ADVICE = "both segments must turn, one of them about two axes; with one segment at rest use axis_of_turn on the other"
+ADVICE = (
+    "both segments must turn, one of them about two axes; with one segment at rest use "
+    "axis_of_turn on the other"
+)
 
 
 @dataclass(frozen=True)
@@ -28,7 +42,9 @@ class HingeAxes:
     """One hinge in the axes of two sensors.
 
     Attributes:
-        first, second: Unit vectors, shape (3,). fit: Both, first_x to second_z, with covariance (each lies across its vector).
+        first: Unit vectors, shape (3,).
+        second: Unit vectors, shape (3,).
+        fit: Both, first_x to second_z, with covariance (each lies across its vector).
         signs_agree: Whether accelerometers told that both point the same way; rates alone do not.
     """
 
@@ -39,12 +55,14 @@ class HingeAxes:
 
 
 def axis_of_turn(rate: np.ndarray, independent: float | None = None) -> Fit:
-    """Axis about which a sensor turns to and fro, its other segment at rest: the principal direction of its rates.
+    """Axis about which a sensor turns to and fro, its other segment at rest: the principal
+    direction of its rates.
 
     Positive along its largest component. Noise across the axis decides the uncertainty.
 
     Args:
-        rate: Bias taken away, shape (n, 3) [rad/s]. independent: How many of the samples count as independent; all if None.
+        rate: Bias taken away, shape (n, 3) [rad/s].
+        independent: How many of the samples count as independent; all if None.
 
     Returns:
         axis_x, axis_y, axis_z, whose covariance lies across the axis.
@@ -58,13 +76,18 @@ def axis_of_turn(rate: np.ndarray, independent: float | None = None) -> Fit:
     axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
     along = rate @ axis
     across = rate - along[:, None] * axis
-    size, wobble = (float(np.sqrt(np.mean(np.sum(v**2, axis=-1)))) for v in (along[:, None], across))
+    size, wobble = (
+        float(np.sqrt(np.mean(np.sum(v**2, axis=-1)))) for v in (along[:, None], across)
+    )
     if size < LEAST_RATE or wobble > MOST_WOBBLE * size:
         raise PoorExcitation(
-            names, float("inf") if size == 0 else wobble / size,
-            f"turns about one axis faster than {np.degrees(LEAST_RATE):.0f} deg/s are needed; these have "
-            f"{np.degrees(size):.1f} deg/s along their main axis and {np.degrees(wobble):.1f} deg/s across it (RMS)",
-        )  # fmt: skip
+            names,
+            float("inf") if size == 0 else wobble / size,
+            f"turns about one axis faster than {np.degrees(LEAST_RATE):.0f} deg/s are needed; "
+            "these have "
+            f"{np.degrees(size):.1f} deg/s along their main axis and {np.degrees(wobble):.1f} "
+            "deg/s across it (RMS)",
+        )
     n = len(rate)
     count = float(n if independent is None else min(independent, n))
     variance = float(np.sum(across**2)) / (2 * n - 2) * n / count
@@ -82,16 +105,21 @@ def hinge_axes(
 ) -> HingeAxes:
     """Axis of a hinge while both segments move.
 
-    Across the axis both segments turn alike: |w1 x j1| = |w2 x j2| (Seel, Schauer & Raisch, Joint axis and position estimation
-    from inertial measurement data by exploiting kinematic constraints, CCA 2012). Where both sensors feel the same force along
-    the axis, j1 . a1 = j2 . a2 as well, which also tells the signs (Olsson, Kok, Seel & Halvorsen, Robust plug-and-play joint
-    axis estimation using inertial sensors, Sensors 20(12), 2020). Gauss-Newton on the two spheres, from the best of a grid.
+    Across the axis both segments turn alike: |w1 x j1| = |w2 x j2| (Seel, Schauer & Raisch, Joint
+    axis and position estimation from inertial measurement data by exploiting kinematic constraints,
+    CCA 2012). Where both sensors feel the same force along the axis, j1 . a1 = j2 . a2 as well,
+    which also tells the signs (Olsson, Kok, Seel & Halvorsen, Robust plug-and-play joint axis
+    estimation using inertial sensors, Sensors 20(12), 2020). Gauss-Newton on the two spheres, from
+    the best of a grid.
 
     Args:
-        first_rate, second_rate: Biases taken away, at the same instants, shape (n, 3) [rad/s].
-        first_force, second_force: Specific force, shape (n, 3) [m/s^2]; both or none.
-        force_weight: Of the second constraint against the first [rad/s per m/s^2]: standard deviation of the difference of
-        rates over that of forces. The default takes 0.01 rad/s and 0.5 m/s^2, the latter by the sensors' distance.
+        first_rate: Biases taken away, at the same instants, shape (n, 3) [rad/s].
+        second_rate: Biases taken away, at the same instants, shape (n, 3) [rad/s].
+        first_force: Specific force, shape (n, 3) [m/s^2]; both or none.
+        second_force: Specific force, shape (n, 3) [m/s^2]; both or none.
+        force_weight: Of the second constraint against the first [rad/s per m/s^2]: standard
+            deviation of the difference of rates over that of forces. The default takes 0.01 rad/s
+            and 0.5 m/s^2, the latter by the sensors' distance.
         independent: How many of the samples count as independent; all if None.
 
     Raises:
@@ -107,7 +135,11 @@ def hinge_axes(
         forces = (first_force[moving] * force_weight, second_force[moving] * force_weight)
     j1, j2 = _best_start(w1, w2, forces)
     B1, B2 = _tangent(j1), _tangent(j2)
-    parameters = [Parameter(f"{which}_tilt_{k}", "rad", 0.0, VAGUE) for which in ("first", "second") for k in "ab"]
+    parameters = [
+        Parameter(f"{which}_tilt_{k}", "rad", 0.0, VAGUE)
+        for which in ("first", "second")
+        for k in "ab"
+    ]
 
     def axes(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         a, b = j1 + B1 @ t[:2], j2 + B2 @ t[2:]
@@ -141,21 +173,36 @@ def hinge_axes(
     if forces is not None or sign < 0:
         a, b = a * sign, b * (sign if forces is not None else 1.0)
     whole = Fit(
-        tuple(names), ("1",) * 6, np.concatenate([a, b]), covariance, max(fit.dof / share, 1.0), fit.condition,
-        fit.residuals, "rad/s",
-    )  # fmt: skip
+        tuple(names),
+        ("1",) * 6,
+        np.concatenate([a, b]),
+        covariance,
+        max(fit.dof / share, 1.0),
+        fit.condition,
+        fit.residuals,
+        "rad/s",
+    )
     return HingeAxes(a, b, whole, forces is not None)
 
 
-def _best_start(w1: np.ndarray, w2: np.ndarray, forces: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
+def _best_start(
+    w1: np.ndarray, w2: np.ndarray, forces: tuple[np.ndarray, np.ndarray] | None
+) -> tuple[np.ndarray, np.ndarray]:
     """The pair of a grid of directions that fits best."""
     pick = np.linspace(0, len(w1) - 1, min(len(w1), COARSE)).round().astype(int)
     k = np.arange(STARTS) + 0.5  # a spiral of equal areas over half a sphere
     height, turn = 1 - k / STARTS, np.pi * (1 + np.sqrt(5)) * k
     radius = np.sqrt(1 - height**2)
     grid = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), height])
-    across = [np.sqrt(np.maximum(np.sum(w**2, axis=1)[:, None] - (w @ grid.T) ** 2, 0)) for w in (w1[pick], w2[pick])]
-    cost = np.sum(across[0] ** 2, axis=0)[:, None] + np.sum(across[1] ** 2, axis=0)[None] - 2 * across[0].T @ across[1]
+    across = [
+        np.sqrt(np.maximum(np.sum(w**2, axis=1)[:, None] - (w @ grid.T) ** 2, 0))
+        for w in (w1[pick], w2[pick])
+    ]
+    cost = (
+        np.sum(across[0] ** 2, axis=0)[:, None]
+        + np.sum(across[1] ** 2, axis=0)[None]
+        - 2 * across[0].T @ across[1]
+    )
     signs = np.ones_like(cost)
     if forces is not None:
         along = [f[pick] @ grid.T for f in forces]

@@ -1,7 +1,9 @@
-"""Heading between two sensors of a joint, whose filters know up but not north, from the axes that the joint turns about.
+"""Heading between two sensors of a joint, whose filters know up but not north, from the axes that
+the joint turns about.
 
-The heading d turns the earth of the second sensor into that of the first: q_earth1_from_earth2 is the rotation by d about the
-vertical. Here it is constant; `testbench.estimation.joint_constraint` follows one that drifts.
+The heading d turns the earth of the second sensor into that of the first: q_earth1_from_earth2 is
+the rotation by d about the vertical. Here it is constant; `testbench.estimation.joint_constraint`
+follows one that drifts.
 """
 
 from __future__ import annotations
@@ -19,7 +21,9 @@ LEAST_HORIZONTAL = 0.17
 GRID = 720
 """Headings at which the constraint of a 2D joint is looked at, half a degree apart."""
 RIVAL = 1.5
-"""Another minimum with less than this many times the cost of the best makes the answer ambiguous."""
+"""Another minimum with less than this many times the cost of the best makes the answer
+ambiguous.
+"""
 ADVICE_1D = "the axis of the hinge must not stay vertical"
 ADVICE_2D = "the joint must move about both axes, in more than one posture"
 
@@ -33,13 +37,16 @@ def heading_1d(
 ) -> Fit:
     """Constant heading of a hinge: its axis is one and the same direction for both sensors.
 
-    Laidig, Schauer & Seel, Exploiting kinematic constraints to compensate magnetic disturbances when calculating joint angles
-    of approximate hinge joints from orientation estimates of inertial sensors, ICORR 2017. In closed form: the horizontal
-    parts of the axis, weighted by their lengths.
+    Laidig, Schauer & Seel, Exploiting kinematic constraints to compensate magnetic disturbances
+    when calculating joint angles of approximate hinge joints from orientation estimates of inertial
+    sensors, ICORR 2017. In closed form: the horizontal parts of the axis, weighted by their
+    lengths.
 
     Args:
-        q_earth1_from_sensor1, q_earth2_from_sensor2: At the same instants, shape (n, 4).
-        axis1, axis2: The hinge in each sensor, pointing the same way, shape (3,).
+        q_earth1_from_sensor1: At the same instants, shape (n, 4).
+        q_earth2_from_sensor2: At the same instants, shape (n, 4).
+        axis1: The hinge in each sensor, pointing the same way, shape (3,).
+        axis2: The hinge in each sensor, pointing the same way, shape (3,).
         independent: How many of the samples count as independent; all if None.
 
     Returns:
@@ -48,12 +55,17 @@ def heading_1d(
     Raises:
         PoorExcitation: The axis stays vertical.
     """
-    first, second = _horizontal(q_earth1_from_sensor1, axis1), _horizontal(q_earth2_from_sensor2, axis2)
+    first, second = (
+        _horizontal(q_earth1_from_sensor1, axis1),
+        _horizontal(q_earth2_from_sensor2, axis2),
+    )
     weight = np.abs(first * second)
     if np.sqrt(weight.mean()) < LEAST_HORIZONTAL:
         raise PoorExcitation(["heading"], float("inf"), ADVICE_1D)
     heading = float(np.angle(np.sum(first * np.conj(second))))
-    left = np.imag(first * np.conj(second) * np.exp(-1j * heading)) / np.sqrt(weight)  # sd is that of the horizontal parts
+    left = np.imag(first * np.conj(second) * np.exp(-1j * heading)) / np.sqrt(
+        weight
+    )  # sd is that of the horizontal parts
     return _fit(heading, np.sqrt(weight), left, independent, ADVICE_1D)
 
 
@@ -65,15 +77,21 @@ def heading_2d(
     angle: float = np.pi / 2,
     independent: float | None = None,
 ) -> Fit:
-    """Constant heading of a joint with two axes, such as elbow and forearm together: the angle between them does not change.
+    """Constant heading of a joint with two axes, such as elbow and forearm together: the angle
+    between them does not change.
 
-    Laidig, Lehmann, Begin & Seel, Magnetometer-free realtime inertial motion tracking by exploitation of kinematic constraints
-    in 2-DoF joints, EMBC 2019. The first axis is fixed in the first segment, the second in the second; with horizontal and
-    vertical parts, j1 . j2 = a cos d + b sin d + c = cos(angle).
+    Laidig, Lehmann, Begin & Seel, Magnetometer-free realtime inertial motion tracking by
+    exploitation of kinematic constraints in 2-DoF joints, EMBC 2019. The first axis is fixed in the
+    first segment, the second in the second; with horizontal and vertical parts, j1 . j2 = a cos d +
+    b sin d + c = cos(angle).
 
     Args:
-        q_earth1_from_sensor1, q_earth2_from_sensor2: At the same instants, shape (n, 4). axis1, axis2: In each sensor, shape
-        (3,). angle: Between the axes [rad]. independent: How many of the samples count as independent; all if None.
+        q_earth1_from_sensor1: At the same instants, shape (n, 4).
+        q_earth2_from_sensor2: At the same instants, shape (n, 4).
+        axis1: In each sensor, shape (3,).
+        axis2: In each sensor, shape (3,).
+        angle: Between the axes [rad].
+        independent: How many of the samples count as independent; all if None.
 
     Returns:
         heading [rad].
@@ -97,7 +115,9 @@ def heading_2d(
         raise PoorExcitation(["heading"], float("inf"), ADVICE_2D)
     heading = float(rotation.wrap(np.array(found[0][1])))
     slope = -a * np.sin(heading) + b * np.cos(heading)
-    return _fit(heading, slope, a * np.cos(heading) + b * np.sin(heading) + c, independent, ADVICE_2D)
+    return _fit(
+        heading, slope, a * np.cos(heading) + b * np.sin(heading) + c, independent, ADVICE_2D
+    )
 
 
 def _descend(start: float, moments: np.ndarray) -> tuple[float, float]:
@@ -115,12 +135,23 @@ def _descend(start: float, moments: np.ndarray) -> tuple[float, float]:
     return float(v @ moments @ v), d
 
 
-def _fit(heading: float, slope: np.ndarray, left: np.ndarray, independent: float | None, advice: str) -> Fit:
+def _fit(
+    heading: float, slope: np.ndarray, left: np.ndarray, independent: float | None, advice: str
+) -> Fit:
     n = len(left)
     count = float(n if independent is None else min(independent, n))
     variance = float(left @ left) / max(n - 1, 1) * n / count
     covariance, condition = covariance_of(slope[:, None] * VAGUE, variance, ["heading"], advice)
-    return Fit(("heading",), ("rad",), np.array([heading]), covariance * VAGUE**2, max(count - 1, 1.0), condition, left, "1")
+    return Fit(
+        ("heading",),
+        ("rad",),
+        np.array([heading]),
+        covariance * VAGUE**2,
+        max(count - 1, 1.0),
+        condition,
+        left,
+        "1",
+    )
 
 
 def _horizontal(q_earth_from_sensor: np.ndarray, axis: np.ndarray) -> np.ndarray:

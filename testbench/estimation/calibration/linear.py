@@ -25,16 +25,24 @@ def solve_linear(
     residual_scale: float = 1.0,
     advice: str = "more poses or motions about other axes are needed",
 ) -> Fit:
-    """Fit observed = design @ values, rows divided by their standard deviations, or by a typical one.
+    """Fit observed = design @ values, rows divided by their standard deviations, or by a typical
+    one.
 
-    With as many observations as parameters nothing is left to tell the scatter from, and the standard deviations are believed.
+    With as many observations as parameters nothing is left to tell the scatter from, and the
+    standard deviations are believed.
 
     Args:
-        design: Shape (m, p). observed: Shape (m,). parameters: Their `start` is not used.
-        known_scatter, residual_unit, residual_scale, advice: As of `solve`.
+        design: Shape (m, p).
+        observed: Shape (m,).
+        parameters: Their `start` is not used.
+        known_scatter: As of `solve`.
+        residual_unit: As of `solve`.
+        residual_scale: As of `solve`.
+        advice: As of `solve`.
 
     Raises:
-        PoorExcitation: Fewer observations than parameters, or a parameter that the data leave vaguer than its size.
+        PoorExcitation: Fewer observations than parameters, or a parameter that the data leave
+            vaguer than its size.
     """
     m, p = design.shape
     names = tuple(item.name for item in parameters)
@@ -48,13 +56,21 @@ def solve_linear(
     variance = 1.0 if known else float(left @ left / dof)
     covariance, condition = covariance_of(design * size, variance, names, advice)
     return Fit(
-        names, tuple(item.unit for item in parameters), size * values, covariance * np.outer(size, size), dof, condition,
-        left * residual_scale, residual_unit,
-    )  # fmt: skip
+        names,
+        tuple(item.unit for item in parameters),
+        size * values,
+        covariance * np.outer(size, size),
+        dof,
+        condition,
+        left * residual_scale,
+        residual_unit,
+    )
 
 
 def axis_by_axis(regressors: np.ndarray, axes: int) -> np.ndarray:
-    """Design of several axes with the same regressors and own coefficients, axis after axis: (m, q) to (m * axes, q * axes)."""
+    """Design of several axes with the same regressors and own coefficients, axis after axis: (m, q)
+    to (m * axes, q * axes).
+    """
     m, q = regressors.shape
     design = np.zeros((m, axes, axes * q))
     for i in range(axes):
@@ -65,10 +81,11 @@ def axis_by_axis(regressors: np.ndarray, axes: int) -> np.ndarray:
 def widened_by_misfit(fit: Fit) -> Fit:
     """The fit with its covariance widened where residuals are larger than the noise that is known.
 
-    Noise is taken from the samples and the arm's data; model errors come on top of it. Where the residuals exceed what such
-    noise does in 95 of 100 cases, the covariance is multiplied by chi^2 / dof (Birge, Phys. Rev. 40, 1932) and its degrees of
-    freedom are those of the residuals. It is never narrowed: that residuals across the expected direction are small says
-    nothing of the noise along it.
+    Noise is taken from the samples and the arm's data; model errors come on top of it. Where the
+    residuals exceed what such noise does in 95 of 100 cases, the covariance is multiplied by chi^2
+    / dof (Birge, Phys. Rev. 40, 1932) and its degrees of freedom are those of the residuals. It is
+    never narrowed: that residuals across the expected direction are small says nothing of the noise
+    along it.
 
     Args:
         fit: With known scatter, its residuals in standard deviations.
@@ -81,5 +98,7 @@ def widened_by_misfit(fit: Fit) -> Fit:
 
 
 def whitening(covariance: np.ndarray) -> np.ndarray:
-    """Matrices W with W C W' = 1, shape (m, k, k) to (m, k, k): the inverse of the Cholesky factor of each covariance."""
+    """Matrices W with W C W' = 1, shape (m, k, k) to (m, k, k): the inverse of the Cholesky factor
+    of each covariance.
+    """
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))

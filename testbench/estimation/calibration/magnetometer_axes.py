@@ -1,8 +1,10 @@
-"""How a magnetometer's axes sit against the accelerometer's: the field makes the same angle with the vertical in all poses.
+"""How a magnetometer's axes sit against the accelerometer's: the field makes the same angle with
+the vertical in all poses.
 
-Vertical u and field m, each in its own axes: u . R m = -|m| sin(dip) whatever the pose, which the heading does not enter (Kok &
-Schon, Magnetometer calibration using inertial sensors, IEEE Sensors Journal 16(14), 2016, in its static form). The
-dip is found too; it is positive where the field points down.
+Vertical u and field m, each in its own axes: u . R m = -|m| sin(dip) whatever the pose, which the
+heading does not enter (Kok & Schon, Magnetometer calibration using inertial sensors, IEEE Sensors
+Journal 16(14), 2016, in its static form). The dip is found too; it is positive where the field
+points down.
 """
 
 from __future__ import annotations
@@ -14,7 +16,13 @@ from testbench.estimation.calibration.least_squares import Parameter, covariance
 from testbench.estimation.calibration.linear import whitening, widened_by_misfit
 from testbench.estimation.calibration.norm_fit import ellipsoid_through
 from testbench.estimation.calibration.poses import StaticPoses
-from testbench.estimation.calibration.triad_model import AXES, MAGNETOMETER, Tolerance, bias_parameters, response_parameters
+from testbench.estimation.calibration.triad_model import (
+    AXES,
+    MAGNETOMETER,
+    Tolerance,
+    bias_parameters,
+    response_parameters,
+)
 from testbench.exceptions import InputError
 from testbench.model import rotation
 from testbench.records.calibration import TriadCalibration
@@ -25,16 +33,20 @@ CROOKED = np.radians(10.0)
 ADVICE = "poses that turn the sensor about two axes at least, upside down too, are needed"
 
 
-def align_axes(field: np.ndarray, vertical: np.ndarray, angle_sd: float | None = None) -> tuple[np.ndarray, Fit]:
+def align_axes(
+    field: np.ndarray, vertical: np.ndarray, angle_sd: float | None = None
+) -> tuple[np.ndarray, Fit]:
     """R_accelerometer_from_magnetometer and the dip.
 
     Args:
-        field: By a calibrated magnetometer, shape (m, 3), any unit. vertical: Upward, by the accelerometer, shape (m, 3).
-        angle_sd: Standard deviation of the angle between the two in a pose [rad]; from the scatter if None.
+        field: By a calibrated magnetometer, shape (m, 3), any unit.
+        vertical: Upward, by the accelerometer, shape (m, 3).
+        angle_sd: Standard deviation of the angle between the two in a pose [rad]; from the scatter
+            if None.
 
     Returns:
-        The rotation (3, 3), and a fit of the small rotation about each axis of the accelerometer that is left [rad] and of
-        the dip [rad].
+        The rotation (3, 3), and a fit of the small rotation about each axis of the accelerometer
+        that is left [rad] and of the dip [rad].
 
     Raises:
         PoorExcitation: The poses leave an angle vaguer than 10 deg.
@@ -42,7 +54,9 @@ def align_axes(field: np.ndarray, vertical: np.ndarray, angle_sd: float | None =
     m = field / np.linalg.norm(field, axis=1, keepdims=True)
     u = vertical / np.linalg.norm(vertical, axis=1, keepdims=True)
     R, dip = _start(m, u)
-    parameters = [Parameter(f"rotation_{i}", "rad", 0.0, CROOKED) for i in AXES] + [Parameter("dip", "rad", dip, CROOKED)]
+    parameters = [Parameter(f"rotation_{i}", "rad", 0.0, CROOKED) for i in AXES] + [
+        Parameter("dip", "rad", dip, CROOKED)
+    ]
     scale = 1.0 if angle_sd is None else angle_sd * np.cos(dip)
     turned = m @ R.T
 
@@ -51,32 +65,46 @@ def align_axes(field: np.ndarray, vertical: np.ndarray, angle_sd: float | None =
         return np.asarray((np.sum(u * now, axis=1) + np.sin(theta[3])) / scale)
 
     fit = solve(
-        residuals, parameters, known_scatter=angle_sd is not None, residual_unit="1", residual_scale=scale, advice=ADVICE
+        residuals,
+        parameters,
+        known_scatter=angle_sd is not None,
+        residual_unit="1",
+        residual_scale=scale,
+        advice=ADVICE,
     )
     return _turn(fit.values[:3])[0] @ R, fit
 
 
 def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> TriadCalibration:
-    """Hard iron, soft iron and the axes against the accelerometer's together: from length and dip of the field in each pose.
+    """Hard iron, soft iron and the axes against the accelerometer's together: from length and dip
+    of the field in each pose.
 
-    corrected = A (raw - bias), with A general. Each pose gives |A (raw - bias)| = F and u . A (raw - bias) = -F sin(dip).
+    corrected = A (raw - bias), with A general. Each pose gives |A (raw - bias)| = F and u . A (raw
+    - bias) = -F sin(dip).
 
     Args:
-        poses: With `vertical`; seven at least. Where `magnitude` is NaN the ellipsoid's own is taken.
+        poses: With `vertical`; seven at least. Where `magnitude` is NaN the ellipsoid's own is
+            taken.
         tolerance: Known beforehand.
 
     Raises:
-        InputError: No vertical. PoorExcitation: The poses leave a parameter vaguer than its tolerance.
+        InputError: No vertical.
+        PoorExcitation: The poses leave a parameter vaguer than its tolerance.
     """
     if poses.vertical is None:
         raise InputError(
-            "the method ellipsoid_dip needs the vertical of each pose, from a calibrated accelerometer; see ellipsoid"
+            "the method ellipsoid_dip needs the vertical of each pose, from a calibrated "
+            "accelerometer; see ellipsoid"
         )
     poses, unknown = with_magnitude(poses)
     u, F, x = poses.vertical, poses.magnitude, poses.mean
     assert u is not None
     guess = ellipsoid_through(x)
-    bias, A = (np.zeros(3), np.eye(3)) if guess is None else (guess[0], symmetric(symmetric_root(F**2 * guess[1])))
+    bias, A = (
+        (np.zeros(3), np.eye(3))
+        if guess is None
+        else (guess[0], symmetric(symmetric_root(F**2 * guess[1])))
+    )
     R, dip = _start((x - bias) @ A.T / F, u)
     begin = np.linalg.inv(R @ A).reshape(-1)
     parameters = [
@@ -98,28 +126,45 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
 
     def jacobian(theta: np.ndarray) -> np.ndarray:
         A, h, length = split(theta)
-        rows = np.stack([h / length[:, None], u], axis=1)  # what each residual takes of a change of h
+        rows = np.stack(
+            [h / length[:, None], u], axis=1
+        )  # what each residual takes of a change of h
         J = np.zeros((len(x), 2, 13))
-        J[:, :, :9] = -((rows @ A)[:, :, :, None] * h[:, None, None, :]).reshape(len(x), 2, 9)  # dA = -A dM A
+        J[:, :, :9] = -((rows @ A)[:, :, :, None] * h[:, None, None, :]).reshape(
+            len(x), 2, 9
+        )  # dA = -A dM A
         J[:, :, 9:12] = -rows @ A
         J[:, 1, 12] = F * np.cos(theta[12])
         return np.asarray((whiten @ J).reshape(-1, 13))
 
     if guess is None:  # ask before the search runs away along what is not seen
-        at, size = (np.array([getattr(item, key) for item in parameters]) for key in ("start", "size"))
+        at, size = (
+            np.array([getattr(item, key) for item in parameters]) for key in ("start", "size")
+        )
         covariance_of(jacobian(at) * size, 1.0, [item.name for item in parameters], ADVICE)
     fit = widened_by_misfit(
-        solve(residuals, parameters, jacobian=jacobian, known_scatter=True, residual_unit="standard deviations", advice=ADVICE)
+        solve(
+            residuals,
+            parameters,
+            jacobian=jacobian,
+            known_scatter=True,
+            residual_unit="standard deviations",
+            advice=ADVICE,
+        )
     )
     matrix = np.linalg.inv(fit.values[:9].reshape(3, 3))
     remarks: tuple[str, ...] = (f"the field dips by {np.degrees(fit['dip']):.2f} deg",)
     if unknown:
-        remarks += (f"the field's length was not given; it is taken to be {F:.3f} {tolerance.unit}",)
+        remarks += (
+            f"the field's length was not given; it is taken to be {F:.3f} {tolerance.unit}",
+        )
     return TriadCalibration("ellipsoid_dip", matrix, fit.values[9:12], fits=(fit,), remarks=remarks)
 
 
 def _start(m: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, float]:
-    """Rotation and dip from the linear problem u . G m + s = 0: its null vector, or no rotation where that is none."""
+    """Rotation and dip from the linear problem u . G m + s = 0: its null vector, or no rotation
+    where that is none.
+    """
     design = np.column_stack([(u[:, :, None] * m[:, None, :]).reshape(-1, 9), np.ones(len(u))])
     if len(u) >= 9:
         null = np.linalg.svd(design)[2][-1]
@@ -134,7 +179,9 @@ def _start(m: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _covariance(poses: StaticPoses, A: np.ndarray, bias: np.ndarray, dip: float) -> np.ndarray:
-    """Of both residuals of each pose, shape (m, 2, 2): noise of the field, and of the vertical's direction in the second."""
+    """Of both residuals of each pose, shape (m, 2, 2): noise of the field, and of the vertical's
+    direction in the second.
+    """
     assert poses.vertical is not None
     h = (poses.mean - bias) @ A.T
     rows = np.stack([h / np.linalg.norm(h, axis=1, keepdims=True), poses.vertical], axis=1) @ A
@@ -144,9 +191,15 @@ def _covariance(poses: StaticPoses, A: np.ndarray, bias: np.ndarray, dip: float)
 
 
 def _turn(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """exp(w) and J with exp(w + d) = exp(J d) exp(w) to first order (Barfoot, State Estimation for Robotics, ch. 7)."""
+    """exp(w) and J with exp(w + d) = exp(J d) exp(w) to first order (Barfoot, State Estimation for
+    Robotics, ch. 7).
+    """
     x, y, z = w
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     t = float(np.linalg.norm(w))
-    a, b, c = (np.sin(t) / t, (1 - np.cos(t)) / t**2, (t - np.sin(t)) / t**3) if t > 1e-4 else (1 - t**2 / 6, 0.5, 1 / 6)
+    a, b, c = (
+        (np.sin(t) / t, (1 - np.cos(t)) / t**2, (t - np.sin(t)) / t**3)
+        if t > 1e-4
+        else (1 - t**2 / 6, 0.5, 1 / 6)
+    )
     return np.eye(3) + a * K + b * K @ K, np.eye(3) + b * K + c * K @ K

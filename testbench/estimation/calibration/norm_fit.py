@@ -1,8 +1,10 @@
-"""Calibration by the length of a vector alone: |A (reading - bias)| is the same in all poses, whatever they are.
+"""Calibration by the length of a vector alone: |A (reading - bias)| is the same in all poses,
+whatever they are.
 
-Geometrically the readings lie on an ellipsoid. A is found up to a rotation from the left, which leaves all lengths as they are:
-each method that uses this states which A it picks. An algebraic fit of the ellipsoid starts the search (Li & Griffiths, Least
-squares ellipsoid specific fitting, GMP 2004, without the constraint), maximum likelihood ends it.
+Geometrically the readings lie on an ellipsoid. A is found up to a rotation from the left, which
+leaves all lengths as they are: each method that uses this states which A it picks. An algebraic fit
+of the ellipsoid starts the search (Li & Griffiths, Least squares ellipsoid specific fitting, GMP
+2004, without the constraint), maximum likelihood ends it.
 """
 
 from __future__ import annotations
@@ -11,25 +13,41 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, covariance_of, solve
+from testbench.estimation.calibration.least_squares import (
+    Parameter,
+    PoorExcitation,
+    covariance_of,
+    solve,
+)
 from testbench.estimation.calibration.linear import widened_by_misfit
 from testbench.estimation.calibration.poses import StaticPoses
-from testbench.estimation.calibration.triad_model import Tolerance, bias_parameters, drift_parameters, warming
+from testbench.estimation.calibration.triad_model import (
+    Tolerance,
+    bias_parameters,
+    drift_parameters,
+    warming,
+)
 from testbench.records.calibration import TriadCalibration
 
 MOST_CONDITION = 1e3
-"""Above this the readings are on no ellipsoid that could be told from others; about 10 where poses go all round."""
+"""Above this the readings are on no ellipsoid that could be told from others; about 10 where poses
+go all round.
+"""
 MatrixOf = Callable[[np.ndarray], np.ndarray]
 ADVICE = "poses that turn every axis up, down and across are needed: nine at least, not in a plane"
 
 
 def ellipsoid_through(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Centre (3,) and shape Q (3, 3) of (x - centre)' Q (x - centre) = 1 nearest to readings (m, 3); None if it is none."""
+    """Centre (3,) and shape Q (3, 3) of (x - centre)' Q (x - centre) = 1 nearest to readings (m,
+    3); None if it is none.
+    """
     if len(readings) < 9:
         return None
     middle, spread = readings.mean(axis=0), float(readings.std()) or 1.0
     x, y, z = ((readings - middle) / spread).T
-    terms = np.column_stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, 2 * x, 2 * y, 2 * z])
+    terms = np.column_stack(
+        [x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, 2 * x, 2 * y, 2 * z]
+    )
     if np.linalg.cond(terms) > MOST_CONDITION:
         return None
     a, *_ = np.linalg.lstsq(terms, np.ones(len(x)), rcond=None)
@@ -56,9 +74,14 @@ def fit_norm(
     """Fit the parameters of a matrix, a bias, and its drift where the temperature varied.
 
     Args:
-        poses: Of known `magnitude`. shape: Parameters of the matrix. start: From magnitude^2 Q to those parameters.
-        matrix_of: From the parameters to A, (3, 3). gradient_of: From the parameters to dA, shape (k, 3, 3).
-        tolerance: For bias and drift. method, remarks: For the record.
+        poses: Of known `magnitude`.
+        shape: Parameters of the matrix.
+        start: From magnitude^2 Q to those parameters.
+        matrix_of: From the parameters to A, (3, 3).
+        gradient_of: From the parameters to dA, shape (k, 3, 3).
+        tolerance: For bias and drift.
+        method: For the record.
+        remarks: For the record.
 
     Raises:
         PoorExcitation: Poses in a plane, say, which leave a parameter vaguer than its tolerance.
@@ -69,7 +92,10 @@ def fit_norm(
     guess = ellipsoid_through(x)
     if guess is not None:
         bias, begin = guess[0], start(magnitude**2 * guess[1])
-    parameters = [Parameter(item.name, item.unit, float(value), item.size) for item, value in zip(shape, begin, strict=True)]
+    parameters = [
+        Parameter(item.name, item.unit, float(value), item.size)
+        for item, value in zip(shape, begin, strict=True)
+    ]
     parameters += bias_parameters(tolerance, bias)
     if warm is not None:
         parameters += drift_parameters(tolerance)
@@ -98,14 +124,31 @@ def fit_norm(
 
     if len(x) < len(parameters):
         names = [item.name for item in parameters]
-        raise PoorExcitation(names, float("inf"), f"{len(x)} poses are fewer than {len(names)} parameters")
+        raise PoorExcitation(
+            names, float("inf"), f"{len(x)} poses are fewer than {len(names)} parameters"
+        )
     if guess is None:  # ask before the search runs away along what is not seen
-        at, size = (np.array([getattr(item, key) for item in parameters]) for key in ("start", "size"))
+        at, size = (
+            np.array([getattr(item, key) for item in parameters]) for key in ("start", "size")
+        )
         covariance_of(jacobian(at) * size, 1.0, [item.name for item in parameters], ADVICE)
     fit = widened_by_misfit(
-        solve(residuals, parameters, jacobian=jacobian, known_scatter=True, residual_unit="standard deviations", advice=ADVICE)
+        solve(
+            residuals,
+            parameters,
+            jacobian=jacobian,
+            known_scatter=True,
+            residual_unit="standard deviations",
+            advice=ADVICE,
+        )
     )
     drift = fit.values[k + 3 :] if warm is not None else np.zeros(3)
     return TriadCalibration(
-        method, matrix_of(fit.values[:k]), fit.values[k : k + 3], drift=drift, reference=reference, fits=(fit,), remarks=remarks
+        method,
+        matrix_of(fit.values[:k]),
+        fit.values[k : k + 3],
+        drift=drift,
+        reference=reference,
+        fits=(fit,),
+        remarks=remarks,
     )

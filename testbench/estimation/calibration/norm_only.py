@@ -1,13 +1,15 @@
 """Nine parameters of an accelerometer from the length of gravity alone, in any poses.
 
-Tedaldi, Pretto & Menegatti, A robust and easy to implement method for IMU calibration without external equipments, ICRA 2014,
-eqs 2 to 10: corrected = T K (raw - bias), T = [[1, -yz, zy], [0, 1, -zx], [0, 0, 1]], K = diag(scale). There the bias is added;
-here it is subtracted. Others write the same correction as A (x - o) with A = (K T)^-1 upper triangular.
+Tedaldi, Pretto & Menegatti, A robust and easy to implement method for IMU calibration without
+external equipments, ICRA 2014, eqs 2 to 10: corrected = T K (raw - bias), T = [[1, -yz, zy], [0, 1,
+-zx], [0, 0, 1]], K = diag(scale). There the bias is added; here it is subtracted. Others write the
+same correction as A (x - o) with A = (K T)^-1 upper triangular.
 
-Gauge: lengths do not change when all forces are turned together, so three angles stay unknown and are fixed by T being upper
-triangular. As Tedaldi reads it, with readings as components along the axes, the x axis is kept and y stays in the plane of x
-and y. Where readings are projections onto the sensitive axes, the same T keeps the sensitive axis z, and y stays in the plane
-of y and z. Either way the corrected axes are an orthogonal triad that is not turned into those of the housing.
+Gauge: lengths do not change when all forces are turned together, so three angles stay unknown and
+are fixed by T being upper triangular. As Tedaldi reads it, with readings as components along the
+axes, the x axis is kept and y stays in the plane of x and y. Where readings are projections onto
+the sensitive axes, the same T keeps the sensitive axis z, and y stays in the plane of y and z.
+Either way the corrected axes are an orthogonal triad that is not turned into those of the housing.
 """
 
 from __future__ import annotations
@@ -20,19 +22,25 @@ from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance
 from testbench.records.calibration import TriadCalibration
 
-GAUGE = "the orthogonal axes are fixed by an upper triangular matrix; how they sit in the housing is not seen"
+GAUGE = (
+    "the orthogonal axes are fixed by an upper triangular matrix; how they sit in the housing "
+    "is not seen"
+)
 
 
 def norm_only(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> TriadCalibration:
     """Misalignment, scale and bias, and the bias's drift where the temperature varied.
 
     Args:
-        poses: Nine at least, more to have an uncertainty from their scatter. tolerance: Known beforehand.
+        poses: Nine at least, more to have an uncertainty from their scatter.
+        tolerance: Known beforehand.
 
     Raises:
         PoorExcitation: Fewer poses than parameters, or poses in a plane.
     """
-    shape = [Parameter(f"misalignment_{i}", "rad", 0.0, tolerance.response) for i in ("yz", "zy", "zx")]
+    shape = [
+        Parameter(f"misalignment_{i}", "rad", 0.0, tolerance.response) for i in ("yz", "zy", "zx")
+    ]
     shape += [Parameter(f"scale_{i}", "1", 1.0, tolerance.response) for i in AXES]
 
     def start(Q: np.ndarray) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""Static poses: what a triad reads on average while it rests, how sure that is, and what it should have read."""
+"""Static poses: what a triad reads on average while it rests, how sure that is, and what it should
+have read.
+"""
 
 from __future__ import annotations
 
@@ -10,28 +12,42 @@ from testbench.exceptions import InputError
 from testbench.frames import STANDARD_GRAVITY
 
 SETTLING_M_S2 = 3e-4
-"""Standard deviation of a pose's mean beside its noise [m/s^2]: in-run bias of 0.03 mg (data sheet of the Xsens DOT)."""
+"""Standard deviation of a pose's mean beside its noise [m/s^2]: in-run bias of 0.03 mg (data sheet
+of the Xsens DOT).
+"""
 SETTLING_UT = 0.05
-"""The same of a magnetometer [uT]: 0.5 mG of RMS noise (data sheet of the Xsens DOT), which need not be white."""
+"""The same of a magnetometer [uT]: 0.5 mG of RMS noise (data sheet of the Xsens DOT), which need
+not be white.
+"""
 DIRECTION_SD = np.radians(0.03)
-"""Standard deviation of the expected direction about each axis across it [rad]: the arm's settling and repeatability."""
+"""Standard deviation of the expected direction about each axis across it [rad]: the arm's settling
+and repeatability.
+"""
 FEWEST_SAMPLES = 2
 
 
 @dataclass(frozen=True)
 class StaticPoses:
-    """Mean readings of one triad in m poses at rest; the unit is m/s^2 for an accelerometer, uT for a magnetometer.
+    """Mean readings of one triad in m poses at rest; the unit is m/s^2 for an accelerometer, uT for
+    a magnetometer.
 
     Attributes:
-        mean: Shape (m, 3). variance: Of each mean, shape (m, 3): that of the samples over their number, plus a floor.
-        magnitude: Length of the true vector, the same in all poses; NaN where nobody knows it. expected: The true vector in
-        the sensor axes as believed, shape (m, 3), or None. direction_sd: Standard deviation of its direction [rad].
-        vertical: Upward unit vector in the sensor axes, by the calibrated accelerometer, shape (m, 3), or None; for a
-        magnetometer. vertical_sd: Standard deviation of its direction [rad]. temperature: Shape (m,) [deg C], or None.
-        start, end: When each pose began and ended, shape (m,) [s]. count: Samples of each, shape (m,).
+        mean: Shape (m, 3).
+        variance: Of each mean, shape (m, 3): that of the samples over their number, plus a floor.
+        magnitude: Length of the true vector, the same in all poses; NaN where nobody knows it.
+        expected: The true vector in the sensor axes as believed, shape (m, 3), or None.
+        direction_sd: Standard deviation of its direction [rad].
+        vertical: Upward unit vector in the sensor axes, by the calibrated accelerometer, shape (m,
+            3), or None; for a magnetometer.
+        vertical_sd: Standard deviation of its direction [rad].
+        temperature: Shape (m,) [deg C], or None.
+        start: When each pose began and ended, shape (m,) [s].
+        end: When each pose began and ended, shape (m,) [s].
+        count: Samples of each, shape (m,).
 
     Raises:
-        InputError: A variance is not above 0. ValueError: Shapes do not fit.
+        InputError: A variance is not above 0.
+        ValueError: Shapes do not fit.
     """
 
     mean: np.ndarray
@@ -49,12 +65,23 @@ class StaticPoses:
     def __post_init__(self) -> None:
         m = len(self.mean)
         shapes = {"mean": (m, 3), "variance": (m, 3), "expected": (m, 3), "vertical": (m, 3)}
-        for name in ("mean", "variance", "expected", "vertical", "temperature", "start", "end", "count"):
+        for name in (
+            "mean",
+            "variance",
+            "expected",
+            "vertical",
+            "temperature",
+            "start",
+            "end",
+            "count",
+        ):
             array = getattr(self, name)
             if array is not None and array.shape != shapes.get(name, (m,)):
                 raise ValueError(f"{m} poses cannot have {name} of shape {array.shape}")
         if not (self.variance > 0).all():
-            raise InputError("a pose whose samples are all the same has no variance; give a floor above 0")
+            raise InputError(
+                "a pose whose samples are all the same has no variance; give a floor above 0"
+            )
 
     def __len__(self) -> int:
         return len(self.mean)
@@ -62,7 +89,9 @@ class StaticPoses:
     def subset(self, index: np.ndarray) -> StaticPoses:
         """Some of the poses, by a mask or by indices."""
         arrays = {item.name: getattr(self, item.name) for item in fields(self)}
-        return replace(self, **{name: a[index] for name, a in arrays.items() if isinstance(a, np.ndarray)})
+        return replace(
+            self, **{name: a[index] for name, a in arrays.items() if isinstance(a, np.ndarray)}
+        )
 
     def need_expected(self, method: str) -> np.ndarray:
         """The expected vectors.
@@ -72,23 +101,31 @@ class StaticPoses:
         """
         if self.expected is None:
             raise InputError(
-                f"the method {method} needs poses whose orientation is known; allowed without: norm_only, ellipsoid"
+                f"the method {method} needs poses whose orientation is known; allowed without: "
+                "norm_only, ellipsoid"
             )
         return self.expected
 
     def covariance(self) -> np.ndarray:
         """Of each mean reading about what the expected vector lets expect, shape (m, 3, 3).
 
-        Noise is along the axes; an error of the expected direction lies across it and leaves its length alone.
+        Noise is along the axes; an error of the expected direction lies across it and leaves its
+        length alone.
         """
         toward = self.mean if self.expected is None else self.expected
         u = toward / np.linalg.norm(toward, axis=1, keepdims=True)
-        length = self.magnitude if np.isfinite(self.magnitude) else float(np.linalg.norm(toward, axis=1).mean())
+        length = (
+            self.magnitude
+            if np.isfinite(self.magnitude)
+            else float(np.linalg.norm(toward, axis=1).mean())
+        )
         across = (length * self.direction_sd) ** 2 * (np.eye(3) - u[:, :, None] * u[:, None, :])
         return np.asarray(across + np.eye(3) * self.variance[:, None, :])
 
     def typical_sd(self) -> float:
-        """Standard deviation of a mean reading, RMS over poses and axes; for methods by which all poses count alike."""
+        """Standard deviation of a mean reading, RMS over poses and axes; for methods by which all
+        poses count alike.
+        """
         return float(np.sqrt(np.trace(self.covariance(), axis1=1, axis2=2).mean() / 3))
 
 
@@ -108,9 +145,15 @@ def static_poses(
     """Means over intervals of rest.
 
     Args:
-        samples: Shape (n, 3); rows with NaN are left out. intervals: Begin and end (exclusive) of k rests, in samples, (k, 2).
-        times: Of the samples, shape (n,) [s]. magnitude: Length of the true vector. floor: Standard deviation of a mean beside
-        its noise, in the samples' unit. expected, vertical: Of each interval, shape (k, 3). direction_sd, vertical_sd: [rad].
+        samples: Shape (n, 3); rows with NaN are left out.
+        intervals: Begin and end (exclusive) of k rests, in samples, (k, 2).
+        times: Of the samples, shape (n,) [s].
+        magnitude: Length of the true vector.
+        floor: Standard deviation of a mean beside its noise, in the samples' unit.
+        expected: Of each interval, shape (k, 3).
+        vertical: Of each interval, shape (k, 3).
+        direction_sd: [rad].
+        vertical_sd: [rad].
         temperature: Of the samples, shape (n,) [deg C]; NaN where unknown.
 
     Raises:
@@ -120,7 +163,10 @@ def static_poses(
     rows = [first + np.flatnonzero(known[first:last]) for first, last in np.asarray(intervals, int)]
     kept = [i for i, row in enumerate(rows) if len(row) >= FEWEST_SAMPLES]
     if not kept:
-        raise InputError(f"none of {len(rows)} intervals holds two samples at rest; there is no static pose to calibrate from")
+        raise InputError(
+            f"none of {len(rows)} intervals holds two samples at rest; there is no static pose to "
+            "calibrate from"
+        )
     rows = [rows[i] for i in kept]
     warmth = None
     if temperature is not None:

@@ -1,4 +1,6 @@
-"""A recording made ready for calibration: on the arm's clock, cut into rests and turns, with what the arm knows of each."""
+"""A recording made ready for calibration: on the arm's clock, cut into rests and turns, with what
+the arm knows of each.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,21 @@ import numpy as np
 from testbench.estimation.axes import true_rates
 from testbench.estimation.calibration.gyroscope import gravity_direction_errors
 from testbench.estimation.calibration.least_squares import PoorExcitation
-from testbench.estimation.calibration.poses import DIRECTION_SD, SETTLING_UT, StaticPoses, static_poses
+from testbench.estimation.calibration.poses import (
+    DIRECTION_SD,
+    SETTLING_UT,
+    StaticPoses,
+    static_poses,
+)
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
 from testbench.estimation.filters import UniformSamples
-from testbench.estimation.static_intervals import between_peaks, by_events, by_gyroscope, by_variance, compare
+from testbench.estimation.static_intervals import (
+    between_peaks,
+    by_events,
+    by_gyroscope,
+    by_variance,
+    compare,
+)
 from testbench.estimation.time_alignment import fit_clock
 from testbench.estimation.uniform import fill_gaps
 from testbench.exceptions import InputError
@@ -40,11 +53,17 @@ class Prepared:
     """See the module.
 
     Attributes:
-        samples: On a regular grid. time_ns: Of the grid on the host's clock, shape (n,), int64. rests: Those used, (k, 2).
-        truth: Or None. gravity: In the world, shape (3,) [m/s^2]. rate_delay: How much older than its stamp a rate is [s].
-        segmentation: Who said where the rests are. agreements: How far the witnesses agree. remarks: What is odd.
-        warmth: Temperature of the part on the grid, shape (n,) [deg C], or None. integrated: Its rates are means over the
-        interval before each sample, not those of instants.
+        samples: On a regular grid.
+        time_ns: Of the grid on the host's clock, shape (n,), int64.
+        rests: Those used, (k, 2).
+        truth: Or None.
+        gravity: In the world, shape (3,) [m/s^2].
+        rate_delay: How much older than its stamp a rate is [s].
+        segmentation: Who said where the rests are.
+        agreements: How far the witnesses agree.
+        remarks: What is odd.
+        warmth: Temperature of the part on the grid, shape (n,) [deg C], or None.
+        integrated: Its rates are means over the interval before each sample, not those of instants.
     """
 
     samples: UniformSamples
@@ -80,10 +99,15 @@ class Prepared:
     def poses(self) -> StaticPoses:
         """Of the accelerometer."""
         return static_poses(
-            self.samples.acc, self.rests, times=self.time_ns / NANOSECONDS, magnitude=float(np.linalg.norm(self.gravity)),
-            expected=None if self.truth is None else rotation.rotate(rotation.conjugate(self._attitudes), -self.gravity),
+            self.samples.acc,
+            self.rests,
+            times=self.time_ns / NANOSECONDS,
+            magnitude=float(np.linalg.norm(self.gravity)),
+            expected=None
+            if self.truth is None
+            else rotation.rotate(rotation.conjugate(self._attitudes), -self.gravity),
             temperature=self.warmth,
-        )  # fmt: skip
+        )
 
     @cached_property
     def _attitudes(self) -> np.ndarray:
@@ -92,21 +116,33 @@ class Prepared:
         middle = self.time_ns[self.rests.mean(axis=1).astype(int)]
         return truth_at(self.truth, middle)
 
-    def magnetometer_poses(self, accelerometer: TriadCalibration | None, field: np.ndarray | None = None) -> StaticPoses:
+    def magnetometer_poses(
+        self, accelerometer: TriadCalibration | None, field: np.ndarray | None = None
+    ) -> StaticPoses:
         """Of the magnetometer, with the vertical by the accelerometer.
 
         Args:
-            accelerometer: Its calibration. field: In the world, shape (3,) [uT]; None where nobody states it.
+            accelerometer: Its calibration.
+            field: In the world, shape (3,) [uT]; None where nobody states it.
         """
         assert self.samples.mag is not None
         up = self.felt(accelerometer)
         known = field is not None and self.truth is not None
-        expected = rotation.rotate(rotation.conjugate(self._attitudes), field) if known and field is not None else None
+        expected = (
+            rotation.rotate(rotation.conjugate(self._attitudes), field)
+            if known and field is not None
+            else None
+        )
         return static_poses(
-            self.samples.mag, self.rests, times=self.time_ns / NANOSECONDS, floor=SETTLING_UT, expected=expected,
+            self.samples.mag,
+            self.rests,
+            times=self.time_ns / NANOSECONDS,
+            floor=SETTLING_UT,
+            expected=expected,
             magnitude=float("nan") if field is None else float(np.linalg.norm(field)),
-            vertical=up / np.linalg.norm(up, axis=1, keepdims=True), vertical_sd=float(DIRECTION_SD),
-        )  # fmt: skip
+            vertical=up / np.linalg.norm(up, axis=1, keepdims=True),
+            vertical_sd=float(DIRECTION_SD),
+        )
 
     def calibration_poses(self, accelerometer: TriadCalibration | None) -> CalibrationPoses:
         """The poses before and after the correction, for people."""
@@ -116,16 +152,25 @@ class Prepared:
         spread = []
         for readings in (
             self.samples.acc,
-            self.samples.acc if accelerometer is None else accelerometer.apply(self.samples.acc, temperature=self.warmth),
+            self.samples.acc
+            if accelerometer is None
+            else accelerometer.apply(self.samples.acc, temperature=self.warmth),
         ):
             within = readings[inside]
             means = np.array([within[which == i].mean(axis=0) for i in range(len(self.rests))])
             spread.append(np.sqrt(np.mean((within - means[which]) ** 2, axis=0)))
-        start, end = (self.time_ns[np.clip(border, 0, len(self.time_ns) - 1)] / NANOSECONDS for border in self.rests.T)
-        return CalibrationPoses(start, end, poses.mean, self.felt(accelerometer), poses.expected, np.array(spread))
+        start, end = (
+            self.time_ns[np.clip(border, 0, len(self.time_ns) - 1)] / NANOSECONDS
+            for border in self.rests.T
+        )
+        return CalibrationPoses(
+            start, end, poses.mean, self.felt(accelerometer), poses.expected, np.array(spread)
+        )
 
     def felt(self, accelerometer: TriadCalibration | None) -> np.ndarray:
-        """Mean specific force of each rest as the calibrated accelerometer has it, shape (k, 3) [m/s^2]."""
+        """Mean specific force of each rest as the calibrated accelerometer has it, shape (k, 3)
+        [m/s^2].
+        """
         return (
             self.poses.mean
             if accelerometer is None
@@ -150,45 +195,75 @@ class Prepared:
         if self.truth is not None:
             at = self.time_ns - round(self.rate_delay * NANOSECONDS)
             attitude = truth_at(self.truth, at)
-            rate, sound = true_rates(self.truth, at, self.samples.interval if self.integrated else 0.0)
+            rate, sound = true_rates(
+                self.truth, at, self.samples.interval if self.integrated else 0.0
+            )
         turns = []
         for i in range(len(self.rests) - 1):
-            begin = max(self.rests[i, 1] - min(reach, (self.rests[i, 1] - self.rests[i, 0]) // 2), 0)
-            end = self.rests[i + 1, 0] + min(reach, (self.rests[i + 1, 1] - self.rests[i + 1, 0]) // 2)
+            begin = max(
+                self.rests[i, 1] - min(reach, (self.rests[i, 1] - self.rests[i, 0]) // 2), 0
+            )
+            end = self.rests[i + 1, 0] + min(
+                reach, (self.rests[i + 1, 1] - self.rests[i + 1, 0]) // 2
+            )
             piece = slice(begin, end)
-            known = attitude is not None and bool(np.isfinite(attitude[piece]).all()) and end - begin >= 2
+            known = (
+                attitude is not None
+                and bool(np.isfinite(attitude[piece]).all())
+                and end - begin >= 2
+            )
             turns.append(
                 Turn(
-                    self.samples.gyr[piece], self.samples.interval, up[i], up[i + 1],
+                    self.samples.gyr[piece],
+                    self.samples.interval,
+                    up[i],
+                    up[i + 1],
                     q_world_from_sensor=attitude[piece] if known and attitude is not None else None,
-                    rate=rate[piece] if known and rate is not None and sound is not None and sound[piece].all() else None,
-                    force=felt_along[piece], up_sd=up_sd, attitude_sd=float(DIRECTION_SD),
+                    rate=rate[piece]
+                    if known and rate is not None and sound is not None and sound[piece].all()
+                    else None,
+                    force=felt_along[piece],
+                    up_sd=up_sd,
+                    attitude_sd=float(DIRECTION_SD),
                     temperature=None if warmth is None else warmth[piece],
                 )
-            )  # fmt: skip
+            )
         return GyroscopeRecording(rests, turns)
 
     def with_held_out_turns(
-        self, function: Callable[[GyroscopeRecording], TriadCalibration], recording: GyroscopeRecording,
+        self,
+        function: Callable[[GyroscopeRecording], TriadCalibration],
+        recording: GyroscopeRecording,
         others: Sequence[GyroscopeRecording] = (),
-    ) -> TriadCalibration:  # fmt: skip
-        """A calibration from all turns, with the errors of gravity's direction on turns that the fit had not seen.
+    ) -> TriadCalibration:
+        """A calibration from all turns, with the errors of gravity's direction on turns that the
+        fit had not seen.
 
         Args:
-            function: The method. recording: All rests and turns. others: Other recordings, whose turns are held out; in each
-            of some folds a part of the turns, held out from a fit to the rest, where there are none.
+            function: The method.
+            recording: All rests and turns.
+            others: Other recordings, whose turns are held out; in each of some folds a part of the
+                turns, held out from a fit to the rest, where there are none.
         """
         found = function(recording)
         errors: list[float] = []
         for other in others:
-            errors += np.degrees(gravity_direction_errors(found, other.turns)).tolist() if other.turns else []
+            errors += (
+                np.degrees(gravity_direction_errors(found, other.turns)).tolist()
+                if other.turns
+                else []
+            )
         turns = list(recording.turns)
         for k in range(0 if others else FOLDS):
             held = turns[k::FOLDS]
             if not held:
                 continue
             try:
-                fit = function(GyroscopeRecording(recording.rests, [t for i, t in enumerate(turns) if i % FOLDS != k]))
+                fit = function(
+                    GyroscopeRecording(
+                        recording.rests, [t for i, t in enumerate(turns) if i % FOLDS != k]
+                    )
+                )
             except (PoorExcitation, InputError):
                 continue
             errors += np.degrees(gravity_direction_errors(fit, held)).tolist()
@@ -207,24 +282,34 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
     """Make a sensor's recording ready.
 
     Args:
-        session: The recording. sensor: Its name. segmentation: Who says where the rests are; the arm if None and it was there.
+        session: The recording.
+        sensor: Its name.
+        segmentation: Who says where the rests are; the arm if None and it was there.
 
     Raises:
-        NotFoundError: No such sensor. InputError: No rest was found, or the arm is asked for and was not there.
+        NotFoundError: No such sensor.
+        InputError: No rest was found, or the arm is asked for and was not there.
     """
     samples, truth = session.imu(sensor), session.truth(sensor)
     delay = float(session.manifest["sensors"][sensor].get("rate_delay_s") or 0.0)
-    clock = fit_clock(samples, truth, delay) if session.analysis.estimate.align_clock else ClockFit()
+    clock = (
+        fit_clock(samples, truth, delay) if session.analysis.estimate.align_clock else ClockFit()
+    )
     uniform, rows = fill_gaps(samples, clock)
     host = clock.to_host(samples.device_time_ns)
-    time = np.round(np.interp(np.arange(len(uniform.gyr)), rows, host.astype(float))).astype(np.int64)
+    time = np.round(np.interp(np.arange(len(uniform.gyr)), rows, host.astype(float))).astype(
+        np.int64
+    )
     found: dict[str, np.ndarray] = {}
     remarks: list[str] = []
-    steps = [step for step in session.steps if step.kind != "sweep" and step.end_ns > step.settled_ns]
+    steps = [
+        step for step in session.steps if step.kind != "sweep" and step.end_ns > step.settled_ns
+    ]
     calibration_steps = [step for step in steps if step.role == "calibration"] or steps
     if calibration_steps:
         settled, ended = (
-            np.array([getattr(s, key) for s in calibration_steps]) / NANOSECONDS for key in ("settled_ns", "end_ns")
+            np.array([getattr(s, key) for s in calibration_steps]) / NANOSECONDS
+            for key in ("settled_ns", "end_ns")
         )
         found["arm"] = by_events(settled, ended, time / NANOSECONDS)
     turning = uniform.turning()
@@ -234,16 +319,23 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         found["variance"] = by_variance(uniform.acc, uniform.interval).intervals
     chosen: Segmentation = segmentation or ("arm" if "arm" in found else "gyroscope")
     if chosen not in found:
-        raise InputError(f"{session.path}: no arm said where sensor '{sensor}' rested; other witnesses: {', '.join(found)}")
+        raise InputError(
+            f"{session.path}: no arm said where sensor '{sensor}' rested; other witnesses: "
+            f"{', '.join(found)}"
+        )
     rests = found[chosen]
     if chosen == "arm":
         rests, left_out = _confirmed(rests, found["gyroscope"])
         if left_out:
             remarks.append(
-                f"{left_out} of {len(found['arm'])} dwells of the arm were not at rest by the gyroscope and left out"
+                f"{left_out} of {len(found['arm'])} dwells of the arm were not at rest by the "
+                "gyroscope and left out"
             )
     if not len(rests):
-        raise InputError(f"{session.path}: sensor '{sensor}' never rests by the {chosen}; calibration needs static poses")
+        raise InputError(
+            f"{session.path}: sensor '{sensor}' never rests by the {chosen}; calibration needs "
+            "static poses"
+        )
     if truth is not None:
         middle = truth_at(truth, time[rests.mean(axis=1).astype(int)])
         rests = rests[np.isfinite(middle[:, 0])]
@@ -255,7 +347,9 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
     agreements = compare(found, len(uniform.gyr), uniform.interval)
     warmth = _warmth(samples, host, time)
     integrated = session.manifest["sensors"][sensor].get("sampling") == "integrated"
-    return Prepared(uniform, time, rests, truth, gravity, delay, chosen, agreements, remarks, warmth, integrated)
+    return Prepared(
+        uniform, time, rests, truth, gravity, delay, chosen, agreements, remarks, warmth, integrated
+    )
 
 
 def _warmth(samples: ImuSamples, host_ns: np.ndarray, time_ns: np.ndarray) -> np.ndarray | None:
@@ -263,11 +357,15 @@ def _warmth(samples: ImuSamples, host_ns: np.ndarray, time_ns: np.ndarray) -> np
     if samples.temperature is None or not np.isfinite(samples.temperature).any():
         return None
     known = np.isfinite(samples.temperature)
-    return np.interp(time_ns.astype(float), host_ns[known].astype(float), samples.temperature[known])
+    return np.interp(
+        time_ns.astype(float), host_ns[known].astype(float), samples.temperature[known]
+    )
 
 
 def _confirmed(rests: np.ndarray, by_gyroscope: np.ndarray) -> tuple[np.ndarray, int]:
     """Rests that the gyroscope confirms over half of their length, and the number of the others."""
-    shared = np.minimum(rests[:, None, 1], by_gyroscope[None, :, 1]) - np.maximum(rests[:, None, 0], by_gyroscope[None, :, 0])
+    shared = np.minimum(rests[:, None, 1], by_gyroscope[None, :, 1]) - np.maximum(
+        rests[:, None, 0], by_gyroscope[None, :, 0]
+    )
     confirmed = np.maximum(shared, 0).sum(axis=1) > 0.5 * (rests[:, 1] - rests[:, 0])
     return rests[confirmed], int(np.sum(~confirmed))

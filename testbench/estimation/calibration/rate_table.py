@@ -1,7 +1,8 @@
-"""Gyroscope calibration as on a rate table, with the arm as the table: raw = S w + b + G f at every sample.
+"""Gyroscope calibration as on a rate table, with the arm as the table: raw = S w + b + G f at every
+sample.
 
-Linear in all 21 unknowns; IEEE Std 952-1997 tests a gyroscope so, and calls them scale factor, misalignment, bias and
-acceleration sensitivity.
+Linear in all 21 unknowns; IEEE Std 952-1997 tests a gyroscope so, and calls them scale factor,
+misalignment, bias and acceleration sensitivity.
 """
 
 from __future__ import annotations
@@ -21,25 +22,33 @@ ADVICE = "motion about other axes, and other poses, are needed"
 def rate_table(recording: GyroscopeRecording, g_sensitivity: bool = True) -> TriadCalibration:
     """Regress the readings on the arm's rates.
 
-    Residuals of neighbouring samples may hang together (in-run bias, errors of time); the covariance is widened by their
-    correlation time, as in Newey & West, Econometrica 55, 1987.
+    Residuals of neighbouring samples may hang together (in-run bias, errors of time); the
+    covariance is widened by their correlation time, as in Newey & West, Econometrica 55, 1987.
 
     Args:
-        recording: Turns with `rate`, on the sensor's clock; rests count with rate zero. g_sensitivity: Whether to fit the
-        response to specific force, which turns must then know; rests without it are left out.
+        recording: Turns with `rate`, on the sensor's clock; rests count with rate zero.
+        g_sensitivity: Whether to fit the response to specific force, which turns must then know;
+            rests without it are left out.
 
     Raises:
-        PoorExcitation: The motion does not determine a parameter. InputError: Nothing to calibrate from.
+        PoorExcitation: The motion does not determine a parameter.
+        InputError: Nothing to calibrate from.
     """
     turns = [turn for turn in recording.turns if turn.rate is not None]
     if not turns:
-        raise InputError("rate_table needs turns whose rate is known at every sample; there are none")
+        raise InputError(
+            "rate_table needs turns whose rate is known at every sample; there are none"
+        )
     if g_sensitivity and any(turn.force is None for turn in turns):
-        raise InputError("a response to specific force can only be fitted to turns whose force is known")
+        raise InputError(
+            "a response to specific force can only be fitted to turns whose force is known"
+        )
     raw, designs = [], []
     for turn in turns:
         assert turn.rate is not None
-        columns = [turn.rate, np.ones((len(turn.gyr), 1))] + ([turn.force] if g_sensitivity and turn.force is not None else [])
+        columns = [turn.rate, np.ones((len(turn.gyr), 1))] + (
+            [turn.force] if g_sensitivity and turn.force is not None else []
+        )
         raw.append(turn.gyr)
         designs.append(np.hstack(columns))
     for rest in recording.rests:
@@ -54,7 +63,9 @@ def rate_table(recording: GyroscopeRecording, g_sensitivity: bool = True) -> Tri
     table = fit.values.reshape(3, width)
     response = table[:, :3]
     g_matrix = table[:, 4:] if g_sensitivity else np.zeros((3, 3))
-    return TriadCalibration("rate_table", np.linalg.inv(response), table[:, 3].copy(), g_matrix.copy(), fits=(fit,))
+    return TriadCalibration(
+        "rate_table", np.linalg.inv(response), table[:, 3].copy(), g_matrix.copy(), fits=(fit,)
+    )
 
 
 def _regress(raw: np.ndarray, design: np.ndarray, g_sensitivity: bool) -> Fit:
@@ -87,7 +98,8 @@ def _regress(raw: np.ndarray, design: np.ndarray, g_sensitivity: bool) -> Fit:
 
 
 def correlation_time(residuals: np.ndarray) -> float:
-    """How many neighbouring residuals say the same, 1 for white ones: 1 + 2 (sum of the autocorrelation up to its first zero).
+    """How many neighbouring residuals say the same, 1 for white ones: 1 + 2 (sum of the
+    autocorrelation up to its first zero).
 
     Correlations that white noise of this length shows as well count as zero.
     """

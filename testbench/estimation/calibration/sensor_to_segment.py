@@ -1,6 +1,8 @@
-"""How a sensor sits on its segment: from a known pose, from directions known in both, or from the arm's kinematics.
+"""How a sensor sits on its segment: from a known pose, from directions known in both, or from the
+arm's kinematics.
 
-All give q_segment_from_sensor with the covariance of a small rotation about the axes of the segment.
+All give q_segment_from_sensor with the covariance of a small rotation about the axes of the
+segment.
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ from testbench.model import rotation
 from testbench.records.fit import Fit
 
 VAGUE = np.radians(10.0)
-"""A mounting that is known no better than this about some axis is refused [rad]; by eye it is known as well."""
+"""A mounting that is known no better than this about some axis is refused [rad]; by eye it is known
+as well.
+"""
 ADVICE = "directions or rotations about a second axis are needed"
 NAMES = tuple(f"rotation_{i}" for i in AXES)
 
@@ -27,8 +31,11 @@ class SegmentMounting:
     """How a sensor sits on its segment.
 
     Attributes:
-        q_segment_from_sensor: Shape (4,). fit: Its rotation vector [rad]; the covariance is that of a small rotation about the
-        axes of the segment. method: Which of the functions found it. remarks: What a user must know, as sentences.
+        q_segment_from_sensor: Shape (4,).
+        fit: Its rotation vector [rad]; the covariance is that of a small rotation about the axes of
+            the segment.
+        method: Which of the functions found it.
+        remarks: What a user must know, as sentences.
     """
 
     q_segment_from_sensor: np.ndarray
@@ -38,66 +45,107 @@ class SegmentMounting:
 
 
 def from_static_pose(
-    q_earth_from_sensor: np.ndarray, q_earth_from_segment: np.ndarray, independent: float = 1.0, pose_sd: float = 0.0
+    q_earth_from_sensor: np.ndarray,
+    q_earth_from_segment: np.ndarray,
+    independent: float = 1.0,
+    pose_sd: float = 0.0,
 ) -> SegmentMounting:
-    """From orientations while the segment holds a pose that is known (Castellanos Alonso 2023, eqs 2.2 and 2.4).
+    """From orientations while the segment holds a pose that is known (Castellanos Alonso 2023, eqs
+    2.2 and 2.4).
 
     Args:
-        q_earth_from_sensor: By the filter, shape (n, 4). q_earth_from_segment: The pose, shape (4,); its earth must have the
-        filter's heading. independent: How many of the samples count as independent: a filter's errors last for seconds.
+        q_earth_from_sensor: By the filter, shape (n, 4).
+        q_earth_from_segment: The pose, shape (4,); its earth must have the filter's heading.
+        independent: How many of the samples count as independent: a filter's errors last for
+            seconds.
         pose_sd: Standard deviation of the pose itself about each axis [rad].
     """
     q = rotation.mean(q_earth_from_sensor)
     mounting = rotation.multiply(rotation.conjugate(q_earth_from_segment), q)
     spread = rotation.to_rotation_vector(
         rotation.multiply(
-            rotation.multiply(rotation.conjugate(q_earth_from_segment), q_earth_from_sensor), rotation.conjugate(mounting)
+            rotation.multiply(rotation.conjugate(q_earth_from_segment), q_earth_from_sensor),
+            rotation.conjugate(mounting),
         )
     )
     n = len(spread)
     covariance = spread.T @ spread / max(n - 1, 1) / min(independent, n) + pose_sd**2 * np.eye(3)
     dof = float("inf") if pose_sd > 0 or independent <= 1 else min(independent, n) - 1
     return _mounting(
-        mounting, covariance, dof, 1.0, spread, "static_pose",
-        ("the filter's inclination error in this pose, and a difference of heading, are part of the mounting",),
-    )  # fmt: skip
+        mounting,
+        covariance,
+        dof,
+        1.0,
+        spread,
+        "static_pose",
+        (
+            (
+                "the filter's inclination error in this pose, and a difference of heading, are "
+                "part of "
+                "the mounting"
+            ),
+        ),
+    )
 
 
-def from_directions(in_sensor: np.ndarray, in_segment: np.ndarray, sd: np.ndarray) -> SegmentMounting:
-    """From two or more directions known in both, such as gravity in a pose and the axis of a hinge (Wahba's problem).
+def from_directions(
+    in_sensor: np.ndarray, in_segment: np.ndarray, sd: np.ndarray
+) -> SegmentMounting:
+    """From two or more directions known in both, such as gravity in a pose and the axis of a hinge
+    (Wahba's problem).
 
-    Shuster & Oh, Three-axis attitude determination from vector observations, J. Guidance and Control 4(1), 1981.
+    Shuster & Oh, Three-axis attitude determination from vector observations, J. Guidance and
+    Control 4(1), 1981.
 
     Args:
-        in_sensor, in_segment: Shape (k, 3), of any length. sd: Standard deviation of each direction [rad], shape (k,).
+        in_sensor: Shape (k, 3), of any length.
+        in_segment: Shape (k, 3), of any length.
+        sd: Standard deviation of each direction [rad], shape (k,).
 
     Raises:
         PoorExcitation: The directions lie along one line.
     """
-    sensor, segment = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (in_sensor, in_segment))
+    sensor, segment = (
+        v / np.linalg.norm(v, axis=1, keepdims=True) for v in (in_sensor, in_segment)
+    )
     return _wahba(sensor, segment, 1 / sd**2, "directions", known=True, independent=None)
 
 
-def from_rates(rate_in_sensor: np.ndarray, rate_in_segment: np.ndarray, independent: float | None = None) -> SegmentMounting:
+def from_rates(
+    rate_in_sensor: np.ndarray, rate_in_segment: np.ndarray, independent: float | None = None
+) -> SegmentMounting:
     """From angular rates: those of the gyroscope and those that the arm's kinematics give its link.
 
     Args:
-        rate_in_sensor, rate_in_segment: At the same instants, biases taken away, shape (n, 3) [rad/s].
+        rate_in_sensor: At the same instants, biases taken away, shape (n, 3) [rad/s].
+        rate_in_segment: At the same instants, biases taken away, shape (n, 3) [rad/s].
         independent: How many of the samples count as independent; all if None.
 
     Raises:
         PoorExcitation: The motion is about one axis.
     """
-    return _wahba(rate_in_sensor, rate_in_segment, np.ones(len(rate_in_sensor)), "rates", known=False, independent=independent)
+    return _wahba(
+        rate_in_sensor,
+        rate_in_segment,
+        np.ones(len(rate_in_sensor)),
+        "rates",
+        known=False,
+        independent=independent,
+    )
 
 
 def from_arm_kinematics(
-    q_world_from_segment: np.ndarray, q_earth_from_sensor: np.ndarray, independent: float | None = None
+    q_world_from_segment: np.ndarray,
+    q_earth_from_sensor: np.ndarray,
+    independent: float | None = None,
 ) -> SegmentMounting:
-    """From orientations along a motion: those of the link by the arm, and those of a filter whose earth is not known.
+    """From orientations along a motion: those of the link by the arm, and those of a filter whose
+    earth is not known.
 
     Args:
-        q_world_from_segment, q_earth_from_sensor: At the same instants, shape (n, 4). independent: As of `from_rates`.
+        q_world_from_segment: At the same instants, shape (n, 4).
+        q_earth_from_sensor: At the same instants, shape (n, 4).
+        independent: As of `from_rates`.
 
     Raises:
         PoorExcitation: The motion is about one axis.
@@ -109,13 +157,28 @@ def from_arm_kinematics(
     R = rotation.to_matrix(mounting)
     covariance = R @ found.mounting_covariance @ R.T
     dof = 3 * float(independent or len(q_world_from_segment)) - 6
-    return _mounting(mounting, covariance, dof, 1 / found.observability, np.array([found.residual]), "arm_kinematics")
+    return _mounting(
+        mounting,
+        covariance,
+        dof,
+        1 / found.observability,
+        np.array([found.residual]),
+        "arm_kinematics",
+    )
 
 
 def _wahba(
-    sensor: np.ndarray, segment: np.ndarray, weight: np.ndarray, method: str, *, known: bool, independent: float | None
+    sensor: np.ndarray,
+    segment: np.ndarray,
+    weight: np.ndarray,
+    method: str,
+    *,
+    known: bool,
+    independent: float | None,
 ) -> SegmentMounting:
-    """Weighted least squares on segment = R sensor; information of a small rotation is the sum of w (v'v 1 - v v')."""
+    """Weighted least squares on segment = R sensor; information of a small rotation is the sum of w
+    (v'v 1 - v v').
+    """
     profile = (segment * weight[:, None]).T @ sensor
     strength = np.linalg.svd(profile, compute_uv=False)
     if strength[1] <= REFUSED**2 * strength[0]:
@@ -136,8 +199,15 @@ def _wahba(
 
 
 def _mounting(
-    q: np.ndarray, covariance: np.ndarray, dof: float, condition: float, residuals: np.ndarray, method: str,
+    q: np.ndarray,
+    covariance: np.ndarray,
+    dof: float,
+    condition: float,
+    residuals: np.ndarray,
+    method: str,
     remarks: tuple[str, ...] = (),
-) -> SegmentMounting:  # fmt: skip
-    fit = Fit(NAMES, ("rad",) * 3, rotation.to_rotation_vector(q), covariance, dof, condition, residuals)
+) -> SegmentMounting:
+    fit = Fit(
+        NAMES, ("rad",) * 3, rotation.to_rotation_vector(q), covariance, dof, condition, residuals
+    )
     return SegmentMounting(q, fit, method, remarks)

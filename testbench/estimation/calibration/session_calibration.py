@@ -1,4 +1,6 @@
-"""Calibration of one sensor from a session: its rests and turns, the methods asked for, and figures on poses held out."""
+"""Calibration of one sensor from a session: its rests and turns, the methods asked for, and figures
+on poses held out.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,9 @@ from testbench.records.calibration_result import CalibrationResult
 from testbench.records.session import Session
 
 SCALE_WITHIN = 1.5
-"""Largest factor that a calibration may find between a gyroscope and the rate: data sheets of consumer parts state 3 %, and a
-wrong range setting is a factor of 2."""
+"""Largest factor that a calibration may find between a gyroscope and the rate: data sheets of
+consumer parts state 3 %, and a wrong range setting is a factor of 2.
+"""
 METHODS: dict[str, str] = (
     dict.fromkeys(ACCELEROMETER_METHODS, "accelerometer")
     | dict.fromkeys(GYROSCOPE_METHODS, "gyroscope")
@@ -41,63 +44,107 @@ METHODS: dict[str, str] = (
 
 
 def calibrate(
-    session: Session, sensor: str, methods: Sequence[str] = (), segmentation: Segmentation | None = None,
-    held_out: Sequence[Session] = (), software: str = "", field: np.ndarray | None = None, turn_angle: float | None = None,
-) -> CalibrationResult:  # fmt: skip
+    session: Session,
+    sensor: str,
+    methods: Sequence[str] = (),
+    segmentation: Segmentation | None = None,
+    held_out: Sequence[Session] = (),
+    software: str = "",
+    field: np.ndarray | None = None,
+    turn_angle: float | None = None,
+) -> CalibrationResult:
     """Calibrate a sensor.
 
     Args:
-        session: The recording. sensor: Its name. methods: At most one for each triad; the best that the recording allows if
-        none is named. segmentation: Which witness says where the rests are; the arm if it was there. held_out: Sessions of the
-        same sensor, in the same mounting, whose poses validate; cross-validation without any. software: For the record.
+        session: The recording.
+        sensor: Its name.
+        methods: At most one for each triad; the best that the recording allows if none is named.
+        segmentation: Which witness says where the rests are; the arm if it was there.
+        held_out: Sessions of the same sensor, in the same mounting, whose poses validate;
+            cross-validation without any.
+        software: For the record.
         field: Of the earth in the world, shape (3,) [uT]; None where nobody states it.
         turn_angle: Of the known turns of `ferraris_gyroscope` [rad]; None where nobody states it.
 
     Raises:
-        NotFoundError: No such sensor or method. InputError: Two methods for one triad, or nothing to calibrate from.
+        NotFoundError: No such sensor or method.
+        InputError: Two methods for one triad, or nothing to calibrate from.
         PoorExcitation: The recording does not determine a parameter of a method that was asked for.
     """
     chosen = _by_triad(methods, field)
     if turn_angle is not None and chosen.get("gyroscope") != "ferraris_gyroscope":
-        raise InputError("--turn-deg is for the method ferraris_gyroscope; name it with --method, or leave the angle out")
+        raise InputError(
+            "--turn-deg is for the method ferraris_gyroscope; name it with --method, or leave the "
+            "angle out"
+        )
     prepared = prepare(session, sensor, segmentation)
     others = [prepare(other, sensor, None) for other in held_out]
     remarks = list(prepared.remarks)
     triads: dict[str, TriadCalibration] = {}
-    accelerometer = _accelerometer(prepared, others, chosen.get("accelerometer"), not methods, remarks)
+    accelerometer = _accelerometer(
+        prepared, others, chosen.get("accelerometer"), not methods, remarks
+    )
     if accelerometer is not None:
         triads["accelerometer"] = accelerometer
     remarks += _orthogonality(prepared.poses)
-    gyroscope = _gyroscope(prepared, others, accelerometer, chosen.get("gyroscope"), not methods, remarks, turn_angle)
+    gyroscope = _gyroscope(
+        prepared, others, accelerometer, chosen.get("gyroscope"), not methods, remarks, turn_angle
+    )
     if gyroscope is not None:
         triads["gyroscope"] = gyroscope
-    magnetometer = _magnetometer(prepared, others, accelerometer, chosen.get("magnetometer"), not methods, remarks, field)
+    magnetometer = _magnetometer(
+        prepared, others, accelerometer, chosen.get("magnetometer"), not methods, remarks, field
+    )
     if magnetometer is not None:
         triads["magnetometer"] = magnetometer
     if not triads and "mounting" not in chosen:
-        raise InputError(f"{session.path}: nothing could be calibrated: {'; '.join(remarks) or 'no method fits the recording'}")
+        raise InputError(
+            f"{session.path}: nothing could be calibrated: "
+            f"{'; '.join(remarks) or 'no method fits the recording'}"
+        )
     triads = {name: _with_in_run(name, found) for name, found in triads.items()}
     if prepared.truth is not None:
-        triads, added = with_arm_uncertainty(prepared, shifted_truths(session, sensor, prepared.truth), triads, field)
+        triads, added = with_arm_uncertainty(
+            prepared, shifted_truths(session, sensor, prepared.truth), triads, field
+        )
         remarks += added
     triads, mounting, odd = take_mounting_out(triads, keep_small="mounting" not in chosen)
     remarks += odd
     if "mounting" in chosen and mounting is not None:
-        remarks.append(f"the mounting by {chosen['mounting']} takes the place of the one {mounting.method}")
+        remarks.append(
+            f"the mounting by {chosen['mounting']} takes the place of the one {mounting.method}"
+        )
         mounting = None
     if session.recorded_at is None:
-        remarks.append("the date of the recording is unknown: the calibration bears the date of its import")
+        remarks.append(
+            "the date of the recording is unknown: the calibration bears the date of its import"
+        )
     device = session.manifest["sensors"][sensor].get("device_tag")
     calibration = SensorCalibration(
-        sensor, str(device) if device else None, session.recorded_at or session.started, session.name,
-        session.fingerprint, software, prepared.temperature, triads, mounting=mounting,
-    )  # fmt: skip
+        sensor,
+        str(device) if device else None,
+        session.recorded_at or session.started,
+        session.name,
+        session.fingerprint,
+        software,
+        prepared.temperature,
+        triads,
+        mounting=mounting,
+    )
     if "mounting" in chosen:  # of the sensor's own axes, whole, whatever the triads contained of it
         sweeps = [step for step in session.steps if step.kind == "sweep"]
-        calibration = replace(calibration, mounting=find_mounting(chosen["mounting"], prepared, calibration, sweeps))
-    where = "cross-validation" if not others else "poses and turns of " + ", ".join(other.name for other in held_out)
+        calibration = replace(
+            calibration, mounting=find_mounting(chosen["mounting"], prepared, calibration, sweeps)
+        )
+    where = (
+        "cross-validation"
+        if not others
+        else "poses and turns of " + ", ".join(other.name for other in held_out)
+    )
     poses = prepared.calibration_poses(accelerometer)
-    return CalibrationResult(calibration, poses, prepared.segmentation, prepared.agreements, where, remarks)
+    return CalibrationResult(
+        calibration, poses, prepared.segmentation, prepared.agreements, where, remarks
+    )
 
 
 def _by_triad(methods: Sequence[str], field: np.ndarray | None) -> dict[str, str]:
@@ -106,7 +153,10 @@ def _by_triad(methods: Sequence[str], field: np.ndarray | None) -> dict[str, str
         if name not in METHODS:
             raise NotFoundError("calibration method", name, list(METHODS))
         if name == "known_field" and field is None:
-            raise InputError("the method known_field needs the earth's field in the world; state it with --field-ut X Y Z")
+            raise InputError(
+                "the method known_field needs the earth's field in the world; state it with "
+                "--field-ut X Y Z"
+            )
         triad = METHODS[name]
         if triad in chosen:
             raise InputError(f"{chosen[triad]} and {name} both calibrate the {triad}; name one")
@@ -138,24 +188,30 @@ def _accelerometer(
 def _with_in_run(triad: str, found: TriadCalibration) -> TriadCalibration:
     """The triad with the in-run bias that its rests share in the covariance of its bias.
 
-    The methods take it to be drawn anew for each rest; it wanders slowly, and a whole session may lie to one side of the
-    turn-on bias. `static_bias` and `gravity_turns` count it already.
+    The methods take it to be drawn anew for each rest; it wanders slowly, and a whole session may
+    lie to one side of the turn-on bias. `static_bias` and `gravity_turns` count it already.
     """
     sd = {
         "accelerometer": SETTLING_M_S2,
-        "gyroscope": IN_RUN if found.method in {"attitude", "rate_table", "ferraris_gyroscope"} else 0.0,
+        "gyroscope": IN_RUN
+        if found.method in {"attitude", "rate_table", "ferraris_gyroscope"}
+        else 0.0,
     }.get(triad)
     if not sd:
         return found
     fits = []
     for fit in found.fits:
         bias = [name.removeprefix("gyr_").startswith(("bias_", "offset_")) for name in fit.names]
-        fits.append(replace(fit, covariance=fit.covariance + sd**2 * np.diag(np.array(bias, float))))
+        fits.append(
+            replace(fit, covariance=fit.covariance + sd**2 * np.diag(np.array(bias, float)))
+        )
     return replace(found, fits=tuple(fits))
 
 
 def _orthogonality(poses: StaticPoses) -> list[str]:
-    """What poses that turn two axes through the vertical say of the angle between these; nothing of other poses."""
+    """What poses that turn two axes through the vertical say of the angle between these; nothing of
+    other poses.
+    """
     try:
         found = orthogonality(poses)
     except InputError:
@@ -164,7 +220,13 @@ def _orthogonality(poses: StaticPoses) -> list[str]:
     theta = ", ".join(f"{value:.5f}" for value in found.theta)
     angle = f"{np.degrees(found.angle):.3f} ± {np.degrees(found.angle_sd):.3f} deg"
     scales = f"{found.scale[0]:.5f} and {found.scale[1]:.5f}"
-    return [f"the accelerometer's axes {first} and {second} are {angle} apart, their scales {scales}; theta = [{theta}]"]
+    return [
+        (
+            f"the accelerometer's axes {first} and {second} are {angle} apart, their scales "
+            f"{scales}; "
+            f"theta = [{theta}]"
+        )
+    ]
 
 
 def _held_out_poses(found: TriadCalibration, others: list[Prepared]) -> dict[str, float]:
@@ -174,29 +236,50 @@ def _held_out_poses(found: TriadCalibration, others: list[Prepared]) -> dict[str
 
 
 def joined(several: list[StaticPoses]) -> StaticPoses:
-    """Poses of several recordings of one sensor, together; what not all of them know is left out."""
+    """Poses of several recordings of one sensor, together; what not all of them know is left
+    out.
+    """
 
     def all_of(name: str) -> np.ndarray | None:
         arrays = [getattr(poses, name) for poses in several]
         return None if any(array is None for array in arrays) else np.concatenate(arrays)
 
     first = several[0]
-    together = {name: all_of(name) for name in ("expected", "vertical", "temperature", "start", "end", "count")}
-    mean, variance = (np.concatenate([getattr(poses, name) for poses in several]) for name in ("mean", "variance"))
+    together = {
+        name: all_of(name)
+        for name in ("expected", "vertical", "temperature", "start", "end", "count")
+    }
+    mean, variance = (
+        np.concatenate([getattr(poses, name) for poses in several]) for name in ("mean", "variance")
+    )
     return StaticPoses(
-        mean, variance, first.magnitude, direction_sd=first.direction_sd, vertical_sd=first.vertical_sd, **together
+        mean,
+        variance,
+        first.magnitude,
+        direction_sd=first.direction_sd,
+        vertical_sd=first.vertical_sd,
+        **together,
     )
 
 
 def _gyroscope(
-    prepared: Prepared, others: list[Prepared], accelerometer: TriadCalibration | None, name: str | None, free: bool,
-    remarks: list[str], turn_angle: float | None,
-) -> TriadCalibration | None:  # fmt: skip
+    prepared: Prepared,
+    others: list[Prepared],
+    accelerometer: TriadCalibration | None,
+    name: str | None,
+    free: bool,
+    remarks: list[str],
+    turn_angle: float | None,
+) -> TriadCalibration | None:
     if (name is None and not free) or not prepared.has_gyroscope:
         return None
     recording = prepared.gyroscope_recording(accelerometer)
     held_out = [other.gyroscope_recording(accelerometer) for other in others if other.has_gyroscope]
-    aided = [key for key, method in GYROSCOPE_METHODS.items() if "attitude" in method.needs] if prepared.has_truth else []
+    aided = (
+        [key for key, method in GYROSCOPE_METHODS.items() if "attitude" in method.needs]
+        if prepared.has_truth
+        else []
+    )
     wanted = [name] if name else [*aided, "gravity_turns", "static_bias"]
     for candidate in wanted:
         function = GYROSCOPE_METHODS[candidate].function
@@ -218,7 +301,9 @@ def _gyroscope(
 
 
 def _unused_turns(recording: GyroscopeRecording, others: list[GyroscopeRecording]) -> list[Turn]:
-    """Turns that Ferraris did not calibrate from: of other recordings, or all but the largest about each axis."""
+    """Turns that Ferraris did not calibrate from: of other recordings, or all but the largest about
+    each axis.
+    """
     if others:
         return [turn for other in others for turn in other.turns]
     used = largest_turns(recording)
@@ -226,7 +311,8 @@ def _unused_turns(recording: GyroscopeRecording, others: list[GyroscopeRecording
 
 
 def refuse_implausible_scale(found: TriadCalibration) -> None:
-    """Refuse a gyroscope whose scale no part has: the range setting, the unit or a stated angle is wrong.
+    """Refuse a gyroscope whose scale no part has: the range setting, the unit or a stated angle is
+    wrong.
 
     Raises:
         InputError: Says by how much.
@@ -235,31 +321,47 @@ def refuse_implausible_scale(found: TriadCalibration) -> None:
     if np.all((scale > 1 / SCALE_WITHIN) & (scale < SCALE_WITHIN)):
         return
     told = ", ".join(f"{axis} {value:.4g}" for axis, value in zip("xyz", scale, strict=True))
-    turns = "; or the turns were not of the angle that --turn-deg states" if found.method == "ferraris_gyroscope" else ""
+    turns = (
+        "; or the turns were not of the angle that --turn-deg states"
+        if found.method == "ferraris_gyroscope"
+        else ""
+    )
     raise InputError(
-        f"the gyroscope reads so many times the rate of its turns, by {found.method}: {told}. Parts are within a few percent "
-        f"of 1: it was read at the wrong range setting or in the wrong unit, and a calibration would hide it{turns}. Correct "
-        "the scale where the file is read (testbench import --unit, or scale in a mapping) and calibrate again"
+        f"the gyroscope reads so many times the rate of its turns, by {found.method}: {told}. "
+        "Parts are within a few percent "
+        "of 1: it was read at the wrong range setting or in the wrong unit, and a calibration "
+        f"would hide it{turns}. Correct "
+        "the scale where the file is read (testbench import --unit, or scale in a mapping) and "
+        "calibrate again"
     )
 
 
 def _magnetometer(
-    prepared: Prepared, others: list[Prepared], accelerometer: TriadCalibration | None, name: str | None, free: bool,
-    remarks: list[str], field: np.ndarray | None,
-) -> TriadCalibration | None:  # fmt: skip
+    prepared: Prepared,
+    others: list[Prepared],
+    accelerometer: TriadCalibration | None,
+    name: str | None,
+    free: bool,
+    remarks: list[str],
+    field: np.ndarray | None,
+) -> TriadCalibration | None:
     if (name is None and not free) or not prepared.has_magnetometer:
         if name is not None:
             raise InputError(f"the method {name} needs a magnetometer; this sensor has none")
         return None
     poses = prepared.magnetometer_poses(accelerometer, field)
-    for candidate in [name] if name else (["ellipsoid_dip"] if accelerometer else []) + ["ellipsoid"]:
+    for candidate in (
+        [name] if name else (["ellipsoid_dip"] if accelerometer else []) + ["ellipsoid"]
+    ):
         method = MAGNETOMETER_METHODS[candidate]
         try:
             found = method.function(poses)
             figures = cross_validate(method.function, poses, magnetometer=True)
             if others:
                 figures = validate(
-                    found, joined([other.magnetometer_poses(accelerometer, field) for other in others]), magnetometer=True
+                    found,
+                    joined([other.magnetometer_poses(accelerometer, field) for other in others]),
+                    magnetometer=True,
                 )
         except (PoorExcitation, InputError) as error:
             if name:

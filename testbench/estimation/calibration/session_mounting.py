@@ -1,4 +1,6 @@
-"""How a sensor really sits against its mounting as believed, from a session: by rates, by orientations, or by a hinge."""
+"""How a sensor really sits against its mounting as believed, from a session: by rates, by
+orientations, or by a hinge.
+"""
 
 from __future__ import annotations
 
@@ -37,13 +39,19 @@ def find_mounting(
     """The mounting that is left once the triads are corrected.
 
     Args:
-        name: Of `MOUNTING_METHODS`. prepared: The recording. calibration: Of the triads. sweeps: Of the session, for a hinge.
+        name: Of `MOUNTING_METHODS`.
+        prepared: The recording.
+        calibration: Of the triads.
+        sweeps: Of the session, for a hinge.
 
     Raises:
-        InputError: Nobody knows how the sensor moved. PoorExcitation: The motion does not determine the mounting.
+        InputError: Nobody knows how the sensor moved.
+        PoorExcitation: The motion does not determine the mounting.
     """
     if prepared.truth is None:
-        raise InputError(f"the method {name} compares the sensor with the arm; this recording has no truth")
+        raise InputError(
+            f"the method {name} compares the sensor with the arm; this recording has no truth"
+        )
     samples = prepared.samples
     gyr, acc, mag = calibration.apply(samples.gyr, samples.acc, samples.mag, prepared.warmth)
     rest = np.zeros(len(gyr), bool)
@@ -53,7 +61,11 @@ def find_mounting(
         gyr = gyr - gyr[rest].mean(axis=0)
     corrected = replace(prepared, samples=replace(samples, gyr=gyr, acc=acc, mag=mag))
     found = MOUNTING_METHODS[name](corrected, rest, sweeps)
-    sd = [axes_sd(calibration.triads[triad]) for triad in ("accelerometer", "gyroscope") if triad in calibration.triads]
+    sd = [
+        axes_sd(calibration.triads[triad])
+        for triad in ("accelerometer", "gyroscope")
+        if triad in calibration.triads
+    ]
     if not sd:
         return found
     covariance = found.fit.covariance + np.eye(3) * float(np.sum(np.square(sd)))
@@ -63,8 +75,9 @@ def find_mounting(
 def axes_sd(triad: TriadCalibration) -> float:
     """How far the corrected axes of a triad may be turned as a whole, by its fit [rad].
 
-    Two entries across the diagonal, m_ij and m_ji, turn the axes by half their difference; the RMS of what such entries are
-    known to is taken for either, and roughly for the turn about each axis, as they need not be independent.
+    Two entries across the diagonal, m_ij and m_ji, turn the axes by half their difference; the RMS
+    of what such entries are known to is taken for either, and roughly for the turn about each axis,
+    as they need not be independent.
     """
     across = [
         variance
@@ -80,10 +93,14 @@ def _across(name: str) -> bool:
     return kind == "misalignment" or (kind in {"response", "map"} and entry[0] != entry[1])
 
 
-def _by_rates(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]) -> MountingCalibration:
+def _by_rates(
+    prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
+) -> MountingCalibration:
     assert prepared.truth is not None
     samples, seconds = prepared.samples, prepared.samples.interval
-    rate, sound = true_rates(prepared.truth, prepared.time_ns - round(prepared.rate_delay * NANOSECONDS))
+    rate, sound = true_rates(
+        prepared.truth, prepared.time_ns - round(prepared.rate_delay * NANOSECONDS)
+    )
     moving = sound & ~rest
     q = truth_at(prepared.truth, prepared.time_ns)
     still = rest & np.isfinite(q[:, 0])
@@ -100,11 +117,16 @@ def _by_rates(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]) -
     vector = rotation.to_rotation_vector(found.q_body_from_sensor)
     fit = Fit(NAMES, ("rad",) * 3, vector, np.diag(found.sd**2), condition=1 / found.observability)
     return MountingCalibration(
-        "mounting_rates", rotation.to_matrix(found.q_body_from_sensor), fit, (warning,) if warning else ()
+        "mounting_rates",
+        rotation.to_matrix(found.q_body_from_sensor),
+        fit,
+        (warning,) if warning else (),
     )
 
 
-def _by_orientations(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]) -> MountingCalibration:
+def _by_orientations(
+    prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
+) -> MountingCalibration:
     assert prepared.truth is not None
     q_true = truth_at(prepared.truth, prepared.time_ns)
     q = get_filter("vqf_6d").run(prepared.samples)
@@ -114,7 +136,9 @@ def _by_orientations(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedS
     return _calibration("mounting_orientations", found)
 
 
-def _by_hinge(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]) -> MountingCalibration:
+def _by_hinge(
+    prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
+) -> MountingCalibration:
     """Gravity at rest, and the axis of the sweep that turned most."""
     assert prepared.truth is not None
     time = prepared.time_ns
@@ -129,13 +153,18 @@ def _by_hinge(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]) -
         raise InputError("mounting_hinge needs a sweep of one joint; the session has none")
     turning = best[1]
     seconds = max(float(turning.sum()) * prepared.samples.interval, 2.0)
-    own, arms = axis_of_turn(prepared.samples.gyr[turning], seconds), axis_of_turn(rate[turning], seconds)
+    own, arms = (
+        axis_of_turn(prepared.samples.gyr[turning], seconds),
+        axis_of_turn(rate[turning], seconds),
+    )
     same = float(np.sum(prepared.samples.gyr[turning] @ own.values * (rate[turning] @ arms.values)))
     axis = own.values * np.sign(same)
     q = truth_at(prepared.truth, time[prepared.rests.mean(axis=1).astype(int)])
     known = np.isfinite(q[:, 0])
     up = rotation.rotate(rotation.conjugate(q[known]), -prepared.gravity)
-    felt = np.array([prepared.samples.acc[begin:end].mean(axis=0) for begin, end in prepared.rests[known]])
+    felt = np.array(
+        [prepared.samples.acc[begin:end].mean(axis=0) for begin, end in prepared.rests[known]]
+    )
     axis_sd = float(np.sqrt(np.trace(own.covariance + arms.covariance) / 2))
     sd = np.append(np.full(len(up), GRAVITY_SD), axis_sd)
     found = from_directions(np.vstack([felt, axis]), np.vstack([up, arms.values]), sd)
@@ -143,7 +172,9 @@ def _by_hinge(prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]) -
 
 
 def _calibration(name: str, found: SegmentMounting) -> MountingCalibration:
-    return MountingCalibration(name, rotation.to_matrix(found.q_segment_from_sensor), found.fit, found.remarks)
+    return MountingCalibration(
+        name, rotation.to_matrix(found.q_segment_from_sensor), found.fit, found.remarks
+    )
 
 
 Method = Callable[[Prepared, np.ndarray, list[PlannedStep]], MountingCalibration]
@@ -154,8 +185,14 @@ MOUNTING_METHODS: dict[str, Method] = {
 }
 """By name, as `testbench calibrate` spells them."""
 MOUNTING_NEEDS = {
-    "mounting_rates": ("turns about two axes, or one and rests", "Wahba's problem by SVD, Markley 1988"),
+    "mounting_rates": (
+        "turns about two axes, or one and rests",
+        "Wahba's problem by SVD, Markley 1988",
+    ),
     "mounting_orientations": ("turns about two axes", "AX = ZB on orientations of vqf_6d"),
-    "mounting_hinge": ("a sweep of one joint, and a rest", "hinge axis and gravity, Shuster & Oh 1981"),
+    "mounting_hinge": (
+        "a sweep of one joint, and a rest",
+        "hinge axis and gravity, Shuster & Oh 1981",
+    ),
 }
 """What each needs, and its source."""

@@ -1,9 +1,11 @@
-"""One frame for all triads: the mounting that some methods leave in a triad's matrix is taken out and stored once, for all.
+"""One frame for all triads: the mounting that some methods leave in a triad's matrix is taken out
+and stored once, for all.
 
-Methods that know the arm's orientation correct a triad into the axes as believed; others (`norm_only`, `ellipsoid`,
-`static_bias`, the device's own quaternion) keep the sensor's. Every matrix is split as M = R P into the nearest rotation R and
-the rest (polar decomposition; Higham, SIAM J. Sci. Stat. Comput. 7(4), 1986). Of one triad R is taken for all: the
-accelerometer's, or the gyroscope's where only that one knew the arm. It is stored as the mounting, and R' M in its place.
+Methods that know the arm's orientation correct a triad into the axes as believed; others
+(`norm_only`, `ellipsoid`, `static_bias`, the device's own quaternion) keep the sensor's. Every
+matrix is split as M = R P into the nearest rotation R and the rest (polar decomposition; Higham,
+SIAM J. Sci. Stat. Comput. 7(4), 1986). Of one triad R is taken for all: the accelerometer's, or the
+gyroscope's where only that one knew the arm. It is stored as the mounting, and R' M in its place.
 """
 
 from __future__ import annotations
@@ -21,7 +23,11 @@ from testbench.records.calibration import MountingCalibration, TriadCalibration
 from testbench.records.fit import Fit
 
 ARM_AIDED = (
-    *(method.name for method in (*ACCELEROMETER_METHODS.values(), *MAGNETOMETER_METHODS.values()) if method.needs_expected),
+    *(
+        method.name
+        for method in (*ACCELEROMETER_METHODS.values(), *MAGNETOMETER_METHODS.values())
+        if method.needs_expected
+    ),
     "ferraris",  # by the faces, which the poses put level
     "ferraris_gyroscope",
     "attitude",
@@ -29,11 +35,18 @@ ARM_AIDED = (
 )
 """Methods that correct a triad into axes outside of the sensor."""
 BY_THE_ACCELEROMETER = ("gravity_turns", "ellipsoid_dip")
-"""Methods that correct a triad into the axes of the calibrated accelerometer, whichever these are."""
+"""Methods that correct a triad into the axes of the calibrated accelerometer, whichever these
+are.
+"""
 STEP = 1e-6
-"""Of a parameter in a numeric derivative, in its own unit [1, rad]: its square is lost beside a matrix of 1."""
+"""Of a parameter in a numeric derivative, in its own unit [1, rad]: its square is lost beside a
+matrix of 1.
+"""
 NAMES = ("rotation_x", "rotation_y", "rotation_z")
-APART = "its parameters are stated in the axes as believed; the matrix is without the mounting, which is applied after it"
+APART = (
+    "its parameters are stated in the axes as believed; the matrix is without the mounting, "
+    "which is applied after it"
+)
 
 
 def take_mounting_out(
@@ -41,21 +54,28 @@ def take_mounting_out(
 ) -> tuple[dict[str, TriadCalibration], MountingCalibration | None, list[str]]:
     """Split the rotation that is common to the arm-aided triads from their matrices.
 
-    A rotation below `LEAST_TURN` may as well be cross-axis error of the triad itself. It turns no other triad and stays.
+    A rotation below `LEAST_TURN` may as well be cross-axis error of the triad itself. It turns no
+    other triad and stays.
 
     Args:
-        triads: As the methods gave them. keep_small: Whether a small rotation stays; where a mounting is found by itself,
-        none must.
+        triads: As the methods gave them.
+        keep_small: Whether a small rotation stays; where a mounting is found by itself, none must.
 
     Returns:
-        The triads in one frame; the mounting, or None where no method contains it or it is small; and remarks.
+        The triads in one frame; the mounting, or None where no method contains it or it is small;
+        and remarks.
     """
-    aided = [name for name in ("accelerometer", "gyroscope") if name in triads and triads[name].method in ARM_AIDED]
+    aided = [
+        name
+        for name in ("accelerometer", "gyroscope")
+        if name in triads and triads[name].method in ARM_AIDED
+    ]
     if not aided:
         found = triads.get("magnetometer")
         alone = found is not None and found.method in ARM_AIDED
         remark = (
-            "the magnetometer is in the axes as believed and the other triads are in the sensor's own; where the mounting is "
+            "the magnetometer is in the axes as believed and the other triads are in the sensor's "
+            "own; where the mounting is "
             "crooked, calibrate the accelerometer by the arm too"
         )
         return triads, None, [remark] if alone else []
@@ -66,23 +86,34 @@ def take_mounting_out(
     with_accelerometer = aided[0] == "accelerometer"
     turned = {}
     for name, found in triads.items():
-        inside = found.method in ARM_AIDED or (with_accelerometer and found.method in BY_THE_ACCELEROMETER)
+        inside = found.method in ARM_AIDED or (
+            with_accelerometer and found.method in BY_THE_ACCELEROMETER
+        )
         matrix = R.T @ found.matrix if inside else found.matrix
-        # The response to force is that to the corrected one, which is turned too where the accelerometer's matrix is.
+        # The response to force is that to the corrected one, which is turned too where the
+        # accelerometer's matrix is.
         g_matrix = found.g_matrix @ R if with_accelerometer else found.g_matrix
         remarks = (*found.remarks, APART) if inside else found.remarks
         turned[name] = replace(found, matrix=matrix, g_matrix=g_matrix, remarks=remarks)
     fit = Fit(
-        NAMES, ("rad",) * 3, rotation.to_rotation_vector(rotation.from_matrix(R)), _covariance(source.fits, R),
+        NAMES,
+        ("rad",) * 3,
+        rotation.to_rotation_vector(rotation.from_matrix(R)),
+        _covariance(source.fits, R),
         min((part.dof for part in source.fits), default=float("inf")),
         max((part.condition for part in source.fits), default=float("nan")),
-    )  # fmt: skip
-    remark = f"the rotation nearest to the {aided[0]}'s matrix: its axes as a whole, with half of what cross-axis error it has"
+    )
+    remark = (
+        f"the rotation nearest to the {aided[0]}'s matrix: its axes as a whole, with half of "
+        "what cross-axis error it has"
+    )
     return turned, MountingCalibration(f"from {source.method}", R, fit, (remark,)), []
 
 
 def _covariance(fits: Sequence[Fit], R: np.ndarray) -> np.ndarray:
-    """Of the small rotation of the nearest rotation about the axes as believed, shape (3, 3) [rad^2]."""
+    """Of the small rotation of the nearest rotation about the axes as believed, shape (3, 3)
+    [rad^2].
+    """
     names = [name for fit in fits for name in fit.names]
     values = np.concatenate([fit.values for fit in fits])
     covariance, first = np.zeros((len(values), len(values))), 0

@@ -1,7 +1,9 @@
-"""Bias and scale of each axis from the six faces up: half the sum and half the difference of opposite readings.
+"""Bias and scale of each axis from the six faces up: half the sum and half the difference of
+opposite readings.
 
-Titterton & Weston, Strapdown Inertial Navigation Technology, 2004, chapter 8. A tilt of a face by t changes a reading by
-the factor cos t only, so hand-held poses do; cross-axis errors are not seen at all.
+Titterton & Weston, Strapdown Inertial Navigation Technology, 2004, chapter 8. A tilt of a face by t
+changes a reading by the factor cos t only, so hand-held poses do; cross-axis errors are not seen at
+all.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ def six_position(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> Tr
     """Bias and scale of each axis.
 
     Args:
-        poses: With each face up once at least. tolerance: For the unit.
+        poses: With each face up once at least.
+        tolerance: For the unit.
 
     Raises:
         PoorExcitation: A face is never up.
@@ -36,6 +39,9 @@ def six_position(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> Tr
         names += [f"bias_{AXES[axis]}", f"response_{AXES[axis]}{AXES[axis]}"]
     fit = Fit(tuple(names), (tolerance.unit, "1") * 3, values, sums, condition=1.0)
     return TriadCalibration(
-        "six_position", np.diag(1 / values[1::2]), values[::2], fits=(fit,),
+        "six_position",
+        np.diag(1 / values[1::2]),
+        values[::2],
+        fits=(fit,),
         remarks=("cross-axis errors are not seen by this method and stay in the readings",),
-    )  # fmt: skip
+    )

@@ -1,4 +1,6 @@
-"""The linear measurement model of a triad, reading = response x true + bias + drift (T - reference), and what bounds it."""
+"""The linear measurement model of a triad, reading = response x true + bias + drift (T -
+reference), and what bounds it.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ class Tolerance:
     """What is known of a triad before it is calibrated; a fit that says less is refused.
 
     Attributes:
-        unit: Of the readings. response: Standard deviation of scale, cross-axis error and mounting [1]. bias: [unit].
+        unit: Of the readings.
+        response: Standard deviation of scale, cross-axis error and mounting [1].
+        bias: [unit].
         drift: [unit/K].
     """
 
@@ -31,20 +35,31 @@ class Tolerance:
 
 
 ACCELEROMETER = Tolerance("m/s^2", 0.1, PRIOR_BIAS, 0.02)
-"""Scale and cross-axis errors of 3 % and a mounting crooked by 5 deg, together; 40 mg; 2 mg/K (consumer MEMS data sheets)."""
+"""Scale and cross-axis errors of 3 % and a mounting crooked by 5 deg, together; 40 mg; 2 mg/K
+(consumer MEMS data sheets).
+"""
 MAGNETOMETER = Tolerance("uT", 0.3, 50.0, 1.0)
-"""Soft iron of 30 %, hard iron as large as the earth's field (Renaudin, Afzal & Lachapelle, J. Sensors 2010)."""
+"""Soft iron of 30 %, hard iron as large as the earth's field (Renaudin, Afzal & Lachapelle, J.
+Sensors 2010).
+"""
 
 
 def response_parameters(tolerance: Tolerance) -> list[Parameter]:
     """response_ij, how axis i reads component j, row by row."""
-    return [Parameter(f"response_{i}{j}", "1", float(i == j), tolerance.response) for i in AXES for j in AXES]
+    return [
+        Parameter(f"response_{i}{j}", "1", float(i == j), tolerance.response)
+        for i in AXES
+        for j in AXES
+    ]
 
 
 def bias_parameters(tolerance: Tolerance, start: np.ndarray | None = None) -> list[Parameter]:
     """bias_x, bias_y, bias_z."""
     at = np.zeros(3) if start is None else start
-    return [Parameter(f"bias_{i}", tolerance.unit, float(b), tolerance.bias) for i, b in zip(AXES, at, strict=True)]
+    return [
+        Parameter(f"bias_{i}", tolerance.unit, float(b), tolerance.bias)
+        for i, b in zip(AXES, at, strict=True)
+    ]
 
 
 def drift_parameters(tolerance: Tolerance) -> list[Parameter]:
@@ -53,7 +68,9 @@ def drift_parameters(tolerance: Tolerance) -> list[Parameter]:
 
 
 def warming(poses: StaticPoses) -> tuple[np.ndarray | None, float | None]:
-    """Temperature of each pose above the mean one, shape (m,) [K], and that mean [deg C]; None where it did not vary."""
+    """Temperature of each pose above the mean one, shape (m,) [K], and that mean [deg C]; None
+    where it did not vary.
+    """
     if poses.temperature is None or np.ptp(poses.temperature) < LEAST_WARMING_K:
         return None, None
     reference = float(poses.temperature.mean())

@@ -4,8 +4,8 @@ With corrected rates w = M (r - b - G f), a change of the parameters turns the e
 
     phi_end = sum over steps of  h R_end_from_middle (dM x - M db - M dG f),   x = r - b - G f
 
-to first order in the change and to second order in the step h. This serves as the Jacobian of a search whose
-residuals are those of the chosen integrator itself.
+to first order in the change and to second order in the step h. This serves as the Jacobian of a
+search whose residuals are those of the chosen integrator itself.
 """
 
 from __future__ import annotations
@@ -17,7 +17,16 @@ import numpy as np
 from numba import njit
 
 from testbench.estimation.calibration.turns import Turn
-from testbench.model.integrators import CG4_B, EULER, HEUN, RK4, Integrator, Stages, multiply_into, step_quaternion
+from testbench.model.integrators import (
+    CG4_B,
+    EULER,
+    HEUN,
+    RK4,
+    Integrator,
+    Stages,
+    multiply_into,
+    step_quaternion,
+)
 
 
 @dataclass(frozen=True)
@@ -25,8 +34,11 @@ class IntegratedTurns:
     """Ends of m turns, and how they move with the parameters.
 
     Attributes:
-        q_before_from_after: Unit quaternions, shape (m, 4). by_matrix: Rotation of the end, in its own axes, by each element of
-        M (row by row), shape (m, 3, 9). by_bias: By b, shape (m, 3, 3). by_g: By each element of G, shape (m, 3, 9).
+        q_before_from_after: Unit quaternions, shape (m, 4).
+        by_matrix: Rotation of the end, in its own axes, by each element of M (row by row), shape
+            (m, 3, 9).
+        by_bias: By b, shape (m, 3, 3).
+        by_g: By each element of G, shape (m, 3, 9).
     """
 
     q_before_from_after: np.ndarray
@@ -36,11 +48,15 @@ class IntegratedTurns:
 
 
 class TurnIntegration:
-    """Turns, made ready for an integrator: stage readings are computed once, since they are linear in the readings.
+    """Turns, made ready for an integrator: stage readings are computed once, since they are linear
+    in the readings.
 
     Args:
-        turns: At least one. integrator: How to integrate. stages: Where the rates inside a step come from; the integrator's
-        best if None. Steps of two intervals (`measured`) leave out the last interval of a turn with an even number of samples.
+        turns: At least one.
+        integrator: How to integrate.
+        stages: Where the rates inside a step come from; the integrator's best if None. Steps of two
+            intervals (`measured`) leave out the last interval of a turn with an even number of
+            samples.
     """
 
     def __init__(self, turns: Sequence[Turn], integrator: Integrator, stages: Stages | None = None):
@@ -59,15 +75,25 @@ class TurnIntegration:
         self._borders, self._steps = np.cumsum(counts), np.array(steps)
         self._weights = _weights(integrator)
 
-    def run(self, matrix: np.ndarray, bias: np.ndarray, g_matrix: np.ndarray | None = None) -> IntegratedTurns:
+    def run(
+        self, matrix: np.ndarray, bias: np.ndarray, g_matrix: np.ndarray | None = None
+    ) -> IntegratedTurns:
         """Integrate every turn with rates matrix (raw - bias - g_matrix force)."""
         G = np.zeros((3, 3)) if g_matrix is None else g_matrix
         return IntegratedTurns(
             *_run(
-                self.integrator.scheme, self._raw, self._force, self._borders, self._steps, self._weights,
-                np.ascontiguousarray(matrix), bias, np.ascontiguousarray(G), self.integrator.renormalised,
+                self.integrator.scheme,
+                self._raw,
+                self._force,
+                self._borders,
+                self._steps,
+                self._weights,
+                np.ascontiguousarray(matrix),
+                bias,
+                np.ascontiguousarray(G),
+                self.integrator.renormalised,
             )
-        )  # fmt: skip
+        )
 
 
 def _weights(integrator: Integrator) -> np.ndarray:
@@ -77,7 +103,14 @@ def _weights(integrator: Integrator) -> np.ndarray:
 
 
 @njit(cache=True)
-def _corrected(raw: np.ndarray, force: np.ndarray, matrix: np.ndarray, bias: np.ndarray, G: np.ndarray, x: np.ndarray) -> None:
+def _corrected(
+    raw: np.ndarray,
+    force: np.ndarray,
+    matrix: np.ndarray,
+    bias: np.ndarray,
+    G: np.ndarray,
+    x: np.ndarray,
+) -> None:
     """The reading without bias and response to force, shape (3,), into x."""
     for i in range(3):
         x[i] = raw[i] - bias[i] - G[i, 0] * force[0] - G[i, 1] * force[1] - G[i, 2] * force[2]
@@ -101,7 +134,12 @@ def _run(
     by_matrix, by_bias, by_g = np.zeros((m, 3, 9)), np.zeros((m, 3, 3)), np.zeros((m, 3, 9))
     w, x, mean_x, mean_f = np.empty((stages, 3)), np.empty(3), np.empty(3), np.empty(3)
     work, s, q, before = np.empty((5, 4)), np.empty(4), np.empty(4), np.empty(4)
-    R, a_matrix, a_bias, a_g = np.empty((3, 3)), np.empty((3, 9)), np.empty((3, 3)), np.empty((3, 9))
+    R, a_matrix, a_bias, a_g = (
+        np.empty((3, 3)),
+        np.empty((3, 9)),
+        np.empty((3, 3)),
+        np.empty((3, 9)),
+    )
     for turn in range(m):
         h = steps[turn]
         q[:] = 0.0

@@ -1,4 +1,6 @@
-"""What a gyroscope is calibrated from: rests, and turns between them whose ends or whose every sample are known."""
+"""What a gyroscope is calibrated from: rests, and turns between them whose ends or whose every
+sample are known.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ class Rest:
     """A time at rest.
 
     Attributes:
-        gyr: Raw readings, shape (n, 3) [rad/s]. force: Specific force felt, shape (3,) [m/s^2]; None where nobody knows.
+        gyr: Raw readings, shape (n, 3) [rad/s].
+        force: Specific force felt, shape (3,) [m/s^2]; None where nobody knows.
         temperature: Of the part, shape (n,) [deg C], or None.
     """
 
@@ -24,7 +27,9 @@ class Rest:
     temperature: np.ndarray | None = None
 
     def without_drift(self, drift: np.ndarray, reference: float) -> Rest:
-        """The readings as they would be at a temperature [deg C]; `drift` of shape (3,) [rad/s/K]."""
+        """The readings as they would be at a temperature [deg C]; `drift` of shape (3,)
+        [rad/s/K].
+        """
         return replace(self, gyr=_at_reference(self.gyr, self.temperature, drift, reference))
 
 
@@ -35,11 +40,19 @@ class Turn:
     What is known of it decides which methods can use it; each is None where nobody knows.
 
     Attributes:
-        gyr: Raw readings, shape (n, 3) [rad/s], n >= 2, the first and the last at rest. interval: Between them [s]. up_before,
-        up_after: Unit vector of the specific force at rest, in the axes that the calibration shall give, such as those of a
-        calibrated accelerometer, shape (3,). q_world_from_sensor: At every sample, shape (n, 4). rate: True rate in those axes,
-        shape (n, 3) [rad/s]. force: Specific force, shape (n, 3) [m/s^2]. up_sd, attitude_sd: Standard uncertainty of either
-        direction, and of an attitude, about each axis [rad]. temperature: Of the part, shape (n,) [deg C].
+        gyr: Raw readings, shape (n, 3) [rad/s], n >= 2, the first and the last at rest.
+        interval: Between them [s].
+        up_before: Unit vector of the specific force at rest, in the axes that the calibration shall
+            give, such as those of a calibrated accelerometer, shape (3,).
+        up_after: Unit vector of the specific force at rest, in the axes that the calibration shall
+            give, such as those of a calibrated accelerometer, shape (3,).
+        q_world_from_sensor: At every sample, shape (n, 4).
+        rate: True rate in those axes, shape (n, 3) [rad/s].
+        force: Specific force, shape (n, 3) [m/s^2].
+        up_sd: Standard uncertainty of either direction, and of an attitude, about each axis [rad].
+        attitude_sd: Standard uncertainty of either direction, and of an attitude, about each axis
+            [rad].
+        temperature: Of the part, shape (n,) [deg C].
     """
 
     gyr: np.ndarray
@@ -59,11 +72,17 @@ class Turn:
 
     def __post_init__(self) -> None:
         if self.gyr.ndim != 2 or self.gyr.shape[1] != 3 or len(self.gyr) < 2:
-            raise InputError(f"a turn needs two samples of three axes at least, not an array of shape {self.gyr.shape}")
+            raise InputError(
+                "a turn needs two samples of three axes at least, not an array of shape "
+                f"{self.gyr.shape}"
+            )
         for name, width in (("q_world_from_sensor", 4), ("rate", 3), ("force", 3)):
             array = getattr(self, name)
             if array is not None and array.shape != (len(self.gyr), width):
-                raise InputError(f"{name} of a turn of {len(self.gyr)} samples cannot have the shape {array.shape}")
+                raise InputError(
+                    f"{name} of a turn of {len(self.gyr)} samples cannot have the shape "
+                    f"{array.shape}"
+                )
 
     def part(self, begin: int, end: int) -> Turn:
         """The samples from `begin` up to `end`, without the directions at its ends."""
@@ -73,10 +92,20 @@ class Turn:
 
         known = (cut(self.q_world_from_sensor), cut(self.rate), cut(self.force))
         warmth = cut(self.temperature)
-        return Turn(self.gyr[begin:end], self.interval, None, None, *known, attitude_sd=self.attitude_sd, temperature=warmth)
+        return Turn(
+            self.gyr[begin:end],
+            self.interval,
+            None,
+            None,
+            *known,
+            attitude_sd=self.attitude_sd,
+            temperature=warmth,
+        )
 
 
-def _at_reference(gyr: np.ndarray, temperature: np.ndarray | None, drift: np.ndarray, reference: float) -> np.ndarray:
+def _at_reference(
+    gyr: np.ndarray, temperature: np.ndarray | None, drift: np.ndarray, reference: float
+) -> np.ndarray:
     if temperature is None:
         return gyr
     return np.asarray(gyr - np.nan_to_num(temperature - reference)[:, None] * drift)
@@ -108,24 +137,38 @@ def turns_between_rests(
     """Cut a recording at its rests, with the direction of gravity by the accelerometer in each.
 
     Args:
-        gyr: Raw, shape (n, 3) [rad/s], at a regular interval [s]. rests: Begin and end (exclusive) of each rest, as rows of
-        `gyr`. force: Mean calibrated specific force in each rest, shape (m, 3) [m/s^2]. up_sd: Standard uncertainty of its
-        direction about each axis [rad]. margin: Samples by which a turn reaches into the rests at its ends, at most half of
-        each.
+        gyr: Raw, shape (n, 3) [rad/s], at a regular interval [s].
+        rests: Begin and end (exclusive) of each rest, as rows of `gyr`. force: Mean calibrated
+            specific force in each rest, shape (m, 3) [m/s^2].
+        up_sd: Standard uncertainty of its direction about each axis [rad].
+        margin: Samples by which a turn reaches into the rests at its ends, at most half of each.
 
     Raises:
         InputError: A rest without samples, rests out of order, or not one force for each sample.
     """
     if acc.shape != gyr.shape:
-        raise InputError(f"angular rates of shape {gyr.shape} and forces of shape {acc.shape} do not belong together")
+        raise InputError(
+            f"angular rates of shape {gyr.shape} and forces of shape {acc.shape} do not belong "
+            "together"
+        )
     borders = np.array(rests, dtype=int).reshape(-1, 2)
-    if (np.diff(borders, axis=1) <= 0).any() or (borders[1:, 0] < borders[:-1, 1]).any() or (borders > len(gyr)).any():
-        raise InputError("rests must hold samples, lie within the recording, follow one another and not overlap")
+    if (
+        (np.diff(borders, axis=1) <= 0).any()
+        or (borders[1:, 0] < borders[:-1, 1]).any()
+        or (borders > len(gyr)).any()
+    ):
+        raise InputError(
+            "rests must hold samples, lie within the recording, follow one another and not overlap"
+        )
     force = np.array([acc[begin:end].mean(axis=0) for begin, end in borders]).reshape(-1, 3)
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
     reach = [min(margin, (end - begin) // 2) for begin, end in borders]
     turns = []
     for i in range(len(borders) - 1):
         begin, end = borders[i, 1] - 1 - reach[i], borders[i + 1, 0] + 1 + reach[i + 1]
-        turns.append(Turn(gyr[begin:end], interval, up[i], up[i + 1], force=acc[begin:end], up_sd=up_sd))
-    return GyroscopeRecording([Rest(gyr[b:e], f) for (b, e), f in zip(borders, force, strict=True)], turns)
+        turns.append(
+            Turn(gyr[begin:end], interval, up[i], up[i + 1], force=acc[begin:end], up_sd=up_sd)
+        )
+    return GyroscopeRecording(
+        [Rest(gyr[b:e], f) for (b, e), f in zip(borders, force, strict=True)], turns
+    )

@@ -13,7 +13,9 @@ from testbench.frames import STANDARD_GRAVITY
 from testbench.records.calibration import TriadCalibration
 
 FOLDS = 5
-"""Of a cross-validation (Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, 2009, section 7.10)."""
+"""Of a cross-validation (Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, 2009,
+section 7.10).
+"""
 MILLI_G = 1e3 / STANDARD_GRAVITY
 
 
@@ -22,22 +24,27 @@ def corrected_poses(calibration: TriadCalibration, poses: StaticPoses) -> np.nda
     return calibration.apply(poses.mean, temperature=poses.temperature)
 
 
-def held_out_figures(corrected: np.ndarray, poses: StaticPoses, *, magnetometer: bool = False) -> dict[str, float]:
+def held_out_figures(
+    corrected: np.ndarray, poses: StaticPoses, *, magnetometer: bool = False
+) -> dict[str, float]:
     """Figures by name, with the unit in the name.
 
-    The norm is compared with `magnitude`; where that is NaN, with the mean norm. Bias and direction need expected vectors.
-    `bias_*` is the mean error of each axis, as published tables have it; `error_*_rms` also counts what changes its sign with
-    the pose.
+    The norm is compared with `magnitude`; where that is NaN, with the mean norm. Bias and direction
+    need expected vectors. `bias_*` is the mean error of each axis, as published tables have it;
+    `error_*_rms` also counts what changes its sign with the pose.
 
     Args:
-        corrected: Mean readings after the correction, shape (m, 3). poses: Those they belong to.
+        corrected: Mean readings after the correction, shape (m, 3).
+        poses: Those they belong to.
         magnetometer: Lengths are in uT, not in m/s^2.
     """
     length = np.linalg.norm(corrected, axis=1)
     magnitude = poses.magnitude if np.isfinite(poses.magnitude) else float(length.mean())
     norm_rms = float(np.sqrt(np.mean((length - magnitude) ** 2)))
     figures = {"held_out_poses": float(len(poses))}
-    figures["field_norm_rms_ut" if magnetometer else "gravity_norm_rms_mm_s2"] = norm_rms * (1.0 if magnetometer else 1e3)
+    figures["field_norm_rms_ut" if magnetometer else "gravity_norm_rms_mm_s2"] = norm_rms * (
+        1.0 if magnetometer else 1e3
+    )
     if poses.expected is None:
         return figures
     error = corrected - poses.expected
@@ -53,22 +60,33 @@ def held_out_figures(corrected: np.ndarray, poses: StaticPoses, *, magnetometer:
     return figures
 
 
-def validate(calibration: TriadCalibration, poses: StaticPoses, *, magnetometer: bool = False) -> dict[str, float]:
+def validate(
+    calibration: TriadCalibration, poses: StaticPoses, *, magnetometer: bool = False
+) -> dict[str, float]:
     """Figures of a calibration on poses that it has not seen; see `held_out_figures`."""
     return held_out_figures(corrected_poses(calibration, poses), poses, magnetometer=magnetometer)
 
 
 def cross_validate(
-    function: Callable[[StaticPoses], TriadCalibration], poses: StaticPoses, folds: int = FOLDS, *, magnetometer: bool = False
+    function: Callable[[StaticPoses], TriadCalibration],
+    poses: StaticPoses,
+    folds: int = FOLDS,
+    *,
+    magnetometer: bool = False,
 ) -> dict[str, float]:
-    """The same figures where there are no other poses: each fold is corrected by a fit to the others.
+    """The same figures where there are no other poses: each fold is corrected by a fit to the
+    others.
 
-    Fold k holds every folds-th pose from the k-th on, so that a sequence of poses is spread over all of them; where that takes
-    all poses of a face away, folds are stretches of the sequence. Folds whose rest does not determine the parameters are left
-    out, and `held_out_poses` says how many poses remain.
+    Fold k holds every folds-th pose from the k-th on, so that a sequence of poses is spread over
+    all of them; where that takes all poses of a face away, folds are stretches of the sequence.
+    Folds whose rest does not determine the parameters are left out, and `held_out_poses` says how
+    many poses remain.
 
     Args:
-        function: From poses to a calibration. poses: All. folds: At most one for each pose. magnetometer: Lengths are in uT.
+        function: From poses to a calibration.
+        poses: All.
+        folds: At most one for each pose.
+        magnetometer: Lengths are in uT.
 
     Returns:
         The figures; empty where no fold could be fitted.
@@ -85,5 +103,7 @@ def cross_validate(
             parts.append(corrected_poses(calibration, poses.subset(mine)))
             held.append(index[mine])
         if parts:
-            return held_out_figures(np.vstack(parts), poses.subset(np.concatenate(held)), magnetometer=magnetometer)
+            return held_out_figures(
+                np.vstack(parts), poses.subset(np.concatenate(held)), magnetometer=magnetometer
+            )
     return {}

@@ -15,7 +15,9 @@ from testbench.model import rotation
 
 @dataclass(frozen=True)
 class Whitening:
-    """The lower Cholesky factor of the covariance, in the banded form of LAPACK, shape (2 k, m k)."""
+    """The lower Cholesky factor of the covariance, in the banded form of LAPACK, shape (2 k, m
+    k).
+    """
 
     factor: np.ndarray
 
@@ -25,24 +27,36 @@ class Whitening:
 
     @staticmethod
     def of(
-        turns: Sequence[Turn], sd: np.ndarray, noise: float, across: np.ndarray, ends: IntegratedTurns, shared: np.ndarray
+        turns: Sequence[Turn],
+        sd: np.ndarray,
+        noise: float,
+        across: np.ndarray,
+        ends: IntegratedTurns,
+        shared: np.ndarray,
     ) -> Whitening:
         """The factor for m turns.
 
-        Each difference holds the integrated noise of its turn and the errors of what is known at its two ends. Where a turn
-        begins with what the one before ended with, one error enters both differences, with opposite signs.
+        Each difference holds the integrated noise of its turn and the errors of what is known at
+        its two ends. Where a turn begins with what the one before ended with, one error enters both
+        differences, with opposite signs.
 
         Args:
-            turns: m of them. sd: Of what is known at the ends of each, about each axis, shape (m,) [rad]. noise: Of one
-            reading, above zero [rad/s]. across: Components that count, as columns, shape (m, 3, k). ends: Of the turns. shared:
-            Whether each turn but the last ends with what the next begins with, shape (m - 1,).
+            turns: m of them.
+            sd: Of what is known at the ends of each, about each axis, shape (m,) [rad].
+            noise: Of one reading, above zero [rad/s].
+            across: Components that count, as columns, shape (m, 3, k).
+            ends: Of the turns.
+            shared: Whether each turn but the last ends with what the next begins with, shape (m -
+                1,).
         """
         m, _, k = across.shape
         walk = np.array([noise**2 * (len(turn.gyr) - 1) * turn.interval**2 for turn in turns])
         banded = np.zeros((2 * k, m * k))
         banded[0] = np.repeat(2 * sd**2 + walk, k)
         R = rotation.to_matrix(ends.q_before_from_after[1:])
-        both = -(sd[:-1] * sd[1:] * shared)[:, None, None] * (across[:-1].transpose(0, 2, 1) @ R @ across[1:])
+        both = -(sd[:-1] * sd[1:] * shared)[:, None, None] * (
+            across[:-1].transpose(0, 2, 1) @ R @ across[1:]
+        )
         for i in range(k):  # rows of the later turn below columns of the earlier one
             for j in range(k):
                 banded[k + j - i, np.arange(m - 1) * k + i] = both[:, i, j]

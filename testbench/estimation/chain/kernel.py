@@ -1,8 +1,9 @@
 """The extended Kalman filter of a chain, sample by sample; compiled.
 
-Samples come one sensor at a time, each at its own instant: no sensor is interpolated to another. The six readings of a sample
-are independent and are put in one after the other, linearised once (Bierman, Factorization Methods for Discrete Sequential
-Estimation, 1977, ch. II.7; the result is that of the joint update).
+Samples come one sensor at a time, each at its own instant: no sensor is interpolated to another.
+The six readings of a sample are independent and are put in one after the other, linearised once
+(Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, ch. II.7; the result is
+that of the joint update).
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ from testbench.estimation.chain.state import drive, joint_motion, propagate
 from testbench.model.chain_sensor import sensor_reading
 
 WIDE = 0.3
-"""A joint whose standard deviation exceeds this part of its range is held by its limits though its mean lies within them: it is
-known worse than an angle anywhere in the range, whose standard deviation is 1 / sqrt(12) = 0.289 of it."""
+"""A joint whose standard deviation exceeds this part of its range is held by its limits though its
+mean lies within them: it is known worse than an angle anywhere in the range, whose standard
+deviation is 1 / sqrt(12) = 0.289 of it.
+"""
 
 
 @njit(cache=True)
@@ -45,22 +48,39 @@ def filter_chain(
     """Run the filter.
 
     Args:
-        x, P: State and covariance at `start`, shapes (n,) and (n, n); they end as those of the last sample. harmonics, indices:
-            As for `state.joint_motion`. chain, gravity: As of ChainSensors. limits: Of the joints, shape (m, 2), infinite for
-            none [rad]. confined: As `state.confinement` gives it, shape (m, 2).
-        start: [s]. time: Of the e samples, shape (e,), not decreasing [s]. sensor: Which one, shape (e,). reading, change,
-            variance: Rate and force, their derivatives by time and their variances, shape (e, 6) each. jerk, walk: As for
-            `state.drive`.
-        raised, levels: A second level of process noise (Bar-Shalom, Li & Kirubarajan, 2001, sect. 11.2.2): what it adds to
-            `walk`; mean normalised innovation squared (of one reading) above which it holds, memory of that mean [s], the
-            mean and the part of the raised level at `start`, which are changed in place, and the time constant with which
-            the level falls back [s].
+        x: State and covariance at `start`, shapes (n,) and (n, n); they end as those of the last
+            sample.
+        P: State and covariance at `start`, shapes (n,) and (n, n); they end as those of the last
+            sample.
+        harmonics: As for `state.joint_motion`.
+        indices: As for `state.joint_motion`.
+        chain: As of ChainSensors.
+        gravity: As of ChainSensors.
+        limits: Of the joints, shape (m, 2), infinite for none [rad].
+        confined: As `state.confinement` gives it, shape (m, 2).
+        start: [s].
+        time: Of the e samples, shape (e,), not decreasing [s].
+        sensor: Which one, shape (e,).
+        reading: Rate and force, their derivatives by time and their variances, shape (e, 6) each.
+        change: Rate and force, their derivatives by time and their variances, shape (e, 6) each.
+        variance: Rate and force, their derivatives by time and their variances, shape (e, 6) each.
+        jerk: As for `state.drive`.
+        walk: As for `state.drive`.
+        raised: A second level of process noise (Bar-Shalom, Li & Kirubarajan, 2001, sect. 11.2.2):
+            what it adds to `walk`; mean normalised innovation squared (of one reading) above which
+            it holds, memory of that mean [s], the mean and the part of the raised level at `start`,
+            which are changed in place, and the time constant with which the level falls back [s].
+        levels: A second level of process noise (Bar-Shalom, Li & Kirubarajan, 2001, sect. 11.2.2):
+            what it adds to `walk`; mean normalised innovation squared (of one reading) above which
+            it holds, memory of that mean [s], the mean and the part of the raised level at `start`,
+            which are changed in place, and the time constant with which the level falls back [s].
         keep: Whether to keep the state and covariance of every sample.
 
     Returns:
-        Joint angles, rates and accelerations after each sample, shape (e, 3, m), and their standard deviations; of each sample
-        the normalised innovation squared (mean over its readings), the logarithm of its likelihood, and the part of the raised
-        level that held before it; states and covariances, shapes (e, n) and (e, n, n), empty unless kept.
+        Joint angles, rates and accelerations after each sample, shape (e, 3, m), and their standard
+        deviations; of each sample the normalised innovation squared (mean over its readings), the
+        logarithm of its likelihood, and the part of the raised level that held before it; states
+        and covariances, shapes (e, n) and (e, n, n), empty unless kept.
     """
     rotations, offsets, axes, columns, counts, tip_rotations, tip_offsets = chain
     e, n, m = len(time), len(x), indices.shape[0]
@@ -86,9 +106,22 @@ def filter_chain(
         s = sensor[i]
         joint_motion(x, indices, harmonics, motion, slopes)
         sensor_reading(
-            rotations[s], offsets[s], axes[s], columns[s], counts[s], tip_rotations[s], tip_offsets[s], gravity,
-            motion[0], motion[1], motion[2], predicted, by_q, by_v, by_a,
-        )  # fmt: skip
+            rotations[s],
+            offsets[s],
+            axes[s],
+            columns[s],
+            counts[s],
+            tip_rotations[s],
+            tip_offsets[s],
+            gravity,
+            motion[0],
+            motion[1],
+            motion[2],
+            predicted,
+            by_q,
+            by_v,
+            by_a,
+        )
         dx[:] = 0.0
         for r in range(6):
             h[:] = 0.0
@@ -96,7 +129,9 @@ def filter_chain(
                 j = columns[s, k]
                 for t in range(indices.shape[1]):
                     h[indices[j, t]] += (
-                        by_q[r, j] * slopes[0, j, t] + by_v[r, j] * slopes[1, j, t] + by_a[r, j] * slopes[2, j, t]
+                        by_q[r, j] * slopes[0, j, t]
+                        + by_v[r, j] * slopes[1, j, t]
+                        + by_a[r, j] * slopes[2, j, t]
                     )
             innovation = reading[i, r] - predicted[r]
             if n > bias:
@@ -104,7 +139,9 @@ def filter_chain(
                 h[clock + s] = change[i, r]
                 innovation -= x[bias + 6 * s + r] + change[i, r] * x[clock + s]
             if n > scale:
-                for t in range(3 if r >= 3 else 6):  # rows of both matrices, and the gyroscope's response to force
+                for t in range(
+                    3 if r >= 3 else 6
+                ):  # rows of both matrices, and the gyroscope's response to force
                     place = scale + 33 * s + (6 * r if r < 3 else 9 + 3 * r) + t
                     h[place] = predicted[t if r < 3 else 3 + t]
                     innovation -= x[place] * h[place]
@@ -180,11 +217,12 @@ def hold(
     h: np.ndarray,
     Ph: np.ndarray,
 ) -> None:
-    """Bring joints back within their limits: the density is cut off there (Simon, Optimal State Estimation, 2006, sect. 7.5.4).
+    """Bring joints back within their limits: the density is cut off there (Simon, Optimal State
+    Estimation, 2006, sect. 7.5.4).
 
-    An estimate beyond a limit is moved to the mean of what is left, and the other states with it. The covariance is only
-    shrunk where the joint is so uncertain that the limits know more: the same knowledge put in with every sample would soon
-    make the filter sure of a limit.
+    An estimate beyond a limit is moved to the mean of what is left, and the other states with it.
+    The covariance is only shrunk where the joint is so uncertain that the limits know more: the
+    same knowledge put in with every sample would soon make the filter sure of a limit.
     """
     joint_motion(x, indices, harmonics, motion, slopes)
     for j in range(indices.shape[0]):
@@ -207,7 +245,9 @@ def hold(
 
 @njit(cache=True)
 def truncated(mean: float, sd: float, low: float, high: float) -> tuple[float, float]:
-    """Mean and variance of a normal density cut off at two limits (Johnson, Kotz & Balakrishnan, 1994, sect. 10.1)."""
+    """Mean and variance of a normal density cut off at two limits (Johnson, Kotz & Balakrishnan,
+    1994, sect. 10.1).
+    """
     a, b = (low - mean) / sd, (high - mean) / sd
     if a > 6.0 or b < -6.0:  # what is left is an exponential at the limit
         distance = a if a > 6.0 else -b

@@ -1,4 +1,6 @@
-"""The base frequency of a motion, from its angular rates: a first guess, which the filter then improves."""
+"""The base frequency of a motion, from its angular rates: a first guess, which the filter then
+improves.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from testbench.exceptions import InputError
 GRID_S = 0.01
 SHORTEST_PERIOD_S = 0.1
 NEARLY = 0.9
-"""The shortest lag whose correlation comes this near to the best one is the period; its multiples correlate as well [1]."""
+"""The shortest lag whose correlation comes this near to the best one is the period; its multiples
+correlate as well [1].
+"""
 PERIODIC = 0.5
 """Correlation that the best lag must reach [1]."""
 
@@ -19,7 +23,8 @@ def base_frequency(samples: ChainSamples, begin: float) -> float:
     """Base frequency [Hz] by the autocorrelation of the rates of all sensors together.
 
     Args:
-        samples: Rates and forces. begin: When the motion begins [s].
+        samples: Rates and forces.
+        begin: When the motion begins [s].
 
     Raises:
         InputError: The motion does not repeat.
@@ -35,11 +40,20 @@ def base_frequency(samples: ChainSamples, begin: float) -> float:
     overlap = np.arange(len(grid), 0, -1) / len(grid)
     half = len(grid) // 2  # a period must fit in twice
     correlation = total[:half] / overlap[:half] / max(total[0], 1e-300)
-    peaks = np.flatnonzero((correlation[1:-1] > correlation[:-2]) & (correlation[1:-1] >= correlation[2:])) + 1
+    peaks = (
+        np.flatnonzero(
+            (correlation[1:-1] > correlation[:-2]) & (correlation[1:-1] >= correlation[2:])
+        )
+        + 1
+    )
     peaks = peaks[peaks * GRID_S >= SHORTEST_PERIOD_S]
     if not len(peaks) or correlation[peaks].max() < PERIODIC:
-        raise InputError("the motion does not repeat, so no Fourier series fits it; name frequency_hz if it does")
+        raise InputError(
+            "the motion does not repeat, so no Fourier series fits it; name frequency_hz if it does"
+        )
     best = int(peaks[correlation[peaks] >= NEARLY * correlation[peaks].max()][0])
     left, middle, right = correlation[best - 1 : best + 2]
-    shift = 0.5 * (left - right) / (left - 2 * middle + right)  # vertex of the parabola through three points
+    shift = (
+        0.5 * (left - right) / (left - 2 * middle + right)
+    )  # vertex of the parabola through three points
     return float(1.0 / ((best + shift) * GRID_S))

@@ -1,4 +1,6 @@
-"""Run the chain filter over samples: forwards, backwards where a smoother is wanted, and find how lively the joints are."""
+"""Run the chain filter over samples: forwards, backwards where a smoother is wanted, and find how
+lively the joints are.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,10 @@ from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.start import start_state
 from testbench.estimation.chain.state import confinement, state_indices
 
-LIVELINESS = {"kinematic": (np.radians(10.0), np.radians(1e5)), "fourier": (np.radians(1e-4), np.radians(10.0))}
+LIVELINESS = {
+    "kinematic": (np.radians(10.0), np.radians(1e5)),
+    "fourier": (np.radians(1e-4), np.radians(10.0)),
+}
 """Between what values the liveliness is sought; units as of FilterSettings."""
 GRID, REFINEMENTS, SEARCH_TOLERANCE = 6, 4, 0.1
 """Values tried at first and then at most; the tolerance is of the decimal logarithm."""
@@ -24,9 +29,13 @@ class ChainSamples:
     """Calibrated samples of the sensors on a chain, in order of time.
 
     Attributes:
-        start: When the rest ends and the filter begins [s]. mean, counts: Mean readings at rest, shape (s, 6), and how many.
-        time: Instants, shape (e,), not decreasing [s]. sensor: Which of the sensors, shape (e,). reading: Rate and force, shape
-        (e, 6) [rad/s], [m/s^2]. known_change: Of a part, see `change`.
+        start: When the rest ends and the filter begins [s].
+        mean: Mean readings at rest, shape (s, 6), and how many.
+        counts: Mean readings at rest, shape (s, 6), and how many.
+        time: Instants, shape (e,), not decreasing [s].
+        sensor: Which of the sensors, shape (e,).
+        reading: Rate and force, shape (e, 6) [rad/s], [m/s^2].
+        known_change: Of a part, see `change`.
     """
 
     start: float
@@ -39,7 +48,9 @@ class ChainSamples:
 
     @property
     def change(self) -> np.ndarray:
-        """How fast the readings change, by central differences of each sensor's own, shape (e, 6): what a late clock adds."""
+        """How fast the readings change, by central differences of each sensor's own, shape (e, 6):
+        what a late clock adds.
+        """
         if self.known_change is not None:
             return self.known_change
         change = np.zeros_like(self.reading)
@@ -53,7 +64,11 @@ class ChainSamples:
         """Some of them, with the changes that they have among all."""
         part = slice(begin, end)
         return replace(
-            self, time=self.time[part], sensor=self.sensor[part], reading=self.reading[part], known_change=self.change[part]
+            self,
+            time=self.time[part],
+            sensor=self.sensor[part],
+            reading=self.reading[part],
+            known_change=self.change[part],
         )
 
     def until(self, seconds: float) -> ChainSamples:
@@ -67,9 +82,13 @@ class ChainMotion:
     """What the filter says after each sample.
 
     Attributes:
-        time: Shape (e,) [s]. mean, sd: Joint angles, rates and accelerations with standard uncertainties, shape (e, 3, m).
-        nis: Normalised innovation squared, mean over the readings of a sample, shape (e,). likelihood: Logarithm of
-        that of each sample, shape (e,). state, covariance: Shapes (e, n) and (e, n, n); empty unless asked for.
+        time: Shape (e,) [s].
+        mean: Joint angles, rates and accelerations with standard uncertainties, shape (e, 3, m).
+        sd: Joint angles, rates and accelerations with standard uncertainties, shape (e, 3, m).
+        nis: Normalised innovation squared, mean over the readings of a sample, shape (e,).
+        likelihood: Logarithm of that of each sample, shape (e,).
+        state: Shapes (e, n) and (e, n, n); empty unless asked for.
+        covariance: Shapes (e, n) and (e, n, n); empty unless asked for.
         high: Part of the raised level of process noise that held before each sample, shape (e,).
         last: State and covariance of the filter after the last sample.
     """
@@ -85,7 +104,9 @@ class ChainMotion:
     last: tuple[np.ndarray, np.ndarray]
 
 
-def run_filter(sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples, keep: bool = False) -> ChainMotion:
+def run_filter(
+    sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples, keep: bool = False
+) -> ChainMotion:
     """Filter samples from the start state on.
 
     Args:
@@ -105,31 +126,56 @@ def continue_filter(
     levels: np.ndarray,
     keep: bool = False,
 ) -> ChainMotion:
-    """Filter samples from a state on; x, P and levels are changed in place to those of the last sample."""
+    """Filter samples from a state on; x, P and levels are changed in place to those of the last
+    sample.
+    """
     m = len(sensors.joints)
     variance = np.array([noise.variance for noise in settings.noise])[samples.sensor]
     limits = holding_limits(sensors, settings)
     jerk = settings.jerk(m)
     mean, sd, nis, likelihood, high, states, covariances = filter_chain(
-        x, P, settings.harmonics, state_indices(m, settings.harmonics), sensors.arrays, sensors.gravity, limits,
-        confinement(limits, jerk), start, samples.time, samples.sensor, samples.reading, samples.change, variance, jerk,
-        settings.walk(m), settings.raised(m), levels, keep,
-    )  # fmt: skip
+        x,
+        P,
+        settings.harmonics,
+        state_indices(m, settings.harmonics),
+        sensors.arrays,
+        sensors.gravity,
+        limits,
+        confinement(limits, jerk),
+        start,
+        samples.time,
+        samples.sensor,
+        samples.reading,
+        samples.change,
+        variance,
+        jerk,
+        settings.walk(m),
+        settings.raised(m),
+        levels,
+        keep,
+    )
     return ChainMotion(samples.time, mean, sd, nis, likelihood, states, covariances, high, (x, P))
 
 
 def holding_limits(sensors: ChainSensors, settings: FilterSettings) -> np.ndarray:
-    """Limits of the estimated joints that hold the estimate, shape (m, 2) [rad]; infinite where none shall."""
-    return sensors.limits if settings.limits else np.tile([-np.inf, np.inf], (len(sensors.joints), 1))
+    """Limits of the estimated joints that hold the estimate, shape (m, 2) [rad]; infinite where
+    none shall.
+    """
+    return (
+        sensors.limits if settings.limits else np.tile([-np.inf, np.inf], (len(sensors.joints), 1))
+    )
 
 
-def most_likely(sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples, since: float) -> FilterSettings:
+def most_likely(
+    sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples, since: float
+) -> FilterSettings:
     """Settings with the liveliness that makes the innovations after a time [s] most likely.
 
-    Maximum likelihood of a state space model (Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989,
-    sect. 3.4).
+    Maximum likelihood of a state space model (Harvey, Forecasting, Structural Time Series Models
+    and the Kalman Filter, 1989, sect. 3.4).
 
-    A coarse grid finds the highest maximum, a bounded search (Brent) between its neighbours refines it.
+    A coarse grid finds the highest maximum, a bounded search (Brent) between its neighbours refines
+    it.
     """
     low, high = np.log10(LIVELINESS["fourier" if settings.harmonics else "kinematic"])
     grid = np.linspace(low, high, GRID)
@@ -144,7 +190,9 @@ def most_likely(sensors: ChainSensors, settings: FilterSettings, samples: ChainS
     found = grid[best]
     if 0 < best < GRID - 1:
         found = minimize_scalar(
-            lambda exponent: -likelihood(exponent), bounds=(grid[best - 1], grid[best + 1]), method="bounded",
+            lambda exponent: -likelihood(exponent),
+            bounds=(grid[best - 1], grid[best + 1]),
+            method="bounded",
             options={"xatol": SEARCH_TOLERANCE, "maxiter": REFINEMENTS},
-        ).x  # fmt: skip
+        ).x
     return replace(settings, liveliness=float(10**found))

@@ -1,4 +1,6 @@
-"""The sensors on a chain as arrays that the compiled filter takes: which joints carry each of them, and where it sits."""
+"""The sensors on a chain as arrays that the compiled filter takes: which joints carry each of them,
+and where it sits.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,20 @@ class ChainSensors:
     """Sensors on a tree of rotating joints of which m are estimated; the others stand still.
 
     Attributes:
-        sensors: Names, s of them. joints: Names of the estimated joints, in the robot's order.
-        rotations, offsets, axes: Placement of each estimated joint in the one before it, joints that stand still folded in,
-        shapes (s, k, 3, 3), (s, k, 3) [m], (s, k, 3). columns: Which estimated joint it is, shape (s, k). counts: Number of
-        estimated joints that carry each sensor, shape (s,). tip_rotations, tip_offsets: The sensor in the last of them.
-        gravity: In the world, shape (3,) [m/s^2]. limits: Lowest and highest angle, shape (m, 2) [rad].
+        sensors: Names, s of them.
+        joints: Names of the estimated joints, in the robot's order.
+        rotations: Placement of each estimated joint in the one before it, joints that stand still
+            folded in, shapes (s, k, 3, 3), (s, k, 3) [m], (s, k, 3).
+        offsets: Placement of each estimated joint in the one before it, joints that stand still
+            folded in, shapes (s, k, 3, 3), (s, k, 3) [m], (s, k, 3).
+        axes: Placement of each estimated joint in the one before it, joints that stand still folded
+            in, shapes (s, k, 3, 3), (s, k, 3) [m], (s, k, 3).
+        columns: Which estimated joint it is, shape (s, k).
+        counts: Number of estimated joints that carry each sensor, shape (s,).
+        tip_rotations: The sensor in the last of them.
+        tip_offsets: The sensor in the last of them.
+        gravity: In the world, shape (3,) [m/s^2].
+        limits: Lowest and highest angle, shape (m, 2) [rad].
     """
 
     sensors: list[str]
@@ -40,17 +51,28 @@ class ChainSensors:
     def arrays(self) -> tuple[np.ndarray, ...]:
         """What compiled code takes, in its order."""
         return (
-            self.rotations, self.offsets, self.axes, self.columns, self.counts, self.tip_rotations, self.tip_offsets,
-        )  # fmt: skip
+            self.rotations,
+            self.offsets,
+            self.axes,
+            self.columns,
+            self.counts,
+            self.tip_rotations,
+            self.tip_offsets,
+        )
 
-    def readings(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def readings(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Ideal readings in one state, and their derivatives.
 
         Args:
-            q, v, a: Shape (m,) [rad], [rad/s], [rad/s^2].
+            q: Shape (m,) [rad], [rad/s], [rad/s^2].
+            v: Shape (m,) [rad], [rad/s], [rad/s^2].
+            a: Shape (m,) [rad], [rad/s], [rad/s^2].
 
         Returns:
-            Angular rate and specific force of every sensor, shape (s, 6); derivatives by q, v and a, shape (s, 6, m).
+            Angular rate and specific force of every sensor, shape (s, 6); derivatives by q, v and
+            a, shape (s, 6, m).
         """
         s, m = len(self.sensors), len(self.joints)
         reading = np.zeros((s, 6))
@@ -62,29 +84,43 @@ class ChainSensors:
 
 
 def chain_sensors(
-    kinematics: Kinematics, places: Mapping[str, tuple[str, Pose]], joints: list[str] | None, standing: np.ndarray
+    kinematics: Kinematics,
+    places: Mapping[str, tuple[str, Pose]],
+    joints: list[str] | None,
+    standing: np.ndarray,
 ) -> ChainSensors:
     """The sensors of a robot's chain.
 
     Args:
-        kinematics: Of the robot. places: Link and mounting of each sensor, by its name.
+        kinematics: Of the robot.
+        places: Link and mounting of each sensor, by its name.
         joints: Those to estimate; all that carry a sensor if None.
-        standing: Angles at which the other joints stand still, shape (n_joints,) in the robot's order [rad].
+        standing: Angles at which the other joints stand still, shape (n_joints,) in the robot's
+            order [rad].
 
     Raises:
         InputError: A joint carries none of the sensors: nothing would be known of it.
     """
     robot = kinematics.robot
     chains = {name: kinematics.chain_to(link) for name, (link, _) in places.items()}
-    carrying = {robot.joint_names[column] for _, _, _, columns, _ in chains.values() for column in columns}
-    chosen = [name for name in robot.joint_names if name in (carrying if joints is None else joints)]
+    carrying = {
+        robot.joint_names[column] for _, _, _, columns, _ in chains.values() for column in columns
+    }
+    chosen = [
+        name for name in robot.joint_names if name in (carrying if joints is None else joints)
+    ]
     if not chosen:
         raise InputError(f"no joint of {robot.name} carries any of the sensors {', '.join(places)}")
     idle = [name for name in chosen if name not in carrying]
     if idle:
-        raise InputError(f"the joint {idle[0]} carries none of the sensors {', '.join(places)}: nothing tells how it moves")
+        raise InputError(
+            f"the joint {idle[0]} carries none of the sensors {', '.join(places)}: nothing tells "
+            "how it moves"
+        )
     place = {robot.joint_names.index(name): i for i, name in enumerate(chosen)}
-    folded = [_fold(chains[name], mounting, place, standing) for name, (_, mounting) in places.items()]
+    folded = [
+        _fold(chains[name], mounting, place, standing) for name, (_, mounting) in places.items()
+    ]
     s, k = len(places), max(len(columns) for _, _, columns, _ in folded)
     rotations, offsets, axes = np.zeros((s, k, 3, 3)), np.zeros((s, k, 3)), np.zeros((s, k, 3))
     columns, counts = np.zeros((s, k), dtype=np.int64), np.zeros(s, dtype=np.int64)
@@ -92,12 +128,27 @@ def chain_sensors(
     for i, (poses, own_axes, own_columns, tip) in enumerate(folded):
         counts[i] = len(own_columns)
         for j, (pose, axis, column) in enumerate(zip(poses, own_axes, own_columns, strict=True)):
-            rotations[i, j], offsets[i, j], axes[i, j], columns[i, j] = pose.R, pose.position, axis, column
+            rotations[i, j], offsets[i, j], axes[i, j], columns[i, j] = (
+                pose.R,
+                pose.position,
+                axis,
+                column,
+            )
         tip_rotations[i], tip_offsets[i] = tip.R, tip.position
     limits = np.array([robot.position_limits[robot.joint_names.index(name)] for name in chosen])
     return ChainSensors(
-        list(places), chosen, rotations, offsets, axes, columns, counts, tip_rotations, tip_offsets, robot.gravity, limits
-    )  # fmt: skip
+        list(places),
+        chosen,
+        rotations,
+        offsets,
+        axes,
+        columns,
+        counts,
+        tip_rotations,
+        tip_offsets,
+        robot.gravity,
+        limits,
+    )
 
 
 def _fold(
@@ -106,7 +157,9 @@ def _fold(
     place: Mapping[int, int],
     standing: np.ndarray,
 ) -> tuple[list[Pose], list[np.ndarray], list[int], Pose]:
-    """The chain of one sensor with the joints that stand still taken into the placement of the next."""
+    """The chain of one sensor with the joints that stand still taken into the placement of the
+    next.
+    """
     rotations, offsets, axes, columns, link = chain
     poses, own_axes, own_columns = [], [], []
     carried = Pose(np.eye(3), np.zeros(3))

@@ -10,7 +10,12 @@ import numpy as np
 from testbench.estimation.chain.period import base_frequency
 from testbench.estimation.chain.run import ChainMotion, ChainSamples, most_likely, run_filter
 from testbench.estimation.chain.sensors import ChainSensors, chain_sensors
-from testbench.estimation.chain.settings import AMPLITUDE_SD, PART_OF_RANGE, FilterSettings, SensorNoise
+from testbench.estimation.chain.settings import (
+    AMPLITUDE_SD,
+    PART_OF_RANGE,
+    FilterSettings,
+    SensorNoise,
+)
 from testbench.estimation.chain.smoother import run_smoother
 from testbench.estimation.chain.state import motion_size
 from testbench.exceptions import InputError
@@ -32,15 +37,21 @@ LONGEST_REST_NS = 10 * NANOSECONDS
 """Shortest rest that a start can be read from, and how much of a long one is used [ns]."""
 LEAST_SAMPLES = 10
 GYR_SD_FLOOR, ACC_SD_FLOOR = np.radians(0.02), 0.005
-"""A sensor is not believed better than this, however quiet at rest: jitter of its clock and what is left of its scale [rad/s],
-[m/s^2]."""
+"""A sensor is not believed better than this, however quiet at rest: jitter of its clock and what is
+left of its scale [rad/s], [m/s^2].
+"""
 CALIBRATED_SD = (2e-4, 2e-4)
-"""What a calibration by static poses leaves of the accelerometer's scale and axes, as a standard deviation [1]: the arm's own
-angles are good to 0.01 deg."""
+"""What a calibration by static poses leaves of the accelerometer's scale and axes, as a standard
+deviation [1]: the arm's own angles are good to 0.01 deg.
+"""
 CALIBRATED_BIAS_SD = 0.02
-"""A calibration whose biases are less certain than this saw too few poses, and the data sheet is believed instead [m/s^2]."""
+"""A calibration whose biases are less certain than this saw too few poses, and the data sheet is
+believed instead [m/s^2].
+"""
 SEARCHED_S = 10.0
-"""The liveliness is sought over this much of a section, from the beginning of its motion and `settling_s` on [s]."""
+"""The liveliness is sought over this much of a section, from the beginning of its motion and
+`settling_s` on [s].
+"""
 
 
 def estimate_chain(
@@ -49,7 +60,8 @@ def estimate_chain(
     """Joints of the arm over every section asked for, by every state asked for.
 
     Args:
-        session: A run of a protocol; what the arm measured is not looked at. sensors: With clocks, calibrations and gates.
+        session: A run of a protocol; what the arm measured is not looked at.
+        sensors: With clocks, calibrations and gates.
         wanted: The protocol's wishes.
 
     Returns:
@@ -73,7 +85,8 @@ class _Section:
     """One section: the chain, the rest before it and its samples.
 
     Raises:
-        InputError: There is no rest to start from, a sensor is silent, or a joint carries no sensor.
+        InputError: There is no rest to start from, a sensor is silent, or a joint carries no
+            sensor.
     """
 
     def __init__(
@@ -90,7 +103,9 @@ class _Section:
         begin, end, begins, ends = _rest(session.steps, section)
         pose = _planned_pose(session, kinematics, end)
         placed = session.analysis.sensors
-        places = {name: (placed[name].link, Pose.from_placement(placed[name].mounting)) for name in names}
+        places = {
+            name: (placed[name].link, Pose.from_placement(placed[name].mounting)) for name in names
+        }
         self.chain: ChainSensors = chain_sensors(kinematics, places, wanted.joints or None, pose)
         self.start = pose[[session.robot.joint_names.index(name) for name in self.chain.joints]]
         times, owners, readings, means, counts, self.noise = [], [], [], [], [], []
@@ -100,7 +115,9 @@ class _Section:
             time, rate, force = _calibrated(session, name, sensors[name], sheet)
             rest = (time >= begin / NANOSECONDS) & (time <= self.start_s)
             if rest.sum() < LEAST_SAMPLES:
-                raise InputError(f"{name} has {rest.sum()} samples at rest before it; {LEAST_SAMPLES} are needed")
+                raise InputError(
+                    f"{name} has {rest.sum()} samples at rest before it; {LEAST_SAMPLES} are needed"
+                )
             means.append(np.concatenate([rate[rest].mean(axis=0), force[rest].mean(axis=0)]))
             counts.append(rest.sum())
             own = _noise(sheet, sensors[name].calibration, rate[rest], force[rest], wanted.scales)
@@ -111,9 +128,13 @@ class _Section:
             owners.append(np.full(moving.sum(), i))
         order = np.argsort(np.concatenate(times), kind="stable")
         self.samples = ChainSamples(
-            self.start_s, np.array(means), np.array(counts), np.concatenate(times)[order], np.concatenate(owners)[order],
+            self.start_s,
+            np.array(means),
+            np.array(counts),
+            np.concatenate(times)[order],
+            np.concatenate(owners)[order],
             np.concatenate(readings)[order],
-        )  # fmt: skip
+        )
 
     def estimate(self, state: ChainState) -> ChainEstimate:
         """By one state of the filter."""
@@ -138,11 +159,18 @@ class _Section:
         )
         if given is None:
             since = self.begins_s + wanted.settling_s
-            settings = most_likely(self.chain, settings, self.samples.until(since - self.samples.start + SEARCHED_S), since)
+            settings = most_likely(
+                self.chain,
+                settings,
+                self.samples.until(since - self.samples.start + SEARCHED_S),
+                since,
+            )
         motion = (run_smoother if wanted.smooth else run_filter)(self.chain, settings, self.samples)
         return self._record(state, settings, motion)
 
-    def _record(self, state: ChainState, settings: FilterSettings, motion: ChainMotion) -> ChainEstimate:
+    def _record(
+        self, state: ChainState, settings: FilterSettings, motion: ChainMotion
+    ) -> ChainEstimate:
         own = self.samples.sensor == 0
         unit = "walk_deg_sqrts" if state == "fourier" else "jerk_deg_s3_sqrthz"
         facts = {
@@ -155,9 +183,15 @@ class _Section:
             facts["frequency_hz"] = float(motion.last[0][omega] / (2 * np.pi))
             facts["frequency_sd_hz"] = float(np.sqrt(motion.last[1][omega, omega]) / (2 * np.pi))
         return ChainEstimate(
-            self.section, state, self.chain.sensors, self.chain.joints,
-            np.round(self.samples.time[own] * NANOSECONDS).astype(np.int64), motion.mean[own], motion.sd[own], facts,
-        )  # fmt: skip
+            self.section,
+            state,
+            self.chain.sensors,
+            self.chain.joints,
+            np.round(self.samples.time[own] * NANOSECONDS).astype(np.int64),
+            motion.mean[own],
+            motion.sd[own],
+            facts,
+        )
 
 
 def _rest(steps: list[PlannedStep], section: str) -> tuple[int, int, int, int]:
@@ -168,7 +202,10 @@ def _rest(steps: list[PlannedStep], section: str) -> tuple[int, int, int, int]:
     first, last = own[0], own[-1]
     if first > 0:
         before = steps[first - 1]
-        begin, end = before.settled_ns + (SETTLED_NS if before.settled_ns > before.start_ns else 0), steps[first].start_ns
+        begin, end = (
+            before.settled_ns + (SETTLED_NS if before.settled_ns > before.start_ns else 0),
+            steps[first].start_ns,
+        )
         begins = steps[first].start_ns
     elif steps[first].kind == "hold":  # the arm starts at rest
         begin, end = steps[first].start_ns, steps[first].end_ns
@@ -177,12 +214,16 @@ def _rest(steps: list[PlannedStep], section: str) -> tuple[int, int, int, int]:
         raise InputError("no rest comes before it; put a dwell in front, which gives the start")
     begin = max(begin, end - LONGEST_REST_NS)
     if end - begin < LEAST_REST_NS:
-        raise InputError(f"the rest before it lasts {max(end - begin, 0) / NANOSECONDS:.2f} s; 0.5 s are needed")
+        raise InputError(
+            f"the rest before it lasts {max(end - begin, 0) / NANOSECONDS:.2f} s; 0.5 s are needed"
+        )
     return begin, end, begins, steps[last].end_ns
 
 
 def _planned_pose(session: Session, kinematics: Kinematics, time_ns: int) -> np.ndarray:
-    """The pose that the plan states at a rest, shape (n_joints,) [rad]; not what the arm measured."""
+    """The pose that the plan states at a rest, shape (n_joints,) [rad]; not what the arm
+    measured.
+    """
     table = read_parquet(session.path / PLAN)
     planned_end = np.searchsorted(table["host_time_ns"], time_ns, side="right") - 1
     row = int(np.clip(planned_end, 0, len(table["host_time_ns"]) - 1))
@@ -194,15 +235,18 @@ def _calibrated(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """When samples that no gate refuses were true [s], their rates [rad/s] and forces [m/s^2].
 
-    What the sensor's low pass took is put back: of a first-order one y of time constant T, the input is y + T dy/dt. A sensor
-    that integrates gives means over the interval before its stamp, the force in the axes at its end.
+    What the sensor's low pass took is put back: of a first-order one y of time constant T, the
+    input is y + T dy/dt. A sensor that integrates gives means over the interval before its stamp,
+    the force in the axes at its end.
     """
     samples = session.imu(name)
     rate, force, _ = sensor.calibration.apply(samples.gyr, samples.acc, None)
     sound = ~sensor.flagged & np.isfinite(rate).all(axis=1) & np.isfinite(force).all(axis=1)
     time, rate, force = sensor.host_time_ns[sound] / NANOSECONDS, rate[sound], force[sound]
     if len(time) < LEAST_SAMPLES:
-        raise InputError(f"{name} has {len(time)} samples that no gate refuses; {LEAST_SAMPLES} are needed")
+        raise InputError(
+            f"{name} has {len(time)} samples that no gate refuses; {LEAST_SAMPLES} are needed"
+        )
     rate = _without_low_pass(time, rate, sheet.gyroscope.bandwidth_hz)
     force = _without_low_pass(time, force, sheet.accelerometer.bandwidth_hz)
     if sheet.sampling == "integrated":
@@ -218,16 +262,29 @@ def _without_low_pass(time: np.ndarray, reading: np.ndarray, bandwidth: float | 
     return np.asarray(reading + np.gradient(reading, time, axis=0) / (2 * np.pi * bandwidth))
 
 
-def _noise(sheet: ImuParameters, calibration: CalibrationFit, rate: np.ndarray, force: np.ndarray, scales: bool) -> SensorNoise:
-    """White noise as measured at rest, biases by the data sheet or, where the sensor was calibrated, by the calibration; a
-    gyroscope's response to gravity acts like a bias, and so does an accelerometer's scale where it is no state of its own.
+def _noise(
+    sheet: ImuParameters,
+    calibration: CalibrationFit,
+    rate: np.ndarray,
+    force: np.ndarray,
+    scales: bool,
+) -> SensorNoise:
+    """White noise as measured at rest, biases by the data sheet or, where the sensor was
+    calibrated, by the calibration; a gyroscope's response to gravity acts like a bias, and so does
+    an accelerometer's scale where it is no state of its own.
     """
     gyroscope, accelerometer = sheet.gyroscope.triad(), sheet.accelerometer.triad()
-    calibrated = calibration.method != "none" and bool((calibration.acc_bias_sd <= CALIBRATED_BIAS_SD).all())
+    calibrated = calibration.method != "none" and bool(
+        (calibration.acc_bias_sd <= CALIBRATED_BIAS_SD).all()
+    )
     gyr_bias = np.hypot(gyroscope.bias_sd, STANDARD_GRAVITY * gyroscope.g_sensitivity_sd)
     if calibrated:
         gyr_bias = _worst(calibration.gyr_bias_sd, gyr_bias)
-    acc_bias = _worst(calibration.acc_bias_sd, accelerometer.bias_sd) if calibrated else accelerometer.bias_sd
+    acc_bias = (
+        _worst(calibration.acc_bias_sd, accelerometer.bias_sd)
+        if calibrated
+        else accelerometer.bias_sd
+    )
     axes = CALIBRATED_SD if calibrated else (accelerometer.scale_sd, accelerometer.cross_axis_sd)
     if not scales:
         acc_bias = np.hypot(acc_bias, STANDARD_GRAVITY * np.hypot(*axes))
@@ -249,20 +306,32 @@ def _noise(sheet: ImuParameters, calibration: CalibrationFit, rate: np.ndarray, 
 
 
 def _with_clock(noise: SensorNoise, clock: ClockFit, seconds: float) -> SensorNoise:
-    """With what the fit of the sensor's clock leaves: its offset, and its drift as a random walk that grows as far in a section
-    of that length. A sensor on the host's clock, or one that no motion was found for, is taken at its word.
+    """With what the fit of the sensor's clock leaves: its offset, and its drift as a random walk
+    that grows as far in a section of that length. A sensor on the host's clock, or one that no
+    motion was found for, is taken at its word.
     """
-    offset, drift = (value if np.isfinite(value) else 0.0 for value in (clock.offset_sd_s, 1e-6 * clock.drift_sd_ppm))
+    offset, drift = (
+        value if np.isfinite(value) else 0.0
+        for value in (clock.offset_sd_s, 1e-6 * clock.drift_sd_ppm)
+    )
     return replace(noise, clock_sd=offset, clock_walk=drift * np.sqrt(seconds))
 
 
 def _wandering(triad: Triad) -> float:
-    """Growth of the bias per square root of a second: random walk, and the beginning of a Gauss-Markov process."""
-    return float(np.hypot(triad.bias_instability * np.sqrt(2 / triad.bias_time_constant), triad.bias_random_walk))
+    """Growth of the bias per square root of a second: random walk, and the beginning of a
+    Gauss-Markov process.
+    """
+    return float(
+        np.hypot(
+            triad.bias_instability * np.sqrt(2 / triad.bias_time_constant), triad.bias_random_walk
+        )
+    )
 
 
 def _white(readings: np.ndarray) -> float:
-    """Standard deviation of white noise in readings at rest, from their differences, shape (n, 3)."""
+    """Standard deviation of white noise in readings at rest, from their differences, shape (n,
+    3).
+    """
     return float(np.sqrt(np.mean(np.diff(readings, axis=0) ** 2) / 2))
 
 

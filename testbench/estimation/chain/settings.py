@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 START_RATE_SD = np.radians(0.2)
-"""How still a joint at rest is held to be: rate [rad/s], and with it START_ACCELERATION_SD [rad/s^2]."""
+"""How still a joint at rest is held to be: rate [rad/s], and with it START_ACCELERATION_SD
+[rad/s^2].
+"""
 START_ACCELERATION_SD = np.radians(2.0)
 AMPLITUDE_SD, PART_OF_RANGE = np.radians(30.0), 0.25
-"""How far the first harmonic of a joint angle may be expected to go [rad], or this part of the joint's range where that is
-less; the k-th goes this over k^1.5. Walking moves hips, knees and ankles by 5 to 21 deg in the first harmonic, and harmonics
-fall off faster than 1/k (fitted to the curves of Perry & Burnfield, Gait Analysis, 2010)."""
+"""How far the first harmonic of a joint angle may be expected to go [rad], or this part of the
+joint's range where that is less; the k-th goes this over k^1.5. Walking moves hips, knees and
+ankles by 5 to 21 deg in the first harmonic, and harmonics fall off faster than 1/k (fitted to the
+curves of Perry & Burnfield, Gait Analysis, 2010).
+"""
 AMPLITUDE_FALL = 1.5
 REST_AMPLITUDE_SD = np.radians(0.1)
 """The same at rest, where nothing swings [rad]."""
@@ -21,8 +25,10 @@ MEAN_PART = 0.1
 OMEGA_SD = 0.05
 """Prior relative standard deviation of the base frequency, found beforehand in the rates [1]."""
 RAISED_ABOVE, MEMORY_S, FALL_S = 3.0, 0.1, 0.3
-"""Two levels of process noise of the Fourier state: mean normalised innovation squared above which the amplitudes may change
-wholly within a second, as in a fade; memory of that mean, and time constant with which the level falls back [s]."""
+"""Two levels of process noise of the Fourier state: mean normalised innovation squared above which
+the amplitudes may change wholly within a second, as in a fade; memory of that mean, and time
+constant with which the level falls back [s].
+"""
 
 
 @dataclass(frozen=True)
@@ -30,12 +36,27 @@ class SensorNoise:
     """What is known of one sensor beforehand.
 
     Attributes:
-        gyr_sd, acc_sd: Of the white noise of one reading [rad/s], [m/s^2]. gyr_bias_sd, acc_bias_sd: Of the bias at the start.
-        gyr_bias_walk, acc_bias_walk: Growth of its standard deviation [rad/s/sqrt(s)], [m/s^2/sqrt(s)].
-        gyr_scale_sd, gyr_cross_sd, acc_scale_sd, acc_cross_sd: Of the elements of the matrices that scale and axes are off by,
-        on their diagonals and beside them [1]. g_sd: Of the elements of the gyroscope's response to force [rad/s/(m/s^2)].
-        gyr_cubic_sd, acc_cubic_sd: Of what an axis adds to its reading, over the reading's third power [1/unit^2].
-        clock_sd: Of how much later than believed the samples were taken [s]. clock_walk: Growth of it [s/sqrt(s)].
+        gyr_sd: Of the white noise of one reading [rad/s], [m/s^2].
+        acc_sd: Of the white noise of one reading [rad/s], [m/s^2].
+        gyr_bias_sd: Of the bias at the start.
+        acc_bias_sd: Of the bias at the start.
+        gyr_bias_walk: Growth of its standard deviation [rad/s/sqrt(s)], [m/s^2/sqrt(s)].
+        acc_bias_walk: Growth of its standard deviation [rad/s/sqrt(s)], [m/s^2/sqrt(s)].
+        gyr_scale_sd: Of the elements of the matrices that scale and axes are off by, on their
+            diagonals and beside them [1].
+        gyr_cross_sd: Of the elements of the matrices that scale and axes are off by, on their
+            diagonals and beside them [1].
+        acc_scale_sd: Of the elements of the matrices that scale and axes are off by, on their
+            diagonals and beside them [1].
+        acc_cross_sd: Of the elements of the matrices that scale and axes are off by, on their
+            diagonals and beside them [1].
+        g_sd: Of the elements of the gyroscope's response to force [rad/s/(m/s^2)].
+        gyr_cubic_sd: Of what an axis adds to its reading, over the reading's third power
+            [1/unit^2].
+        acc_cubic_sd: Of what an axis adds to its reading, over the reading's third power
+            [1/unit^2].
+        clock_sd: Of how much later than believed the samples were taken [s].
+        clock_walk: Growth of it [s/sqrt(s)].
     """
 
     gyr_sd: float
@@ -66,15 +87,24 @@ class SensorNoise:
 
     @property
     def scale_variance(self) -> np.ndarray:
-        """Of the elements of the matrices, shape (33,): three rows of the gyroscope's, each followed by that of its response to
-        force, then three of the accelerometer's; and of the nonlinearities of the six axes.
+        """Of the elements of the matrices, shape (33,): three rows of the gyroscope's, each
+        followed by that of its response to force, then three of the accelerometer's; and of the
+        nonlinearities of the six axes.
         """
         gyr, acc = (
             np.where(np.eye(3, dtype=bool), scale, cross)
-            for scale, cross in ((self.gyr_scale_sd, self.gyr_cross_sd), (self.acc_scale_sd, self.acc_cross_sd))
+            for scale, cross in (
+                (self.gyr_scale_sd, self.gyr_cross_sd),
+                (self.acc_scale_sd, self.acc_cross_sd),
+            )
         )
         cubic = np.repeat([self.gyr_cubic_sd, self.acc_cubic_sd], 3)
-        return np.concatenate([np.hstack([gyr, np.full((3, 3), self.g_sd)]).ravel(), acc.ravel(), cubic]) ** 2
+        return (
+            np.concatenate(
+                [np.hstack([gyr, np.full((3, 3), self.g_sd)]).ravel(), acc.ravel(), cubic]
+            )
+            ** 2
+        )
 
     @property
     def walk(self) -> np.ndarray:
@@ -87,13 +117,21 @@ class FilterSettings:
     """How the filter runs.
 
     Attributes:
-        harmonics: Of the Fourier state; 0 for the kinematic one. biases, scales: Whether the biases of the sensors and their
-        clocks, and beside them their errors of scale, axes and linearity, are states.
-        noise: Of each sensor, in the order of ChainSensors. start, start_sd: Stated start pose, shape (m,), and its standard
-        deviation [rad]. liveliness: Kinematic: square root of the power spectral density of the jerk [rad/s^3/sqrt(Hz)];
-        Fourier: random walk of the coefficients of the first harmonic [rad/sqrt(s)], the k-th over k^1.5.
-        amplitude: How far each joint may be expected to swing, shape (m,) or one for all [rad]; Fourier only.
-        frequency: First guess of the base frequency [Hz]; Fourier only. limits: Whether joint limits hold.
+        harmonics: Of the Fourier state; 0 for the kinematic one.
+        biases: Whether the biases of the sensors and their clocks, and beside them their errors of
+            scale, axes and linearity, are states.
+        scales: Whether the biases of the sensors and their clocks, and beside them their errors of
+            scale, axes and linearity, are states.
+        noise: Of each sensor, in the order of ChainSensors.
+        start: Stated start pose, shape (m,), and its standard deviation [rad].
+        start_sd: Stated start pose, shape (m,), and its standard deviation [rad].
+        liveliness: Kinematic: square root of the power spectral density of the jerk
+            [rad/s^3/sqrt(Hz)]; Fourier: random walk of the coefficients of the first harmonic
+            [rad/sqrt(s)], the k-th over k^1.5.
+        amplitude: How far each joint may be expected to swing, shape (m,) or one for all [rad];
+            Fourier only.
+        frequency: First guess of the base frequency [Hz]; Fourier only.
+        limits: Whether joint limits hold.
     """
 
     harmonics: int
@@ -109,7 +147,9 @@ class FilterSettings:
 
     @property
     def error_variance(self) -> np.ndarray:
-        """Of the sensor errors that are states, in their order: biases of all sensors, then clocks, then scales."""
+        """Of the sensor errors that are states, in their order: biases of all sensors, then clocks,
+        then scales.
+        """
         biases = [noise.bias_variance for noise in self.noise if self.biases]
         clocks = [np.array([noise.clock_sd**2]) for noise in self.noise if self.biases]
         scales = [noise.scale_variance for noise in self.noise if self.biases and self.scales]
@@ -124,7 +164,9 @@ class FilterSettings:
         errors = np.zeros_like(self.error_variance)
         if self.biases:
             clocks = [noise.clock_walk**2 for noise in self.noise]
-            errors[: 7 * len(self.noise)] = np.concatenate([*[noise.walk for noise in self.noise], clocks])
+            errors[: 7 * len(self.noise)] = np.concatenate(
+                [*[noise.walk for noise in self.noise], clocks]
+            )
         motion = np.zeros(3 * m)
         if self.harmonics:
             motion = np.append(np.repeat(self.liveliness**2 * self._fall() ** 2, m), 0.0)
@@ -140,7 +182,9 @@ class FilterSettings:
         return np.concatenate([motion, np.zeros_like(self.error_variance)])
 
     def coefficient_sd(self, m: int) -> np.ndarray:
-        """Prior standard deviation of the coefficients at rest, shape (m (2 n + 1),) [rad]; wide for the mean angle."""
+        """Prior standard deviation of the coefficients at rest, shape (m (2 n + 1),) [rad]; wide
+        for the mean angle.
+        """
         sd = np.repeat(REST_AMPLITUDE_SD * self._fall(), m)
         sd[:m] = AMPLITUDE_SD
         return sd

@@ -1,9 +1,11 @@
-"""The Rauch-Tung-Striebel smoother over the chain filter: every instant told by all samples, those after it too.
+"""The Rauch-Tung-Striebel smoother over the chain filter: every instant told by all samples, those
+after it too.
 
-Rauch, Tung & Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA Journal 3 (1965), 1445-1450, with the
-filter's transition linearised at its own estimates (Särkkä, Bayesian Filtering and Smoothing, 2013, sect. 9.1). States and
-covariances of a whole recording would fill the memory: the filter is run once to leave a mark every so often, and again from
-mark to mark, backwards.
+Rauch, Tung & Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA Journal 3
+(1965), 1445-1450, with the filter's transition linearised at its own estimates (Särkkä, Bayesian
+Filtering and Smoothing, 2013, sect. 9.1). States and covariances of a whole recording would fill
+the memory: the filter is run once to leave a mark every so often, and again from mark to mark,
+backwards.
 """
 
 from __future__ import annotations
@@ -11,18 +13,34 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from testbench.estimation.chain.run import ChainMotion, ChainSamples, continue_filter, holding_limits
+from testbench.estimation.chain.run import (
+    ChainMotion,
+    ChainSamples,
+    continue_filter,
+    holding_limits,
+)
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.start import start_state
-from testbench.estimation.chain.state import confinement, drive, joint_motion, propagate, state_indices, transition
+from testbench.estimation.chain.state import (
+    confinement,
+    drive,
+    joint_motion,
+    propagate,
+    state_indices,
+    transition,
+)
 
 KEPT_NUMBERS = 2e7
 """Numbers of the covariances that are kept at a time: 160 MB."""
 
 
-def run_smoother(sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples) -> ChainMotion:
-    """Filter forwards and smooth backwards; arguments and result as for `run_filter`, without states and covariances."""
+def run_smoother(
+    sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples
+) -> ChainMotion:
+    """Filter forwards and smooth backwards; arguments and result as for `run_filter`, without
+    states and covariances.
+    """
     x, P = start_state(sensors, settings, samples.mean, samples.counts)
     levels, now = settings.levels(), samples.start
     stride = max(int(KEPT_NUMBERS / len(x) ** 2), 1)
@@ -49,14 +67,29 @@ def run_smoother(sensors: ChainSensors, settings: FilterSettings, samples: Chain
         mean, sd = _joints(state, covariance, indices, settings.harmonics)
         means.append(mean)
         sds.append(sd)
-        later = (state[0].copy(), covariance[0].copy(), float(part.time[0]) - start, float(kept.high[0]))
-    nis, high = np.concatenate([motion.nis for motion in motions]), np.concatenate([motion.high for motion in motions])
+        later = (
+            state[0].copy(),
+            covariance[0].copy(),
+            float(part.time[0]) - start,
+            float(kept.high[0]),
+        )
+    nis, high = (
+        np.concatenate([motion.nis for motion in motions]),
+        np.concatenate([motion.high for motion in motions]),
+    )
     likelihood = np.concatenate([motion.likelihood for motion in motions])
     none = np.zeros((0, len(x)))
     return ChainMotion(
-        samples.time, np.concatenate(means[::-1]), np.concatenate(sds[::-1]), nis, likelihood, none, none[:, :, None], high,
+        samples.time,
+        np.concatenate(means[::-1]),
+        np.concatenate(sds[::-1]),
+        nis,
+        likelihood,
+        none,
+        none[:, :, None],
+        high,
         (x, P),
-    )  # fmt: skip
+    )
 
 
 @njit(cache=True)
@@ -74,9 +107,11 @@ def _smooth(
     walk: np.ndarray,
     raised: np.ndarray,
 ) -> None:
-    """Replace filtered states (e, n) and covariances (e, n, n) by smoothed ones, from the smoothed x, P after the last.
+    """Replace filtered states (e, n) and covariances (e, n, n) by smoothed ones, from the smoothed
+    x, P after the last.
 
-    `steps` and `high` are the time to the next sample [s] and whether the raised process noise holds meanwhile, shape (e,).
+    `steps` and `high` are the time to the next sample [s] and whether the raised process noise
+    holds meanwhile, shape (e,).
     """
     n = len(x)
     x, P = x.copy(), P.copy()
@@ -93,7 +128,9 @@ def _smooth(
             for c in range(n):
                 ahead[r, c] /= scale[r] * scale[c]
             ahead[r, r] += 1e-12  # of a state that is known exactly
-        gain = np.linalg.solve(ahead, (F @ covariance[i]) / scale.reshape(n, 1)).T / scale.reshape(1, n)
+        gain = np.linalg.solve(ahead, (F @ covariance[i]) / scale.reshape(n, 1)).T / scale.reshape(
+            1, n
+        )
         for r in range(n):
             for c in range(n):
                 ahead[r, c] *= scale[r] * scale[c]
@@ -104,7 +141,9 @@ def _smooth(
 
 
 @njit(cache=True)
-def _joints(state: np.ndarray, covariance: np.ndarray, indices: np.ndarray, harmonics: int) -> tuple[np.ndarray, np.ndarray]:
+def _joints(
+    state: np.ndarray, covariance: np.ndarray, indices: np.ndarray, harmonics: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Joint angles, rates and accelerations with standard deviations, shapes (e, 3, m)."""
     e, m, k = len(state), indices.shape[0], indices.shape[1]
     mean, sd = np.empty((e, 3, m)), np.empty((e, 3, m))
@@ -117,6 +156,10 @@ def _joints(state: np.ndarray, covariance: np.ndarray, indices: np.ndarray, harm
                 total = 0.0
                 for r in range(k):
                     for c in range(k):
-                        total += slopes[order, j, r] * slopes[order, j, c] * covariance[i, indices[j, r], indices[j, c]]
+                        total += (
+                            slopes[order, j, r]
+                            * slopes[order, j, c]
+                            * covariance[i, indices[j, r], indices[j, c]]
+                        )
                 sd[i, order, j] = np.sqrt(max(total, 0.0))
     return mean, sd

@@ -5,21 +5,31 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.estimation.chain.sensors import ChainSensors
-from testbench.estimation.chain.settings import OMEGA_SD, START_ACCELERATION_SD, START_RATE_SD, FilterSettings
+from testbench.estimation.chain.settings import (
+    OMEGA_SD,
+    START_ACCELERATION_SD,
+    START_RATE_SD,
+    FilterSettings,
+)
 from testbench.estimation.chain.state import joint_motion, motion_size, state_indices
 
 STEPS = 20
 UNKNOWN = 1e3
-"""Standard deviation of what the rest has yet to tell, in multiples of what it will be known to [1]."""
+"""Standard deviation of what the rest has yet to tell, in multiples of what it will be known to
+[1].
+"""
 
 
 def rest_pose(
     sensors: ChainSensors, settings: FilterSettings, mean: np.ndarray, counts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pose and biases at rest: the most probable ones given the stated pose and the mean readings (Gauss-Newton).
+    """Pose and biases at rest: the most probable ones given the stated pose and the mean readings
+    (Gauss-Newton).
 
     Args:
-        sensors: The chain. settings: Start pose, noise and biases. mean: Mean readings at rest, shape (s, 6).
+        sensors: The chain.
+        settings: Start pose, noise and biases.
+        mean: Mean readings at rest, shape (s, 6).
         counts: Number of readings behind each mean, shape (s,).
 
     Returns:
@@ -29,7 +39,9 @@ def rest_pose(
     errors = settings.error_variance
     size = m + len(errors)
     prior = np.concatenate([settings.start, np.zeros(size - m)])
-    information = np.concatenate([np.full(m, settings.start_sd**-2.0), 1 / np.maximum(errors, 1e-20)])
+    information = np.concatenate(
+        [np.full(m, settings.start_sd**-2.0), 1 / np.maximum(errors, 1e-20)]
+    )
     weight = counts[:, None] / np.array([noise.variance for noise in settings.noise])
     theta, zero = prior.copy(), np.zeros(m)
     for _ in range(STEPS):
@@ -40,7 +52,9 @@ def rest_pose(
         J[:, m:] = _by_errors(reading, size - m)
         residual = residual - J[:, m:] @ theta[m:]
         normal = np.diag(information) + (J.T * weight.ravel()) @ J
-        step = np.linalg.solve(normal, (J.T * weight.ravel()) @ residual + information * (prior - theta))
+        step = np.linalg.solve(
+            normal, (J.T * weight.ravel()) @ residual + information * (prior - theta)
+        )
         theta = theta + step
         if np.abs(step[:m]).max() < 1e-12:
             break
@@ -48,7 +62,9 @@ def rest_pose(
 
 
 def _by_errors(reading: np.ndarray, count: int) -> np.ndarray:
-    """Derivative of all readings by the sensor errors that are states, shape (6 s, count); readings of shape (s, 6)."""
+    """Derivative of all readings by the sensor errors that are states, shape (6 s, count); readings
+    of shape (s, 6).
+    """
     s = len(reading)
     J = np.zeros((6 * s, 40 * s))  # at rest nothing tells of the clocks
     J[:, : 6 * s] = np.eye(6 * s)
@@ -66,8 +82,9 @@ def start_state(
 ) -> tuple[np.ndarray, np.ndarray]:
     """State and covariance at rest; arguments as for `rest_pose`.
 
-    The prior of the motion (unknown for q, v, a; that of the settings for Fourier coefficients) meets what rest says: the pose
-    and sensor errors of `rest_pose`, and no rate and no acceleration.
+    The prior of the motion (unknown for q, v, a; that of the settings for Fourier coefficients)
+    meets what rest says: the pose and sensor errors of `rest_pose`, and no rate and no
+    acceleration.
     """
     m, harmonics = len(sensors.joints), settings.harmonics
     theta, covariance = rest_pose(sensors, settings, mean, counts)
@@ -95,11 +112,15 @@ def start_state(
     R = np.zeros((len(H), len(H)))
     same = np.r_[0:m, 3 * m : len(H)]
     R[np.ix_(same, same)] = covariance
-    R[range(m, 3 * m), range(m, 3 * m)] = np.repeat(np.square([START_RATE_SD, START_ACCELERATION_SD]), m)
+    R[range(m, 3 * m), range(m, 3 * m)] = np.repeat(
+        np.square([START_RATE_SD, START_ACCELERATION_SD]), m
+    )
     said = np.concatenate([theta[:m], np.zeros(2 * m), theta[m:]])
     P = np.diag(sd**2)
     K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-    x = x + K @ (said - H @ x)  # linear but for omega, which multiplies coefficients that are still 0
+    x = x + K @ (
+        said - H @ x
+    )  # linear but for omega, which multiplies coefficients that are still 0
     left = np.eye(n) - K @ H
     P = left @ P @ left.T + K @ R @ K.T
     return x, (P + P.T) / 2

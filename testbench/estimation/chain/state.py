@@ -1,17 +1,22 @@
-"""The two state vectors of the chain filter, and how joint angles, rates and accelerations follow from them; compiled.
+"""The two state vectors of the chain filter, and how joint angles, rates and accelerations follow
+from them; compiled.
 
-kinematic: q, v and a of the m joints. The jerk is white noise. A joint with limits is drawn back to the middle of its range by
-    three equal poles, (d/dt + lambda)^3 (q - middle) = white, a Matérn process (Hartikainen & Särkkä, Kalman filtering and
-    smoothing solutions to temporal Gaussian process regression models, MLSP 2010) whose stationary standard deviation is that
-    of an angle of which nothing is known but its range. Without limits lambda is 0: white jerk integrated three times.
-fourier: q = c_0 + sum over k = 1..n of c_k, each c_k with its quadrature s_k turning at k omega, so that v = omega sum k s_k
-    and a = -omega^2 sum k^2 c_k. That is the Fourier series of Quijano & Valencia (Universidad del Cauca, 2018, eq 3.20) seen
-    at the present phase: their a_k and b_k are c_k and s_k turned back by k omega t. The angular frequency omega is common to
-    all joints and is estimated too. In this form nothing grows with time, as the derivative of cos(k omega t) by omega does.
+kinematic: q, v and a of the m joints. The jerk is white noise. A joint with limits is drawn back to
+the middle of its range by three equal poles, (d/dt + lambda)^3 (q - middle) = white, a Matérn
+process (Hartikainen & Särkkä, Kalman filtering and smoothing solutions to temporal Gaussian process
+regression models, MLSP 2010) whose stationary standard deviation is that of an angle of which
+nothing is known but its range. Without limits lambda is 0: white jerk integrated three times.
+fourier: q = c_0 + sum over k = 1..n of c_k, each c_k with its quadrature s_k turning at k omega, so
+that v = omega sum k s_k and a = -omega^2 sum k^2 c_k. That is the Fourier series of Quijano &
+Valencia (Universidad del Cauca, 2018, eq 3.20) seen at the present phase: their a_k and b_k are c_k
+and s_k turned back by k omega t. The angular frequency omega is common to all joints and is
+estimated too. In this form nothing grows with time, as the derivative of cos(k omega t) by omega
+does.
 
-Order of the states: kinematic [q, v, a], fourier [c_0, c_1, s_1, .. c_n, s_n, omega], each entry but omega m wide; then, where
-biases are estimated, three of the gyroscope and three of the accelerometer for each sensor, and how late each
-sensor's clock is; then, where scales are too, what `SensorNoise.scale_variance` lists, sensor by sensor.
+Order of the states: kinematic [q, v, a], fourier [c_0, c_1, s_1, .. c_n, s_n, omega], each entry
+but omega m wide; then, where biases are estimated, three of the gyroscope and three of the
+accelerometer for each sensor, and how late each sensor's clock is; then, where scales are too, what
+`SensorNoise.scale_variance` lists, sensor by sensor.
 """
 
 from __future__ import annotations
@@ -37,12 +42,17 @@ def state_indices(m: int, harmonics: int) -> np.ndarray:
 
 
 @njit(cache=True)
-def joint_motion(x: np.ndarray, indices: np.ndarray, harmonics: int, motion: np.ndarray, slopes: np.ndarray) -> None:
-    """Joint angles, rates and accelerations of a state, and their derivatives by the states they depend on.
+def joint_motion(
+    x: np.ndarray, indices: np.ndarray, harmonics: int, motion: np.ndarray, slopes: np.ndarray
+) -> None:
+    """Joint angles, rates and accelerations of a state, and their derivatives by the states they
+    depend on.
 
     Args:
-        x: The state. indices: As `state_indices` gives them, shape (m, k).
-        motion: Filled with q, v and a, shape (3, m). slopes: Filled with their derivatives, shape (3, m, k).
+        x: The state.
+        indices: As `state_indices` gives them, shape (m, k).
+        motion: Filled with q, v and a, shape (3, m).
+        slopes: Filled with their derivatives, shape (3, m, k).
     """
     m = indices.shape[0]
     slopes[:] = 0.0
@@ -72,13 +82,15 @@ def joint_motion(x: np.ndarray, indices: np.ndarray, harmonics: int, motion: np.
 
 
 def confinement(limits: np.ndarray, jerk: np.ndarray) -> np.ndarray:
-    """Middle of each joint's range [rad] and rate [1/s] at which the kinematic state is drawn back to it, shape (m, 2).
+    """Middle of each joint's range [rad] and rate [1/s] at which the kinematic state is drawn back
+    to it, shape (m, 2).
 
-    Of (d/dt + lambda)^3 q = white noise of density S the stationary variance is 3 S / (16 lambda^5); that of an angle anywhere
-    in a range is its square over twelve.
+    Of (d/dt + lambda)^3 q = white noise of density S the stationary variance is 3 S / (16
+    lambda^5); that of an angle anywhere in a range is its square over twelve.
 
     Args:
-        limits: Shape (m, 2), infinite for none [rad]. jerk: As `FilterSettings.jerk` gives it, shape (m,).
+        limits: Shape (m, 2), infinite for none [rad].
+        jerk: As `FilterSettings.jerk` gives it, shape (m,).
     """
     known = np.isfinite(limits).all(axis=1)
     span = np.where(known, np.diff(np.where(known[:, None], limits, 0.0), axis=1)[:, 0], np.inf)
@@ -91,16 +103,27 @@ def _confined(rate: float, dt: float, f: np.ndarray) -> None:
     """The transition of q - middle, v and a of one joint over dt [s], filled into shape (3, 3)."""
     r, d = rate, np.exp(-rate * dt)
     f[0, 0], f[0, 1], f[0, 2] = 1 + r * dt + 0.5 * (r * dt) ** 2, dt + r * dt**2, 0.5 * dt**2
-    f[1, 0], f[1, 1], f[1, 2] = -0.5 * r**3 * dt**2, 1 + r * dt - (r * dt) ** 2, dt - 0.5 * r * dt**2
-    f[2, 0], f[2, 1], f[2, 2] = r**3 * (0.5 * r * dt**2 - dt), r**2 * (r * dt**2 - 3 * dt), 1 - 2 * r * dt + 0.5 * (r * dt) ** 2
+    f[1, 0], f[1, 1], f[1, 2] = (
+        -0.5 * r**3 * dt**2,
+        1 + r * dt - (r * dt) ** 2,
+        dt - 0.5 * r * dt**2,
+    )
+    f[2, 0], f[2, 1], f[2, 2] = (
+        r**3 * (0.5 * r * dt**2 - dt),
+        r**2 * (r * dt**2 - 3 * dt),
+        1 - 2 * r * dt + 0.5 * (r * dt) ** 2,
+    )
     for i in range(3):
         for c in range(3):
             f[i, c] *= d
 
 
 @njit(cache=True)
-def transition(x: np.ndarray, m: int, harmonics: int, confined: np.ndarray, dt: float) -> np.ndarray:
-    """The state after dt [s] without noise, and put into x; returns the derivative by the state before, shape (n, n).
+def transition(
+    x: np.ndarray, m: int, harmonics: int, confined: np.ndarray, dt: float
+) -> np.ndarray:
+    """The state after dt [s] without noise, and put into x; returns the derivative by the state
+    before, shape (n, n).
 
     `confined` is what `confinement` gives, shape (m, 2).
     """
@@ -135,8 +158,12 @@ def transition(x: np.ndarray, m: int, harmonics: int, confined: np.ndarray, dt: 
 
 
 @njit(cache=True)
-def propagate(x: np.ndarray, P: np.ndarray, m: int, harmonics: int, confined: np.ndarray, dt: float) -> None:
-    """What `transition` does, with the covariance, without building the matrix: x and P are changed in place."""
+def propagate(
+    x: np.ndarray, P: np.ndarray, m: int, harmonics: int, confined: np.ndarray, dt: float
+) -> None:
+    """What `transition` does, with the covariance, without building the matrix: x and P are changed
+    in place.
+    """
     if harmonics == 0:
         _propagate_kinematic(x, P, m, confined, dt)
     else:
@@ -144,7 +171,9 @@ def propagate(x: np.ndarray, P: np.ndarray, m: int, harmonics: int, confined: np
 
 
 @njit(cache=True)
-def _propagate_kinematic(x: np.ndarray, P: np.ndarray, m: int, confined: np.ndarray, dt: float) -> None:
+def _propagate_kinematic(
+    x: np.ndarray, P: np.ndarray, m: int, confined: np.ndarray, dt: float
+) -> None:
     n = x.shape[0]
     f = np.empty((3, 3))
     for j in range(m):
@@ -194,15 +223,26 @@ def _propagate_fourier(x: np.ndarray, P: np.ndarray, m: int, harmonics: int, dt:
 
 
 @njit(cache=True)
-def drive(P: np.ndarray, m: int, harmonics: int, jerk: np.ndarray, confined: np.ndarray, walk: np.ndarray, dt: float) -> None:
+def drive(
+    P: np.ndarray,
+    m: int,
+    harmonics: int,
+    jerk: np.ndarray,
+    confined: np.ndarray,
+    walk: np.ndarray,
+    dt: float,
+) -> None:
     """Add what the process noise does over dt [s] to a covariance.
 
-    The integral of the noise's response is that of Gauss and Legendre at three instants, exact without confinement (Bar-Shalom,
-    Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, eq 6.2.3-7).
+    The integral of the noise's response is that of Gauss and Legendre at three instants, exact
+    without confinement (Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and
+    Navigation, 2001, eq 6.2.3-7).
 
     Args:
-        jerk: Power spectral density of the white jerk of each joint, shape (m,) [rad^2/s^5]; kinematic state only. confined: As
-            for `transition`. walk: Growth of the variance of each state, shape (n,) [unit^2/s].
+        jerk: Power spectral density of the white jerk of each joint, shape (m,) [rad^2/s^5];
+            kinematic state only.
+        confined: As for `transition`.
+        walk: Growth of the variance of each state, shape (n,) [unit^2/s].
     """
     if harmonics == 0:
         f = np.empty((3, 3))

@@ -13,9 +13,11 @@ from testbench.exceptions import InputError, NotFoundError
 from testbench.model import rotation
 
 FilterState = dict[str, Any]
-"""All that a filter remembers after a sample, by name: numbers and lists of numbers, so that it can be written as JSON.
+"""All that a filter remembers after a sample, by name: numbers and lists of numbers, so that it can
+be written as JSON.
 
-`filter` names the filter it belongs to. A filter that estimates the gyroscope's bias has it under `gyr_bias_rad_s`.
+`filter` names the filter it belongs to. A filter that estimates the gyroscope's bias has it under
+`gyr_bias_rad_s`.
 """
 
 
@@ -27,9 +29,16 @@ class Parameter:
     """One setting of a filter.
 
     Attributes:
-        name: With its unit, as protocols spell it. default, unit, meaning: Of the value. source: Of the default.
-        low, high: Plausible range, for tuning. scale: How to walk through it; a "switch" is 0 or 1.
-        least, most: What is allowed.
+        name: With its unit, as protocols spell it.
+        default: Of the value.
+        unit: Of the value.
+        meaning: Of the value.
+        source: Of the default.
+        low: Plausible range, for tuning.
+        high: Plausible range, for tuning.
+        scale: How to walk through it; a "switch" is 0 or 1.
+        least: What is allowed.
+        most: What is allowed.
     """
 
     name: str
@@ -50,7 +59,11 @@ class Parameter:
         if self.scale == "switch" and value not in (0, 1):
             return f"{self.name} is {value:g}; a switch is 0 (off) or 1 (on)"
         if not self.least <= value <= self.most:
-            allowed = f"between {self.least:g} and {self.most:g}" if np.isfinite(self.most) else f"at least {self.least:g}"
+            allowed = (
+                f"between {self.least:g} and {self.most:g}"
+                if np.isfinite(self.most)
+                else f"at least {self.least:g}"
+            )
             return f"{self.name} is {value:g} {self.unit}; it must be {allowed}"
         return None
 
@@ -65,9 +78,12 @@ class UniformSamples:
     """Samples in the sensor frame, on a grid as regular as the sensor's clock.
 
     Attributes:
-        interval: Mean time between samples [s]. gyr: Angular rate, shape (n, 3) [rad/s]; mean over the interval before its
-        sample. acc: Specific force, shape (n, 3) [m/s^2]. mag: Shape (n, 3) [uT], or None. device_q: The vendor's
-        q_earth_from_sensor, shape (n, 4), or None. intervals: Time before each sample, shape (n,) [s], where they differ.
+        interval: Mean time between samples [s].
+        gyr: Angular rate, shape (n, 3) [rad/s]; mean over the interval before its sample.
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Shape (n, 3) [uT], or None.
+        device_q: The vendor's q_earth_from_sensor, shape (n, 4), or None.
+        intervals: Time before each sample, shape (n,) [s], where they differ.
     """
 
     interval: float
@@ -87,17 +103,25 @@ class UniformSamples:
 
     def steps(self) -> np.ndarray:
         """Time before each sample, shape (n,) [s]."""
-        return np.full(len(self), self.interval) if self.intervals is None else np.asarray(self.intervals, float)
+        return (
+            np.full(len(self), self.interval)
+            if self.intervals is None
+            else np.asarray(self.intervals, float)
+        )
 
     def piece(self, rows: slice) -> UniformSamples:
         """Some consecutive samples."""
         mag = None if self.mag is None else self.mag[rows]
         device_q = None if self.device_q is None else self.device_q[rows]
         intervals = None if self.intervals is None else self.intervals[rows]
-        return UniformSamples(self.interval, self.gyr[rows], self.acc[rows], mag, device_q, intervals)
+        return UniformSamples(
+            self.interval, self.gyr[rows], self.acc[rows], mag, device_q, intervals
+        )
 
     def turning(self) -> np.ndarray:
-        """Angular rate of the gyroscope, or of the device's orientation without one, shape (n, 3) [rad/s]."""
+        """Angular rate of the gyroscope, or of the device's orientation without one, shape (n, 3)
+        [rad/s].
+        """
         if self.has("gyr") or self.device_q is None:
             return self.gyr
         step = rotation.multiply(rotation.conjugate(self.device_q[:-1]), self.device_q[1:])
@@ -105,15 +129,22 @@ class UniformSamples:
 
 
 class OrientationFilter(ABC):
-    """Turns samples into orientations; one instance is one choice of parameters and remembers nothing else.
+    """Turns samples into orientations; one instance is one choice of parameters and remembers
+    nothing else.
 
     Attributes:
-        name: As protocols spell it. needs: Of "gyr", "acc", "mag", "device_q". source: Publication or package.
-        PARAMETERS: Those it has. parameters: Their values in this instance.
-        sampling: "native" where each sample's own interval is used, "uniform" where irregular samples are interpolated to a
-        regular grid and the orientations back, "memoryless" where the interval does not matter.
-        causal: Whether a sample's orientation depends on nothing later. behaviour: What is known of it, in a sentence.
-        known_faults: Why it cannot pass the self-test, for those that repeat a publication with its errors.
+        name: As protocols spell it.
+        needs: Of "gyr", "acc", "mag", "device_q".
+        source: Publication or package.
+        PARAMETERS: Those it has.
+        parameters: Their values in this instance.
+        sampling: "native" where each sample's own interval is used, "uniform" where irregular
+            samples are interpolated to a regular grid and the orientations back, "memoryless" where
+            the interval does not matter.
+        causal: Whether a sample's orientation depends on nothing later.
+        behaviour: What is known of it, in a sentence.
+        known_faults: Why it cannot pass the self-test, for those that repeat a publication with its
+            errors.
     """
 
     name: ClassVar[str]
@@ -132,7 +163,8 @@ class OrientationFilter(ABC):
             parameters: Those that differ from the defaults, by name.
 
         Raises:
-            NotFoundError: An unknown name; lists those that exist. InputError: A value that is not allowed.
+            NotFoundError: An unknown name; lists those that exist.
+            InputError: A value that is not allowed.
         """
         values = {parameter.name: float(parameter.default) for parameter in self.PARAMETERS}
         for key, value in (parameters or {}).items():
@@ -149,17 +181,22 @@ class OrientationFilter(ABC):
         """Orientation at every sample of a recording.
 
         Returns:
-            q_earth_from_sensor, w x y z, shape (n, 4). Earth has z up; its heading is ENU with a magnetometer, else arbitrary.
+            q_earth_from_sensor, w x y z, shape (n, 4). Earth has z up; its heading is ENU with a
+            magnetometer, else arbitrary.
         """
 
-    def advance(self, samples: UniformSamples, state: FilterState | None = None) -> tuple[np.ndarray, FilterState]:
+    def advance(
+        self, samples: UniformSamples, state: FilterState | None = None
+    ) -> tuple[np.ndarray, FilterState]:
         """Orientation at every sample of a piece of a recording; one sample is a piece, too.
 
         Args:
-            samples: The piece. state: What this returned for the piece before; None at the beginning.
+            samples: The piece.
+            state: What this returned for the piece before; None at the beginning.
 
         Returns:
-            q_earth_from_sensor, shape (n, 4), and the state after the last sample. Pieces give what the whole gives.
+            q_earth_from_sensor, shape (n, 4), and the state after the last sample. Pieces give what
+            the whole gives.
 
         Raises:
             InputError: The filter cannot work piece by piece, or the state is another filter's.
@@ -175,7 +212,9 @@ class RecursiveFilter(OrientationFilter):
     """A filter that goes from sample to sample, and can be stopped and resumed."""
 
     @abstractmethod
-    def advance(self, samples: UniformSamples, state: FilterState | None = None) -> tuple[np.ndarray, FilterState]:
+    def advance(
+        self, samples: UniformSamples, state: FilterState | None = None
+    ) -> tuple[np.ndarray, FilterState]:
         """See OrientationFilter."""
 
     def run(self, samples: UniformSamples) -> np.ndarray:
@@ -187,11 +226,16 @@ class RecursiveFilter(OrientationFilter):
     def check_state(self, state: FilterState) -> None:
         """Refuse the state of another filter."""
         if state.get("filter") != self.name:
-            raise InputError(f"the filter {self.name} cannot resume the state of {state.get('filter', 'no filter')}")
+            raise InputError(
+                f"the filter {self.name} cannot resume the state of "
+                f"{state.get('filter', 'no filter')}"
+            )
 
 
 def on_regular_grid(kind: OrientationFilter, samples: UniformSamples) -> np.ndarray:
-    """Run a filter for regular sampling on irregular samples: interpolate linearly, run, interpolate on the sphere."""
+    """Run a filter for regular sampling on irregular samples: interpolate linearly, run,
+    interpolate on the sphere.
+    """
     time = np.cumsum(samples.steps())
     count = len(samples)
     if count < 2:
@@ -202,6 +246,10 @@ def on_regular_grid(kind: OrientationFilter, samples: UniformSamples) -> np.ndar
         return np.column_stack([np.interp(grid, time, column) for column in array.T])
 
     mag = None if samples.mag is None else spread(samples.mag)
-    device_q = None if samples.device_q is None else rotation.interpolate(time, samples.device_q, grid)
-    regular = UniformSamples(float(grid[1] - grid[0]), spread(samples.gyr), spread(samples.acc), mag, device_q)
+    device_q = (
+        None if samples.device_q is None else rotation.interpolate(time, samples.device_q, grid)
+    )
+    regular = UniformSamples(
+        float(grid[1] - grid[0]), spread(samples.gyr), spread(samples.acc), mag, device_q
+    )
     return rotation.interpolate(grid, kind.run(regular), time)

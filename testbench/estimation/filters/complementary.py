@@ -1,4 +1,6 @@
-"""Complementary filters: the gyroscope integrated, tilt and heading each drawn to what is measured with a time constant."""
+"""Complementary filters: the gyroscope integrated, tilt and heading each drawn to what is measured
+with a time constant.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +10,36 @@ from numba import njit
 from testbench.estimation.filters.base import Parameter
 from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
 from testbench.estimation.filters.kernel_filter import KernelFilter
-from testbench.estimation.filters.maths import begin, field_deviates, length, to_earth, turned, usable_force
+from testbench.estimation.filters.maths import (
+    begin,
+    field_deviates,
+    length,
+    to_earth,
+    turned,
+    usable_force,
+)
 
 
 @njit(cache=True)
 def complementary(
-    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, use_mag: bool
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
 ) -> np.ndarray:
-    """Integrate, then turn the earth frame by part of the angle to the measured vertical, then of that to measured north.
+    """Integrate, then turn the earth frame by part of the angle to the measured vertical, then of
+    that to measured north.
 
-    Both corrections are in the earth frame and one after the other, as Valenti et al. 2015 have them, so that the field never
-    tilts. The part is 1 - exp(-dt / tau).
+    Both corrections are in the earth frame and one after the other, as Valenti et al. 2015 have
+    them, so that the field never tilts. The part is 1 - exp(-dt / tau).
 
     Args:
-        p: tau of the accelerometer [s], its gate [m/s^2], tau of the magnetometer [s], its gate. state: begin, q, field of
-        reference. use_mag: Whether to use the magnetometer.
+        p: tau of the accelerometer [s], its gate [m/s^2], tau of the magnetometer [s], its gate.
+        state: begin, q, field of reference.
+        use_mag: Whether to use the magnetometer.
     """
     n = gyr.shape[0]
     out = np.empty((n, 4))
@@ -30,18 +47,35 @@ def complementary(
         if state[0] == 0.0:
             begin(state, acc[i], mag[i], use_mag, out[i])
             continue
-        w, x, y, z = turned(state[1], state[2], state[3], state[4], gyr[i, 0] * dt[i], gyr[i, 1] * dt[i], gyr[i, 2] * dt[i])
+        w, x, y, z = turned(
+            state[1],
+            state[2],
+            state[3],
+            state[4],
+            gyr[i, 0] * dt[i],
+            gyr[i, 1] * dt[i],
+            gyr[i, 2] * dt[i],
+        )
         a = length(acc[i])
         if usable_force(a, p[1]):
             ux, uy, uz = to_earth(w, x, y, z, acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a)
-            s = np.sqrt(ux * ux + uy * uy)  # sine of the angle to the vertical; the axis is (uy, -ux, 0)
+            s = np.sqrt(
+                ux * ux + uy * uy
+            )  # sine of the angle to the vertical; the axis is (uy, -ux, 0)
             if s > 0.0:
                 half = 0.5 * (1.0 - np.exp(-dt[i] / p[0])) * np.arctan2(s, uz)
                 c, k = np.cos(half), np.sin(half) / s
                 dx, dy = k * uy, -k * ux
-                w, x, y, z = c * w - dx * x - dy * y, c * x + dx * w + dy * z, c * y + dy * w - dx * z, c * z + dx * y - dy * x
+                w, x, y, z = (
+                    c * w - dx * x - dy * y,
+                    c * x + dx * w + dy * z,
+                    c * y + dy * w - dx * z,
+                    c * z + dx * y - dy * x,
+                )
         m = length(mag[i]) if use_mag else 0.0
-        if m > 0.0 and not field_deviates(w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[3], state[5:7]):
+        if m > 0.0 and not field_deviates(
+            w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[3], state[5:7]
+        ):
             hx, hy, _ = to_earth(w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2])
             half = 0.5 * (1.0 - np.exp(-dt[i] / p[2])) * np.arctan2(hx, hy)
             c, s = np.cos(half), np.sin(half)
@@ -52,12 +86,31 @@ def complementary(
     return out
 
 
-SOURCE = "Valenti, Dryanovski & Xiao, Sensors 15(8), 2015: tilt, then heading; angles instead of interpolated quaternions"
+SOURCE = (
+    "Valenti, Dryanovski & Xiao, Sensors 15(8), 2015: tilt, then heading; angles instead of "
+    "interpolated quaternions"
+)
 VQF_DEFAULT = "the time constant that Laidig & Seel 2023 chose for VQF"
 TAU_ACC = Parameter(
-    "tau_acc_s", 3.0, "s", "time constant of the accelerometer's correction", VQF_DEFAULT, 0.1, 30.0, least=1e-3
+    "tau_acc_s",
+    3.0,
+    "s",
+    "time constant of the accelerometer's correction",
+    VQF_DEFAULT,
+    0.1,
+    30.0,
+    least=1e-3,
 )
-TAU_MAG = Parameter("tau_mag_s", 9.0, "s", "time constant of the magnetometer's correction", VQF_DEFAULT, 0.1, 90.0, least=1e-3)
+TAU_MAG = Parameter(
+    "tau_mag_s",
+    9.0,
+    "s",
+    "time constant of the magnetometer's correction",
+    VQF_DEFAULT,
+    0.1,
+    90.0,
+    least=1e-3,
+)
 
 
 class Complementary(KernelFilter):

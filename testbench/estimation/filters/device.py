@@ -14,7 +14,9 @@ class Device(RecursiveFilter):
     sampling = "memoryless"
     behaviour = "A black box; its settings are those of the device."
 
-    def advance(self, samples: UniformSamples, state: FilterState | None = None) -> tuple[np.ndarray, FilterState]:
+    def advance(
+        self, samples: UniformSamples, state: FilterState | None = None
+    ) -> tuple[np.ndarray, FilterState]:
         """See OrientationFilter."""
         assert samples.device_q is not None
         return samples.device_q, {"filter": self.name}

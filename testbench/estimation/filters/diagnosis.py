@@ -1,10 +1,13 @@
-"""Why a filter fails the self-test: each usual mistake is undone in turn, until the filter passes."""
+"""Why a filter fails the self-test: each usual mistake is undone in turn, until the filter
+passes.
+"""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -45,8 +48,12 @@ def _scaled(quantity: str, factor: float) -> Callable[[UniformSamples], UniformS
     return lambda samples: replace(samples, **{quantity: factor * getattr(samples, quantity)})
 
 
-def _mapped(quantities: tuple[str, ...], matrix: np.ndarray) -> Callable[[UniformSamples], UniformSamples]:
-    return lambda samples: replace(samples, **{key: getattr(samples, key) @ matrix.T for key in quantities})
+def _mapped(
+    quantities: tuple[str, ...], matrix: np.ndarray
+) -> Callable[[UniformSamples], UniformSamples]:
+    return lambda samples: replace(
+        samples, **{key: getattr(samples, key) @ matrix.T for key in quantities}
+    )
 
 
 def _left(q: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -54,33 +61,68 @@ def _left(q: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def _single() -> Iterator[Mistake]:
-    yield Mistake("rates look like they were taken as deg/s: they come in rad/s", _scaled("gyr", 180 / np.pi))
-    yield Mistake("rates look like they were turned into deg/s and then used as rad/s", _scaled("gyr", np.pi / 180))
-    yield Mistake("it turns against the gyroscope: the sign of the rates is reversed", _scaled("gyr", -1.0))
     yield Mistake(
-        "it takes the accelerometer for gravity (at rest it reads upwards), or its earth has z down", _scaled("acc", -1.0)
+        "rates look like they were taken as deg/s: they come in rad/s", _scaled("gyr", 180 / np.pi)
     )
-    yield Mistake("it takes the accelerometer in g: it comes in m/s^2", _scaled("acc", 1 / STANDARD_GRAVITY))
+    yield Mistake(
+        "rates look like they were turned into deg/s and then used as rad/s",
+        _scaled("gyr", np.pi / 180),
+    )
+    yield Mistake(
+        "it turns against the gyroscope: the sign of the rates is reversed", _scaled("gyr", -1.0)
+    )
+    yield Mistake(
+        "it takes the accelerometer for gravity (at rest it reads upwards), or its earth has z "
+        "down",
+        _scaled("acc", -1.0),
+    )
+    yield Mistake(
+        "it takes the accelerometer in g: it comes in m/s^2", _scaled("acc", 1 / STANDARD_GRAVITY)
+    )
     yield Mistake("the sign of the magnetometer is reversed", _scaled("mag", -1.0))
-    yield Mistake("its quaternion is conjugated: it is q_sensor_from_earth, not q_earth_from_sensor", after=rotation.conjugate)
+    yield Mistake(
+        "its quaternion is conjugated: it is q_sensor_from_earth, not q_earth_from_sensor",
+        after=rotation.conjugate,
+    )
     yield Mistake("its quaternion is in the order x, y, z, w: it must be w, x, y, z", after=_rolled)
     for name, words in (("NED", "north, east, down"), ("NWU", "north, west, up")):
         q = np.array(Q_ENU_FROM[name])
-        yield Mistake(f"its earth frame is {name} ({words}): it must be ENU (east, north, up)", after=_left(q))
+        yield Mistake(
+            f"its earth frame is {name} ({words}): it must be ENU (east, north, up)", after=_left(q)
+        )
 
 
 def _timing() -> Iterator[Mistake]:
     """Every interval taken for the same, or an output that comes late."""
-    words = "it takes every interval for the mean one: where `intervals` are given, each sample has its own"
-    yield Mistake(words, lambda samples: replace(samples, gyr=samples.gyr * (samples.steps() / samples.interval)[:, None]))
+    words = (
+        "it takes every interval for the mean one: where `intervals` are given, each sample "
+        "has its own"
+    )
+    yield Mistake(
+        words,
+        lambda samples: replace(
+            samples, gyr=samples.gyr * (samples.steps() / samples.interval)[:, None]
+        ),
+    )
     for interval in FIXED_S:
         yield Mistake(
             f"it takes every interval for {1000 * interval:.3g} ms: it comes with the samples",
-            lambda samples, interval=interval: replace(samples, gyr=samples.gyr * (samples.steps() / interval)[:, None]),  # type: ignore[misc]
+            lambda samples, interval=interval: replace(
+                samples, gyr=samples.gyr * (samples.steps() / interval)[:, None]
+            ),  # type: ignore[misc]
         )
     for late in range(1, MOST_LATE + 1):
         words = f"its output comes {late} sample{'s' if late > 1 else ''} late"
-        yield Mistake(words, lambda samples, late=late: _followed(samples, late), lambda q, late=late: q[late:])  # type: ignore[misc]
+        yield Mistake(
+            words,
+            partial(_followed, count=late),
+            partial(_without_first, count=late),
+        )
+
+
+def _without_first(q: np.ndarray, count: int) -> np.ndarray:
+    """All but the first samples, shape (n - count, 4)."""
+    return q[count:]
 
 
 def _followed(samples: UniformSamples, count: int) -> UniformSamples:
@@ -94,7 +136,10 @@ def _followed(samples: UniformSamples, count: int) -> UniformSamples:
 
 
 def _double() -> Iterator[Mistake]:
-    yield Mistake("its quaternion is in the order x, y, z, w, and conjugated", after=lambda q: rotation.conjugate(_rolled(q)))
+    yield Mistake(
+        "its quaternion is in the order x, y, z, w, and conjugated",
+        after=lambda q: rotation.conjugate(_rolled(q)),
+    )
     for name in ("NED", "NWU"):
         left = _left(np.array(Q_ENU_FROM[name]))
         yield Mistake(
@@ -149,25 +194,45 @@ def diagnose(kind: OrientationFilter, checks: list[Check]) -> str:
     screen = [
         recording("tilted", pose(60, -35, 25), np.array([0.6, -0.48, 0.64])),
         recording("elsewhere", pose(-100, 20, -140), np.array([-0.64, 0.6, 0.48])),
-        *(case for check in failed for case in groups[check.name] if check.name != BIASED and case.name == check.where),
+        *(
+            case
+            for check in failed
+            for case in groups[check.name]
+            if check.name != BIASED and case.name == check.where
+        ),
     ]
     if "device_q" not in needs:
         screen = [replace(case, samples=replace(case.samples, device_q=None)) for case in screen]
     for mistake in itertools.chain(_timing(), _single(), _axes(needs), _double()):
         run = _undone(kind, mistake)
-        if all(error_deg(case, run(case.samples), needs) < TURN_LIMIT_DEG for case in screen) and all(
-            check.passed for check in judge(run, needs, groups)
-        ):
+        if all(
+            error_deg(case, run(case.samples), needs) < TURN_LIMIT_DEG for case in screen
+        ) and all(check.passed for check in judge(run, needs, groups)):
             return mistake.words
-    if {check.name for check in failed} <= {"rest in 24 poses", "start in any pose", "known heading"}:
-        return "it does not find its start within 6 s: it should take it from the first sample, and from any pose"
-    return f"it is {failed[0].worst_deg:.1f} deg off at '{failed[0].name}', {failed[0].where}; the cause cannot be told"
+    if {check.name for check in failed} <= {
+        "rest in 24 poses",
+        "start in any pose",
+        "known heading",
+    }:
+        return (
+            "it does not find its start within 6 s: it should take it from the first sample, "
+            "and from any pose"
+        )
+    return (
+        f"it is {failed[0].worst_deg:.1f} deg off at '{failed[0].name}', {failed[0].where}; "
+        "the cause cannot be told"
+    )
 
 
 def _of_bias(check: Check) -> str:
-    """The gyroscope alone is off by what its bias amounts to, and twice that says that it was added once more."""
+    """The gyroscope alone is off by what its bias amounts to, and twice that says that it was added
+    once more.
+    """
     alone = float(np.degrees(BIAS_RAD_S)) * TURN_S
-    off = f"{check.worst_deg:.1f} deg off after {TURN_S:g} s with a bias of 1 deg/s, the gyroscope alone {alone:.1f} deg"
+    off = (
+        f"{check.worst_deg:.1f} deg off after {TURN_S:g} s with a bias of 1 deg/s, the "
+        f"gyroscope alone {alone:.1f} deg"
+    )
     if check.worst_deg is not None and 1.5 * alone < check.worst_deg < 2.5 * alone:
         return f"it adds the bias of the gyroscope instead of taking it away: it is {off}"
     return f"it makes more of the bias of the gyroscope than there is: it is {off}"

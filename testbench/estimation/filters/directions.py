@@ -14,11 +14,19 @@ LAYOUT = (("started", 1), ("q", 4), ("dip_cos_sin", 2))
 
 
 @njit(cache=True)
-def tilts(gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray) -> np.ndarray:
+def tilts(
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+) -> np.ndarray:
     """The least rotation that turns each specific force upwards.
 
     Args:
-        p: None. state: started, q, unused.
+        p: None.
+        state: started, q, unused.
     """
     out = np.empty((acc.shape[0], 4))
     if state[0] == 0.0:
@@ -26,17 +34,27 @@ def tilts(gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: 
     for i in range(acc.shape[0]):
         a = length(acc[i])
         if a > 0.0:
-            state[1], state[2], state[3], state[4] = levelled(acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a)
+            state[1], state[2], state[3], state[4] = levelled(
+                acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a
+            )
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = state[1], state[2], state[3], state[4]
     return out
 
 
 @njit(cache=True)
-def triads(gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray) -> np.ndarray:
+def triads(
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+) -> np.ndarray:
     """TRIAD: the first vector is met exactly, the second as well as that allows.
 
     Args:
-        p: Empty, or whether the field is the first vector. state: started, q, cosine and sine of the dip.
+        p: Empty, or whether the field is the first vector.
+        state: started, q, cosine and sine of the dip.
     """
     field_first = p.shape[0] > 0 and p[0] > 0.5
     out = np.empty((acc.shape[0], 4))
@@ -50,7 +68,8 @@ def triads(gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p:
                 state[0], state[1] = 1.0, 1.0
                 state[5], state[6] = np.sqrt(max(0.0, 1.0 - s * s)), s
             if field_first:
-                # the upward direction in the plane of both that encloses the expected angle with the field
+                # the upward direction in the plane of both that encloses the expected angle with
+                # the field
                 d = ax * mx + ay * my + az * mz
                 px, py, pz = ax - d * mx, ay - d * my, az - d * mz
                 k = np.sqrt(px * px + py * py + pz * pz)
@@ -81,14 +100,23 @@ def minor(k: np.ndarray, row: int, column: int) -> float:
 
 
 @njit(cache=True)
-def quests(gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray) -> np.ndarray:
-    """QUEST for two vectors: the eigenvector of Davenport's matrix K to its largest eigenvalue, which is known in closed form.
+def quests(
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+) -> np.ndarray:
+    """QUEST for two vectors: the eigenvector of Davenport's matrix K to its largest eigenvalue,
+    which is known in closed form.
 
-    Shuster & Oh 1981, eq. 72 for the eigenvalue; the eigenvector as the largest column of the adjugate of K - lambda, which
-    has no singular angle.
+    Shuster & Oh 1981, eq. 72 for the eigenvalue; the eigenvector as the largest column of the
+    adjugate of K - lambda, which has no singular angle.
 
     Args:
-        p: Weight of the field, that of gravity being the rest of 1. state: started, q, cosine and sine of the dip.
+        p: Weight of the field, that of gravity being the rest of 1.
+        state: started, q, cosine and sine of the dip.
     """
     wm = p[0]
     wa = 1.0 - wm
@@ -104,7 +132,8 @@ def quests(gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p:
                 state[0], state[1] = 1.0, 1.0
                 state[5], state[6] = np.sqrt(max(0.0, 1.0 - dot * dot)), -dot
             north, up = state[5], -state[6]
-            # B = sum of weight * earth vector * sensor vector'; earth vectors (0, 0, 1) and (0, north, up)
+            # B = sum of weight * earth vector * sensor vector'; earth vectors (0, 0, 1) and (0,
+            # north, up)
             b10, b11, b12 = wm * north * mx, wm * north * my, wm * north * mz
             b20, b21, b22 = wa * ax + wm * up * mx, wa * ay + wm * up * my, wa * az + wm * up * mz
             across = np.sqrt(max(0.0, 1.0 - dot * dot)) * north
@@ -149,10 +178,14 @@ class Ecompass(KernelFilter):
 
     name, needs, sampling = "ecompass", ("acc", "mag"), "memoryless"
     source = (
-        "Castellanos Alonso, thesis, Universidad de Oviedo, 2023: R = [(a x m) x a, a x m, a], here with the columns of ENU"
+        "Castellanos Alonso, thesis, Universidad de Oviedo, 2023: R = [(a x m) x a, a x m, "
+        "a], here with the columns of ENU"
     )
     layout, kernel = LAYOUT, staticmethod(triads)
-    behaviour = "Every disturbance of the field is an error of heading; every acceleration tilts it and turns its heading."
+    behaviour = (
+        "Every disturbance of the field is an error of heading; every acceleration tilts "
+        "it and turns its heading."
+    )
 
 
 class Triad(KernelFilter):
@@ -178,8 +211,21 @@ class Quest(KernelFilter):
     name, needs, sampling = "quest", ("acc", "mag"), "memoryless"
     source = "Shuster & Oh, J. Guidance and Control 4(1), 1981"
     PARAMETERS = (
-        Parameter("mag_weight", 0.5, "1", "weight of the field; gravity has the rest of 1", "equal weights", 0.05, 0.95,
-                  "linear", 0.01, 0.99),
-    )  # fmt: skip
+        Parameter(
+            "mag_weight",
+            0.5,
+            "1",
+            "weight of the field; gravity has the rest of 1",
+            "equal weights",
+            0.05,
+            0.95,
+            "linear",
+            0.01,
+            0.99,
+        ),
+    )
     layout, kernel = LAYOUT, staticmethod(quests)
-    behaviour = "Shares a misfit of the angle between gravity and field out by weight; the dip is that of the first sample."
+    behaviour = (
+        "Shares a misfit of the angle between gravity and field out by weight; the dip is "
+        "that of the first sample."
+    )

@@ -12,20 +12,30 @@ from testbench.estimation.filters.maths import begin, field_deviates, length, to
 
 
 @njit(cache=True)
-def correct(q: np.ndarray, dq: np.ndarray, cov: np.ndarray, v: np.ndarray, r: np.ndarray, var: float) -> None:
-    """Correct by one direction: measured v in the sensor, expected r in the earth frame, one component after the other.
+def correct(
+    q: np.ndarray, dq: np.ndarray, cov: np.ndarray, v: np.ndarray, r: np.ndarray, var: float
+) -> None:
+    """Correct by one direction: measured v in the sensor, expected r in the earth frame, one
+    component after the other.
 
-    With uncorrelated components this is the update by all at once, as long as all are linearised at the predicted q; the
-    correction so far is dq. With h = R' r: dh/dq from Sabatini 2011, eq. 21, for a general r.
+    With uncorrelated components this is the update by all at once, as long as all are linearised at
+    the predicted q; the correction so far is dq. With h = R' r: dh/dq from Sabatini 2011, eq. 21,
+    for a general r.
     """
     w, x, y, z = q
     a = r[0] * w + r[1] * z - r[2] * y
     b = r[0] * x + r[1] * y + r[2] * z
     c = -r[0] * y + r[1] * x - r[2] * w
     d = -r[0] * z + r[1] * w + r[2] * x
-    hx = r[0] * (w * w + x * x - y * y - z * z) + 2.0 * (r[1] * (x * y + w * z) + r[2] * (x * z - w * y))
-    hy = r[1] * (w * w - x * x + y * y - z * z) + 2.0 * (r[0] * (x * y - w * z) + r[2] * (y * z + w * x))
-    hz = r[2] * (w * w - x * x - y * y + z * z) + 2.0 * (r[0] * (x * z + w * y) + r[1] * (y * z - w * x))
+    hx = r[0] * (w * w + x * x - y * y - z * z) + 2.0 * (
+        r[1] * (x * y + w * z) + r[2] * (x * z - w * y)
+    )
+    hy = r[1] * (w * w - x * x + y * y - z * z) + 2.0 * (
+        r[0] * (x * y - w * z) + r[2] * (y * z + w * x)
+    )
+    hz = r[2] * (w * w - x * x - y * y + z * z) + 2.0 * (
+        r[0] * (x * z + w * y) + r[1] * (y * z - w * x)
+    )
     for row in range(3):
         if row == 0:
             h0, h1, h2, h3, residual = 2.0 * a, 2.0 * b, 2.0 * c, 2.0 * d, v[0] - hx
@@ -53,9 +63,17 @@ def correct(q: np.ndarray, dq: np.ndarray, cov: np.ndarray, v: np.ndarray, r: np
 
 @njit(cache=True)
 def predict(
-    state: np.ndarray, q: np.ndarray, cov: np.ndarray, half: np.ndarray, rx: float, ry: float, rz: float, noise: float
+    state: np.ndarray,
+    q: np.ndarray,
+    cov: np.ndarray,
+    half: np.ndarray,
+    rx: float,
+    ry: float,
+    rz: float,
+    noise: float,
 ) -> None:
-    """Q <- F q, scaled, and P <- F P F' + Q for a turn r [rad] of the given standard deviation [rad]; F to first order.
+    """Q <- F q, scaled, and P <- F P F' + Q for a turn r [rad] of the given standard deviation
+    [rad]; F to first order.
 
     Q = noise^2 W W', where W W' = (I - q q') / 4 for a unit q.
     """
@@ -84,13 +102,21 @@ def predict(
 
 @njit(cache=True)
 def ekf(
-    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, use_mag: bool
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
 ) -> np.ndarray:
     """Quaternion EKF: rates as input, directions of gravity and field as measurements.
 
     Args:
-        p: Standard deviations of rate [rad/s] and direction of force, gate [m/s^2], that of direction of field, gate.
-        state: started, q, covariance (16), direction of the field in the earth frame (north, up), field of reference.
+        p: Standard deviations of rate [rad/s] and direction of force, gate [m/s^2], that of
+            direction of field, gate.
+        state: started, q, covariance (16), direction of the field in the earth frame (north, up),
+            field of reference.
         use_mag: Whether to use the magnetometer.
     """
     n = gyr.shape[0]
@@ -104,10 +130,21 @@ def ekf(
                 for j in range(4):
                     cov[j, j] = 1.0
                 if use_mag:
-                    _, hy, hz = to_earth(state[1], state[2], state[3], state[4], mag[i, 0], mag[i, 1], mag[i, 2])
+                    _, hy, hz = to_earth(
+                        state[1], state[2], state[3], state[4], mag[i, 0], mag[i, 1], mag[i, 2]
+                    )
                     state[21], state[22] = hy / length(mag[i]), hz / length(mag[i])
             continue
-        predict(state, q, cov, half, gyr[i, 0] * dt[i], gyr[i, 1] * dt[i], gyr[i, 2] * dt[i], p[0] * dt[i])
+        predict(
+            state,
+            q,
+            cov,
+            half,
+            gyr[i, 0] * dt[i],
+            gyr[i, 1] * dt[i],
+            gyr[i, 2] * dt[i],
+            p[0] * dt[i],
+        )
         dq[:] = 0.0
         a = length(acc[i])
         if usable_force(a, p[2]):
@@ -116,7 +153,9 @@ def ekf(
             r[2] = 1.0
             correct(q, dq, cov, v, r, p[1] * p[1])
         m = length(mag[i]) if use_mag else 0.0
-        if m > 0.0 and not field_deviates(q[0], q[1], q[2], q[3], mag[i, 0], mag[i, 1], mag[i, 2], p[4], state[23:25]):
+        if m > 0.0 and not field_deviates(
+            q[0], q[1], q[2], q[3], mag[i, 0], mag[i, 1], mag[i, 2], p[4], state[23:25]
+        ):
             for j in range(3):
                 v[j] = mag[i, j] / m
             r[0], r[1], r[2] = 0.0, state[21], state[22]
@@ -132,12 +171,35 @@ def ekf(
 
 SOURCE = "Sabatini, Sensors 11(2), 2011, reduced to the quaternion; package ahrs: EKF"
 AHRS = "package ahrs"
-GYR = Parameter("gyr_sd_rad_s", 0.3, "rad/s", "standard deviation of the rate in a sample", AHRS, 1e-3, 1.0, least=1e-9)
+GYR = Parameter(
+    "gyr_sd_rad_s",
+    0.3,
+    "rad/s",
+    "standard deviation of the rate in a sample",
+    AHRS,
+    1e-3,
+    1.0,
+    least=1e-9,
+)
 ACC = Parameter(
-    "acc_sd", 0.5, "1", "standard deviation of the direction of the force, of a unit vector", AHRS, 0.01, 5, least=1e-9
+    "acc_sd",
+    0.5,
+    "1",
+    "standard deviation of the direction of the force, of a unit vector",
+    AHRS,
+    0.01,
+    5,
+    least=1e-9,
 )
 MAG = Parameter(
-    "mag_sd", 0.8, "1", "standard deviation of the direction of the field, of a unit vector", AHRS, 0.01, 5, least=1e-9
+    "mag_sd",
+    0.8,
+    "1",
+    "standard deviation of the direction of the field, of a unit vector",
+    AHRS,
+    0.01,
+    5,
+    least=1e-9,
 )
 
 
@@ -158,4 +220,6 @@ class Ekf(KernelFilter):
     PARAMETERS = (GYR, ACC, ACC_GATE, MAG, MAG_GATE)
     layout = EkfImu.layout
     kernel, options = staticmethod(ekf), (True,)
-    behaviour = "As ekf_imu; a disturbed field tilts it, too, and a wrong dip in the first sample stays."
+    behaviour = (
+        "As ekf_imu; a disturbed field tilts it, too, and a wrong dip in the first sample stays."
+    )

@@ -22,14 +22,27 @@ from testbench.estimation.filters.maths import (
 
 @njit(cache=True)
 def weigh(
-    state: np.ndarray, p: np.ndarray, k: float, g: np.ndarray, z: np.ndarray, s: np.ndarray, y: np.ndarray, used: int
+    state: np.ndarray,
+    p: np.ndarray,
+    k: float,
+    g: np.ndarray,
+    z: np.ndarray,
+    s: np.ndarray,
+    y: np.ndarray,
+    used: int,
 ) -> None:
-    """The factor of S = H P H' + R into s, and S^-1 z into y; g holds [g x] above [m x], shape (6, 3)."""
+    """The factor of S = H P H' + R into s, and S^-1 z into y; g holds [g x] above [m x], shape (6,
+    3).
+    """
     for r in range(used):
         for c in range(r + 1):
             s[r, c] = 0.0
             for j in range(3):
-                s[r, c] += g[r, j] * g[c, j] * (state[11 + j] - 2.0 * k * state[23 + j] + k * k * state[14 + j])
+                s[r, c] += (
+                    g[r, j]
+                    * g[c, j]
+                    * (state[11 + j] - 2.0 * k * state[23 + j] + k * k * state[14 + j])
+                )
         s[r, r] += state[17 + r] + k * k * (p[1] + p[2]) + (p[0] + p[3] if r < 3 else p[5] + p[6])
         y[r] = z[r]
     factorise(s, used)
@@ -39,7 +52,14 @@ def weigh(
 
 @njit(cache=True)
 def choose(
-    state: np.ndarray, p: np.ndarray, k: float, g: np.ndarray, z: np.ndarray, s: np.ndarray, y: np.ndarray, used: int
+    state: np.ndarray,
+    p: np.ndarray,
+    k: float,
+    g: np.ndarray,
+    z: np.ndarray,
+    s: np.ndarray,
+    y: np.ndarray,
+    used: int,
 ) -> int:
     """Weigh what can be used: the number of rows, 0 if the force is not a number.
 
@@ -70,10 +90,12 @@ def renew(
     b: np.ndarray,
     used: int,
 ) -> None:
-    """The error e = K z, shape (12,), and Q for the next sample from the diagonal of P+ = P - K H P.
+    """The error e = K z, shape (12,), and Q for the next sample from the diagonal of P+ = P - K H
+    P.
 
-    The columns of H P are those of g times a number for turn and offset, and those of the identity for acceleration and
-    disturbance, so that the diagonal of P H' S^-1 H P needs forward substitution only.
+    The columns of H P are those of g times a number for turn and offset, and those of the identity
+    for acceleration and disturbance, so that the diagonal of P H' S^-1 H P needs forward
+    substitution only.
     """
     for j in range(3):
         turn, offset = state[11 + j] - k * state[23 + j], state[23 + j] - k * state[14 + j]
@@ -99,9 +121,16 @@ def renew(
 
 @njit(cache=True)
 def first_variances(state: np.ndarray, mag: np.ndarray, p: np.ndarray, use_mag: bool) -> None:
-    """MATLAB's InitialProcessNoise, and the field of the first sample, with the strength that p asks for."""
+    """MATLAB's InitialProcessNoise, and the field of the first sample, with the strength that p
+    asks for.
+    """
     for j in range(3):
-        state[11 + j], state[14 + j], state[17 + j], state[20 + j] = 6.092348396e-6, 7.6154354947e-5, 9.62361e-3, 0.6
+        state[11 + j], state[14 + j], state[17 + j], state[20 + j] = (
+            6.092348396e-6,
+            7.6154354947e-5,
+            9.62361e-3,
+            0.6,
+        )
     if use_mag:
         _, hy, hz = to_earth(state[1], state[2], state[3], state[4], mag[0], mag[1], mag[2])
         scale = p[8] / length(mag) if p[8] > 0.0 else 1.0
@@ -110,21 +139,30 @@ def first_variances(state: np.ndarray, mag: np.ndarray, p: np.ndarray, use_mag: 
 
 @njit(cache=True)
 def error_state(
-    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, use_mag: bool
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
 ) -> np.ndarray:
-    """Error-state filter of orientation, gyroscope offset, linear acceleration and magnetic disturbance.
+    """Error-state filter of orientation, gyroscope offset, linear acceleration and magnetic
+    disturbance.
 
-    The error is folded into the estimate after each sample, so that its prediction is zero and P- = Q, which is rebuilt from
-    the diagonal of P+ (NXP AN5023, 2016; MATLAB's description of imufilter and ahrsfilter). With g, m the expected gravity and
-    field in the sensor, k the interval and x = (turn, offset, acceleration, disturbance):
+    The error is folded into the estimate after each sample, so that its prediction is zero and P- =
+    Q, which is rebuilt from the diagonal of P+ (NXP AN5023, 2016; MATLAB's description of imufilter
+    and ahrsfilter). With g, m the expected gravity and field in the sensor, k the interval and x =
+    (turn, offset, acceleration, disturbance):
 
         z = [g - (acc - a); m - mag] = [[g x, -k g x, I, 0], [m x, -k m x, 0, -I]] x
 
     Args:
-        p: Variances of accelerometer, gyroscope, offset drift, linear acceleration, decay of that; of magnetometer,
-        disturbance, decay of that, and strength of the field [uT]. state: started, q, offset, acceleration, diagonal of Q
-        (turn, offset, acceleration, disturbance), its turn-offset part, field (north, up). use_mag: Whether to use the
-        magnetometer.
+        p: Variances of accelerometer, gyroscope, offset drift, linear acceleration, decay of that;
+            of magnetometer, disturbance, decay of that, and strength of the field [uT].
+        state: started, q, offset, acceleration, diagonal of Q (turn, offset, acceleration,
+            disturbance), its turn-offset part, field (north, up).
+        use_mag: Whether to use the magnetometer.
     """
     n = gyr.shape[0]
     out = np.empty((n, 4))
@@ -136,7 +174,11 @@ def error_state(
                 first_variances(state, mag[i], p, use_mag)
             continue
         k = dt[i]
-        rx, ry, rz = k * (gyr[i, 0] - state[5]), k * (gyr[i, 1] - state[6]), k * (gyr[i, 2] - state[7])
+        rx, ry, rz = (
+            k * (gyr[i, 0] - state[5]),
+            k * (gyr[i, 1] - state[6]),
+            k * (gyr[i, 2] - state[7]),
+        )
         qw, qx, qy, qz = turned(state[1], state[2], state[3], state[4], rx, ry, rz)
         x1, y1, z1 = to_sensor(qw, qx, qy, qz, 0.0, 0.0, GRAVITY)
         x2, y2, z2 = to_sensor(qw, qx, qy, qz, 0.0, state[26], state[27])
@@ -167,19 +209,41 @@ def error_state(
 MATLAB = "MATLAB's default (MathWorks, imufilter and ahrsfilter)"
 
 
-def _variance(name: str, default: float, unit: str, meaning: str, low: float, high: float, least: float = 0.0) -> Parameter:
+def _variance(
+    name: str, default: float, unit: str, meaning: str, low: float, high: float, least: float = 0.0
+) -> Parameter:
     return Parameter(name, default, unit, f"variance of {meaning}", MATLAB, low, high, "log", least)
 
 
 def _decay(name: str, what: str) -> Parameter:
-    return Parameter(name, 0.5, "1", f"what is left of {what} a sample later", MATLAB, 0.0, 0.99, "linear", 0.0, 1.0)
+    return Parameter(
+        name,
+        0.5,
+        "1",
+        f"what is left of {what} a sample later",
+        MATLAB,
+        0.0,
+        0.99,
+        "linear",
+        0.0,
+        1.0,
+    )
 
 
 PARAMETERS = (
     _variance("acc_var_m2_s4", 1.9247e-4, "(m/s^2)^2", "the accelerometer's noise", 1e-6, 0.1),
     _variance("gyr_var_rad2_s2", 9.1385e-5, "(rad/s)^2", "the gyroscope's noise", 1e-8, 1e-2),
-    _variance("gyr_drift_var_rad2_s2", 3.0462e-13, "(rad/s)^2", "the step of its offset in a sample", 1e-16, 1e-7),
-    _variance("linear_acc_var_m2_s4", 9.6236e-3, "(m/s^2)^2", "linear acceleration", 1e-4, 100.0, 1e-12),
+    _variance(
+        "gyr_drift_var_rad2_s2",
+        3.0462e-13,
+        "(rad/s)^2",
+        "the step of its offset in a sample",
+        1e-16,
+        1e-7,
+    ),
+    _variance(
+        "linear_acc_var_m2_s4", 9.6236e-3, "(m/s^2)^2", "linear acceleration", 1e-4, 100.0, 1e-12
+    ),
     _decay("linear_acc_decay", "linear acceleration"),
 )
 STRENGTH = "strength of the earth's field; 0: that of the first sample"
@@ -189,7 +253,10 @@ MAG_PARAMETERS = (
     _decay("mag_disturbance_decay", "a disturbance"),
     Parameter("field_uT", 0.0, "uT", STRENGTH, "in place of MATLAB's 50 uT", 20.0, 70.0, "linear"),
 )
-SOURCE = "MathWorks, imufilter and ahrsfilter, 2018; after NXP AN5023, 2016; Castellanos Alonso 2023, section on imufilter"
+SOURCE = (
+    "MathWorks, imufilter and ahrsfilter, 2018; after NXP AN5023, 2016; Castellanos Alonso "
+    "2023, section on imufilter"
+)
 
 
 class ImuFilter(KernelFilter):
@@ -197,13 +264,20 @@ class ImuFilter(KernelFilter):
 
     name, needs, source, PARAMETERS = "imufilter", ("gyr", "acc"), SOURCE, PARAMETERS
     layout = (
-        ("started", 1), ("q", 4), ("gyr_bias_rad_s", 3), ("linear_acc_m_s2", 3), ("variance", 12), ("turn_offset", 3),
+        ("started", 1),
+        ("q", 4),
+        ("gyr_bias_rad_s", 3),
+        ("linear_acc_m_s2", 3),
+        ("variance", 12),
+        ("turn_offset", 3),
         ("field_uT", 2),
-    )  # fmt: skip
+    )
     kernel, options = staticmethod(error_state), (False,)
     behaviour = (
-        "Only the diagonal of P+ is kept; its variances are per sample, so that they depend on the rate. With its defaults a "
-        "move of the arm passes for an offset about the vertical of up to 1 deg/s, which then stays: linear_acc_var_m2_s4 of 1 "
+        "Only the diagonal of P+ is kept; its variances are per sample, so that they depend on the "
+        "rate. With its defaults a "
+        "move of the arm passes for an offset about the vertical of up to 1 deg/s, which then "
+        "stays: linear_acc_var_m2_s4 of 1 "
         "ends that."
     )
 
@@ -216,5 +290,6 @@ class AhrsFilter(KernelFilter):
     layout = ImuFilter.layout
     kernel, options = staticmethod(error_state), (True,)
     behaviour = (
-        "As imufilter; learns the dip, starting from the first sample's; drops the field while disturbed by twice its size."
+        "As imufilter; learns the dip, starting from the first sample's; drops the field "
+        "while disturbed by twice its size."
     )

@@ -1,4 +1,6 @@
-"""The Euler-angle Kalman filters of Cabezuelo 2019: simple and improved prediction, corrected and as printed."""
+"""The Euler-angle Kalman filters of Cabezuelo 2019: simple and improved prediction, corrected and
+as printed.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def put(out: np.ndarray, roll: float, pitch: float, yaw: float) -> None:
 
 
 @njit(cache=True)
-def predicted(state: np.ndarray, g: np.ndarray, h: float, f: np.ndarray, simple: bool, printed: bool) -> Three:
+def predicted(
+    state: np.ndarray, g: np.ndarray, h: float, f: np.ndarray, simple: bool, printed: bool
+) -> Three:
     """Roll, pitch and yaw a step later, and F, shape (3, 3)."""
     roll, pitch, yaw = state[1], state[2], state[3]
     f[:, :] = 0.0
@@ -52,7 +56,9 @@ def predicted(state: np.ndarray, g: np.ndarray, h: float, f: np.ndarray, simple:
 
 
 @njit(cache=True)
-def innovation(ax: float, ay: float, az: float, roll: float, pitch: float, printed: bool) -> tuple[float, float]:
+def innovation(
+    ax: float, ay: float, az: float, roll: float, pitch: float, printed: bool
+) -> tuple[float, float]:
     """Roll and pitch of a specific force, less the predicted ones."""
     level = np.sqrt(ay * ay + az * az)
     if printed:
@@ -64,7 +70,9 @@ def innovation(ax: float, ay: float, az: float, roll: float, pitch: float, print
 
 
 @njit(cache=True)
-def correct(cov: np.ndarray, half: np.ndarray, f: np.ndarray, v0: float, v1: float, var0: float, var1: float) -> Three:
+def correct(
+    cov: np.ndarray, half: np.ndarray, f: np.ndarray, v0: float, v1: float, var0: float, var1: float
+) -> Three:
     """What the innovation v of the first two angles adds to all three; P <- P - K S K'."""
     s00, s01, s11 = cov[0, 0] + var0, cov[0, 1], cov[1, 1] + var1
     det = s00 * s11 - s01 * s01
@@ -75,7 +83,11 @@ def correct(cov: np.ndarray, half: np.ndarray, f: np.ndarray, v0: float, v1: flo
     for r in range(3):
         for c in range(3):
             cov[r, c] -= f[r, 0] * half[c, 0] + f[r, 1] * half[c, 1]
-    return half[0, 0] * v0 + half[0, 1] * v1, half[1, 0] * v0 + half[1, 1] * v1, half[2, 0] * v0 + half[2, 1] * v1
+    return (
+        half[0, 0] * v0 + half[0, 1] * v1,
+        half[1, 0] * v0 + half[1, 1] * v1,
+        half[2, 0] * v0 + half[2, 1] * v1,
+    )
 
 
 @njit(cache=True)
@@ -92,28 +104,44 @@ def propagate(cov: np.ndarray, half: np.ndarray, f: np.ndarray, noise: float) ->
 
 @njit(cache=True)
 def first(state: np.ndarray, acc: np.ndarray, p: np.ndarray, printed: bool) -> None:
-    """Start at zero with the process variance, or from the first force with the variances of what it says."""
+    """Start at zero with the process variance, or from the first force with the variances of what
+    it says.
+    """
     if printed:
         state[0], state[4], state[8], state[12] = 1.0, p[0] * p[0], p[0] * p[0], p[0] * p[0]
     elif length(acc) > 0.0:
         state[0], state[4], state[8] = 1.0, p[1] * p[1], p[2] * p[2]
-        state[1], state[2] = np.arctan2(acc[1], acc[2]), np.arctan2(-acc[0], np.sqrt(acc[1] * acc[1] + acc[2] * acc[2]))
+        state[1], state[2] = (
+            np.arctan2(acc[1], acc[2]),
+            np.arctan2(-acc[0], np.sqrt(acc[1] * acc[1] + acc[2] * acc[2])),
+        )
 
 
 @njit(cache=True)
 def euler_ekf(
-    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, simple: bool,
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+    simple: bool,
     printed: bool,
-) -> np.ndarray:  # fmt: skip
-    """Kalman filter of roll, pitch and yaw; the accelerometer corrects roll and pitch while its size is gravity's.
+) -> np.ndarray:
+    """Kalman filter of roll, pitch and yaw; the accelerometer corrects roll and pitch while its
+    size is gravity's.
 
-    Printed: starts at zero, takes roll from the arctangent of a ratio, does not wrap the innovation, keeps P still while the
-    gate is closed, has a process variance per sample, and cos(pitch) for cos(roll) in eq. 4.4. Corrected: starts from the first
-    sample, takes roll from both signs, wraps, propagates P always, has a noise density, and keeps pitch within a right angle.
+    Printed: starts at zero, takes roll from the arctangent of a ratio, does not wrap the
+    innovation, keeps P still while the gate is closed, has a process variance per sample, and
+    cos(pitch) for cos(roll) in eq. 4.4. Corrected: starts from the first sample, takes roll from
+    both signs, wraps, propagates P always, has a noise density, and keeps pitch within a right
+    angle.
 
     Args:
-        p: Process noise [rad] or [rad/sqrt(s)], sd of roll and of pitch [rad], gate [m/s^2]. state: started, roll, pitch, yaw,
-        P (9). simple: Whether each angle is the integral of its own axis (eq. 4.7) instead of eqs 4.4 to 4.6.
+        p: Process noise [rad] or [rad/sqrt(s)], sd of roll and of pitch [rad], gate [m/s^2].
+        state: started, roll, pitch, yaw, P (9).
+        simple: Whether each angle is the integral of its own axis (eq. 4.7) instead of eqs 4.4 to
+            4.6.
         printed: With the errors of the publication.
     """
     out = np.empty((gyr.shape[0], 4))
@@ -125,7 +153,9 @@ def euler_ekf(
             put(out[i], state[1], state[2], state[3])
             continue
         roll, pitch, yaw = predicted(state, gyr[i], dt[i], f, simple, printed)
-        if not printed and abs(pitch) > 0.5 * np.pi:  # over the top: the same orientation with a pitch within a right angle
+        if (
+            not printed and abs(pitch) > 0.5 * np.pi
+        ):  # over the top: the same orientation with a pitch within a right angle
             pitch, roll, yaw = (np.pi if pitch > 0.0 else -np.pi) - pitch, roll + np.pi, yaw + np.pi
         roll, pitch, yaw = wrapped(roll), wrapped(pitch), wrapped(yaw)
         a = length(acc[i])
@@ -144,10 +174,24 @@ def euler_ekf(
 THESIS = "Cabezuelo 2019: BNO055 at rest, long cable"
 SOURCE = "Cabezuelo Gutiérrez, thesis, Universidad de Alcalá, 2019"
 ROLL = Parameter(
-    "roll_sd_rad", 0.0014, "rad", "standard deviation of roll from the accelerometer", THESIS, 1e-4, 0.1, least=1e-9
+    "roll_sd_rad",
+    0.0014,
+    "rad",
+    "standard deviation of roll from the accelerometer",
+    THESIS,
+    1e-4,
+    0.1,
+    least=1e-9,
 )
 PITCH = Parameter(
-    "pitch_sd_rad", 0.0014, "rad", "standard deviation of pitch from the accelerometer", THESIS, 1e-4, 0.1, least=1e-9
+    "pitch_sd_rad",
+    0.0014,
+    "rad",
+    "standard deviation of pitch from the accelerometer",
+    THESIS,
+    1e-4,
+    0.1,
+    least=1e-9,
 )
 GATE = Parameter(
     "acc_gate_m_s2",
@@ -168,7 +212,13 @@ DENSITY = Parameter(
     0.1,
 )
 PER_SAMPLE = Parameter(
-    "process_rad", 1.56e-4, "rad", "standard deviation of the angles' step in a sample", "Cabezuelo 2019: BNO055", 1e-5, 0.01
+    "process_rad",
+    1.56e-4,
+    "rad",
+    "standard deviation of the angles' step in a sample",
+    "Cabezuelo 2019: BNO055",
+    1e-5,
+    0.01,
 )
 LAYOUT = (("started", 1), ("roll_pitch_yaw_rad", 3), ("covariance", 9))
 
@@ -176,22 +226,32 @@ LAYOUT = (("started", 1), ("roll_pitch_yaw_rad", 3), ("covariance", 9))
 class EulerEkf(KernelFilter):
     """Euler-angle EKF with the improved prediction, corrected: arbitrary heading."""
 
-    name, needs, source = "euler_ekf", ("gyr", "acc"), f"{SOURCE}, eqs 2.9 to 2.25 and 4.4 to 4.6, errors corrected"
+    name, needs, source = (
+        "euler_ekf",
+        ("gyr", "acc"),
+        f"{SOURCE}, eqs 2.9 to 2.25 and 4.4 to 4.6, errors corrected",
+    )
     PARAMETERS = (DENSITY, ROLL, PITCH, GATE)
     layout = LAYOUT
     kernel, options = staticmethod(euler_ekf), (False, False)
-    behaviour = "Yaw is never corrected; near a pitch of a right angle roll and yaw are lost to one another."
+    behaviour = (
+        "Yaw is never corrected; near a pitch of a right angle roll and yaw are lost to "
+        "one another."
+    )
 
 
 class EulerEkfSimple(EulerEkf):
-    """Euler-angle EKF whose angles are each the integral of one gyroscope axis, otherwise corrected."""
+    """Euler-angle EKF whose angles are each the integral of one gyroscope axis, otherwise
+    corrected.
+    """
 
     name = "euler_ekf_simple"
     source = f"{SOURCE}, eqs 2.9 to 2.25 and 4.7, errors corrected but for the prediction"
     options = (True, False)
     behaviour = "Yaw drifts under coupled rotation even with a perfect gyroscope."
     known_faults = (
-        "it takes each axis of the gyroscope for the rate of an Euler angle, which is right about one axis at a time only"
+        "it takes each axis of the gyroscope for the rate of an Euler angle, which is "
+        "right about one axis at a time only"
     )
 
 
@@ -202,7 +262,10 @@ class EulerEkfAsPrinted(EulerEkf):
     PARAMETERS = (PER_SAMPLE, ROLL, PITCH, GATE)
     options = (False, True)
     behaviour = "Works near level only; tuning depends on the sampling rate."
-    known_faults = "it starts at zero, knows roll within a right angle only, and has a misprint in the rate of roll"
+    known_faults = (
+        "it starts at zero, knows roll within a right angle only, and has a misprint "
+        "in the rate of roll"
+    )
 
 
 class EulerEkfSimpleAsPrinted(EulerEkfAsPrinted):
@@ -211,4 +274,7 @@ class EulerEkfSimpleAsPrinted(EulerEkfAsPrinted):
     name, source = "euler_ekf_simple_as_printed", f"{SOURCE}, eqs 2.9 to 2.25 and 4.7, as printed"
     options = (True, True)
     behaviour = "As euler_ekf_as_printed; yaw drifts under coupled rotation."
-    known_faults = "it starts at zero, knows roll within a right angle only, and takes rates of axes for rates of angles"
+    known_faults = (
+        "it starts at zero, knows roll within a right angle only, and takes rates of "
+        "axes for rates of angles"
+    )

@@ -12,9 +12,14 @@ from testbench.estimation.filters.kernel_filter import KernelFilter
 from testbench.estimation.filters.maths import Three, begin, length, to_sensor, up_in_sensor
 
 PACKAGE = "default or example of the package imufusion"
-SOURCE = "Madgwick, PhD thesis, University of Bristol, 2014, chapter 7, as the package imufusion 1.3 has it"
+SOURCE = (
+    "Madgwick, PhD thesis, University of Bristol, 2014, chapter 7, as the package imufusion "
+    "1.3 has it"
+)
 STARTUP_GAIN, STARTUP_S = 10.0, 3.0
-"""The gain begins here and is ramped down to its own value in this time [1/s, s]; meanwhile nothing is rejected."""
+"""The gain begins here and is ramped down to its own value in this time [1/s, s]; meanwhile nothing
+is rejected.
+"""
 RANGE_SHARE = 0.98
 """A rate above this share of the gyroscope's range starts the filter anew."""
 FORGIVEN = 9.0
@@ -23,7 +28,9 @@ FORGIVEN = 9.0
 
 @njit(cache=True)
 def _feedback(sx: float, sy: float, sz: float, rx: float, ry: float, rz: float) -> Three:
-    """Half the cross product of a measured and an expected unit vector; of length 1 where they differ by more than 90 deg."""
+    """Half the cross product of a measured and an expected unit vector; of length 1 where they
+    differ by more than 90 deg.
+    """
     x, y, z = sy * rz - sz * ry, sz * rx - sx * rz, sx * ry - sy * rx
     k = 0.5
     if sx * rx + sy * ry + sz * rz < 0.0:
@@ -33,10 +40,24 @@ def _feedback(sx: float, sy: float, sz: float, rx: float, ry: float, rz: float) 
 
 
 @njit(cache=True)
-def _accepted(feedback2: float, threshold: float, timeout: float, startup: bool, dt: float, recovery: np.ndarray) -> bool:
-    """Whether a measurement counts; `recovery` holds for how long it was rejected of late, and how long that is borne [s]."""
+def _accepted(
+    feedback2: float,
+    threshold: float,
+    timeout: float,
+    startup: bool,
+    dt: float,
+    recovery: np.ndarray,
+) -> bool:
+    """Whether a measurement counts; `recovery` holds for how long it was rejected of late, and how
+    long that is borne [s].
+    """
     accepted = True
-    if startup or not threshold > 0.0 or not timeout > 0.0 or feedback2 <= (0.5 * np.sin(threshold)) ** 2:
+    if (
+        startup
+        or not threshold > 0.0
+        or not timeout > 0.0
+        or feedback2 <= (0.5 * np.sin(threshold)) ** 2
+    ):
         recovery[0] -= FORGIVEN * dt
     else:
         recovery[0] += dt
@@ -52,15 +73,24 @@ def _accepted(feedback2: float, threshold: float, timeout: float, startup: bool,
 
 @njit(cache=True)
 def fusion(
-    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, use_mag: bool
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
 ) -> np.ndarray:
-    """Rate plus gain times the sum of measured x expected vertical and west; one explicit Euler step a sample.
+    """Rate plus gain times the sum of measured x expected vertical and west; one explicit Euler
+    step a sample.
 
     Args:
-        p: gain, threshold of the vertical [deg], longest time to reject [s], range of the gyroscope [deg/s], and with a
-        magnetometer threshold of the heading [deg]. state: begin, q, time since the start [s], rejected and borne times of the
-        vertical and of the heading [s]. use_mag: Whether to use the magnetometer; without one the heading is held at zero
-        while starting up.
+        p: gain, threshold of the vertical [deg], longest time to reject [s], range of the gyroscope
+            [deg/s], and with a magnetometer threshold of the heading [deg].
+        state: begin, q, time since the start [s], rejected and borne times of the vertical and of
+            the heading [s].
+        use_mag: Whether to use the magnetometer; without one the heading is held at zero while
+            starting up.
     """
     near_vertical, timeout, fastest = np.radians(p[1]), p[2], RANGE_SHARE * np.radians(p[3])
     near_heading = np.radians(p[4]) if use_mag else 0.0
@@ -84,23 +114,37 @@ def fusion(
         a = length(acc[i])
         if a > 0.0:
             ex, ey, ez = _feedback(acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a, ux, uy, uz)
-            if _accepted(ex * ex + ey * ey + ez * ez, near_vertical, timeout, startup, dt[i], state[6:8]):
+            if _accepted(
+                ex * ex + ey * ey + ez * ez, near_vertical, timeout, startup, dt[i], state[6:8]
+            ):
                 fx, fy, fz = ex, ey, ez
         if use_mag and length(mag[i]) > 0.0:
-            mx, my, mz = uy * mag[i, 2] - uz * mag[i, 1], uz * mag[i, 0] - ux * mag[i, 2], ux * mag[i, 1] - uy * mag[i, 0]
+            mx, my, mz = (
+                uy * mag[i, 2] - uz * mag[i, 1],
+                uz * mag[i, 0] - ux * mag[i, 2],
+                ux * mag[i, 1] - uy * mag[i, 0],
+            )
             m = np.sqrt(mx * mx + my * my + mz * mz)
             wx, wy, wz = to_sensor(w, x, y, z, -1.0, 0.0, 0.0)
             if m > 0.0:
                 ex, ey, ez = _feedback(mx / m, my / m, mz / m, wx, wy, wz)
-                if _accepted(ex * ex + ey * ey + ez * ez, near_heading, timeout, startup, dt[i], state[8:10]):
+                if _accepted(
+                    ex * ex + ey * ey + ez * ez, near_heading, timeout, startup, dt[i], state[8:10]
+                ):
                     fx, fy, fz = fx + ex, fy + ey, fz + ez
-        hx, hy, hz = (0.5 * gx + gain * fx) * dt[i], (0.5 * gy + gain * fy) * dt[i], (0.5 * gz + gain * fz) * dt[i]
+        hx, hy, hz = (
+            (0.5 * gx + gain * fx) * dt[i],
+            (0.5 * gy + gain * fy) * dt[i],
+            (0.5 * gz + gain * fz) * dt[i],
+        )
         w2 = w - x * hx - y * hy - z * hz
         x2 = x + w * hx + y * hz - z * hy
         y2 = y + w * hy - x * hz + z * hx
         z2 = z + w * hz + x * hy - y * hx
         if startup and not use_mag:
-            half = 0.5 * np.arctan2(w2 * z2 + x2 * y2, 0.5 * (w2 * w2 + x2 * x2 - y2 * y2 - z2 * z2))
+            half = 0.5 * np.arctan2(
+                w2 * z2 + x2 * y2, 0.5 * (w2 * w2 + x2 * x2 - y2 * y2 - z2 * z2)
+            )
             c, s = np.cos(half), -np.sin(half)
             w2, x2, y2, z2 = c * w2 - s * z2, c * x2 - s * y2, c * y2 + s * x2, c * z2 + s * w2
         k = 1.0 / np.sqrt(w2 * w2 + x2 * x2 + y2 * y2 + z2 * z2)
@@ -111,16 +155,39 @@ def fusion(
 
 GAIN = Parameter("gain", 0.5, "1", "of the feedback", PACKAGE, 0.05, 5.0)
 ACC = Parameter(
-    "acceleration_rejection_deg", 10.0, "deg", "force that far from the expected vertical is ignored; 0: never", PACKAGE,
-    1.0, 90.0, "linear", 0.0, 90.0,
-)  # fmt: skip
+    "acceleration_rejection_deg",
+    10.0,
+    "deg",
+    "force that far from the expected vertical is ignored; 0: never",
+    PACKAGE,
+    1.0,
+    90.0,
+    "linear",
+    0.0,
+    90.0,
+)
 MAG = Parameter(
-    "magnetic_rejection_deg", 10.0, "deg", "heading that far from the expected one is ignored; 0: never", PACKAGE,
-    1.0, 90.0, "linear", 0.0, 90.0,
-)  # fmt: skip
+    "magnetic_rejection_deg",
+    10.0,
+    "deg",
+    "heading that far from the expected one is ignored; 0: never",
+    PACKAGE,
+    1.0,
+    90.0,
+    "linear",
+    0.0,
+    90.0,
+)
 TIMEOUT = Parameter("rejection_timeout_s", 5.0, "s", "longest time to ignore", PACKAGE, 0.5, 60.0)
 RANGE = Parameter(
-    "gyroscope_range_deg_s", 0.0, "deg/s", "rates at 98 % of it restart the filter; 0: never", "off", 125.0, 2000.0, "linear"
+    "gyroscope_range_deg_s",
+    0.0,
+    "deg/s",
+    "rates at 98 % of it restart the filter; 0: never",
+    "off",
+    125.0,
+    2000.0,
+    "linear",
 )
 
 
@@ -130,7 +197,13 @@ class Fusion(KernelFilter):
     name, source = "fusion", SOURCE
     needs: ClassVar[tuple[str, ...]] = ("gyr", "acc")
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (GAIN, ACC, TIMEOUT, RANGE)
-    layout = (("started", 1), ("q", 4), ("running_s", 1), ("acceleration_recovery_s", 2), ("magnetic_recovery_s", 2))
+    layout = (
+        ("started", 1),
+        ("q", 4),
+        ("running_s", 1),
+        ("acceleration_recovery_s", 2),
+        ("magnetic_recovery_s", 2),
+    )
     kernel, options = staticmethod(fusion), (False,)
     behaviour = "Its gain is ramped down over the first 3 s."
 

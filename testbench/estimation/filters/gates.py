@@ -10,7 +10,8 @@ ACC_GATE = Parameter(
     "acc_gate_m_s2",
     0.0,
     "m/s^2",
-    "no correction by the accelerometer while its size differs from standard gravity by more; 0: always corrected",
+    "no correction by the accelerometer while its size differs from standard gravity by more; 0: "
+    "always corrected",
     OFF,
     0.05,
     5.0,
@@ -19,7 +20,8 @@ MAG_GATE = Parameter(
     "mag_gate",
     0.0,
     "1",
-    "no correction by the magnetometer while the field (its horizontal and vertical part) differs from that "
+    "no correction by the magnetometer while the field (its horizontal and vertical part) differs "
+    "from that "
     "of the start by more than this fraction of it; 0: always corrected",
     OFF,
     0.02,

@@ -11,12 +11,18 @@ from testbench.estimation.filters.maths import started, turned
 
 @njit(cache=True)
 def integrate(
-    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
 ) -> np.ndarray:
     """Q <- q exp(rate dt / 2); the first sample's specific force, if there is one, gives the start.
 
     Args:
-        p: None. state: started, q.
+        p: None.
+        state: started, q.
     """
     n = gyr.shape[0]
     out = np.empty((n, 4))
@@ -26,19 +32,31 @@ def integrate(
                 state[0], state[1] = 1.0, 1.0
         else:
             state[1], state[2], state[3], state[4] = turned(
-                state[1], state[2], state[3], state[4], gyr[i, 0] * dt[i], gyr[i, 1] * dt[i], gyr[i, 2] * dt[i]
+                state[1],
+                state[2],
+                state[3],
+                state[4],
+                gyr[i, 0] * dt[i],
+                gyr[i, 1] * dt[i],
+                gyr[i, 2] * dt[i],
             )
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = state[1], state[2], state[3], state[4]
     return out
 
 
 class Gyro(KernelFilter):
-    """The gyroscope's rate integrated by the exponential map: what is left to a filter is to do better than this."""
+    """The gyroscope's rate integrated by the exponential map: what is left to a filter is to do
+    better than this.
+    """
 
     name, needs = "gyro", ("gyr",)
     source = (
-        "exponential map of SO(3), e.g. Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination, 2014, ch. 3"
+        "exponential map of SO(3), e.g. Markley & Crassidis, Fundamentals of Spacecraft "
+        "Attitude Determination, 2014, ch. 3"
     )
     layout = (("started", 1), ("q", 4))
     kernel = staticmethod(integrate)
-    behaviour = "Starts level by the first accelerometer sample if there is one; then drifts by the integral of its bias."
+    behaviour = (
+        "Starts level by the first accelerometer sample if there is one; then drifts by "
+        "the integral of its bias."
+    )

@@ -15,9 +15,11 @@ class KernelFilter(RecursiveFilter):
     """A recursive filter whose loop over the samples is one compiled function.
 
     Attributes:
-        kernel: Called with gyr, acc, mag (each (n, 3)), the intervals (n,), the parameters in the order of PARAMETERS and the
-        state as one vector, which it updates, then `options`; returns q_earth_from_sensor, (n, 4).
-        layout: Names of the parts of the state and their lengths. The first is `started`, 0 until the first usable sample.
+        kernel: Called with gyr, acc, mag (each (n, 3)), the intervals (n,), the parameters in the
+            order of PARAMETERS and the state as one vector, which it updates, then `options`;
+            returns q_earth_from_sensor, (n, 4).
+        layout: Names of the parts of the state and their lengths. The first is `started`, 0 until
+            the first usable sample.
     """
 
     sampling: ClassVar[Sampling] = "native"
@@ -25,12 +27,22 @@ class KernelFilter(RecursiveFilter):
     options: ClassVar[tuple[bool, ...]] = ()
     layout: ClassVar[tuple[tuple[str, int], ...]]
 
-    def advance(self, samples: UniformSamples, state: FilterState | None = None) -> tuple[np.ndarray, FilterState]:
+    def advance(
+        self, samples: UniformSamples, state: FilterState | None = None
+    ) -> tuple[np.ndarray, FilterState]:
         """See OrientationFilter."""
-        vector = np.zeros(sum(length for _, length in self.layout)) if state is None else self._pack(state)
+        vector = (
+            np.zeros(sum(length for _, length in self.layout))
+            if state is None
+            else self._pack(state)
+        )
         gyr = np.ascontiguousarray(samples.gyr, float)
         acc = np.ascontiguousarray(samples.acc, float)
-        mag = np.ascontiguousarray(samples.mag, float) if samples.mag is not None else np.zeros_like(acc)
+        mag = (
+            np.ascontiguousarray(samples.mag, float)
+            if samples.mag is not None
+            else np.zeros_like(acc)
+        )
         values = np.array(list(self.parameters.values()))
         q = type(self).kernel(gyr, acc, mag, samples.steps(), values, vector, *self.options)
         return q, self._unpack(vector)
@@ -38,11 +50,18 @@ class KernelFilter(RecursiveFilter):
     def _pack(self, state: FilterState) -> np.ndarray:
         self.check_state(state)
         parts: list[Any] = [state.get(name) for name, _ in self.layout]
-        if any(part is None or len(part) != length for part, (_, length) in zip(parts, self.layout, strict=True)):
-            raise InputError(f"the state of the filter {self.name} is not whole; it has {', '.join(state)}")
+        if any(
+            part is None or len(part) != length
+            for part, (_, length) in zip(parts, self.layout, strict=True)
+        ):
+            raise InputError(
+                f"the state of the filter {self.name} is not whole; it has {', '.join(state)}"
+            )
         return np.concatenate([np.asarray(part, float) for part in parts])
 
     def _unpack(self, vector: np.ndarray) -> FilterState:
         ends = np.cumsum([length for _, length in self.layout])
         parts = np.split(vector, ends[:-1])
-        return {"filter": self.name} | {name: part.tolist() for (name, _), part in zip(self.layout, parts, strict=True)}
+        return {"filter": self.name} | {
+            name: part.tolist() for (name, _), part in zip(self.layout, parts, strict=True)
+        }

@@ -21,7 +21,9 @@ FAST_RAD_S, FAST_TURN_S = np.radians(400.0), 0.2
 BIAS_RAD_S = np.radians(1.0)
 """Bias of the gyroscope in one check, that of a poor small sensor at power-up."""
 PATTERN = np.array([0.6, 0.8, 1.2, 1.4])
-"""Intervals at rest, over and over, as multiples of the mean one; in the turn they are longer by `STRETCH`."""
+"""Intervals at rest, over and over, as multiples of the mean one; in the turn they are longer by
+`STRETCH`.
+"""
 STRETCH = 1.5
 FIELD_UT = np.array([0.0, 24.0, -39.0])
 """North along y, about that of northern Spain (IGRF-13) [uT]."""
@@ -37,9 +39,13 @@ class Recording:
     """What an ideal sensor gives in a known motion.
 
     Attributes:
-        name: For people. samples: What it gives. q_true: q_earth_from_sensor, shape (n, 4). begin: First sample of the turn,
-        or None at rest. behind: Axis of the turn in the sensor, shape (3,), where only being late in it is judged: feedback of
-        a high gain that compares a sample with the orientation before it runs ahead in a fast turn, and is no mistake.
+        name: For people.
+        samples: What it gives.
+        q_true: q_earth_from_sensor, shape (n, 4).
+        begin: First sample of the turn, or None at rest.
+        behind: Axis of the turn in the sensor, shape (3,), where only being late in it is judged:
+            feedback of a high gain that compares a sample with the orientation before it runs ahead
+            in a fast turn, and is no mistake.
     """
 
     name: str
@@ -51,7 +57,9 @@ class Recording:
 
 @dataclass(frozen=True)
 class Check:
-    """One check: the worst of its recordings against its limit, both in degrees; the error is None where there is none."""
+    """One check: the worst of its recordings against its limit, both in degrees; the error is None
+    where there is none.
+    """
 
     name: str
     worst_deg: float | None
@@ -66,7 +74,12 @@ class Check:
 def axis_aligned() -> list[np.ndarray]:
     """The 24 rotations that lay the sensor's axes along those of the earth, shape (3, 3)."""
     signed = [
-        np.array([[sign if axis == column else 0.0 for column in range(3)] for axis, sign in zip(order, signs, strict=True)])
+        np.array(
+            [
+                [sign if axis == column else 0.0 for column in range(3)]
+                for axis, sign in zip(order, signs, strict=True)
+            ]
+        )
         for order in itertools.permutations(range(3))
         for signs in itertools.product([1.0, -1.0], repeat=3)
     ]
@@ -84,12 +97,19 @@ def recording(
     bias_rad_s: float = 0.0,
     irregular: bool = False,
 ) -> Recording:
-    """Rest, and then a turn about an axis of the sensor if one is given; rates are means over the interval before.
+    """Rest, and then a turn about an axis of the sensor if one is given; rates are means over the
+    interval before.
 
     Args:
-        name: For people. start: q_earth_from_sensor, shape (4,). axis: Unit vector in the sensor, shape (3,); None: rest only.
-        rate_hz, turn_rad_s, turn_s: Of sampling, and of the turn. bias_rad_s: Of the gyroscope, about the same axis.
-        irregular: Whether the intervals differ, those of the turn in the mean from those of the rest.
+        name: For people.
+        start: q_earth_from_sensor, shape (4,).
+        axis: Unit vector in the sensor, shape (3,); None: rest only.
+        rate_hz: Of sampling, and of the turn.
+        turn_rad_s: Of sampling, and of the turn.
+        turn_s: Of sampling, and of the turn.
+        bias_rad_s: Of the gyroscope, about the same axis.
+        irregular: Whether the intervals differ, those of the turn in the mean from those of the
+            rest.
     """
     rest = round(REST_S * rate_hz)
     turn = 0 if axis is None else round(turn_s * rate_hz)
@@ -105,7 +125,12 @@ def recording(
     acc = rotation.rotate(back, np.array([0.0, 0.0, STANDARD_GRAVITY]))
     device = rotation.multiply(rotation.from_heading(DEVICE_HEADING_RAD), q)
     samples = UniformSamples(
-        float(intervals.mean()), gyr, acc, rotation.rotate(back, FIELD_UT), device, intervals if irregular else None
+        float(intervals.mean()),
+        gyr,
+        acc,
+        rotation.rotate(back, FIELD_UT),
+        device,
+        intervals if irregular else None,
     )
     return Recording(name, samples, q, rest - 1 if turn else None)
 
@@ -116,7 +141,9 @@ def pose(*angles_deg: float) -> np.ndarray:
 
 
 def recordings(needs: tuple[str, ...]) -> dict[str, list[Recording]]:
-    """Those of each check, for a filter that needs these; the device's orientation is in them for one that asks for it."""
+    """Those of each check, for a filter that needs these; the device's orientation is in them for
+    one that asks for it.
+    """
     groups = _groups()
     if "device_q" in needs:
         return groups
@@ -128,10 +155,22 @@ def _without_device(case: Recording) -> Recording:
 
 
 def _groups() -> dict[str, list[Recording]]:
-    rests = [recording(f"axes {matrix.astype(int).tolist()}", rotation.from_matrix(matrix)) for matrix in axis_aligned()]
-    poses = [(70, 20, 35), (-130, -50, 160), (15, 75, -100), (200, -10, -170), (-60, 40, 95), (110, -80, 10)]
+    rests = [
+        recording(f"axes {matrix.astype(int).tolist()}", rotation.from_matrix(matrix))
+        for matrix in axis_aligned()
+    ]
+    poses = [
+        (70, 20, 35),
+        (-130, -50, 160),
+        (15, 75, -100),
+        (200, -10, -170),
+        (-60, 40, 95),
+        (110, -80, 10),
+    ]
     anywhere = [recording(f"ZYX {angles} deg", pose(*angles)) for angles in poses]
-    headings = [recording(f"heading {angle} deg", pose(angle, 0, 0)) for angle in (0, 30, 90, 180, 210, 315)]
+    headings = [
+        recording(f"heading {angle} deg", pose(angle, 0, 0)) for angle in (0, 30, 90, 180, 210, 315)
+    ]
     groups = {"rest in 24 poses": rests, "start in any pose": anywhere, "known heading": headings}
     for name, index in (("x", 0), ("y", 1), ("z", 2)):
         for sign in (1.0, -1.0):
@@ -144,10 +183,13 @@ def _groups() -> dict[str, list[Recording]]:
     upright = {"x": (x, pose(0, -90, 0)), "y": (y, pose(0, 0, 90)), "z": (z, pose(0, 0, 0))}
     start, axis = pose(60, -35, 25), np.array([0.6, -0.48, 0.64])
     groups["other rates"] = [
-        recording(f"{rate:g} Hz", start, sign * axis, rate_hz=rate) for rate in (50, 200) for sign in (1, -1)
+        recording(f"{rate:g} Hz", start, sign * axis, rate_hz=rate)
+        for rate in (50, 200)
+        for sign in (1, -1)
     ]
     groups["irregular intervals"] = [
-        recording(f"about {words} axis", start, axis, irregular=True) for words, axis in (("a general", axis), ("the z", z))
+        recording(f"about {words} axis", start, axis, irregular=True)
+        for words, axis in (("a general", axis), ("the z", z))
     ]
     fast = [
         (recording(f"about {name}", start, axis, turn_rad_s=FAST_RAD_S, turn_s=FAST_TURN_S), axis)
@@ -155,7 +197,12 @@ def _groups() -> dict[str, list[Recording]]:
     ]
     groups["late in a fast turn"] = [replace(case, behind=axis) for case, axis in fast]
     groups[BIASED] = [
-        recording(f"{'+' if sign > 0 else '-'}1 deg/s about {name}, upright", start, axis, bias_rad_s=sign * BIAS_RAD_S)
+        recording(
+            f"{'+' if sign > 0 else '-'}1 deg/s about {name}, upright",
+            start,
+            axis,
+            bias_rad_s=sign * BIAS_RAD_S,
+        )
         for name, (axis, start) in upright.items()
         for sign in (1, -1)
     ]
@@ -164,25 +211,35 @@ def _groups() -> dict[str, list[Recording]]:
 
 BIASED = "gyroscope with a bias"
 LIMIT_DEG = {
-    "rest in 24 poses": 1.0, "start in any pose": 2.0, "known heading": 2.0,
+    "rest in 24 poses": 1.0,
+    "start in any pose": 2.0,
+    "known heading": 2.0,
     BIASED: 1.1 * float(np.degrees(BIAS_RAD_S)) * TURN_S,
-}  # fmt: skip
+}
 """With a bias, a tenth more than the turn that the gyroscope alone makes of it."""
 TURN_LIMIT_DEG = 2.0
-"""Right filters stay below half of these; the smallest of the faults that are looked for is far above."""
+"""Right filters stay below half of these; the smallest of the faults that are looked for is far
+above.
+"""
 
 
 def error_deg(case: Recording, q: np.ndarray, needs: tuple[str, ...]) -> float:
-    """Largest error of what a filter with these inputs can know: total, inclination, or the turn since the rest [deg].
+    """Largest error of what a filter with these inputs can know: total, inclination, or the turn
+    since the rest [deg].
 
-    With a bias the turn since the rest alone: only of that is it known how far off the gyroscope by itself would be.
+    With a bias the turn since the rest alone: only of that is it known how far off the gyroscope by
+    itself would be.
     """
     level = "acc" in needs or "device_q" in needs
     biased = case.begin is not None and bool(np.any(case.samples.gyr[case.begin]))
     errors = []
     off = rotation.multiply(q[-1], rotation.conjugate(case.q_true[-1]))
     if level and not biased:
-        errors.append(rotation.angle(off) if "mag" in needs and "acc" in needs else rotation.inclination_angle(off))
+        errors.append(
+            rotation.angle(off)
+            if "mag" in needs and "acc" in needs
+            else rotation.inclination_angle(off)
+        )
     if case.begin is not None and any(need in needs for need in ("gyr", "mag", "device_q")):
         turned = rotation.multiply(rotation.conjugate(q[case.begin]), q[-1])
         expected = rotation.multiply(rotation.conjugate(case.q_true[case.begin]), case.q_true[-1])

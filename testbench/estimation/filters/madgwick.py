@@ -11,7 +11,10 @@ from testbench.estimation.filters.kernel_filter import KernelFilter
 from testbench.estimation.filters.maths import begin, field_deviates, length, to_earth, usable_force
 
 PAPER = "Madgwick, Harrison & Vaidyanathan, ICORR 2011"
-REPORT = "Madgwick, An efficient orientation filter for inertial and inertial/magnetic sensor arrays, 2010"
+REPORT = (
+    "Madgwick, An efficient orientation filter for inertial and inertial/magnetic sensor "
+    "arrays, 2010"
+)
 HALF = float(np.sqrt(0.5))
 ZETA = Parameter(
     "zeta",
@@ -27,18 +30,28 @@ BETA = "gain: rate at which the gyroscope's error is corrected"
 
 @njit(cache=True)
 def madgwick(
-    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, use_mag: bool,
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
     as_printed: bool,
-) -> np.ndarray:  # fmt: skip
-    """Madgwick's update: the gyroscope's rate of change of q, less beta times the unit gradient of the misfit.
+) -> np.ndarray:
+    """Madgwick's update: the gyroscope's rate of change of q, less beta times the unit gradient of
+    the misfit.
 
-    Equations of the 2010 report: f and J for gravity (25, 26) and for the field (29, 30), b from the measured field (45, 46),
-    normalised gradient (44), bias (47 to 49), step (42, 43). The field's part is that of the report, whose earth has north
-    along x: the misfit is not the same function of a q that is off the unit sphere, and its gradient is what is scaled to one.
+    Equations of the 2010 report: f and J for gravity (25, 26) and for the field (29, 30), b from
+    the measured field (45, 46), normalised gradient (44), bias (47 to 49), step (42, 43). The
+    field's part is that of the report, whose earth has north along x: the misfit is not the same
+    function of a q that is off the unit sphere, and its gradient is what is scaled to one.
 
     Args:
-        p: beta, zeta, gate of the accelerometer [m/s^2], gate of the magnetometer. state: begin, q, bias, field of reference.
-        use_mag: Whether to use the magnetometer. as_printed: zeta as in the "zeta" form without a bias state.
+        p: beta, zeta, gate of the accelerometer [m/s^2], gate of the magnetometer.
+        state: begin, q, bias, field of reference.
+        use_mag: Whether to use the magnetometer.
+        as_printed: zeta as in the "zeta" form without a bias state.
     """
     beta, zeta = p[0], p[1]
     n = gyr.shape[0]
@@ -60,7 +73,9 @@ def madgwick(
             sy = -2.0 * w * f1 + 2.0 * z * f2 - 4.0 * y * f3
             sz = 2.0 * x * f1 + 2.0 * y * f2
         m = length(mag[i]) if use_mag else 0.0
-        if m > 0.0 and not field_deviates(w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[3], state[8:10]):
+        if m > 0.0 and not field_deviates(
+            w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[3], state[8:10]
+        ):
             mx, my, mz = mag[i, 0] / m, mag[i, 1] / m, mag[i, 2] / m
             hx, hy, bz = to_earth(w, x, y, z, mx, my, mz)
             b = np.sqrt(hx * hx + hy * hy)
@@ -69,10 +84,27 @@ def madgwick(
             g2 = 2.0 * b * (x1 * y1 - w1 * z1) + 2.0 * bz * (w1 * x1 + y1 * z1) - my
             g3 = 2.0 * b * (w1 * y1 + x1 * z1) + bz * (1.0 - 2.0 * (x1 * x1 + y1 * y1)) - mz
             tw = -2.0 * bz * y1 * g1 + 2.0 * (bz * x1 - b * z1) * g2 + 2.0 * b * y1 * g3
-            tx = 2.0 * bz * z1 * g1 + 2.0 * (b * y1 + bz * w1) * g2 + (2.0 * b * z1 - 4.0 * bz * x1) * g3
-            ty = -(4.0 * b * y1 + 2.0 * bz * w1) * g1 + 2.0 * (b * x1 + bz * z1) * g2 + (2.0 * b * w1 - 4.0 * bz * y1) * g3
-            tz = (2.0 * bz * x1 - 4.0 * b * z1) * g1 + 2.0 * (bz * y1 - b * w1) * g2 + 2.0 * b * x1 * g3
-            sw, sx, sy, sz = sw + HALF * (tw - tz), sx + HALF * (tx - ty), sy + HALF * (tx + ty), sz + HALF * (tw + tz)
+            tx = (
+                2.0 * bz * z1 * g1
+                + 2.0 * (b * y1 + bz * w1) * g2
+                + (2.0 * b * z1 - 4.0 * bz * x1) * g3
+            )
+            ty = (
+                -(4.0 * b * y1 + 2.0 * bz * w1) * g1
+                + 2.0 * (b * x1 + bz * z1) * g2
+                + (2.0 * b * w1 - 4.0 * bz * y1) * g3
+            )
+            tz = (
+                (2.0 * bz * x1 - 4.0 * b * z1) * g1
+                + 2.0 * (bz * y1 - b * w1) * g2
+                + 2.0 * b * x1 * g3
+            )
+            sw, sx, sy, sz = (
+                sw + HALF * (tw - tz),
+                sx + HALF * (tx - ty),
+                sy + HALF * (tx + ty),
+                sz + HALF * (tw + tz),
+            )
         step = np.sqrt(sw * sw + sx * sx + sy * sy + sz * sz)
         g0, gx, gy, gz = 0.0, gyr[i, 0], gyr[i, 1], gyr[i, 2]
         if step > 0.0:
@@ -84,7 +116,11 @@ def madgwick(
                 ez = 2.0 * (w * sz - x * sy + y * sx - z * sw)
                 if as_printed:  # a quaternion with a real part is taken off the rate
                     g0 = -2.0 * dt[i] * zeta * (w * sw + x * sx + y * sy + z * sz)
-                    gx, gy, gz = gx - dt[i] * zeta * ex, gy - dt[i] * zeta * ey, gz - dt[i] * zeta * ez
+                    gx, gy, gz = (
+                        gx - dt[i] * zeta * ex,
+                        gy - dt[i] * zeta * ey,
+                        gz - dt[i] * zeta * ez,
+                    )
                 else:
                     state[5] += zeta * ex * dt[i]
                     state[6] += zeta * ey * dt[i]
@@ -105,9 +141,16 @@ class MadgwickImu(KernelFilter):
 
     name, needs = "madgwick_imu", ("gyr", "acc")
     source = f"{PAPER}, eqs 12 to 33 with the accelerometer alone; bias: {REPORT}, eqs 47 to 49"
-    PARAMETERS = (Parameter("beta", 0.033, "rad/s", BETA, f"{PAPER}, section V", 0.003, 0.5), ZETA, ACC_GATE)
+    PARAMETERS = (
+        Parameter("beta", 0.033, "rad/s", BETA, f"{PAPER}, section V", 0.003, 0.5),
+        ZETA,
+        ACC_GATE,
+    )
     layout = (("started", 1), ("q", 4), ("gyr_bias_rad_s", 3), ("field", 2))
-    behaviour = "Its correction has a fixed size: it trembles by beta times the interval, and large errors take long to go."
+    behaviour = (
+        "Its correction has a fixed size: it trembles by beta times the interval, and "
+        "large errors take long to go."
+    )
 
     kernel, options = staticmethod(madgwick), (False, False)
 
@@ -117,24 +160,47 @@ class MadgwickMarg(KernelFilter):
 
     name, needs = "madgwick_marg", ("gyr", "acc", "mag")
     source = f"{PAPER}, eqs 12 to 33; bias: {REPORT}, eqs 47 to 49"
-    PARAMETERS = (Parameter("beta", 0.041, "rad/s", BETA, f"{PAPER}, section V", 0.003, 0.5), ZETA, ACC_GATE, MAG_GATE)
+    PARAMETERS = (
+        Parameter("beta", 0.041, "rad/s", BETA, f"{PAPER}, section V", 0.003, 0.5),
+        ZETA,
+        ACC_GATE,
+        MAG_GATE,
+    )
     layout = MadgwickImu.layout
-    behaviour = "As madgwick_imu; one gradient for gravity and field, so that a disturbed field tilts it, too."
+    behaviour = (
+        "As madgwick_imu; one gradient for gravity and field, so that a disturbed field "
+        "tilts it, too."
+    )
 
     kernel, options = staticmethod(madgwick), (True, False)
 
 
 class MadgwickZetaAsPrinted(MadgwickMarg):
-    """Madgwick's filter with zeta applied to the rate of the same sample, without a bias state: beta + interval * zeta."""
+    """Madgwick's filter with zeta applied to the rate of the same sample, without a bias state:
+    beta + interval * zeta.
+    """
 
     name = "madgwick_zeta_as_printed"
-    source = "de Miguel Pueyo, thesis, Universidad Rey Juan Carlos, 2024, eqs 22 to 37; gains from its section on noise at rest"
+    source = (
+        "de Miguel Pueyo, thesis, Universidad Rey Juan Carlos, 2024, eqs 22 to 37; gains "
+        "from its section on noise at rest"
+    )
     PARAMETERS = (
         Parameter("beta", 0.35, "rad/s", BETA, "the thesis's final results", 0.003, 0.5),
-        Parameter("zeta", 0.07, "rad/s^2", "adds interval * zeta to beta", "the thesis's final results", 1e-3, 1.0),
+        Parameter(
+            "zeta",
+            0.07,
+            "rad/s^2",
+            "adds interval * zeta to beta",
+            "the thesis's final results",
+            1e-3,
+            1.0,
+        ),
         ACC_GATE,
         MAG_GATE,
     )
-    behaviour = "Exactly madgwick_marg with beta + interval * zeta and no bias: its zeta removes no drift."
+    behaviour = (
+        "Exactly madgwick_marg with beta + interval * zeta and no bias: its zeta removes no drift."
+    )
 
     kernel, options = staticmethod(madgwick), (True, True)

@@ -8,21 +8,38 @@ from numba import njit
 from testbench.estimation.filters.base import Parameter
 from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
 from testbench.estimation.filters.kernel_filter import KernelFilter
-from testbench.estimation.filters.maths import begin, field_deviates, length, to_earth, to_sensor, up_in_sensor, usable_force
+from testbench.estimation.filters.maths import (
+    begin,
+    field_deviates,
+    length,
+    to_earth,
+    to_sensor,
+    up_in_sensor,
+    usable_force,
+)
 
 PAPER = "Mahony, Hamel & Pflimlin, IEEE Trans. Automatic Control 53(5), 2008"
 
 
 @njit(cache=True)
 def mahony(
-    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, use_mag: bool
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
 ) -> np.ndarray:
-    """Mahony's explicit complementary filter: rate - bias + kp e, where e is the sum of measured x expected directions.
+    """Mahony's explicit complementary filter: rate - bias + kp e, where e is the sum of measured x
+    expected directions.
 
-    Equations 48a to 48c with unit weights; the expected field has the measured one's dip. One explicit Euler step a sample.
+    Equations 48a to 48c with unit weights; the expected field has the measured one's dip. One
+    explicit Euler step a sample.
 
     Args:
-        p: kp, ki, gate of the accelerometer [m/s^2], gate of the magnetometer. state: begin, q, bias, field of reference.
+        p: kp, ki, gate of the accelerometer [m/s^2], gate of the magnetometer.
+        state: begin, q, bias, field of reference.
         use_mag: Whether to use the magnetometer.
     """
     kp, ki = p[0], p[1]
@@ -40,7 +57,9 @@ def mahony(
             ax, ay, az = acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a
             ex, ey, ez = ay * uz - az * uy, az * ux - ax * uz, ax * uy - ay * ux
         m = length(mag[i]) if use_mag else 0.0
-        if m > 0.0 and not field_deviates(w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[3], state[8:10]):
+        if m > 0.0 and not field_deviates(
+            w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[3], state[8:10]
+        ):
             mx, my, mz = mag[i, 0] / m, mag[i, 1] / m, mag[i, 2] / m
             hx, hy, hz = to_earth(w, x, y, z, mx, my, mz)
             vx, vy, vz = to_sensor(w, x, y, z, 0.0, np.sqrt(hx * hx + hy * hy), hz)
@@ -64,7 +83,15 @@ def mahony(
 
 BROAD = "Laidig et al., Data 6(7):72, 2021: best of one set for all trials of BROAD"
 KP = Parameter("kp", 0.74, "rad/s", "proportional gain", BROAD, 0.05, 10.0)
-KI = Parameter("ki", 0.0012, "rad/s^2", "integral gain, which finds the gyroscope's bias; 0: none", BROAD, 1e-4, 0.5)
+KI = Parameter(
+    "ki",
+    0.0012,
+    "rad/s^2",
+    "integral gain, which finds the gyroscope's bias; 0: none",
+    BROAD,
+    1e-4,
+    0.5,
+)
 
 
 class MahonyImu(KernelFilter):
@@ -74,7 +101,9 @@ class MahonyImu(KernelFilter):
     PARAMETERS = (KP, KI, ACC_GATE)
     layout = (("started", 1), ("q", 4), ("gyr_bias_rad_s", 3), ("field", 2))
     kernel, options = staticmethod(mahony), (False,)
-    behaviour = "Follows slow accelerations of the sensor; its bias about the vertical is not observable."
+    behaviour = (
+        "Follows slow accelerations of the sensor; its bias about the vertical is not observable."
+    )
 
 
 class MahonyMarg(KernelFilter):

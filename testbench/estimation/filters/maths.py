@@ -1,7 +1,9 @@
-"""Compiled arithmetic that the kernels share: quaternions w x y z, vectors as three numbers, no arrays made in loops.
+"""Compiled arithmetic that the kernels share: quaternions w x y z, vectors as three numbers, no
+arrays made in loops.
 
-Numba inlines these into the kernels and stores the result on disk; after a change here the kernels' stored code is only made
-anew once their own files are touched too, or the __pycache__ folder is gone.
+Numba inlines these into the kernels and stores the result on disk; after a change here the kernels'
+stored code is only made anew once their own files are touched too, or the __pycache__ folder is
+gone.
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ Four = tuple[float, float, float, float]
 
 @njit(cache=True)
 def turned(w: float, x: float, y: float, z: float, rx: float, ry: float, rz: float) -> Four:
-    """The quaternion after a turn by the rotation vector r [rad] about axes of the sensor: q exp(r / 2)."""
+    """The quaternion after a turn by the rotation vector r [rad] about axes of the sensor: q exp(r
+    / 2).
+    """
     angle2 = rx * rx + ry * ry + rz * rz
     if angle2 > 1e-8:
         angle = np.sqrt(angle2)
@@ -40,7 +44,11 @@ def to_earth(w: float, x: float, y: float, z: float, vx: float, vy: float, vz: f
     tx = 2.0 * (y * vz - z * vy)
     ty = 2.0 * (z * vx - x * vz)
     tz = 2.0 * (x * vy - y * vx)
-    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+    return (
+        vx + w * tx + y * tz - z * ty,
+        vy + w * ty + z * tx - x * tz,
+        vz + w * tz + x * ty - y * tx,
+    )
 
 
 @njit(cache=True)
@@ -66,7 +74,9 @@ def to_sensor(w: float, x: float, y: float, z: float, vx: float, vy: float, vz: 
 
 @njit(cache=True)
 def tilt(acc: np.ndarray) -> np.ndarray:
-    """q_earth_from_sensor of least rotation that turns a specific force, shape (3,), upwards; identity without a force."""
+    """q_earth_from_sensor of least rotation that turns a specific force, shape (3,), upwards;
+    identity without a force.
+    """
     norm = np.sqrt(acc[0] ** 2 + acc[1] ** 2 + acc[2] ** 2)
     if not norm > 0.0:
         return np.array([1.0, 0.0, 0.0, 0.0])
@@ -81,13 +91,18 @@ def length(v: np.ndarray) -> float:
 
 @njit(cache=True)
 def usable_force(a: float, gate: float) -> bool:
-    """Whether a specific force of this size [m/s^2] is near enough to gravity; a gate of 0 takes any that is not zero."""
+    """Whether a specific force of this size [m/s^2] is near enough to gravity; a gate of 0 takes
+    any that is not zero.
+    """
     return a > 0.0 and (not gate > 0.0 or abs(a - GRAVITY) <= gate)
 
 
 @njit(cache=True)
-def with_north(ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> tuple[float, float, float, float, bool]:
-    """q_enu_from_sensor that turns a upwards and the horizontal part of m northwards, and whether there is such a part.
+def with_north(
+    ax: float, ay: float, az: float, mx: float, my: float, mz: float
+) -> tuple[float, float, float, float, bool]:
+    """q_enu_from_sensor that turns a upwards and the horizontal part of m northwards, and whether
+    there is such a part.
 
     The columns of R_sensor_from_enu are m x a, a x (m x a), a, scaled to unit length.
     """
@@ -113,7 +128,9 @@ def with_north(ax: float, ay: float, az: float, mx: float, my: float, mz: float)
 
 @njit(cache=True)
 def started(state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool) -> bool:
-    """Start from the first usable accelerometer (and magnetometer) sample; state[0] is 1 and state[1:5] the quaternion then."""
+    """Start from the first usable accelerometer (and magnetometer) sample; state[0] is 1 and
+    state[1:5] the quaternion then.
+    """
     a = np.sqrt(acc[0] ** 2 + acc[1] ** 2 + acc[2] ** 2)
     if not a > 0.0:
         return False
@@ -121,7 +138,9 @@ def started(state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool) 
         m = np.sqrt(mag[0] ** 2 + mag[1] ** 2 + mag[2] ** 2)
         if not m > 0.0:
             return False
-        w, x, y, z, ok = with_north(acc[0] / a, acc[1] / a, acc[2] / a, mag[0] / m, mag[1] / m, mag[2] / m)
+        w, x, y, z, ok = with_north(
+            acc[0] / a, acc[1] / a, acc[2] / a, mag[0] / m, mag[1] / m, mag[2] / m
+        )
         if not ok:
             return False
     else:
@@ -132,8 +151,12 @@ def started(state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool) 
 
 
 @njit(cache=True)
-def begin(state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool, out: np.ndarray) -> bool:
-    """Start if this sample allows it, and write the orientation, shape (4,): the start, or the identity while there is none."""
+def begin(
+    state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool, out: np.ndarray
+) -> bool:
+    """Start if this sample allows it, and write the orientation, shape (4,): the start, or the
+    identity while there is none.
+    """
     begun = started(state, acc, mag, use_mag)
     out[0] = 1.0
     out[1] = out[2] = out[3] = 0.0
@@ -144,12 +167,21 @@ def begin(state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool, ou
 
 @njit(cache=True)
 def field_deviates(
-    w: float, x: float, y: float, z: float, mx: float, my: float, mz: float, gate: float, reference: np.ndarray
+    w: float,
+    x: float,
+    y: float,
+    z: float,
+    mx: float,
+    my: float,
+    mz: float,
+    gate: float,
+    reference: np.ndarray,
 ) -> bool:
-    """Whether the field differs from the reference by more than a fraction `gate` of it; 0 switches the gate off.
+    """Whether the field differs from the reference by more than a fraction `gate` of it; 0 switches
+    the gate off.
 
-    Compared are the horizontal and the vertical part, so that both strength and dip count. `reference` holds them; a zero
-    reference is set to this sample's.
+    Compared are the horizontal and the vertical part, so that both strength and dip count.
+    `reference` holds them; a zero reference is set to this sample's.
     """
     if not gate > 0.0:
         return False
@@ -164,7 +196,9 @@ def field_deviates(
 
 @njit(cache=True)
 def factorise(s: np.ndarray, n: int) -> None:
-    """Replace the lower triangle of the symmetric positive S, shape (n, n), by that of its Cholesky factor L, S = L L'."""
+    """Replace the lower triangle of the symmetric positive S, shape (n, n), by that of its Cholesky
+    factor L, S = L L'.
+    """
     for j in range(n):
         d = s[j, j]
         for k in range(j):
@@ -180,7 +214,9 @@ def factorise(s: np.ndarray, n: int) -> None:
 
 @njit(cache=True)
 def forwards(s: np.ndarray, b: np.ndarray, n: int, first: int) -> float:
-    """Replace b, shape (n,), by L^-1 b, where all before `first` are zero; its squared length is b' S^-1 b."""
+    """Replace b, shape (n,), by L^-1 b, where all before `first` are zero; its squared length is b'
+    S^-1 b.
+    """
     length2 = 0.0
     for i in range(first, n):
         t = b[i]

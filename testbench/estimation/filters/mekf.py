@@ -22,7 +22,8 @@ from testbench.estimation.filters.maths import (
 
 @njit(cache=True)
 def correct(e: np.ndarray, cov: np.ndarray, v: np.ndarray, h: np.ndarray, var: float) -> None:
-    """Correct the error (turn, bias) by one direction, measured v and expected h in the sensor: v = h + h x turn.
+    """Correct the error (turn, bias) by one direction, measured v and expected h in the sensor: v =
+    h + h x turn.
 
     One component after the other, all linearised at the prediction.
     """
@@ -46,8 +47,19 @@ def correct(e: np.ndarray, cov: np.ndarray, v: np.ndarray, h: np.ndarray, var: f
 
 
 @njit(cache=True)
-def predict(cov: np.ndarray, half: np.ndarray, rx: float, ry: float, rz: float, h: float, noise: float, walk: float) -> None:
-    """P <- F P F' + Q, F = [[I - r x, -h I], [0, I]] for the turn r [rad] in h seconds; Q as Farrenkopf 1978."""
+def predict(
+    cov: np.ndarray,
+    half: np.ndarray,
+    rx: float,
+    ry: float,
+    rz: float,
+    h: float,
+    noise: float,
+    walk: float,
+) -> None:
+    """P <- F P F' + Q, F = [[I - r x, -h I], [0, I]] for the turn r [rad] in h seconds; Q as
+    Farrenkopf 1978.
+    """
     for j in range(6):
         half[0, j] = cov[0, j] + rz * cov[1, j] - ry * cov[2, j] - h * cov[3, j]
         half[1, j] = cov[1, j] - rz * cov[0, j] + rx * cov[2, j] - h * cov[4, j]
@@ -67,10 +79,12 @@ def predict(cov: np.ndarray, half: np.ndarray, rx: float, ry: float, rz: float, 
 
 @njit(cache=True)
 def first_covariance(state: np.ndarray, cov: np.ndarray, p: np.ndarray, use_mag: bool) -> None:
-    """P = a^2 (I - u u') + m^2 u u' for the turn: the force gives the inclination, the field the heading, about the vertical.
+    """P = a^2 (I - u u') + m^2 u u' for the turn: the force gives the inclination, the field the
+    heading, about the vertical.
 
-    u is the vertical in the sensor, a and m the standard deviations of the force's and the field's direction. Without a
-    magnetometer the heading is a convention, and has that of the force. For the bias that of p.
+    u is the vertical in the sensor, a and m the standard deviations of the force's and the field's
+    direction. Without a magnetometer the heading is a convention, and has that of the force. For
+    the bias that of p.
     """
     tilting = (p[3] / GRAVITY) ** 2
     heading = p[5] * p[5] if use_mag else tilting
@@ -84,14 +98,24 @@ def first_covariance(state: np.ndarray, cov: np.ndarray, p: np.ndarray, use_mag:
 
 @njit(cache=True)
 def mekf(
-    gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray, dt: np.ndarray, p: np.ndarray, state: np.ndarray, use_mag: bool
+    gyr: np.ndarray,
+    acc: np.ndarray,
+    mag: np.ndarray,
+    dt: np.ndarray,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
 ) -> np.ndarray:
-    """MEKF: the quaternion is integrated with the corrected rate; the Kalman filter estimates its error and the bias.
+    """MEKF: the quaternion is integrated with the corrected rate; the Kalman filter estimates its
+    error and the bias.
 
     Args:
-        p: Noise density [rad/s/sqrt(Hz)], bias walk [rad/s^2/sqrt(Hz)], first sd of the bias [rad/s], sd of the force [m/s^2],
-        its gate [m/s^2], sd of the field's direction, its gate. state: begin, q, bias, covariance (36), direction of the field
-        (north, up), field of reference. use_mag: Whether to use the magnetometer.
+        p: Noise density [rad/s/sqrt(Hz)], bias walk [rad/s^2/sqrt(Hz)], first sd of the bias
+            [rad/s], sd of the force [m/s^2], its gate [m/s^2], sd of the field's direction, its
+            gate.
+        state: begin, q, bias, covariance (36), direction of the field (north, up), field of
+            reference.
+        use_mag: Whether to use the magnetometer.
     """
     n = gyr.shape[0]
     out = np.empty((n, 4))
@@ -102,10 +126,16 @@ def mekf(
             if begin(state, acc[i], mag[i], use_mag, out[i]):
                 first_covariance(state, cov, p, use_mag)
                 if use_mag:
-                    _, hy, hz = to_earth(state[1], state[2], state[3], state[4], mag[i, 0], mag[i, 1], mag[i, 2])
+                    _, hy, hz = to_earth(
+                        state[1], state[2], state[3], state[4], mag[i, 0], mag[i, 1], mag[i, 2]
+                    )
                     state[44], state[45] = hy / length(mag[i]), hz / length(mag[i])
             continue
-        rx, ry, rz = (gyr[i, 0] - state[5]) * dt[i], (gyr[i, 1] - state[6]) * dt[i], (gyr[i, 2] - state[7]) * dt[i]
+        rx, ry, rz = (
+            (gyr[i, 0] - state[5]) * dt[i],
+            (gyr[i, 1] - state[6]) * dt[i],
+            (gyr[i, 2] - state[7]) * dt[i],
+        )
         w, x, y, z = turned(state[1], state[2], state[3], state[4], rx, ry, rz)
         predict(cov, half, rx, ry, rz, dt[i], p[0], p[1])
         for j in range(6):
@@ -114,7 +144,9 @@ def mekf(
             h[0], h[1], h[2] = to_sensor(w, x, y, z, 0.0, 0.0, GRAVITY)
             correct(e, cov, acc[i], h, p[3] * p[3])
         m = length(mag[i]) if use_mag else 0.0
-        if m > 0.0 and not field_deviates(w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[6], state[46:48]):
+        if m > 0.0 and not field_deviates(
+            w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[6], state[46:48]
+        ):
             h[0], h[1], h[2] = to_sensor(w, x, y, z, 0.0, state[44], state[45])
             for j in range(3):
                 v[j] = mag[i, j] / m
@@ -127,13 +159,33 @@ def mekf(
     return out
 
 
-SOURCE = "Lefferts, Markley & Shuster, J. Guidance 5(5), 1982; Markley & Crassidis 2014, ch. 6; noise as Farrenkopf 1978"
+SOURCE = (
+    "Lefferts, Markley & Shuster, J. Guidance 5(5), 1982; Markley & Crassidis 2014, ch. 6; "
+    "noise as Farrenkopf 1978"
+)
 MEMS = "typical of the small sensors the bench has presets for"
 GYR = Parameter(
-    "gyr_noise_rad_s_sqrthz", 2e-3, "rad/s/sqrt(Hz)", "noise density of the gyroscope", MEMS, 1e-4, 0.05, least=1e-9
+    "gyr_noise_rad_s_sqrthz",
+    2e-3,
+    "rad/s/sqrt(Hz)",
+    "noise density of the gyroscope",
+    MEMS,
+    1e-4,
+    0.05,
+    least=1e-9,
 )
-WALK = Parameter("bias_walk_rad_s2_sqrthz", 2e-5, "rad/s^2/sqrt(Hz)", "random walk of its bias", MEMS, 1e-7, 1e-2)
-BIAS = Parameter("bias_sd_rad_s", 0.01, "rad/s", "standard deviation of the bias at the start; 0: none", MEMS, 1e-4, 0.1)
+WALK = Parameter(
+    "bias_walk_rad_s2_sqrthz", 2e-5, "rad/s^2/sqrt(Hz)", "random walk of its bias", MEMS, 1e-7, 1e-2
+)
+BIAS = Parameter(
+    "bias_sd_rad_s",
+    0.01,
+    "rad/s",
+    "standard deviation of the bias at the start; 0: none",
+    MEMS,
+    1e-4,
+    0.1,
+)
 ACC = Parameter(
     "acc_sd_m_s2",
     2.0,
@@ -145,7 +197,14 @@ ACC = Parameter(
     least=1e-9,
 )
 MAG = Parameter(
-    "mag_sd", 0.3, "1", "standard deviation of the field's direction, of a unit vector", "indoors", 0.01, 5, least=1e-9
+    "mag_sd",
+    0.3,
+    "1",
+    "standard deviation of the field's direction, of a unit vector",
+    "indoors",
+    0.01,
+    5,
+    least=1e-9,
 )
 
 
@@ -155,10 +214,17 @@ class MekfImu(KernelFilter):
     name, needs, source = "mekf_imu", ("gyr", "acc"), SOURCE
     PARAMETERS = (GYR, WALK, BIAS, ACC, ACC_GATE)
     layout = (
-        ("started", 1), ("q", 4), ("gyr_bias_rad_s", 3), ("covariance", 36), ("field_direction", 2), ("field", 2)
-    )  # fmt: skip
+        ("started", 1),
+        ("q", 4),
+        ("gyr_bias_rad_s", 3),
+        ("covariance", 36),
+        ("field_direction", 2),
+        ("field", 2),
+    )
     kernel, options = staticmethod(mekf), (False,)
-    behaviour = "Finds the bias across the vertical only; about the vertical it keeps what it last knew."
+    behaviour = (
+        "Finds the bias across the vertical only; about the vertical it keeps what it last knew."
+    )
 
 
 class Mekf(KernelFilter):

@@ -1,6 +1,7 @@
 """Filters of the user's own: classes in a Python file, or installed packages with an entry point.
 
-They are run as code, so that only the command line and Python programs can name them, never a protocol.
+They are run as code, so that only the command line and Python programs can name them, never a
+protocol.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ QUANTITIES = ("gyr", "acc", "mag", "device_q")
 
 
 def installed_filters() -> dict[str, EntryPoint]:
-    """Entry points of installed packages in the group `testbench.filters`, by name; nothing is imported yet."""
+    """Entry points of installed packages in the group `testbench.filters`, by name; nothing is
+    imported yet.
+    """
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
@@ -53,7 +56,11 @@ def find_filter(text: str) -> OrientationFilter:
 def _class_in(file: Path, name: str) -> object:
     module = _module(file)
     if not hasattr(module, name):
-        own = [key for key, value in vars(module).items() if _is_filter(value) and value.__module__ == module.__name__]
+        own = [
+            key
+            for key, value in vars(module).items()
+            if _is_filter(value) and value.__module__ == module.__name__
+        ]
         raise NotFoundError(f"class in {file}", name, own)
     return getattr(module, name)
 
@@ -79,19 +86,29 @@ def _is_filter(kind: object) -> TypeGuard[type[OrientationFilter]]:
 
 
 def _from_class(kind: object, text: str) -> OrientationFilter:
-    """An instance of a user's class, once it is known to be a filter that can stand beside the others."""
+    """An instance of a user's class, once it is known to be a filter that can stand beside the
+    others.
+    """
     if not _is_filter(kind) or inspect.isabstract(kind):
-        raise InputError(f"{text} is no filter: it must be a class derived from OrientationFilter that has `run`")
+        raise InputError(
+            f"{text} is no filter: it must be a class derived from OrientationFilter that has `run`"
+        )
     lacking = [key for key in ("name", "needs", "source") if not hasattr(kind, key)]
     if lacking:
         raise InputError(f"{text} lacks {', '.join(lacking)}")
     if not isinstance(kind.name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", kind.name):
-        raise InputError(f"{text}: the name is {kind.name!r}; it must be small letters, digits and underscores")
+        raise InputError(
+            f"{text}: the name is {kind.name!r}; it must be small letters, digits and underscores"
+        )
     if kind.name in FILTERS and FILTERS[kind.name] is not kind:
-        raise InputError(f"{text}: '{kind.name}' is the name of a filter of the bench; choose another")
+        raise InputError(
+            f"{text}: '{kind.name}' is the name of a filter of the bench; choose another"
+        )
     unknown = [need for need in kind.needs if need not in QUANTITIES]
     if unknown:
-        raise InputError(f"{text} needs {', '.join(map(str, unknown))}; known: {', '.join(QUANTITIES)}")
+        raise InputError(
+            f"{text} needs {', '.join(map(str, unknown))}; known: {', '.join(QUANTITIES)}"
+        )
     try:
         return kind()
     except Exception as error:

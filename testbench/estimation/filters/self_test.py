@@ -17,8 +17,10 @@ class SelfTest:
     """What the self-test found of a filter.
 
     Attributes:
-        filter: Its name. checks: In order. reason: Why it fails, in words; empty if it passes. known: Whether it is known to
-        fail, because it repeats a publication with its errors.
+        filter: Its name.
+        checks: In order.
+        reason: Why it fails, in words; empty if it passes.
+        known: Whether it is known to fail, because it repeats a publication with its errors.
     """
 
     filter: str
@@ -33,7 +35,13 @@ class SelfTest:
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         checks = [asdict(check) | {"passed": check.passed} for check in self.checks]
-        return {"filter": self.filter, "passed": self.passed, "reason": self.reason, "known": self.known, "checks": checks}
+        return {
+            "filter": self.filter,
+            "passed": self.passed,
+            "reason": self.reason,
+            "known": self.known,
+            "checks": checks,
+        }
 
 
 def output_fault(kind: OrientationFilter, case: Recording) -> str:
@@ -63,7 +71,8 @@ def output_fault(kind: OrientationFilter, case: Recording) -> str:
 def self_test(kind: OrientationFilter) -> SelfTest:
     """Judge a filter, and say what is wrong with it where that can be told.
 
-    A device's orientation is given to a filter that needs it: right, in an earth of another heading.
+    A device's orientation is given to a filter that needs it: right, in an earth of another
+    heading.
 
     Args:
         kind: Any filter.

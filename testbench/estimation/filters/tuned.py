@@ -18,12 +18,15 @@ def choose_tuned(
     """Filters to run beside one another, those that were tuned with their tuned parameters.
 
     Args:
-        filters: Names, or filters as they are; those of the protocol and those tuned if None. of_protocol: Their names.
-        parameters: Of the protocol's filters. tunings: At most one a filter; it takes the place of all other parameters.
+        filters: Names, or filters as they are; those of the protocol and those tuned if None.
+        of_protocol: Their names.
+        parameters: Of the protocol's filters.
+        tunings: At most one a filter; it takes the place of all other parameters.
 
     Raises:
-        NotFoundError: No such filter or parameter. InputError: A value is not allowed, a filter is named or tuned twice, or
-        tuned but not among those to run.
+        NotFoundError: No such filter or parameter.
+        InputError: A value is not allowed, a filter is named or tuned twice, or tuned but not among
+            those to run.
     """
     sets: dict[str, Mapping[str, float]] = {}
     for tuning in tunings:
@@ -40,5 +43,8 @@ def choose_tuned(
     ready = choose_filters(chosen, {**parameters, **sets})
     absent = sorted(set(sets) - {kind.name for kind in ready})
     if absent:
-        raise InputError(f"a tuning is of the filter {absent[0]}, which is not among those to run: name it with --filters")
+        raise InputError(
+            f"a tuning is of the filter {absent[0]}, which is not among those to run: name it with "
+            "--filters"
+        )
     return ready

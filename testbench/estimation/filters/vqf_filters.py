@@ -18,40 +18,84 @@ from testbench.estimation.filters.base import (
 )
 from testbench.exceptions import InputError
 
-SOURCE = "Laidig & Seel, VQF: Highly accurate IMU orientation estimation, Information Fusion 91, 2023; package vqf"
+SOURCE = (
+    "Laidig & Seel, VQF: Highly accurate IMU orientation estimation, Information Fusion 91, "
+    "2023; package vqf"
+)
 
 
-def _setting(name: str, default: float, unit: str, meaning: str, low: float, high: float, least: float = 1e-9) -> Parameter:
+def _setting(
+    name: str, default: float, unit: str, meaning: str, low: float, high: float, least: float = 1e-9
+) -> Parameter:
     return Parameter(name, default, unit, meaning, "package vqf", low, high, "log", least)
 
 
 PARAMETERS = (
-    _setting("tau_acc_s", 3.0, "s", "time constant of the inclination's correction", 0.3, 30.0, 1e-3),
+    _setting(
+        "tau_acc_s", 3.0, "s", "time constant of the inclination's correction", 0.3, 30.0, 1e-3
+    ),
     switch("rest_bias", True, "estimate the gyroscope's bias while at rest", "package vqf"),
     switch("motion_bias", True, "estimate it while moving", "package vqf"),
     _setting("rest_min_s", 1.5, "s", "time without motion that counts as rest", 0.5, 10.0, 0.0),
-    _setting("rest_gyr_deg_s", 2.0, "deg/s", "largest deviation of the rate at rest", 0.1, 10.0, 0.0),
-    _setting("rest_acc_m_s2", 0.5, "m/s^2", "largest deviation of the force at rest", 0.05, 2.0, 0.0),
-    _setting("bias_sd_deg_s", 0.5, "deg/s", "standard deviation of the bias at the start", 0.05, 5.0),
-    _setting("bias_forgetting_s", 100.0, "s", "time in which that grows by 0.1 deg/s", 10.0, 1e4, 1e-3),
+    _setting(
+        "rest_gyr_deg_s", 2.0, "deg/s", "largest deviation of the rate at rest", 0.1, 10.0, 0.0
+    ),
+    _setting(
+        "rest_acc_m_s2", 0.5, "m/s^2", "largest deviation of the force at rest", 0.05, 2.0, 0.0
+    ),
+    _setting(
+        "bias_sd_deg_s", 0.5, "deg/s", "standard deviation of the bias at the start", 0.05, 5.0
+    ),
+    _setting(
+        "bias_forgetting_s", 100.0, "s", "time in which that grows by 0.1 deg/s", 10.0, 1e4, 1e-3
+    ),
     _setting("bias_clip_deg_s", 2.0, "deg/s", "largest bias believed", 0.5, 20.0),
-    _setting("bias_motion_sd_deg_s", 0.1, "deg/s", "standard deviation of the bias it converges to in motion", 0.01, 1.0),
-    _setting("bias_rest_sd_deg_s", 0.03, "deg/s", "standard deviation of the bias it converges to at rest", 0.003, 0.3),
+    _setting(
+        "bias_motion_sd_deg_s",
+        0.1,
+        "deg/s",
+        "standard deviation of the bias it converges to in motion",
+        0.01,
+        1.0,
+    ),
+    _setting(
+        "bias_rest_sd_deg_s",
+        0.03,
+        "deg/s",
+        "standard deviation of the bias it converges to at rest",
+        0.003,
+        0.3,
+    ),
 )
 MAG_PARAMETERS = (
     _setting("tau_mag_s", 9.0, "s", "time constant of the heading's correction", 0.9, 90.0, 1e-3),
-    switch("mag_rejection", True, "reject a field unlike that known to be undisturbed", "package vqf"),
-    _setting("mag_norm", 0.1, "1", "fraction of its strength by which it may differ", 0.01, 0.5, 0.0),
+    switch(
+        "mag_rejection", True, "reject a field unlike that known to be undisturbed", "package vqf"
+    ),
+    _setting(
+        "mag_norm", 0.1, "1", "fraction of its strength by which it may differ", 0.01, 0.5, 0.0
+    ),
     _setting("mag_dip_deg", 10.0, "deg", "angle by which its dip may differ", 1.0, 45.0, 0.0),
     _setting("mag_rejection_s", 60.0, "s", "longest time to reject it completely", 1.0, 600.0, 0.0),
 )
 NAMES = {
-    "tau_acc_s": "tauAcc", "rest_bias": "restBiasEstEnabled", "motion_bias": "motionBiasEstEnabled", "rest_min_s": "restMinT",
-    "rest_gyr_deg_s": "restThGyr", "rest_acc_m_s2": "restThAcc", "bias_sd_deg_s": "biasSigmaInit",
-    "bias_forgetting_s": "biasForgettingTime", "bias_clip_deg_s": "biasClip", "bias_motion_sd_deg_s": "biasSigmaMotion",
-    "bias_rest_sd_deg_s": "biasSigmaRest", "tau_mag_s": "tauMag", "mag_rejection": "magDistRejectionEnabled",
-    "mag_norm": "magNormTh", "mag_dip_deg": "magDipTh", "mag_rejection_s": "magMaxRejectionTime",
-}  # fmt: skip
+    "tau_acc_s": "tauAcc",
+    "rest_bias": "restBiasEstEnabled",
+    "motion_bias": "motionBiasEstEnabled",
+    "rest_min_s": "restMinT",
+    "rest_gyr_deg_s": "restThGyr",
+    "rest_acc_m_s2": "restThAcc",
+    "bias_sd_deg_s": "biasSigmaInit",
+    "bias_forgetting_s": "biasForgettingTime",
+    "bias_clip_deg_s": "biasClip",
+    "bias_motion_sd_deg_s": "biasSigmaMotion",
+    "bias_rest_sd_deg_s": "biasSigmaRest",
+    "tau_mag_s": "tauMag",
+    "mag_rejection": "magDistRejectionEnabled",
+    "mag_norm": "magNormTh",
+    "mag_dip_deg": "magDipTh",
+    "mag_rejection_s": "magMaxRejectionTime",
+}
 """The package's names of the parameters, which have its units."""
 
 REST = "A slow sweep looks like rest to it, and its rate like a bias: rest_bias 0 cures that."
@@ -62,8 +106,15 @@ def _arrays(samples: UniformSamples) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _params(parameters: dict[str, float]) -> dict[str, float | bool]:
-    switches = {parameter.name for parameter in (*PARAMETERS, *MAG_PARAMETERS) if parameter.scale == "switch"}
-    return {NAMES[name]: bool(value) if name in switches else value for name, value in parameters.items()}
+    switches = {
+        parameter.name
+        for parameter in (*PARAMETERS, *MAG_PARAMETERS)
+        if parameter.scale == "switch"
+    }
+    return {
+        NAMES[name]: bool(value) if name in switches else value
+        for name, value in parameters.items()
+    }
 
 
 class Vqf6D(RecursiveFilter):
@@ -72,29 +123,44 @@ class Vqf6D(RecursiveFilter):
     name, source = "vqf_6d", SOURCE
     needs: ClassVar[tuple[str, ...]] = ("gyr", "acc")
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
-    behaviour = f"Filters the force in an almost inertial frame, so that accelerations average out. {REST}"
+    behaviour = (
+        f"Filters the force in an almost inertial frame, so that accelerations average out. {REST}"
+    )
     output = "quat6D"
 
-    def advance(self, samples: UniformSamples, state: FilterState | None = None) -> tuple[np.ndarray, FilterState]:
-        """See OrientationFilter; the samples must be regular, because its low-pass filters are made for one interval."""
+    def advance(
+        self, samples: UniformSamples, state: FilterState | None = None
+    ) -> tuple[np.ndarray, FilterState]:
+        """See OrientationFilter; the samples must be regular, because its low-pass filters are made
+        for one interval.
+        """
         if samples.intervals is not None:
             raise InputError(
-                f"the filter {self.name} takes pieces of regular samples only; run() interpolates a whole recording"
+                f"the filter {self.name} takes pieces of regular samples only; run() interpolates "
+                "a whole recording"
             )
         vqf = VQF(samples.interval, **_params(self.parameters))
         if state is not None:
             self.check_state(state)
             if state["interval_s"] != samples.interval:
                 raise InputError(
-                    f"the filter {self.name} was run every {state['interval_s']} s, not every {samples.interval} s"
+                    f"the filter {self.name} was run every {state['interval_s']} s, not every "
+                    f"{samples.interval} s"
                 )
             vqf.state = state["vqf"]
-        mag = () if samples.mag is None or "mag" not in self.needs else (np.ascontiguousarray(samples.mag),)
+        mag = (
+            ()
+            if samples.mag is None or "mag" not in self.needs
+            else (np.ascontiguousarray(samples.mag),)
+        )
         q = np.asarray(vqf.updateBatch(*_arrays(samples), *mag)[self.output])
         after = vqf.state
         return q, {
-            "filter": self.name, "interval_s": samples.interval, "gyr_bias_rad_s": after["bias"], "vqf": after
-        }  # fmt: skip
+            "filter": self.name,
+            "interval_s": samples.interval,
+            "gyr_bias_rad_s": after["bias"],
+            "vqf": after,
+        }
 
 
 class Vqf9D(Vqf6D):
@@ -102,7 +168,10 @@ class Vqf9D(Vqf6D):
 
     name, needs = "vqf_9d", ("gyr", "acc", "mag")
     PARAMETERS = (*PARAMETERS, *MAG_PARAMETERS)
-    behaviour = f"As vqf_6d; the field corrects the heading only, and is rejected where it is disturbed. {REST}"
+    behaviour = (
+        "As vqf_6d; the field corrects the heading only, and is rejected where it is "
+        f"disturbed. {REST}"
+    )
     output = "quat9D"
 
 

@@ -16,7 +16,9 @@ class Cycles:
     """Gait cycles of one leg, in order.
 
     Attributes:
-        begin, end: Rows of the first and last sample, shape (k,). peak: Row of the largest step signal in each, shape (k,).
+        begin: Rows of the first and last sample, shape (k,).
+        end: Rows of the first and last sample, shape (k,).
+        peak: Row of the largest step signal in each, shape (k,).
         swing: Largest less smallest step signal [rad], shape (k,) (eq. 2.27).
     """
 
@@ -34,16 +36,21 @@ class Cycles:
         return 2 * len(self)
 
 
-def find_cycles(time_ns: np.ndarray, step_signal: np.ndarray, parameters: PedestrianParameters) -> Cycles:
+def find_cycles(
+    time_ns: np.ndarray, step_signal: np.ndarray, parameters: PedestrianParameters
+) -> Cycles:
     """Two half swings to opposite sides that together exceed the amplitude are a cycle.
 
-    As published, the mean over the window before each sample is taken off, and each half swing must exceed the false zero. Here
-    a half swing begins where the signal passes the false zero, not zero itself, so that noise at rest begins none; and one that
-    fails is dropped alone, so that the next pair starts afresh.
+    As published, the mean over the window before each sample is taken off, and each half swing must
+    exceed the false zero. Here a half swing begins where the signal passes the false zero, not zero
+    itself, so that noise at rest begins none; and one that fails is dropped alone, so that the next
+    pair starts afresh.
 
     Args:
-        time_ns: Increasing, shape (n,). step_signal: Angle of the limb, without jumps of a turn, shape (n,) [rad]; samples that
-        are not finite are passed over. parameters: Thresholds.
+        time_ns: Increasing, shape (n,).
+        step_signal: Angle of the limb, without jumps of a turn, shape (n,) [rad]; samples that are
+            not finite are passed over.
+        parameters: Thresholds.
     """
     rows = np.flatnonzero(np.isfinite(step_signal))
     x, t = step_signal[rows], time_ns[rows]
@@ -63,14 +70,19 @@ def find_cycles(time_ns: np.ndarray, step_signal: np.ndarray, parameters: Pedest
         peak.append(rows[largest])
         swing.append(float(np.ptp(x[a : b + 1])))
         k += 2
-    return Cycles(np.array(begin, int), np.array(end, int), np.array(peak, int), np.array(swing, float))
+    return Cycles(
+        np.array(begin, int), np.array(end, int), np.array(peak, int), np.array(swing, float)
+    )
 
 
 def without_offset(time_ns: np.ndarray, x: np.ndarray, window_s: float) -> tuple[np.ndarray, int]:
-    """The mean over the window before each sample less the sample (with the published sign), and the first row that has one.
+    """The mean over the window before each sample less the sample (with the published sign), and
+    the first row that has one.
 
     Args:
-        time_ns: Shape (n,). x: Finite, shape (n,). window_s: Length of the window.
+        time_ns: Shape (n,).
+        x: Finite, shape (n,).
+        window_s: Length of the window.
     """
     if not len(x):
         return x, 0
@@ -85,7 +97,9 @@ def without_offset(time_ns: np.ndarray, x: np.ndarray, window_s: float) -> tuple
 
 @njit(cache=True)
 def _half_swings(s: np.ndarray, first: int, threshold: float) -> np.ndarray:
-    """First row, last row and extreme value of each excursion beyond the threshold, sides alternating, shape (k, 3)."""
+    """First row, last row and extreme value of each excursion beyond the threshold, sides
+    alternating, shape (k, 3).
+    """
     found = np.empty((len(s), 3))
     count, side = 0, 0
     for i in range(first, len(s)):

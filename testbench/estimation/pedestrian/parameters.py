@@ -1,4 +1,6 @@
-"""Parameters of step detection and step length, and the published ones (Cabezuelo 2019, table 11)."""
+"""Parameters of step detection and step length, and the published ones (Cabezuelo 2019, table
+11).
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ MOUNTINGS: dict[str, list[list[float]]] = {
     "frontal": [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
     "lateral": [[0, 1, 0], [0, 0, 1], [1, 0, 0]],
 }
-"""Axes of a level frame (x along roll, y along pitch, z up), one a row, in the sensor's: worn level (ENU), in front, at side.
+"""Axes of a level frame (x along roll, y along pitch, z up), one a row, in the sensor's: worn level
+(ENU), in front, at side.
 
 The source's maps of a sensor on the left leg, with its frame's z turned upwards.
 """
@@ -21,9 +24,11 @@ class PedestrianParameters:
     """What counts as a gait cycle, and how long it is.
 
     Attributes:
-        amplitude_deg: Swing from peak to peak that a cycle must exceed. false_zero_deg: Excursion that a half swing must exceed
-        on either side of zero. offset_window_s: Length of the mean that is taken off: 100 samples at the source's 100 Hz.
-        slope_m_deg, intercept_m: Step length by the swing in degrees, a_H and b_H of E. Muñoz 2016.
+        amplitude_deg: Swing from peak to peak that a cycle must exceed.
+        false_zero_deg: Excursion that a half swing must exceed on either side of zero.
+        offset_window_s: Length of the mean that is taken off: 100 samples at the source's 100 Hz.
+        slope_m_deg: Step length by the swing in degrees, a_H and b_H of E. Muñoz 2016.
+        intercept_m: Step length by the swing in degrees, a_H and b_H of E. Muñoz 2016.
         form: "line", a_H swing + b_H, or "product", a_H swing b_H as eq. 2.28 is printed.
         mounting: How the sensor is worn, a key of `MOUNTINGS`.
     """
@@ -39,8 +44,9 @@ class PedestrianParameters:
     def length(self, swing_deg: float) -> float:
         """Length of a gait cycle [m] by the swing of the leg [deg] (eq. 2.28).
 
-        The source calls it a regression line and prints a product. Its own parameters decide for the line: on the chest, where
-        a swing is 6 to 10 deg, b_H is 1.2 for cycles of 1.39 m; the product would be 0.3 m.
+        The source calls it a regression line and prints a product. Its own parameters decide for
+        the line: on the chest, where a swing is 6 to 10 deg, b_H is 1.2 for cycles of 1.39 m; the
+        product would be 0.3 m.
         """
         if self.form == "product":
             return self.slope_m_deg * swing_deg * self.intercept_m

@@ -1,4 +1,6 @@
-"""Exporters: a session and what was estimated from it, in the formats that other programs read; docs/exports.md."""
+"""Exporters: a session and what was estimated from it, in the formats that other programs read;
+docs/exports.md.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ FOLDER = "export"
 """Folder of a session that exports go to unless another place is named."""
 
 Writer = Callable[[ExportSource, Path], list[str]]
-"""Writes at a path what the source holds; returns notes: sentences on what the file does not show by itself."""
+"""Writes at a path what the source holds; returns notes: sentences on what the file does not show
+by itself.
+"""
 
 
 @dataclass(frozen=True)
@@ -24,9 +28,12 @@ class ExportFormat:
     """A format that sessions can be exported to.
 
     Attributes:
-        module: Where its `write(source, path)` lives; None where the caller brings the writer, as for the viewer's recordings.
-        suffix: Of the file; empty where the format is a folder of tables. description: A line for people.
-        one_filter: Whether it holds the orientation of one filter only. extra: Extra of this package that brings its library.
+        module: Where its `write(source, path)` lives; None where the caller brings the writer, as
+            for the viewer's recordings.
+        suffix: Of the file; empty where the format is a folder of tables.
+        description: A line for people.
+        one_filter: Whether it holds the orientation of one filter only.
+        extra: Extra of this package that brings its library.
     """
 
     module: str | None
@@ -52,21 +59,42 @@ class ExportFormat:
             if self.extra is None or not error.name or error.name.startswith("testbench"):
                 raise
             raise InputError(
-                f"the package '{error.name.split('.')[0]}' is not installed; the extra '{self.extra}' brings it: "
+                f"the package '{error.name.split('.')[0]}' is not installed; the extra "
+                f"'{self.extra}' brings it: "
                 f"pip install 'imu-testbench[{self.extra}]'"
             ) from None
         return function
 
 
 EXPORTS = {
-    "csv": ExportFormat("testbench.formats.exporters.csv_tables", "", "a folder of tables as comma-separated text"),
-    "parquet": ExportFormat("testbench.formats.exporters.parquet_tables", "", "the same tables as Parquet"),
-    "mcap": ExportFormat(
-        "testbench.formats.exporters.mcap_file", ".mcap", "ROS 2 messages, for Foxglove, rerun, ROS", True, "mcap"
+    "csv": ExportFormat(
+        "testbench.formats.exporters.csv_tables", "", "a folder of tables as comma-separated text"
     ),
-    "sto": ExportFormat("testbench.formats.exporters.opensim_sto", ".sto", "sensor orientations for OpenSim's OpenSense", True),
-    "mot": ExportFormat("testbench.formats.exporters.opensim_mot", ".mot", "joint angles in degrees for OpenSim", True),
-    "mat": ExportFormat("testbench.formats.exporters.matlab", ".mat", "one struct for MATLAB and Octave"),
+    "parquet": ExportFormat(
+        "testbench.formats.exporters.parquet_tables", "", "the same tables as Parquet"
+    ),
+    "mcap": ExportFormat(
+        "testbench.formats.exporters.mcap_file",
+        ".mcap",
+        "ROS 2 messages, for Foxglove, rerun, ROS",
+        True,
+        "mcap",
+    ),
+    "sto": ExportFormat(
+        "testbench.formats.exporters.opensim_sto",
+        ".sto",
+        "sensor orientations for OpenSim's OpenSense",
+        True,
+    ),
+    "mot": ExportFormat(
+        "testbench.formats.exporters.opensim_mot",
+        ".mot",
+        "joint angles in degrees for OpenSim",
+        True,
+    ),
+    "mat": ExportFormat(
+        "testbench.formats.exporters.matlab", ".mat", "one struct for MATLAB and Octave"
+    ),
     "rrd": ExportFormat(None, ".rrd", "what the viewer shows, for rerun"),
 }
 
@@ -76,7 +104,9 @@ class Exported:
     """What an export came to.
 
     Attributes:
-        path: The file or folder. filters: Whose estimates it holds. notes: Sentences on what the file does not show by itself.
+        path: The file or folder.
+        filters: Whose estimates it holds.
+        notes: Sentences on what the file does not show by itself.
     """
 
     path: Path
@@ -105,14 +135,18 @@ def check_options(name: str, filter_name: str | None, frame: Frame) -> None:
     if name == "rrd" and filter_name is not None:
         raise InputError("an export to rrd shows every filter; it takes no --filter")
     if name != "sto" and frame != "opensim":
-        raise InputError(f"--frame is for exports to sto; orientations exported to {name} are in the world, z up")
+        raise InputError(
+            f"--frame is for exports to sto; orientations exported to {name} are in the world, z up"
+        )
 
 
 def prepare_export(name: str, session: Session, out: Path | None, force: bool) -> Path:
     """Where an export goes, once it is known that it may go there; writes nothing.
 
     Args:
-        name: Of the format. session: The recording. out: File or folder to write; one in the session's folder if None.
+        name: Of the format.
+        session: The recording.
+        out: File or folder to write; one in the session's folder if None.
         force: Whether an earlier export may be replaced.
 
     Raises:
@@ -121,16 +155,25 @@ def prepare_export(name: str, session: Session, out: Path | None, force: bool) -
     kind = export_format(name)
     if kind.module is not None:
         kind.writer()
-    path = out if out is not None else session.path / FOLDER / (f"{session.name}{kind.suffix}" if kind.suffix else name)
+    path = (
+        out
+        if out is not None
+        else session.path / FOLDER / (f"{session.name}{kind.suffix}" if kind.suffix else name)
+    )
     check_target(path, name, kind.suffix, session, force)
     return path
 
 
-def write_export(name: str, source: ExportSource, path: Path, writer: Writer | None = None) -> Exported:
+def write_export(
+    name: str, source: ExportSource, path: Path, writer: Writer | None = None
+) -> Exported:
     """Write an export in one step: what is found under its name is whole.
 
     Args:
-        name: Of the format. source: What to write. path: As `prepare_export` gave it. writer: Of a format that brings none.
+        name: Of the format.
+        source: What to write.
+        path: As `prepare_export` gave it.
+        writer: Of a format that brings none.
 
     Raises:
         InputError: The session lacks what the format needs, or the place cannot be written to.

@@ -1,7 +1,9 @@
-"""CDR, the wire format of ROS 2 messages (OMG DDS-XTypes 1.3, 7.4.1: plain CDR, little endian), many messages at once.
+"""CDR, the wire format of ROS 2 messages (OMG DDS-XTypes 1.3, 7.4.1: plain CDR, little endian),
+many messages at once.
 
-Strings and lengths of arrays stay the same from message to message of a channel, and so does the place of every number: a
-layout is one template of bytes and the places of the numbers in it, which numpy fills for all messages together.
+Strings and lengths of arrays stay the same from message to message of a channel, and so does the
+place of every number: a layout is one template of bytes and the places of the numbers in it, which
+numpy fills for all messages together.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ HEADER = b"\x00\x01\x00\x00"
 
 
 class CdrLayout:
-    """The bytes of a message whose strings and array lengths are known, fields in the order of its definition."""
+    """The bytes of a message whose strings and array lengths are known, fields in the order of its
+    definition.
+    """
 
     def __init__(self) -> None:
         self._template = bytearray(HEADER)
@@ -34,7 +38,8 @@ class CdrLayout:
         """Numbers that are the same in every message.
 
         Args:
-            kind: As numpy spells it, e.g. "<f8". values: One after the other.
+            kind: As numpy spells it, e.g. "<f8".
+            values: One after the other.
         """
         if len(values):  # an empty sequence has no elements to align
             self._align(np.dtype(kind).itemsize)
@@ -45,7 +50,9 @@ class CdrLayout:
         """Numbers that differ from message to message.
 
         Args:
-            name: To fill them by. kind: As numpy spells it. count: How many, one after the other.
+            name: To fill them by.
+            kind: As numpy spells it.
+            count: How many, one after the other.
         """
         size = np.dtype(kind).itemsize
         self._align(size)
@@ -59,13 +66,19 @@ class CdrLayout:
         """The bytes of `count` messages.
 
         Args:
-            count: Number of messages. values: By slot, shape (count,) or (count, k).
+            count: Number of messages.
+            values: By slot, shape (count,) or (count, k).
 
         Returns:
             Shape (count, length), uint8.
         """
         dtype = np.dtype(
-            {"names": self._names, "formats": self._kinds, "offsets": self._offsets, "itemsize": len(self._template)}
+            {
+                "names": self._names,
+                "formats": self._kinds,
+                "offsets": self._offsets,
+                "itemsize": len(self._template),
+            }
         )
         rows = np.tile(np.frombuffer(bytes(self._template), dtype=np.uint8), (count, 1))
         records = rows.view(dtype).reshape(count)

@@ -1,4 +1,6 @@
-"""The tree of frames of a session over time: links by the arm's kinematics, sensors by their mounting and by the filter."""
+"""The tree of frames of a session over time: links by the arm's kinematics, sensors by their
+mounting and by the filter.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ class Transforms:
     """Transforms that share their instants.
 
     Attributes:
-        time_ns: Host times, shape (n,). frames: (parent, child) of each transform. translation: By transform, shape (n, 3) [m].
+        time_ns: Host times, shape (n,).
+        frames: (parent, child) of each transform.
+        translation: By transform, shape (n, 3) [m].
         q_parent_from_child: By transform, shape (n, 4).
     """
 
@@ -67,7 +71,10 @@ def _links(robot: Robot, kinematics: Kinematics, arm: ArmSamples) -> tuple[Trans
     rows = stride(arm.host_time_ns)
     time, q = arm.host_time_ns[rows], arm.q_measured[rows]
     motions = {link: kinematics.frame_motion(link, q) for link in kinematics.link_names}
-    fixed, moving = Transforms(np.zeros(1, dtype=np.int64), [], [], []), Transforms(time, [], [], [])
+    fixed, moving = (
+        Transforms(np.zeros(1, dtype=np.int64), [], [], []),
+        Transforms(time, [], [], []),
+    )
     parents = _parents(robot)
     for link, motion in motions.items():
         joint, parent = parents.get(link, ("", None))
@@ -118,8 +125,12 @@ def _true_sensors(source: ExportSource) -> list[Transforms]:
     return result
 
 
-def _estimated_sensors(source: ExportSource, kinematics: Kinematics | None, arm: ArmSamples | None) -> list[Transforms]:
-    """The orientation by the chosen filter, where the arm carries the sensor; at the world's origin without an arm."""
+def _estimated_sensors(
+    source: ExportSource, kinematics: Kinematics | None, arm: ArmSamples | None
+) -> list[Transforms]:
+    """The orientation by the chosen filter, where the arm carries the sensor; at the world's origin
+    without an arm.
+    """
     if source.filter == TRUTH:
         return []
     result = []
@@ -130,9 +141,15 @@ def _estimated_sensors(source: ExportSource, kinematics: Kinematics | None, arm:
         position = np.zeros((len(time), 3))
         mounted = source.session.analysis.sensors.get(name)
         if kinematics is not None and arm is not None and mounted is not None:
-            q = np.column_stack([np.interp(time, arm.host_time_ns, column) for column in arm.q_measured.T])
-            position = kinematics.frame_motion(mounted.link, q, offset=Pose.from_placement(mounted.mounting)).position
-        result.append(Transforms(time, [(WORLD, estimated_frame(name))], [position], [q_world_from_sensor]))
+            q = np.column_stack(
+                [np.interp(time, arm.host_time_ns, column) for column in arm.q_measured.T]
+            )
+            position = kinematics.frame_motion(
+                mounted.link, q, offset=Pose.from_placement(mounted.mounting)
+            ).position
+        result.append(
+            Transforms(time, [(WORLD, estimated_frame(name))], [position], [q_world_from_sensor])
+        )
     return result
 
 

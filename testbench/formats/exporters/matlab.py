@@ -29,7 +29,8 @@ def write(source: ExportSource, path: Path) -> list[str]:
     size = sum(_size(values) for table in tables.values() for values in table.values())
     if size > LARGEST:
         raise InputError(
-            f"{source.session.path}: {size / 1e9:.1f} GB do not fit into a MATLAB file of version 5 (2 GB); "
+            f"{source.session.path}: {size / 1e9:.1f} GB do not fit into a MATLAB file of version "
+            "5 (2 GB); "
             "export to parquet, which MATLAB reads by parquetread"
         )
     content: dict[str, Any] = {
@@ -42,17 +43,30 @@ def write(source: ExportSource, path: Path) -> list[str]:
     if arm is not None:
         content["arm_joint_names"] = _cells(arm.joint_names)
     for name, table in tables.items():
-        content[field(name)] = _struct(arm_matrices(table, arm.joint_names) if name == "arm" and arm else grouped(table))
+        content[field(name)] = _struct(
+            arm_matrices(table, arm.joint_names) if name == "arm" and arm else grouped(table)
+        )
     with path.open("wb") as file:
-        savemat(file, {STRUCT: content}, format="5", long_field_names=True, do_compression=True, oned_as="column")
+        savemat(
+            file,
+            {STRUCT: content},
+            format="5",
+            long_field_names=True,
+            do_compression=True,
+            oned_as="column",
+        )
     return []
 
 
 def arm_matrices(table: Table, joints: list[str]) -> Table:
-    """The arm's columns with a matrix for each quantity, one column a joint in the robot's order."""
+    """The arm's columns with a matrix for each quantity, one column a joint in the robot's
+    order.
+    """
     result = {name: values for name, values in table.items() if name.endswith(("time_s", "_ns"))}
     for prefix, suffix in (("q_sent", "_rad"), ("q_measured", "_rad"), ("v_measured", "_rad_s")):
-        result[f"{prefix}{suffix}"] = np.column_stack([table[f"{prefix}_{joint}{suffix}"] for joint in joints])
+        result[f"{prefix}{suffix}"] = np.column_stack(
+            [table[f"{prefix}_{joint}{suffix}"] for joint in joints]
+        )
     return result
 
 
@@ -64,12 +78,18 @@ def field(name: str) -> str:
     """
     result = re.sub(r"[^A-Za-z0-9_]", "_", name)
     if len(result) > LONGEST_NAME:
-        raise InputError(f"'{name}' is too long for a field of a MATLAB struct: {len(result)} characters, {LONGEST_NAME} fit")
+        raise InputError(
+            f"'{name}' is too long for a field of a MATLAB struct: {len(result)} characters, "
+            f"{LONGEST_NAME} fit"
+        )
     return result
 
 
 def _struct(table: Table) -> dict[str, Any]:
-    columns = {field(name): _cells(values.tolist()) if values.dtype == object else values for name, values in table.items()}
+    columns = {
+        field(name): _cells(values.tolist()) if values.dtype == object else values
+        for name, values in table.items()
+    }
     return columns | {"units": {field(name): unit_of(name) for name in table if unit_of(name)}}
 
 

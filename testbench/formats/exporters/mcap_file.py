@@ -1,4 +1,6 @@
-"""MCAP with ROS 2 messages: IMUs, magnetic fields, joint states and frames, stamped with the date of the session."""
+"""MCAP with ROS 2 messages: IMUs, magnetic fields, joint states and frames, stamped with the date
+of the session.
+"""
 
 from __future__ import annotations
 
@@ -28,20 +30,27 @@ from testbench.frames import NANOSECONDS
 from testbench.records.samples import ArmSamples
 
 WINDOW_NS = 20 * NANOSECONDS
-"""Messages are built and put in order for this long at a time, so that a long session needs little memory [ns]."""
+"""Messages are built and put in order for this long at a time, so that a long session needs little
+memory [ns].
+"""
 LATEST_NS = 2**31 * NANOSECONDS
 """The stamp of a ROS 2 message ends here, in 2038 [ns]."""
 TESLA_PER_MICROTESLA = 1e-6
 NOT_ESTIMATED = -1.0
-"""First element of a covariance that stands for: this message holds no orientation (definition of sensor_msgs/msg/Imu)."""
+"""First element of a covariance that stands for: this message holds no orientation (definition of
+sensor_msgs/msg/Imu).
+"""
 
 FOREVER = "{sec: 9223372036, nsec: 854775807}"
 LATCHED = (
     "- history: 3\n  depth: 0\n  reliability: 1\n  durability: 1\n"
-    f"  deadline: {FOREVER}\n  lifespan: {FOREVER}\n  liveliness: 1\n  liveliness_lease_duration: {FOREVER}\n"
+    f"  deadline: {FOREVER}\n  lifespan: {FOREVER}\n  liveliness: 1\n  liveliness_lease_duration: "
+    f"{FOREVER}\n"
     "  avoid_ros_namespace_conventions: false\n"
 )
-"""What rosbag2 writes of a topic that late subscribers shall receive too: reliable, transient local."""
+"""What rosbag2 writes of a topic that late subscribers shall receive too: reliable, transient
+local.
+"""
 
 
 @dataclass(frozen=True)
@@ -49,8 +58,11 @@ class Stream:
     """Messages of one channel.
 
     Attributes:
-        topic, kind: Of the channel. time_ns: Host times, increasing, shape (n,). rows: Bytes of the messages of a slice, given
-            their stamps [ns]: shape (n, length), uint8. latched: Whether late subscribers shall receive the last one.
+        topic: Of the channel.
+        kind: Of the channel.
+        time_ns: Host times, increasing, shape (n,).
+        rows: Bytes of the messages of a slice, given their stamps [ns]: shape (n, length), uint8.
+        latched: Whether late subscribers shall receive the last one.
     """
 
     topic: str
@@ -68,18 +80,28 @@ def write(source: ExportSource, path: Path) -> list[str]:
     """
     start_ns = _start_ns(source)
     streams = [stream for stream in _streams(source) if len(stream.time_ns)]
-    if max((start_ns + int(stream.time_ns[-1]) for stream in streams), default=0) >= LATEST_NS or start_ns < 0:
-        raise InputError(f"{source.session.path}: the stamp of a ROS 2 message cannot hold its date")
+    if (
+        max((start_ns + int(stream.time_ns[-1]) for stream in streams), default=0) >= LATEST_NS
+        or start_ns < 0
+    ):
+        raise InputError(
+            f"{source.session.path}: the stamp of a ROS 2 message cannot hold its date"
+        )
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library=software())
         writer.add_metadata("testbench", _metadata(source))
-        schemas = {kind: writer.register_schema(kind, "ros2msg", SCHEMAS[kind].encode()) for kind in _kinds(streams)}
+        schemas = {
+            kind: writer.register_schema(kind, "ros2msg", SCHEMAS[kind].encode())
+            for kind in _kinds(streams)
+        }
         channels: dict[str, int] = {}
         for stream in streams:
             if stream.topic not in channels:
                 quality = {"offered_qos_profiles": LATCHED} if stream.latched else {}
-                channels[stream.topic] = writer.register_channel(stream.topic, "cdr", schemas[stream.kind], quality)
+                channels[stream.topic] = writer.register_channel(
+                    stream.topic, "cdr", schemas[stream.kind], quality
+                )
         _write_in_order(writer, streams, channels, start_ns)
         writer.finish()
     return []
@@ -95,7 +117,9 @@ def _start_ns(source: ExportSource) -> int:
     try:
         started = datetime.fromisoformat(str(text))
     except ValueError:
-        raise InputError(f"{source.session.path}: started_utc of the manifest is no date: {text}") from None
+        raise InputError(
+            f"{source.session.path}: started_utc of the manifest is no date: {text}"
+        ) from None
     started = started if started.tzinfo else started.replace(tzinfo=UTC)
     return round(started.timestamp() * 1e6) * 1000
 
@@ -140,7 +164,10 @@ def _sensor_streams(source: ExportSource, name: str) -> list[Stream]:
 
     streams = [Stream(f"/{name}/imu/data", IMU, time, imu_rows)]
     if samples.mag is not None:
-        field, field_layout = TESLA_PER_MICROTESLA * samples.mag, magnetic_field_layout(sensor_frame(name))
+        field, field_layout = (
+            TESLA_PER_MICROTESLA * samples.mag,
+            magnetic_field_layout(sensor_frame(name)),
+        )
 
         def mag_rows(part: slice, stamps: np.ndarray) -> np.ndarray:
             own = order[part]
@@ -150,8 +177,12 @@ def _sensor_streams(source: ExportSource, name: str) -> list[Stream]:
     return streams
 
 
-def _orientation_at(source: ExportSource, name: str, time_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Orientation x, y, z, w and its covariance (9) at the samples; -1 and no rotation where it is not known."""
+def _orientation_at(
+    source: ExportSource, name: str, time_ns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Orientation x, y, z, w and its covariance (9) at the samples; -1 and no rotation where it is
+    not known.
+    """
     q = source.orientation_at(name, time_ns)
     known = np.isfinite(q).all(axis=1)
     q[~known] = (1.0, 0.0, 0.0, 0.0)
@@ -164,7 +195,12 @@ def _joint_stream(arm: ArmSamples) -> Stream:
     layout = joint_state_layout("", arm.joint_names)
 
     def rows(part: slice, stamps: np.ndarray) -> np.ndarray:
-        return layout.fill(len(stamps), **_stamp(stamps), position=arm.q_measured[part], velocity=arm.v_measured[part])
+        return layout.fill(
+            len(stamps),
+            **_stamp(stamps),
+            position=arm.q_measured[part],
+            velocity=arm.v_measured[part],
+        )
 
     return Stream("/joint_states", JOINT_STATE, arm.host_time_ns, rows)
 
@@ -176,7 +212,10 @@ def _transform_stream(topic: str, transforms: Transforms, latched: bool = False)
     def rows(part: slice, stamps: np.ndarray) -> np.ndarray:
         values: dict[str, np.ndarray] = {}
         for i, translation in enumerate(transforms.translation):
-            values |= _stamp(stamps, f"_{i}") | {f"translation_{i}": translation[part], f"q_xyzw_{i}": q_xyzw[i][part]}
+            values |= _stamp(stamps, f"_{i}") | {
+                f"translation_{i}": translation[part],
+                f"q_xyzw_{i}": q_xyzw[i][part],
+            }
         return layout.fill(len(stamps), **values)
 
     return Stream(topic, TF_MESSAGE, transforms.time_ns, rows, latched)
@@ -186,7 +225,9 @@ def _stamp(stamps: np.ndarray, mark: str = "") -> dict[str, np.ndarray]:
     return {f"sec{mark}": stamps // NANOSECONDS, f"nanosec{mark}": stamps % NANOSECONDS}
 
 
-def _write_in_order(writer: Writer, streams: list[Stream], channels: dict[str, int], start_ns: int) -> None:
+def _write_in_order(
+    writer: Writer, streams: list[Stream], channels: dict[str, int], start_ns: int
+) -> None:
     """Every message in the order of its stamp, a window of time after the other."""
     begin = min((int(stream.time_ns[0]) for stream in streams), default=0)
     end = max((int(stream.time_ns[-1]) for stream in streams), default=-1)
@@ -200,7 +241,9 @@ def _write_in_order(writer: Writer, streams: list[Stream], channels: dict[str, i
             if len(own):
                 rows = stream.rows(part, own)
                 content, length = memoryview(rows.tobytes()), rows.shape[1]
-                messages += [(stream.topic, content[i * length : (i + 1) * length]) for i in range(len(own))]
+                messages += [
+                    (stream.topic, content[i * length : (i + 1) * length]) for i in range(len(own))
+                ]
                 stamps.append(own)
         times = np.concatenate(stamps) if stamps else np.zeros(0, dtype=np.int64)
         ordered = np.argsort(times, kind="stable")

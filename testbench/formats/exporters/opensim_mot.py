@@ -15,20 +15,25 @@ from testbench.model.joint_angle import flexion_of
 def write(source: ExportSource, path: Path) -> list[str]:
     """Write the angles of every joint by the chosen filter, and the arm's measured joint angles.
 
-    Rows are the instants of the first joint's proximal sensor, or of the arm where the session defines no joint; other series
-    are interpolated to them. Angles run on beyond 180 degrees instead of jumping.
+    Rows are the instants of the first joint's proximal sensor, or of the arm where the session
+    defines no joint; other series are interpolated to them. Angles run on beyond 180 degrees
+    instead of jumping.
 
     Raises:
         InputError: The session has neither joints nor an arm.
     """
     series = _series(source)
     if not series:
-        raise InputError(f"{source.session.path} has no joint angles: it defines no joints and has no arm")
+        raise InputError(
+            f"{source.session.path} has no joint angles: it defines no joints and has no arm"
+        )
     times = {name: time for name, (time, _) in series.items()}
     first = next(iter(times.values()))
     time_ns = first[overlap(times)]
     columns = {
-        column: np.degrees(np.interp(time_ns, time, angles)) for time, own in series.values() for column, angles in own.items()
+        column: np.degrees(np.interp(time_ns, time, angles))
+        for time, own in series.values()
+        for column, angles in own.items()
     }
     header = [
         "joint_angles",
@@ -45,7 +50,9 @@ def write(source: ExportSource, path: Path) -> list[str]:
 
 
 def _series(source: ExportSource) -> dict[str, tuple[np.ndarray, dict[str, np.ndarray]]]:
-    """Instants [ns] and continuous angles [rad] by column, for each joint and for the arm; all finite."""
+    """Instants [ns] and continuous angles [rad] by column, for each joint and for the arm; all
+    finite.
+    """
     result: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
     for joint in source.joint_names():
         time, by_sequence = source.angles(joint)
@@ -55,10 +62,16 @@ def _series(source: ExportSource) -> dict[str, tuple[np.ndarray, dict[str, np.nd
         if own in by_sequence:
             columns[f"{joint}_flexion"] = flexion_of(definitions[own], by_sequence[own])
         for sequence, angles in by_sequence.items():
-            columns |= {f"{joint}_{sequence}_{which}": angles[:, i] for i, which in enumerate(("first", "second", "third"))}
+            columns |= {
+                f"{joint}_{sequence}_{which}": angles[:, i]
+                for i, which in enumerate(("first", "second", "third"))
+            }
         rows = np.flatnonzero(np.isfinite(np.column_stack(list(columns.values()))).all(axis=1))
         rows = rows[increasing(time[rows])]
-        result[f"joint '{joint}'"] = time[rows], {name: np.unwrap(values[rows]) for name, values in columns.items()}
+        result[f"joint '{joint}'"] = (
+            time[rows],
+            {name: np.unwrap(values[rows]) for name, values in columns.items()},
+        )
     if source.arm is not None:
         rows = increasing(source.arm.host_time_ns)
         measured = dict(zip(source.arm.joint_names, source.arm.q_measured[rows].T, strict=True))

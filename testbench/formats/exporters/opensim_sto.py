@@ -12,6 +12,8 @@ from testbench.formats.exporters.opensim_text import data_rate, gap_notes, overl
 from testbench.formats.exporters.source import ExportSource
 from testbench.model import rotation
 
+GROUND = "opensim ground, y up: world turned by -90 deg about x"
+WORLD = "world, z up"
 OPENSIM_VERSION = "4.5"
 """Of the format; OpenSim asks for some version and reads all of them alike."""
 
@@ -31,7 +33,10 @@ def write(source: ExportSource, path: Path) -> list[str]:
         raise InputError(f"{source.session.path} has no sensors")
     first = next(iter(times.values()))
     time_ns = first[overlap(times)]
-    columns = [_continuous(_turned(rotation.interpolate(time, q, time_ns), source)) for time, q in series.values()]
+    columns = [
+        _continuous(_turned(rotation.interpolate(time, q, time_ns), source))
+        for time, q in series.values()
+    ]
     ground = source.frame == "opensim"
     header = [
         f"DataRate={data_rate(time_ns):.6f}",
@@ -40,7 +45,7 @@ def write(source: ExportSource, path: Path) -> list[str]:
         f"OpenSimVersion={OPENSIM_VERSION}",
         f"session={source.session.name}",
         f"filter={source.filter}",
-        f"frame={'opensim ground, y up: world turned by -90 deg about x' if ground else 'world, z up'}",
+        f"frame={GROUND if ground else WORLD}",
     ]
     texts = "\t".join(["%.9f,%.9f,%.9f,%.9f"] * len(series))
     write_text(path, header, column_names(source), time_ns, texts, np.column_stack(columns))
@@ -52,14 +57,18 @@ def write(source: ExportSource, path: Path) -> list[str]:
 
 
 def column_names(source: ExportSource) -> list[str]:
-    """<segment>_imu for each sensor, or <sensor>_imu where a segment is not named or carries several sensors."""
+    """<segment>_imu for each sensor, or <sensor>_imu where a segment is not named or carries
+    several sensors.
+    """
     placed = source.session.analysis.sensors
     segments = {}
     for name in source.sensor_names:
         segment = placed[name].segment if name in placed else None
         segments[name] = segment.name if segment is not None else name
     counts = Counter(segments.values())
-    return [f"{segment if counts[segment] == 1 else name}_imu" for name, segment in segments.items()]
+    return [
+        f"{segment if counts[segment] == 1 else name}_imu" for name, segment in segments.items()
+    ]
 
 
 def _turned(q_world_from_sensor: np.ndarray, source: ExportSource) -> np.ndarray:
@@ -72,5 +81,7 @@ def _turned(q_world_from_sensor: np.ndarray, source: ExportSource) -> np.ndarray
 def _continuous(q: np.ndarray) -> np.ndarray:
     """The same rotations with signs that do not jump, the first with w >= 0, shape (n, 4)."""
     jumps = np.sum(q[1:] * q[:-1], axis=1) < 0
-    signs = np.cumprod(np.concatenate([[1.0 if q[0, 0] >= 0 else -1.0], np.where(jumps, -1.0, 1.0)]))
+    signs = np.cumprod(
+        np.concatenate([[1.0 if q[0, 0] >= 0 else -1.0], np.where(jumps, -1.0, 1.0)])
+    )
     return q * signs[:, None]

@@ -1,4 +1,6 @@
-"""The text files of OpenSim: a header of keys, then columns of numbers separated by tabs, time first."""
+"""The text files of OpenSim: a header of keys, then columns of numbers separated by tabs, time
+first.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +13,28 @@ from testbench.formats.exporters.source import WIDEST_GAP_NS
 from testbench.frames import NANOSECONDS
 
 
-def write_text(path: Path, header: list[str], columns: list[str], time_ns: np.ndarray, texts: str, values: np.ndarray) -> None:
+def write_text(
+    path: Path,
+    header: list[str],
+    columns: list[str],
+    time_ns: np.ndarray,
+    texts: str,
+    values: np.ndarray,
+) -> None:
     """Write one file.
 
     Args:
-        path: Of the file. header: Its lines up to `endheader`. columns: Names, without the time. time_ns: Shape (n,).
-        texts: The numbers of a row after the time, as a format string. values: Those numbers, shape (n, k).
+        path: Of the file.
+        header: Its lines up to `endheader`.
+        columns: Names, without the time.
+        time_ns: Shape (n,).
+        texts: The numbers of a row after the time, as a format string.
+        values: Those numbers, shape (n, k).
     """
     line = "%.9f\t" + texts + "\n"
-    rows = np.column_stack([time_ns / NANOSECONDS, values + 0.0]).tolist()  # + 0.0: no negative zeros
+    rows = np.column_stack(
+        [time_ns / NANOSECONDS, values + 0.0]
+    ).tolist()  # + 0.0: no negative zeros
     with path.open("w", encoding="ascii", errors="replace", newline="\n") as file:
         file.write("\n".join([*header, "endheader", "\t".join(["time", *columns])]) + "\n")
         file.writelines(line % tuple(row) for row in rows)
@@ -38,7 +53,10 @@ def overlap(times: dict[str, np.ndarray]) -> slice:
     """
     first = next(iter(times.values()))
     if all(len(time) for time in times.values()):
-        begin, end = max(time[0] for time in times.values()), min(time[-1] for time in times.values())
+        begin, end = (
+            max(time[0] for time in times.values()),
+            min(time[-1] for time in times.values()),
+        )
         rows = slice(*np.searchsorted(first, [begin, end + 1]).tolist())
         if rows.start < rows.stop:
             return rows
@@ -46,11 +64,15 @@ def overlap(times: dict[str, np.ndarray]) -> slice:
 
 
 def gap_notes(times: dict[str, np.ndarray], begin: int, end: int) -> list[str]:
-    """A sentence for each series with gaps between two instants, across which its values are interpolated."""
+    """A sentence for each series with gaps between two instants, across which its values are
+    interpolated.
+    """
     notes = []
     for name, time in times.items():
         gaps = np.diff(time[(time >= begin) & (time <= end)]) / NANOSECONDS
         wide = gaps[gaps > WIDEST_GAP_NS / NANOSECONDS]
         if len(wide):
-            notes.append(f"{name}: {len(wide)} gaps of up to {wide.max():.2f} s are bridged by interpolation")
+            notes.append(
+                f"{name}: {len(wide)} gaps of up to {wide.max():.2f} s are bridged by interpolation"
+            )
     return notes

@@ -16,7 +16,11 @@ def write(source: ExportSource, folder: Path) -> list[str]:
     tables = all_tables(source)
     for name, columns in tables.items():
         units = {column: unit_of(column) for column in columns}
-        notes = {"session": source.session.name, "units": json.dumps(units), "conventions": json.dumps(conventions())}
+        notes = {
+            "session": source.session.name,
+            "units": json.dumps(units),
+            "conventions": json.dumps(conventions()),
+        }
         write_parquet(folder / f"{name}.parquet", columns, notes)
     write_index(folder, description(source, tables))
     return []

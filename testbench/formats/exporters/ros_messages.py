@@ -14,7 +14,9 @@ STAMPED = "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transfor
 
 def _schema(text: str, **parts: str) -> str:
     """A definition with those it needs, as rosbag2 concatenates them."""
-    sections = [f"{'=' * 80}\nMSG: {name.replace('__', '/')}\n{part}" for name, part in parts.items()]
+    sections = [
+        f"{'=' * 80}\nMSG: {name.replace('__', '/')}\n{part}" for name, part in parts.items()
+    ]
     return "".join([text, *sections])
 
 
@@ -35,13 +37,15 @@ SCHEMAS = {
         geometry_msgs__Vector3=VECTOR,
     ),
     MAGNETIC_FIELD: _schema(
-        "std_msgs/Header header\ngeometry_msgs/Vector3 magnetic_field\nfloat64[9] magnetic_field_covariance\n",
+        "std_msgs/Header header\ngeometry_msgs/Vector3 magnetic_field\nfloat64[9] "
+        "magnetic_field_covariance\n",
         std_msgs__Header=HEADER,
         builtin_interfaces__Time=TIME,
         geometry_msgs__Vector3=VECTOR,
     ),
     JOINT_STATE: _schema(
-        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] "
+        "effort\n",
         std_msgs__Header=HEADER,
         builtin_interfaces__Time=TIME,
     ),
@@ -59,14 +63,18 @@ SCHEMAS = {
 
 
 def imu_layout(frame: str) -> CdrLayout:
-    """sensor_msgs/msg/Imu: slots q_xyzw, q_covariance (9), rate, force. Covariances of zeros are unknown, by its definition."""
+    """sensor_msgs/msg/Imu: slots q_xyzw, q_covariance (9), rate, force. Covariances of zeros are
+    unknown, by its definition.
+    """
     layout = _header(CdrLayout(), frame).slot("q_xyzw", "<f8", 4).slot("q_covariance", "<f8", 9)
     layout.slot("rate", "<f8", 3).constant("<f8", [0.0] * 9)
     return layout.slot("force", "<f8", 3).constant("<f8", [0.0] * 9)
 
 
 def magnetic_field_layout(frame: str) -> CdrLayout:
-    """sensor_msgs/msg/MagneticField: slot field [T]. A covariance of zeros is unknown, by its definition."""
+    """sensor_msgs/msg/MagneticField: slot field [T]. A covariance of zeros is unknown, by its
+    definition.
+    """
     return _header(CdrLayout(), frame).slot("field", "<f8", 3).constant("<f8", [0.0] * 9)
 
 
@@ -81,10 +89,14 @@ def joint_state_layout(frame: str, joints: list[str]) -> CdrLayout:
 
 
 def transforms_layout(frames: list[tuple[str, str]]) -> CdrLayout:
-    """tf2_msgs/msg/TFMessage of these (parent, child) frames: slots sec_i, nanosec_i, translation_i, q_xyzw_i."""
+    """tf2_msgs/msg/TFMessage of these (parent, child) frames: slots sec_i, nanosec_i,
+    translation_i, q_xyzw_i.
+    """
     layout = CdrLayout().constant("<u4", [len(frames)])
     for i, (parent, child) in enumerate(frames):
-        _header(layout, parent, f"_{i}").string(child).slot(f"translation_{i}", "<f8", 3).slot(f"q_xyzw_{i}", "<f8", 4)
+        _header(layout, parent, f"_{i}").string(child).slot(f"translation_{i}", "<f8", 3).slot(
+            f"q_xyzw_{i}", "<f8", 4
+        )
     return layout
 
 

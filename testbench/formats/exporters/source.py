@@ -1,4 +1,6 @@
-"""What an exporter draws from: a session, its estimate, and the filter and frame that were asked for."""
+"""What an exporter draws from: a session, its estimate, and the filter and frame that were asked
+for.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,14 @@ from testbench.records.samples import ArmSamples, ImuSamples, Truth
 from testbench.records.session import Session
 
 TRUTH = "truth"
-"""In place of a filter's name: the orientation by the arm's kinematics, or by the reference system of an import."""
+"""In place of a filter's name: the orientation by the arm's kinematics, or by the reference system
+of an import.
+"""
 
 WIDEST_GAP_NS = 200_000_000
-"""Across a longer gap nothing is interpolated in tables; files that need a value at every instant say so in a note [ns]."""
+"""Across a longer gap nothing is interpolated in tables; files that need a value at every instant
+say so in a note [ns].
+"""
 
 
 Frame = Literal["opensim", "world"]
@@ -32,7 +38,9 @@ class ExportSource:
     """What to export.
 
     Attributes:
-        session: The recording. estimate: What was computed from it. wanted: Filter that was asked for, or None.
+        session: The recording.
+        estimate: What was computed from it.
+        wanted: Filter that was asked for, or None.
         frame: Of orientations for OpenSim: its ground (y up) or the world (z up).
     """
 
@@ -45,7 +53,10 @@ class ExportSource:
     def imus(self) -> dict[str, ImuSamples]:
         """Raw samples by sensor; of recordings of hours, those that estimates are kept at."""
         every = {name: estimated.every for name, estimated in self.estimate.sensors.items()}
-        return {name: self.session.imu(name, every=every.get(name, 1)) for name in self.session.sensor_names}
+        return {
+            name: self.session.imu(name, every=every.get(name, 1))
+            for name in self.session.sensor_names
+        }
 
     @cached_property
     def truths(self) -> dict[str, Truth | None]:
@@ -64,14 +75,21 @@ class ExportSource:
 
     @cached_property
     def filters(self) -> list[str]:
-        """Filters whose estimates an export of all of them holds: the wanted one, or every one that ran for any sensor."""
+        """Filters whose estimates an export of all of them holds: the wanted one, or every one that
+        ran for any sensor.
+        """
         if self.wanted is not None:
             return [self.filter]
-        return list(dict.fromkeys(key for name in self.sensor_names for key in self.estimate.sensors[name].orientation))
+        return list(
+            dict.fromkeys(
+                key for name in self.sensor_names for key in self.estimate.sensors[name].orientation
+            )
+        )
 
     @cached_property
     def filter(self) -> str:
-        """The filter of exports that hold one: the wanted one, else the first of the protocol's that ran for every sensor.
+        """The filter of exports that hold one: the wanted one, else the first of the protocol's
+        that ran for every sensor.
 
         Raises:
             InputError: It could not run for a sensor, or none ran.
@@ -81,23 +99,35 @@ class ExportSource:
                 self._check_ran(name, self.wanted)
             return self.wanted
         sensors = [self.estimate.sensors[name] for name in self.sensor_names]
-        ran = [key for key in (sensors[0].orientation if sensors else []) if all(key in s.orientation for s in sensors)]
+        ran = [
+            key
+            for key in (sensors[0].orientation if sensors else [])
+            if all(key in s.orientation for s in sensors)
+        ]
         listed = [key for key in self.session.analysis.estimate.filters if key in ran] + ran
         if not listed:
-            raise InputError(f"{self.session.path}: no filter ran for every sensor; name one with --filter")
+            raise InputError(
+                f"{self.session.path}: no filter ran for every sensor; name one with --filter"
+            )
         return listed[0]
 
     def _check_ran(self, sensor: str, key: str) -> None:
         if key == TRUTH:
             truth = self.truths[sensor]
             if truth is None or not np.isfinite(truth.q_world_from_sensor).all(axis=1).any():
-                raise InputError(f"{self.session.path}: nobody knows the true orientation of sensor '{sensor}'")
+                raise InputError(
+                    f"{self.session.path}: nobody knows the true orientation of sensor '{sensor}'"
+                )
         elif key not in self.estimate.sensors[sensor].orientation:
             reason = self.estimate.sensors[sensor].skipped.get(key, "it was not asked to run")
-            raise InputError(f"{self.session.path}: there is no orientation of sensor '{sensor}' by filter '{key}': {reason}")
+            raise InputError(
+                f"{self.session.path}: there is no orientation of sensor '{sensor}' by filter "
+                f"'{key}': {reason}"
+            )
 
     def orientation(self, sensor: str) -> tuple[np.ndarray, np.ndarray]:
-        """Orientation of a sensor by the chosen filter where it is known, at strictly increasing instants.
+        """Orientation of a sensor by the chosen filter where it is known, at strictly increasing
+        instants.
 
         Returns:
             Host times, shape (n,), int64 [ns], and q_world_from_sensor, shape (n, 4).
@@ -114,9 +144,11 @@ class ExportSource:
         return time[rows], q[rows]
 
     def orientation_at(self, sensor: str, time_ns: np.ndarray) -> np.ndarray:
-        """q_world_from_sensor by the chosen filter at times, shape (n,) to (n, 4); NaN where it is unknown.
+        """q_world_from_sensor by the chosen filter at times, shape (n,) to (n, 4); NaN where it is
+        unknown.
 
-        The filter's own instants give its own values; between them it is interpolated, across no gap of more than 0.2 s.
+        The filter's own instants give its own values; between them it is interpolated, across no
+        gap of more than 0.2 s.
         """
         return interpolated(*self.orientation(sensor), time_ns)
 
@@ -124,7 +156,11 @@ class ExportSource:
         """Joints whose angles the chosen filter, or the truth, gives."""
         if self.filter == TRUTH:
             return list(self.session.analysis.joints)
-        return [name for name, joint in self.estimate.joints.items() if any(key == self.filter for key, _ in joint.angles)]
+        return [
+            name
+            for name, joint in self.estimate.joints.items()
+            if any(key == self.filter for key, _ in joint.angles)
+        ]
 
     def angles(self, joint: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Euler angles of a joint by the chosen filter or the truth.
@@ -135,13 +171,17 @@ class ExportSource:
         estimated = self.estimate.joints.get(joint)
         if self.filter != TRUTH and estimated is not None:
             return estimated.host_time_ns, {
-                sequence: angles for (key, sequence), angles in estimated.angles.items() if key == self.filter
+                sequence: angles
+                for (key, sequence), angles in estimated.angles.items()
+                if key == self.filter
             }
         time = self.orientation(self.session.analysis.joints[joint].proximal)[0]
         return time, self.true_angles(joint, time)
 
     def true_angles(self, joint: str, time_ns: np.ndarray) -> dict[str, np.ndarray]:
-        """Euler angles of the segments' true orientations by sequence, shape (n, 3) [rad]; NaN where the truth is unknown."""
+        """Euler angles of the segments' true orientations by sequence, shape (n, 3) [rad]; NaN
+        where the truth is unknown.
+        """
         definition = self.session.analysis.joints[joint]
         q = []
         for name in (definition.proximal, definition.distal):
@@ -161,7 +201,9 @@ class ExportSource:
 
 
 def true_orientation(truth: Truth | None, time_ns: np.ndarray) -> np.ndarray:
-    """True q_world_from_sensor at times, shape (n, 4); NaN before, after and in gaps of the truth."""
+    """True q_world_from_sensor at times, shape (n, 4); NaN before, after and in gaps of the
+    truth.
+    """
     if truth is None:
         return np.full((len(time_ns), 4), np.nan)
     rows = np.flatnonzero(np.isfinite(truth.q_world_from_sensor).all(axis=1))
@@ -170,16 +212,23 @@ def true_orientation(truth: Truth | None, time_ns: np.ndarray) -> np.ndarray:
 
 
 def interpolated(times: np.ndarray, q: np.ndarray, time_ns: np.ndarray) -> np.ndarray:
-    """Orientations at times, shape (n,) to (n, 4); NaN before the first, after the last and in gaps.
+    """Orientations at times, shape (n,) to (n, 4); NaN before the first, after the last and in
+    gaps.
 
     Args:
-        times: Increasing, shape (m,) [ns]. q: Shape (m, 4). time_ns: Shape (n,).
+        times: Increasing, shape (m,) [ns].
+        q: Shape (m, 4).
+        time_ns: Shape (n,).
     """
     result = np.full((len(time_ns), 4), np.nan)
     if len(times) < 2:
         return result
     before = np.clip(np.searchsorted(times, time_ns, side="right") - 1, 0, len(times) - 2)
-    inside = (time_ns >= times[0]) & (time_ns <= times[-1]) & (times[before + 1] - times[before] <= WIDEST_GAP_NS)
+    inside = (
+        (time_ns >= times[0])
+        & (time_ns <= times[-1])
+        & (times[before + 1] - times[before] <= WIDEST_GAP_NS)
+    )
     result[inside] = rotation.interpolate(times, q, time_ns[inside])
     nearest = np.minimum(np.searchsorted(times, time_ns), len(times) - 1)
     exact = times[nearest] == time_ns

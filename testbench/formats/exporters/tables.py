@@ -1,4 +1,6 @@
-"""Flat tables of a session on the common host time: raw samples with the estimates and the truth beside them."""
+"""Flat tables of a session on the common host time: raw samples with the estimates and the truth
+beside them.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ UNITS = {
 
 def unit_of(column: str) -> str:
     """Unit of a column, empty where it has none."""
-    return next((UNITS[end] for end in sorted(UNITS, key=len, reverse=True) if column.endswith(end)), "")
+    return next(
+        (UNITS[end] for end in sorted(UNITS, key=len, reverse=True) if column.endswith(end)), ""
+    )
 
 
 def all_tables(source: ExportSource) -> dict[str, Table]:
@@ -53,14 +57,18 @@ def timed(host_time_ns: np.ndarray) -> Table:
 
 
 def sensor_table(source: ExportSource, name: str) -> Table:
-    """Raw samples of a sensor at the instants they were taken, the filters' orientations, and the true one."""
+    """Raw samples of a sensor at the instants they were taken, the filters' orientations, and the
+    true one.
+    """
     samples, estimated = source.imus[name], source.estimate.sensors[name]
     raw = samples.to_columns()
     result = timed(estimated.host_time_ns) | {"arrival_time_ns": raw.pop("host_time_ns")} | raw
     result |= {"static": estimated.static, "flagged": estimated.flagged}
     for key in source.filters:
         if key in estimated.orientation:
-            result |= split(names(f"{key}_q_world_from_sensor", "", QUATERNION), estimated.orientation[key])
+            result |= split(
+                names(f"{key}_q_world_from_sensor", "", QUATERNION), estimated.orientation[key]
+            )
     if source.truths[name] is not None:
         q = true_orientation(source.truths[name], estimated.host_time_ns)
         result |= split(names("true_q_world_from_sensor", "", QUATERNION), q)
@@ -68,7 +76,9 @@ def sensor_table(source: ExportSource, name: str) -> Table:
 
 
 def joint_table(source: ExportSource, name: str) -> Table:
-    """Euler angles and flexion of a joint by every filter and by the truth, at the proximal sensor's instants."""
+    """Euler angles and flexion of a joint by every filter and by the truth, at the proximal
+    sensor's instants.
+    """
     estimated, definitions = source.estimate.joints[name], source.definitions(name)
     result = timed(estimated.host_time_ns)
     series = {key: angles for key, angles in estimated.angles.items() if key[0] in source.filters}
@@ -88,36 +98,54 @@ def step_table(source: ExportSource) -> Table:
     steps = source.session.steps
     texts = ("section", "role", "name", "kind")
     result: Table = {"index": np.array([step.index for step in steps], dtype=np.int64)}
-    result |= {key: np.array([str(getattr(step, key)) for step in steps], dtype=object) for key in texts}
+    result |= {
+        key: np.array([str(getattr(step, key)) for step in steps], dtype=object) for key in texts
+    }
     times = {"start": "start_ns", "settled": "settled_ns", "end": "end_ns"}
-    result |= {f"{key}_s": np.array([getattr(step, field) for step in steps]) / NANOSECONDS for key, field in times.items()}
-    return result | {"variables": np.array([json.dumps(step.variables) for step in steps], dtype=object)}
+    result |= {
+        f"{key}_s": np.array([getattr(step, field) for step in steps]) / NANOSECONDS
+        for key, field in times.items()
+    }
+    return result | {
+        "variables": np.array([json.dumps(step.variables) for step in steps], dtype=object)
+    }
 
 
 AXIS = re.compile(r"(?P<before>.+)_(?P<part>[wxyz])(?P<after>(?:_.+)?)")
 
 
 def grouped(table: Table) -> Table:
-    """The table with columns that are the parts of one vector or quaternion side by side: gyr_x_rad_s, ... to gyr_rad_s."""
+    """The table with columns that are the parts of one vector or quaternion side by side:
+    gyr_x_rad_s, ... to gyr_rad_s.
+    """
     groups: dict[str, list[np.ndarray]] = {}
     for column, values in table.items():
         match = AXIS.fullmatch(column)
         groups.setdefault(match["before"] + match["after"] if match else column, []).append(values)
-    return {name: np.column_stack(parts) if len(parts) > 1 else parts[0] for name, parts in groups.items()}
+    return {
+        name: np.column_stack(parts) if len(parts) > 1 else parts[0]
+        for name, parts in groups.items()
+    }
 
 
 def conventions() -> dict[str, str]:
     """What a reader of the tables must know, by column."""
     return {
-        "time_s": "seconds since the start of the session on the host's clock; host_time_ns is the same in nanoseconds",
-        "arrival_time_ns": "when the sample reached the host; host_time_ns is when it was taken, by the fitted clock",
+        "time_s": "seconds since the start of the session on the host's clock; host_time_ns is the "
+        "same in nanoseconds",
+        "arrival_time_ns": "when the sample reached the host; host_time_ns is when it was taken, "
+        "by the fitted clock",
         "device_time_ns": "the sensor's own clock",
-        "gyr, acc, mag": "as the sensor reported them, in the sensor frame; acc is the specific force, +9.81 upwards at rest",
+        "gyr, acc, mag": "as the sensor reported them, in the sensor frame; acc is the specific "
+        "force, +9.81 upwards at rest",
         "device_q": "q_earth_from_sensor by the sensor's own filter, as it reported it",
         "static, flagged": "at rest by its own signals; refused by the quality gates",
-        "<filter>_q_world_from_sensor": "estimated orientation: unit quaternion w x y z, Hamilton; world z up",
-        "true_q_world_from_sensor": "the truth, interpolated to the sample; missing where it is unknown",
-        "<filter>_<sequence>_first_rad": "intrinsic Euler angles of the distal segment against the proximal one",
+        "<filter>_q_world_from_sensor": "estimated orientation: unit quaternion w x y z, Hamilton; "
+        "world z up",
+        "true_q_world_from_sensor": "the truth, interpolated to the sample; missing where it is "
+        "unknown",
+        "<filter>_<sequence>_first_rad": "intrinsic Euler angles of the distal segment against the "
+        "proximal one",
         "<filter>_<sequence>_flexion_rad": "the one that is the flexion, with its sign",
     }
 
@@ -133,7 +161,10 @@ def description(source: ExportSource, tables: dict[str, Table]) -> dict[str, Any
         "filters": [key for key in source.filters if key != TRUTH],
         "conventions": conventions(),
         "tables": {
-            name: {"rows": len(next(iter(table.values()))), "units": {column: unit_of(column) for column in table}}
+            name: {
+                "rows": len(next(iter(table.values()))),
+                "units": {column: unit_of(column) for column in table},
+            }
             for name, table in tables.items()
         },
     }

@@ -15,32 +15,47 @@ from testbench.records.session import EVENTS, MANIFEST, Session
 from testbench.records.storage import plain_values
 
 INDEX = "export.json"
-"""File of an exported folder that says what its tables are; a folder without it is never replaced."""
+"""File of an exported folder that says what its tables are; a folder without it is never
+replaced.
+"""
 
 
 def check_target(path: Path, name: str, suffix: str, session: Session, force: bool) -> None:
     """Refuse a place that an export must not be written to.
 
     Args:
-        path: File or folder to be written. name, suffix: Of the format; a folder of tables has no suffix.
-        session: The recording. force: Whether an earlier export may be replaced.
+        path: File or folder to be written.
+        name: Of the format; a folder of tables has no suffix.
+        suffix: Of the format; a folder of tables has no suffix.
+        session: The recording.
+        force: Whether an earlier export may be replaced.
 
     Raises:
         InputError: Says what is in the way.
     """
     if suffix and path.suffix.lower() != suffix:
-        raise InputError(f"{path} cannot be an export to {name}: the file's name must end in {suffix}")
+        raise InputError(
+            f"{path} cannot be an export to {name}: the file's name must end in {suffix}"
+        )
     if not suffix and path.suffix.lower() in {".csv", ".parquet"}:
-        raise InputError(f"{path} cannot be an export to {name}: it is a folder of several tables; name a folder")
+        raise InputError(
+            f"{path} cannot be an export to {name}: it is a folder of several tables; name a folder"
+        )
     _spare_the_recording(path, session)
     if not os.path.lexists(path):
         return
     if path.is_dir() == bool(suffix):
-        raise InputError(f"{path} is a {'folder' if suffix else 'file'}; an export to {name} cannot take its place")
+        raise InputError(
+            f"{path} is a {'folder' if suffix else 'file'}; an export to {name} cannot take its "
+            "place"
+        )
     if not force:
         raise InputError(f"{path} exists; --force replaces it")
     if not suffix and not (path / INDEX).is_file() and any(path.iterdir()):
-        raise InputError(f"{path} is not an earlier export (it has no {INDEX}) and is not replaced; name another folder")
+        raise InputError(
+            f"{path} is not an earlier export (it has no {INDEX}) and is not replaced; name "
+            "another folder"
+        )
 
 
 def _spare_the_recording(path: Path, session: Session) -> None:
@@ -57,7 +72,9 @@ def _spare_the_recording(path: Path, session: Session) -> None:
 
 @contextmanager
 def written_whole(path: Path, is_folder: bool) -> Iterator[Path]:
-    """A place to write to, beside `path`, that takes its name when everything went well and else is removed."""
+    """A place to write to, beside `path`, that takes its name when everything went well and else is
+    removed.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     _remove(partial)
@@ -65,7 +82,9 @@ def written_whole(path: Path, is_folder: bool) -> Iterator[Path]:
         if is_folder:
             partial.mkdir()
         yield partial
-        for file in [file for file in partial.rglob("*") if file.is_file()] if is_folder else [partial]:
+        for file in (
+            [file for file in partial.rglob("*") if file.is_file()] if is_folder else [partial]
+        ):
             with file.open("rb+") as opened:
                 os.fsync(opened.fileno())
         _bring(partial, path)
@@ -74,7 +93,9 @@ def written_whole(path: Path, is_folder: bool) -> Iterator[Path]:
 
 
 def _bring(partial: Path, path: Path) -> None:
-    """Give a finished file or folder its name; the folder that had it goes once the new one stands."""
+    """Give a finished file or folder its name; the folder that had it goes once the new one
+    stands.
+    """
     if not partial.is_dir() or not path.exists():
         partial.replace(path)
         return
@@ -93,4 +114,6 @@ def _remove(path: Path) -> None:
 
 def write_index(folder: Path, content: dict[str, Any]) -> None:
     """Write the file that says what the tables of an exported folder are."""
-    (folder / INDEX).write_text(json.dumps(plain_values(content), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    (folder / INDEX).write_text(
+        json.dumps(plain_values(content), indent=2, allow_nan=False) + "\n", encoding="utf-8"
+    )

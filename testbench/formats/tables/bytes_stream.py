@@ -1,4 +1,6 @@
-"""The bytes of a text file from a given line on, checked as they pass: encoding, zero bytes, runaway lines."""
+"""The bytes of a text file from a given line on, checked as they pass: encoding, zero bytes,
+runaway lines.
+"""
 
 from __future__ import annotations
 
@@ -14,26 +16,42 @@ LONGEST_LINE = 1_000_000
 """Bytes; a longer one is no row of a table."""
 BLOCK = 1 << 22
 _KNOWN_BINARY = {
-    b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "a gzip archive",
-    b"\x89HDF": "an HDF5 file", b"MATLAB 5": "a MATLAB file",
-    b"PAR1": "a Parquet file", b"%PDF": "a PDF", b"\xd0\xcf\x11\xe0": "an old spreadsheet", b"ARROW1": "an Arrow file",
-    b"\x89PNG": "a picture", b"{\\rtf": "a word processor's file", b"\xfa\xff": "a binary Xsens log (.mtb)",
-}  # fmt: skip
+    b"PK\x03\x04": "a zip archive or spreadsheet",
+    b"\x1f\x8b": "a gzip archive",
+    b"\x89HDF": "an HDF5 file",
+    b"MATLAB 5": "a MATLAB file",
+    b"PAR1": "a Parquet file",
+    b"%PDF": "a PDF",
+    b"\xd0\xcf\x11\xe0": "an old spreadsheet",
+    b"ARROW1": "an Arrow file",
+    b"\x89PNG": "a picture",
+    b"{\\rtf": "a word processor's file",
+    b"\xfa\xff": "a binary Xsens log (.mtb)",
+}
 
 
 class LineStream(io.RawIOBase):
     """A binary file object over the rows of a text file, always in UTF-8.
 
     Args:
-        file: To read. encoding: Of the file. skip: Lines to leave out at the beginning. squeeze: Turn runs of blanks into
-            single spaces, and drop those at the ends of lines.
+        file: To read.
+        encoding: Of the file.
+        skip: Lines to leave out at the beginning.
+        squeeze: Turn runs of blanks into single spaces, and drop those at the ends of lines.
     """
 
     def __init__(self, file: Path, encoding: str, skip: int = 0, squeeze: bool = False):
         super().__init__()
         self._path, self._encoding, self._squeeze = file, encoding, squeeze
         self._decoder = codecs.getincrementaldecoder(encoding)()
-        self._ascii_like = codecs.lookup(encoding).name in {"utf-8", "utf-8-sig", "iso8859-1", "cp1252", "ascii", "iso8859-15"}
+        self._ascii_like = codecs.lookup(encoding).name in {
+            "utf-8",
+            "utf-8-sig",
+            "iso8859-1",
+            "cp1252",
+            "ascii",
+            "iso8859-15",
+        }
         self._clean = True  # the decoder holds no part of a character
         self._file = file.open("rb")
         self._lines, self._out, self._held, self._ended = 0, b"", b"", False
@@ -70,7 +88,10 @@ class LineStream(io.RawIOBase):
             for line in whole:
                 yield line.decode("utf-8").rstrip("\r")
             if len(held) > LONGEST_LINE:
-                raise self._refuse(f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of samples")
+                raise self._refuse(
+                    f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of "
+                    "samples"
+                )
         if held:
             yield held.decode("utf-8").rstrip("\r")
 
@@ -79,7 +100,9 @@ class LineStream(io.RawIOBase):
             while b"\n" not in self._out and not self._ended:
                 self._out += self._next()
                 if len(self._out) > LONGEST_LINE + 2 * BLOCK:
-                    raise self._refuse("a line of the header is too long; this is not a table of samples")
+                    raise self._refuse(
+                        "a line of the header is too long; this is not a table of samples"
+                    )
             _, _, self._out = self._out.partition(b"\n")
 
     def _next(self) -> bytes:
@@ -92,14 +115,19 @@ class LineStream(io.RawIOBase):
             return self._squeezed(result) if self._squeeze else result
         text = self._decode(raw)
         if b"\0" in text:
-            raise self._refuse("holds zero bytes: this is not text", self._line_of(text, text.index(b"\0")))
+            raise self._refuse(
+                "holds zero bytes: this is not text", self._line_of(text, text.index(b"\0"))
+            )
         self._lines += text.count(b"\n")
         if not self._squeeze:
             return text
         whole, newline, rest = (self._held + text).rpartition(b"\n")
         self._held = rest
         if len(rest) > LONGEST_LINE:
-            raise self._refuse(f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of samples")
+            raise self._refuse(
+                f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of "
+                "samples"
+            )
         return self._squeezed(whole + newline)
 
     def _decode(self, raw: bytes, final: bool = False) -> bytes:
@@ -109,9 +137,12 @@ class LineStream(io.RawIOBase):
             text = self._decoder.decode(raw, final)
         except UnicodeDecodeError as error:
             line = self._lines + error.object[: error.start].count(b"\n") + 1
-            shown = " ".join(f"0x{byte:02X}" for byte in error.object[error.start : error.start + 3])
+            shown = " ".join(
+                f"0x{byte:02X}" for byte in error.object[error.start : error.start + 3]
+            )
             raise self._refuse(
-                f"the bytes {shown} are not {self._encoding} text; save the file in one encoding", line
+                f"the bytes {shown} are not {self._encoding} text; save the file in one encoding",
+                line,
             ) from None
         state = self._decoder.getstate()
         self._clean = not state[0] and self._encoding != "utf-8-sig"

@@ -1,4 +1,6 @@
-"""Reading .mat files that nobody vouches for: sizes are checked against the file's before anything is allocated."""
+"""Reading .mat files that nobody vouches for: sizes are checked against the file's before anything
+is allocated.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ LARGEST = 4 << 30
 
 
 def load_mat(file: Path) -> dict[str, Any]:
-    """Variables of a .mat file; structs as dicts, arrays with time along axis 0 where their shapes tell.
+    """Variables of a .mat file; structs as dicts, arrays with time along axis 0 where their shapes
+    tell.
 
     Raises:
         FileProblems: Missing, damaged, or claiming more than it can hold.
@@ -70,7 +73,10 @@ def _load_hdf5(file: Path, size: int) -> dict[str, Any]:
 
 
 def _lies(name: str, claimed: float, size: int) -> str:
-    return f"{name} claims {claimed / 1e9:.1f} GB, in a file of {size / 1e6:.1f} MB: damaged, or too large to import"
+    return (
+        f"{name} claims {claimed / 1e9:.1f} GB, in a file of {size / 1e6:.1f} MB: damaged, or "
+        "too large to import"
+    )
 
 
 def _plain(value: Any) -> Any:

@@ -1,4 +1,6 @@
-"""Columns by the usual spellings of their titles, for formats whose exact titles vary from version to version."""
+"""Columns by the usual spellings of their titles, for formats whose exact titles vary from version
+to version.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,15 @@ from dataclasses import dataclass, field
 
 _KINDS = {
     "acc": r"accelerometers?|accelerations?|accels?|acc|aceleracion|aceler[oó]metro",
-    "gyr": r"gyroscopes?|angular[ _]?(?:velocity|rate)|rate[ _]of[ _]turn|gyros?|gyr|omega|giroscopio|giro",
+    "gyr": r"gyroscopes?|angular[ _]?(?:velocity|rate)|rate[ _]of[ "
+    r"_]turn|gyros?|gyr|omega|giroscopio|giro",
     "mag": r"magnetometers?|magnetic(?:[ _]?field)?|mag|magnetometro|magnet[oó]metro",
     "quaternion": r"quaternions?|quat|cuaternion|q",
 }
 _TITLE = re.compile(
-    r"^(?P<prefix>.*?)[\s_.:\-]*(?:" + "|".join(f"(?P<{kind}>{words})" for kind, words in _KINDS.items()) + r")"
+    r"^(?P<prefix>.*?)[\s_.:\-]*(?:"
+    + "|".join(f"(?P<{kind}>{words})" for kind, words in _KINDS.items())
+    + r")"
     r"[\s_.:\-\[(]*(?P<axis>[xyzw0-3])[\])]?(?:[\s_]*[\[(](?P<unit>[^\])]*)[\])])?$",
     re.IGNORECASE,
 )
@@ -28,8 +33,9 @@ class Found:
     """The columns of one sensor.
 
     Attributes:
-        columns: By quantity ("acc", "gyr", "mag", "quaternion"), in the order x, y, z or w, x, y, z. units: As the titles state
-        them, by quantity.
+        columns: By quantity ("acc", "gyr", "mag", "quaternion"), in the order x, y, z or w, x, y,
+            z.
+        units: As the titles state them, by quantity.
     """
 
     columns: dict[str, list[str]] = field(default_factory=dict)
@@ -37,9 +43,11 @@ class Found:
 
 
 def find_sensors(names: Sequence[str]) -> dict[str, Found]:
-    """Sensors among the columns of a table, by what stands before the quantity in their titles ("" for one sensor alone).
+    """Sensors among the columns of a table, by what stands before the quantity in their titles (""
+    for one sensor alone).
 
-    `IMU2 Acc X (g)` is the x axis of the accelerometer of a sensor `IMU2`; a quantity counts only if all its axes are there.
+    `IMU2 Acc X (g)` is the x axis of the accelerometer of a sensor `IMU2`; a quantity counts only
+    if all its axes are there.
     """
     seen: dict[str, dict[str, dict[str, tuple[str, str | None]]]] = {}
     for name in names:
@@ -53,7 +61,14 @@ def find_sensors(names: Sequence[str]) -> dict[str, Found]:
     for prefix, kinds in seen.items():
         found = Found()
         for kind, axes in kinds.items():
-            order = next((o for o in _AXES["quaternion" if kind == "quaternion" else "vector"] if set(o) <= set(axes)), None)
+            order = next(
+                (
+                    o
+                    for o in _AXES["quaternion" if kind == "quaternion" else "vector"]
+                    if set(o) <= set(axes)
+                ),
+                None,
+            )
             if order is None:
                 continue
             found.columns[kind] = [axes[axis][0] for axis in order]
@@ -67,10 +82,20 @@ def find_sensors(names: Sequence[str]) -> dict[str, Found]:
 
 
 _TIME = re.compile(
-    r"^(?:time|timestamp|t|tiempo|zeit|seconds|elapsed)[\s_]*(?:stamp)?[\s_]*[\[(]?(?P<unit>s|sec|seconds|ms|us|µs|ns)?[\])]?$",
+    r"^(?:time|timestamp|t|tiempo|zeit|seconds|elapsed)[\s_]*(?:stamp)?"
+    r"[\s_]*[\[(]?(?P<unit>s|sec|seconds|ms|us|µs|ns)?[\])]?$",
     re.I,
 )
-_TIME_UNITS = {None: None, "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "us": "us", "µs": "us", "ns": "ns"}
+_TIME_UNITS = {
+    None: None,
+    "s": "s",
+    "sec": "s",
+    "seconds": "s",
+    "ms": "ms",
+    "us": "us",
+    "µs": "us",
+    "ns": "ns",
+}
 
 
 def find_time(names: Sequence[str]) -> tuple[str, str | None] | None:

@@ -24,8 +24,11 @@ class Quantities:
     """What the columns of a chunk mean, in the units of a session and in the sensor frame.
 
     Attributes:
-        gyr, acc: Shape (n, 3), or None where the file has none: NaN then. mag: Shape (n, 3), or None. device_q:
-        q_earth_from_sensor, shape (n, 4), or None. saturated: Shape (n,), bool, or None where the file does not tell.
+        gyr: Shape (n, 3), or None where the file has none: NaN then.
+        acc: Shape (n, 3), or None where the file has none: NaN then.
+        mag: Shape (n, 3), or None.
+        device_q: q_earth_from_sensor, shape (n, 4), or None.
+        saturated: Shape (n,), bool, or None where the file does not tell.
         temperature: Of the part, shape (n,) [deg C], or None.
     """
 
@@ -44,9 +47,12 @@ class SampleStream:
     """Chunks of samples; can be gone through more than once.
 
     Args:
-        source: The table. kinds: Columns that `convert` needs. convert: From columns to quantities. timeline: Makes the
-            clock; called for each pass. counter: Column of the sample counter, or None to count rows. drop: Rows at the
-            beginning to leave out.
+        source: The table.
+        kinds: Columns that `convert` needs.
+        convert: From columns to quantities.
+        timeline: Makes the clock; called for each pass.
+        counter: Column of the sample counter, or None to count rows.
+        drop: Rows at the beginning to leave out.
         origin_ns: device_time_ns at which host_time_ns is zero; None for the first sample's.
     """
 
@@ -61,7 +67,12 @@ class SampleStream:
         origin_ns: int | None = None,
     ):
         self.source, self.drop, self.origin_ns = source, drop, origin_ns
-        self._kinds, self._convert, self._timeline, self._counter = dict(kinds), convert, timeline, counter
+        self._kinds, self._convert, self._timeline, self._counter = (
+            dict(kinds),
+            convert,
+            timeline,
+            counter,
+        )
 
     def __iter__(self) -> Iterator[ImuSamples]:
         timeline, unwrap = self._timeline(), CounterUnwrapper()
@@ -72,7 +83,9 @@ class SampleStream:
         for whole in self.source.chunks(kinds):
             count = len(next(iter(whole.values())))
             left_out = min(max(self.drop - row, 0), count)
-            columns = {name: values[left_out:] for name, values in whole.items()} if left_out else whole
+            columns = (
+                {name: values[left_out:] for name, values in whole.items()} if left_out else whole
+            )
             row, count = row + left_out, count - left_out
             if not count:
                 continue
@@ -82,7 +95,11 @@ class SampleStream:
                 quantities = self._convert(columns)
             except BadRowError as error:
                 raise self.source.problem(str(error), row + error.row) from None
-            counter = unwrap(columns[self._counter]) if self._counter else np.arange(taken, taken + count, dtype=np.int64)
+            counter = (
+                unwrap(columns[self._counter])
+                if self._counter
+                else np.arange(taken, taken + count, dtype=np.int64)
+            )
             if origin is None:
                 origin = int(time[0])
             yield _assemble(time, origin, counter, quantities)
@@ -118,14 +135,18 @@ class SampleStream:
             row = int(np.argmax(steps < 0))
             before, after = (time[row] - steps[row]) / NANOSECONDS, time[row] / NANOSECONDS
             raise BadRowError(
-                f"time goes back from {before:.6f} s to {after:.6f} s; samples must stand in the order of time", row
+                f"time goes back from {before:.6f} s to {after:.6f} s; samples must stand in the "
+                "order of time",
+                row,
             )
 
 
 def _assemble(time: np.ndarray, origin: int, counter: np.ndarray, q: Quantities) -> ImuSamples:
     count = len(time)
     unknown = np.full((count, 3), np.nan)
-    calendar = abs(origin) > YEAR_NS  # a date, not a clock that began at power-up: only the time since the start is kept
+    calendar = (
+        abs(origin) > YEAR_NS
+    )  # a date, not a clock that began at power-up: only the time since the start is kept
     return ImuSamples(
         time - origin if calendar else time,
         time - origin,
@@ -146,15 +167,21 @@ def stack(columns: Columns, names: list[str], factor: float = 1.0) -> np.ndarray
 
 
 def specific_force(q_earth_from_sensor: np.ndarray, free_acceleration: np.ndarray) -> np.ndarray:
-    """Specific force in the sensor, shape (n, 3) [m/s^2], from the vendor's acceleration in the earth without gravity.
+    """Specific force in the sensor, shape (n, 3) [m/s^2], from the vendor's acceleration in the
+    earth without gravity.
 
-    Vendors write quaternions to a few digits; they are brought to unit length first. NaN where there is none.
+    Vendors write quaternions to a few digits; they are brought to unit length first. NaN where
+    there is none.
     """
-    return rotation.rotate(rotation.conjugate(_unit(q_earth_from_sensor)), free_acceleration + GRAVITY_UP)
+    return rotation.rotate(
+        rotation.conjugate(_unit(q_earth_from_sensor)), free_acceleration + GRAVITY_UP
+    )
 
 
 def increment_rate(dq: np.ndarray, rate: float) -> np.ndarray:
-    """Angular rate, shape (n, 3) [rad/s], of orientation increments over one output interval, shape (n, 4)."""
+    """Angular rate, shape (n, 3) [rad/s], of orientation increments over one output interval, shape
+    (n, 4).
+    """
     q = _unit(dq)
     known = np.isfinite(q).all(axis=1)
     result = np.full((len(q), 3), np.nan)
@@ -168,7 +195,9 @@ def _unit(q: np.ndarray) -> np.ndarray:
 
 
 def measured_rate(samples: ImuSamples) -> float | None:
-    """Mean rate without gaps [Hz], or None where it cannot be told; stamps may be coarse, even repeat."""
+    """Mean rate without gaps [Hz], or None where it cannot be told; stamps may be coarse, even
+    repeat.
+    """
     steps = np.diff(samples.device_time_ns)
     if len(steps) < 2 or not np.any(steps > 0):
         return None

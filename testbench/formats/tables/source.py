@@ -1,4 +1,6 @@
-"""Where samples come from: a table with named columns that is handed over in chunks and knows where each row stands."""
+"""Where samples come from: a table with named columns that is handed over in chunks and knows where
+each row stands.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ import numpy as np
 from testbench.exceptions import FileProblems
 
 Kind = Literal["float", "integer", "clock"]
-"""float: NaN where a value is missing; integer: exact to 64 bits, none may be missing; clock: a time of day, as seconds."""
+"""float: NaN where a value is missing; integer: exact to 64 bits, none may be missing; clock: a
+time of day, as seconds.
+"""
 Columns = dict[str, np.ndarray]
 ROWS_PER_CHUNK = 100_000
 

@@ -1,7 +1,8 @@
-"""Tables of numbers in text files: fast where all is well, and exact about the line where it is not.
+"""Tables of numbers in text files: fast where all is well, and exact about the line where it is
+not.
 
-pyarrow reads the columns in blocks; when it refuses one, the rows are read once more, slowly, to say which line is at fault
-and why.
+pyarrow reads the columns in blocks; when it refuses one, the rows are read once more, slowly, to
+say which line is at fault and why.
 """
 
 from __future__ import annotations
@@ -28,7 +29,10 @@ HEAD_LINES = 200
 """A header and what stands before it are looked for among so many lines."""
 BLOCK_BYTES = 2 << 20
 MISSING = ["", "NaN", "nan", "NAN", "NA", "N/A", "null", "-nan", "#N/A"]
-_CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+)?)\s*(?:(?P<p>[AaPp])\.?\s?[Mm]\.?|Z|[+-]\d{2}:?\d{2})?\s*$"
+_CLOCK = (
+    r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+)?)\s*"
+    r"(?:(?P<p>[AaPp])\.?\s?[Mm]\.?|Z|[+-]\d{2}:?\d{2})?\s*$"
+)
 
 
 def head_of(file: Path, encoding: str | None = None) -> list[str]:
@@ -69,8 +73,12 @@ class TextTable:
     """A table in a text file.
 
     Attributes:
-        file: Where it is. names: Of the columns, from left to right. first_line: Of the data, from 1. separator: One
-        character, or BLANKS. decimal: "." or ",". encoding: Of the file; None is UTF-8, or UTF-16 where its mark says so.
+        file: Where it is.
+        names: Of the columns, from left to right.
+        first_line: Of the data, from 1.
+        separator: One character, or BLANKS.
+        decimal: "." or ",".
+        encoding: Of the file; None is UTF-8, or UTF-16 where its mark says so.
     """
 
     file: Path
@@ -86,7 +94,9 @@ class TextTable:
         self._fit_width()
 
     def _fit_width(self) -> None:
-        """Let the columns be as many as the first row has, where they differ only by separators at the end of a line."""
+        """Let the columns be as many as the first row has, where they differ only by separators at
+        the end of a line.
+        """
         self._width = len(self.names)
         with self._stream() as stream:
             first = next((line for line in stream.lines() if line.strip()), None)
@@ -101,18 +111,26 @@ class TextTable:
             self.names = self.names[: self._width]
 
     def _stream(self) -> LineStream:
-        return LineStream(self.file, self.encoding or "utf-8", self.first_line - 1, self.separator == BLANKS)
+        return LineStream(
+            self.file, self.encoding or "utf-8", self.first_line - 1, self.separator == BLANKS
+        )
 
     def require(self, wanted: list[str], what: str) -> None:
         """Refuse a table that lacks columns or has one of them twice.
 
         Args:
-            wanted: Names of columns. what: Kind of file, for the message.
+            wanted: Names of columns.
+            what: Kind of file, for the message.
         """
         missing = [name for name in wanted if name not in self.names]
         if missing:
-            raise self.problem(f"not {what}: it lacks the column {', '.join(missing)}; it has {', '.join(self.names[:40])}")
-        twice = [name for name, count in Counter(self.names).items() if count > 1 and name in wanted]
+            raise self.problem(
+                f"not {what}: it lacks the column {', '.join(missing)}; it has "
+                f"{', '.join(self.names[:40])}"
+            )
+        twice = [
+            name for name, count in Counter(self.names).items() if count > 1 and name in wanted
+        ]
         if twice:
             raise self.problem(f"the column {', '.join(twice)} stands twice in the header")
 
@@ -127,7 +145,9 @@ class TextTable:
                 reader = arrow_csv.open_csv(
                     source,
                     arrow_csv.ReadOptions(
-                        column_names=[f"c{i}" for i in range(self._width)], block_size=BLOCK_BYTES, use_threads=False
+                        column_names=[f"c{i}" for i in range(self._width)],
+                        block_size=BLOCK_BYTES,
+                        use_threads=False,
                     ),
                     arrow_csv.ParseOptions(delimiter=self.separator),
                     arrow_csv.ConvertOptions(
@@ -139,7 +159,10 @@ class TextTable:
                     ),
                 )
                 for batch in reader:
-                    columns = {name: self._array(batch.column(at[name]), kind, done, name) for name, kind in kinds.items()}
+                    columns = {
+                        name: self._array(batch.column(at[name]), kind, done, name)
+                        for name, kind in kinds.items()
+                    }
                     done += batch.num_rows
                     yield columns
         except pa.ArrowInvalid as error:
@@ -156,10 +179,14 @@ class TextTable:
         parts = pc.extract_regex(column, _CLOCK)
         if parts.null_count:
             row = int(np.argmax(parts.is_null().to_numpy(zero_copy_only=False)))
-            raise self.problem(f"'{column[row]}' does not end in a time of day hh:mm:ss (column {name})", done + row)
+            raise self.problem(
+                f"'{column[row]}' does not end in a time of day hh:mm:ss (column {name})",
+                done + row,
+            )
         h, m, s, p = (pc.struct_field(parts, i) for i in range(4))
         hours, minutes, seconds = (
-            pc.cast(part, pa.float64()).to_numpy(zero_copy_only=False) for part in (h, m, pc.replace_substring(s, ",", "."))
+            pc.cast(part, pa.float64()).to_numpy(zero_copy_only=False)
+            for part in (h, m, pc.replace_substring(s, ",", "."))
         )
         half = pc.utf8_upper(p).to_numpy(zero_copy_only=False)
         hours = np.where(half == "", hours, hours % 12 + 12 * (half == "P"))
@@ -187,7 +214,9 @@ class TextTable:
             fault = self._fault(line, kinds)
             if fault:
                 return FileProblems(self.file, [Problem(fault, line=number)])
-        return FileProblems(self.file, [Problem(f"cannot be read as a table: {said.splitlines()[0][:200]}")])
+        return FileProblems(
+            self.file, [Problem(f"cannot be read as a table: {said.splitlines()[0][:200]}")]
+        )
 
     def _fault(self, line: str, kinds: Mapping[str, Kind]) -> str | None:
         fields = split_line(line, self.separator)
@@ -203,7 +232,11 @@ class TextTable:
             if kind == "clock" or (kind == "float" and text in MISSING):
                 continue
             plain = text if self.decimal == "." else text.replace(".", "x").replace(",", ".")
-            pattern = r"[-+]?\d+" if kind == "integer" else r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(inf|nan|Inf|NaN)"
+            pattern = (
+                r"[-+]?\d+"
+                if kind == "integer"
+                else r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(inf|nan|Inf|NaN)"
+            )
             if not re.fullmatch(pattern, plain):
                 what = (
                     "a whole number"
@@ -216,7 +249,9 @@ class TextTable:
 
 
 def decimal_of(row: str, separator: str) -> str:
-    """A comma where a row holds numbers such as 9,81 between other separators than commas, else a point."""
+    """A comma where a row holds numbers such as 9,81 between other separators than commas, else a
+    point.
+    """
     if separator == ",":
         return "."
     fields = split_line(row, separator)
@@ -226,13 +261,20 @@ def decimal_of(row: str, separator: str) -> str:
 
 
 def find_table(
-    file: Path, is_header: re.Pattern[str], what: str, lines_below: int = 0, encoding: str | None = None
+    file: Path,
+    is_header: re.Pattern[str],
+    what: str,
+    lines_below: int = 0,
+    encoding: str | None = None,
 ) -> tuple[TextTable, list[str]]:
     """The table below the first line that looks like its header.
 
     Args:
-        file: To read. is_header: Found somewhere in the header line. what: Kind of file, for the message. lines_below: Lines
-            between the header and the data. encoding: Of the file, None to go by its mark.
+        file: To read.
+        is_header: Found somewhere in the header line.
+        what: Kind of file, for the message.
+        lines_below: Lines between the header and the data.
+        encoding: Of the file, None to go by its mark.
 
     Returns:
         The table, and the lines above its header.
@@ -244,7 +286,15 @@ def find_table(
     number = next((i for i, line in enumerate(lines) if is_header.search(line)), None)
     if number is None:
         first = next(line for line in lines if line.strip())[:60].encode("unicode_escape").decode()
-        raise FileProblems(file, [Problem(f"not {what}: no line of its beginning is such a header; it begins with '{first}'")])
+        raise FileProblems(
+            file,
+            [
+                Problem(
+                    f"not {what}: no line of its beginning is such a header; it begins with "
+                    f"'{first}'"
+                )
+            ],
+        )
     header = lines[number]
     separator = guess_separator(header)
     names = split_line(header, separator)

@@ -1,4 +1,5 @@
-"""From what a file says of time to nanoseconds: counters that wrap, seconds and their parts, a time of day, or only a rate.
+"""From what a file says of time to nanoseconds: counters that wrap, seconds and their parts, a time
+of day, or only a rate.
 
 Every class keeps its place from chunk to chunk, so that pieces give the same times as the whole.
 """
@@ -20,7 +21,8 @@ LONGEST_LOSS = 2000
 
 
 class Unwrapper:
-    """A counter of a given number of bits, without its wraps; a step counts as the shorter way round.
+    """A counter of a given number of bits, without its wraps; a step counts as the shorter way
+    round.
 
     Args:
         bits: Width of the counter.
@@ -32,7 +34,9 @@ class Unwrapper:
         self._value = 0
 
     def __call__(self, raw: np.ndarray) -> np.ndarray:
-        """Increasing where the counter increases, shape (n,), int64; the first value is kept as it is."""
+        """Increasing where the counter increases, shape (n,), int64; the first value is kept as it
+        is.
+        """
         raw = np.asarray(raw, dtype=np.int64)
         if not len(raw):
             return raw
@@ -46,7 +50,9 @@ class Unwrapper:
 
 
 class CounterUnwrapper:
-    """A sample counter whose width the file does not tell: 8, 16 or 32 bits, whichever makes a step back a small step on."""
+    """A sample counter whose width the file does not tell: 8, 16 or 32 bits, whichever makes a step
+    back a small step on.
+    """
 
     def __init__(self) -> None:
         self._raw: int | None = None
@@ -62,7 +68,9 @@ class CounterUnwrapper:
         for i in np.flatnonzero(steps < 0):
             for bits in (8, 16, 32):
                 before = raw[i] - steps[i]
-                if before < 1 << bits and 0 < steps[i] + (1 << bits) <= min(LONGEST_LOSS, 1 << (bits - 1)):
+                if before < 1 << bits and 0 < steps[i] + (1 << bits) <= min(
+                    LONGEST_LOSS, 1 << (bits - 1)
+                ):
                     wraps[i] = 1 << bits
                     break
         values = raw + self._wrapped + np.cumsum(wraps)
@@ -89,11 +97,19 @@ class StampedTime(Timeline):
     """A column of times.
 
     Args:
-        column: Its name. unit: Of it; "clock" is a time of day, which may pass midnight. bits: Width of a counter that wraps,
-        None for one that does not. tick_ns: Length of a unit, if it is none of the usual [ns].
+        column: Its name.
+        unit: Of it; "clock" is a time of day, which may pass midnight.
+        bits: Width of a counter that wraps, None for one that does not.
+        tick_ns: Length of a unit, if it is none of the usual [ns].
     """
 
-    def __init__(self, column: str, unit: TimeUnit = "s", bits: int | None = None, tick_ns: float | None = None):
+    def __init__(
+        self,
+        column: str,
+        unit: TimeUnit = "s",
+        bits: int | None = None,
+        tick_ns: float | None = None,
+    ):
         self._column, self._bits, self._unit = column, bits, unit
         exact = bits is not None or unit == "ns"
         self.kinds = {column: "clock" if unit == "clock" else "integer" if exact else "float"}
@@ -122,10 +138,12 @@ class StampedTime(Timeline):
 
 
 class RegularTime(Timeline):
-    """No times at all: sample after sample at a rate; a counter that came with them keeps the place of lost ones.
+    """No times at all: sample after sample at a rate; a counter that came with them keeps the place
+    of lost ones.
 
     Args:
-        rate: [Hz]. counter: Column of the sample counter, or None.
+        rate: [Hz].
+        counter: Column of the sample counter, or None.
     """
 
     def __init__(self, rate: float, counter: str | None = None):
@@ -149,15 +167,18 @@ class RegularTime(Timeline):
 class SpreadTime(Timeline):
     """Stamps of whole seconds that many samples share, spread by the sampling rate.
 
-    Sample i lies 1/rate after sample i - 1, until that strays from its stamp: then samples are missing, and the time follows
-    the stamp.
+    Sample i lies 1/rate after sample i - 1, until that strays from its stamp: then samples are
+    missing, and the time follows the stamp.
 
     Args:
-        column: Stamps that end in a time of day. rate: [Hz].
+        column: Stamps that end in a time of day.
+        rate: [Hz].
     """
 
     SLACK_S = 1.5
-    """The spread time may stray so far out of the second its stamp says: stamps are written late, and rates are never exact."""
+    """The spread time may stray so far out of the second its stamp says: stamps are written late,
+    and rates are never exact.
+    """
 
     def __init__(self, column: str, rate: float):
         self.kinds = {column: "clock"}
@@ -181,7 +202,10 @@ class SpreadTime(Timeline):
             times[start:end] = spread[: end - start]
             if end < count:
                 if ahead[end - start] < 0:
-                    behind = f"the stamps fall {-ahead[end - start]:.1f} s behind a rate of {self._rate:g} Hz"
+                    behind = (
+                        f"the stamps fall {-ahead[end - start]:.1f} s behind a rate of "
+                        f"{self._rate:g} Hz"
+                    )
                     raise BadRowError(f"{behind}; state the true one with --rate", end)
                 self.gaps += 1
                 self._origin = stamps[end] - index[end] / self._rate
@@ -191,7 +215,9 @@ class SpreadTime(Timeline):
 
 
 def _best_origin(stamps: np.ndarray, spread: np.ndarray) -> float:
-    """Time of the first sample [s]: within the first steady stretch, every sample lies in the second that its stamp says."""
+    """Time of the first sample [s]: within the first steady stretch, every sample lies in the
+    second that its stamp says.
+    """
     late = stamps - spread
     steady = np.abs(late - late[0]) < 1.0
     end = len(late) if steady.all() else int(np.argmin(steady))
@@ -199,7 +225,9 @@ def _best_origin(stamps: np.ndarray, spread: np.ndarray) -> float:
 
 
 class BadRowError(InputError):
-    """A row of the chunk at hand is at fault; whoever knows the file turns it into `file:line: message`."""
+    """A row of the chunk at hand is at fault; whoever knows the file turns it into `file:line:
+    message`.
+    """
 
     def __init__(self, message: str, row: int):
         self.row = row
@@ -210,10 +238,12 @@ def rate_of_stamps(stamps: np.ndarray, nominal: float) -> tuple[float, float]:
     """Sampling rate from stamps of whole seconds.
 
     Args:
-        stamps: [s], shape (n,). nominal: The rate that is believed [Hz]; kept where the stamps do not deny it.
+        stamps: [s], shape (n,).
+        nominal: The rate that is believed [Hz]; kept where the stamps do not deny it.
 
     Returns:
-        The rate, by the seconds without a pause, and how far it may be wrong [Hz]; infinitely where there is no whole second.
+        The rate, by the seconds without a pause, and how far it may be wrong [Hz]; infinitely where
+        there is no whole second.
     """
     changes = np.flatnonzero(np.diff(stamps) > 0) + 1
     whole = np.diff(stamps[changes]) == 1  # seconds without a pause

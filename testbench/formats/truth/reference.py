@@ -1,4 +1,6 @@
-"""Orientations of a reference system, made fit to be compared with: unit length, one sign, gaps that show."""
+"""Orientations of a reference system, made fit to be compared with: unit length, one sign, gaps
+that show.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,11 @@ def reference_truth(
     """A truth from orientations as recorded.
 
     Args:
-        time_ns: Host time, shape (n,), not decreasing. q_world_from_body: Shape (n, 4), of either sign, NaN or zero where lost.
-        q_body_from_sensor: Shape (4,). judged: Whether errors count, shape (n,), bool, or None. notes: Appended to.
+        time_ns: Host time, shape (n,), not decreasing.
+        q_world_from_body: Shape (n, 4), of either sign, NaN or zero where lost.
+        q_body_from_sensor: Shape (4,).
+        judged: Whether errors count, shape (n,), bool, or None.
+        notes: Appended to.
 
     Returns:
         Rows with an orientation, and one of NaN in each gap.
@@ -44,19 +49,25 @@ def reference_truth(
     flips = np.sum(q[1:] * q[:-1], axis=1) < 0
     if flips.any():
         notes.append(
-            f"the reference changed the sign of its quaternion {int(flips.sum())} times: undone, it is the same orientation"
+            f"the reference changed the sign of its quaternion {int(flips.sum())} times: undone, "
+            "it is the same orientation"
         )
         q[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
     q = rotation.multiply(q, q_body_from_sensor)
     return _with_gaps(time, q, marks, notes)
 
 
-def _with_gaps(time: np.ndarray, q: np.ndarray, judged: np.ndarray | None, notes: list[str]) -> Truth:
+def _with_gaps(
+    time: np.ndarray, q: np.ndarray, judged: np.ndarray | None, notes: list[str]
+) -> Truth:
     steps = np.diff(time)
     wide = np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.zeros(0, dtype=int)
     if len(wide):
         longest = float(steps[wide].max()) * 1e-9
-        notes.append(f"the reference has {len(wide)} gaps, the longest of {longest:.2f} s: nothing is judged there")
+        notes.append(
+            f"the reference has {len(wide)} gaps, the longest of {longest:.2f} s: nothing is "
+            "judged there"
+        )
         middle = time[wide] + steps[wide] // 2
         time = np.insert(time, wide + 1, middle)
         q = np.insert(q, wide + 1, np.nan, axis=0)
@@ -65,7 +76,9 @@ def _with_gaps(time: np.ndarray, q: np.ndarray, judged: np.ndarray | None, notes
 
 
 def collect(chunks: Iterable[ImuSamples]) -> tuple[np.ndarray, np.ndarray]:
-    """Host times [ns] and orientations, shapes (n,) and (n, 4), of samples that hold nothing else."""
+    """Host times [ns] and orientations, shapes (n,) and (n, 4), of samples that hold nothing
+    else.
+    """
     times, orientations = [], []
     for chunk in chunks:
         assert chunk.device_q is not None

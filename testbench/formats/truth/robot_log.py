@@ -1,8 +1,10 @@
-"""A robot's own log as truth: joint angles over time, or a list of commanded poses that are each held for a while.
+"""A robot's own log as truth: joint angles over time, or a list of commanded poses that are each
+held for a while.
 
-A log with times gives orientation, angular rate and specific force at every row, by forward kinematics. A list of poses without
-times, as RoboDK scripts write it, gives the orientation during each dwell only: the dwells are found in the samples of the
-sensor as stretches without turning, and taken in their order.
+A log with times gives orientation, angular rate and specific force at every row, by forward
+kinematics. A list of poses without times, as RoboDK scripts write it, gives the orientation during
+each dwell only: the dwells are found in the samples of the sensor as stretches without turning, and
+taken in their order.
 """
 
 from __future__ import annotations
@@ -20,7 +22,13 @@ from testbench.formats.tables.bytes_stream import LineStream, encoding_of
 from testbench.formats.tables.recognise import find_time
 from testbench.formats.tables.samples_stream import Quantities, SampleStream
 from testbench.formats.tables.source import Kind
-from testbench.formats.tables.text_table import TextTable, decimal_of, guess_separator, head_of, split_line
+from testbench.formats.tables.text_table import (
+    TextTable,
+    decimal_of,
+    guess_separator,
+    head_of,
+    split_line,
+)
 from testbench.formats.tables.timeline import RegularTime, StampedTime
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
@@ -48,31 +56,43 @@ class RobotLog:
     """Joint angles in the robot's order.
 
     Attributes:
-        time_ns: From the first row, shape (n,), int64, or None for a list without times. q: Shape (n, n_joints) [rad].
+        time_ns: From the first row, shape (n,), int64, or None for a list without times.
+        q: Shape (n, n_joints) [rad].
     """
 
     time_ns: np.ndarray | None
     q: np.ndarray
 
 
-def read_robot_log(file: Path, joints: list[str], rate: float | None, unit: str | None, notes: list[str]) -> RobotLog:
+def read_robot_log(
+    file: Path, joints: list[str], rate: float | None, unit: str | None, notes: list[str]
+) -> RobotLog:
     """Read a joint log.
 
-    Columns are found by name (`elbow_joint`, `elbow_joint_deg`, `q_measured_elbow_joint_rad`, `actual_q_0`, `J1`, `joint_1`);
-    without titles, the first numbers of each line are the joints in order, and further ones, such as a misalignment, are left
-    out.
+    Columns are found by name (`elbow_joint`, `elbow_joint_deg`, `q_measured_elbow_joint_rad`,
+    `actual_q_0`, `J1`, `joint_1`); without titles, the first numbers of each line are the joints in
+    order, and further ones, such as a misalignment, are left out.
 
     Args:
-        file: Text. joints: Names, in order. rate: Of a log without times [Hz], or None. unit: "deg" or "rad", None to go by the
-            titles. notes: Appended to.
+        file: Text.
+        joints: Names, in order.
+        rate: Of a log without times [Hz], or None.
+        unit: "deg" or "rad", None to go by the titles.
+        notes: Appended to.
 
     Raises:
-        FileProblems: The file is no such log. InputError: The unit cannot be told.
+        FileProblems: The file is no such log.
+        InputError: The unit cannot be told.
     """
     lists = _lists(file, len(joints), notes)
     if lists is not None:
         q = lists * _factor(lists, None, unit, file, notes)
-        return RobotLog(None if rate is None else np.round(np.arange(len(q)) * (NANOSECONDS / rate)).astype(np.int64), q)
+        return RobotLog(
+            None
+            if rate is None
+            else np.round(np.arange(len(q)) * (NANOSECONDS / rate)).astype(np.int64),
+            q,
+        )
     table = _table(file, joints, notes)
     columns, stated = _joint_columns(table, joints)
     kinds: dict[str, Kind] = dict.fromkeys(columns, "float")
@@ -85,7 +105,10 @@ def read_robot_log(file: Path, joints: list[str], rate: float | None, unit: str 
 
     times, angles = [], []
     stream = SampleStream(
-        table, kinds | timeline().kinds, lambda c: Quantities(np.column_stack([c[n] for n in columns]), None), timeline
+        table,
+        kinds | timeline().kinds,
+        lambda c: Quantities(np.column_stack([c[n] for n in columns]), None),
+        timeline,
     )
     for chunk in stream:
         times.append(chunk.host_time_ns)
@@ -96,7 +119,10 @@ def read_robot_log(file: Path, joints: list[str], rate: float | None, unit: str 
         raise table.problem("a joint angle is missing here", int(np.argmin(known)))
     untitled = any(name.startswith("further_") for name in table.names)
     if untitled and len(q) > 2 and np.all(np.diff(q[:, 0]) > 0):
-        raise table.problem("has no titles, and its first column only grows as time does; put titles above: time_s,J1,J2,...")
+        raise table.problem(
+            "has no titles, and its first column only grows as time does; put titles above: "
+            "time_s,J1,J2,..."
+        )
     q = q * _factor(q, stated, unit, file, notes)
     has_times = time is not None or rate is not None
     if time is not None and rate is None and time[1] is None:
@@ -105,8 +131,8 @@ def read_robot_log(file: Path, joints: list[str], rate: float | None, unit: str 
 
 
 def _lists(file: Path, joints: int, notes: list[str]) -> np.ndarray | None:
-    """Joint angles of lines such as `[0, -90, -90, 0, 90, 0]`, as a script prints them, or None where the file has no such
-    lines.
+    """Joint angles of lines such as `[0, -90, -90, 0, 90, 0]`, as a script prints them, or None
+    where the file has no such lines.
     """
     first = next((line for line in head_of(file) if line.strip()), "")
     if not first.lstrip().startswith(("[", "(")):
@@ -114,9 +140,19 @@ def _lists(file: Path, joints: int, notes: list[str]) -> np.ndarray | None:
     rows: list[list[float]] = []
     with LineStream(file, encoding_of(file)) as stream:
         for number, line in enumerate(stream.lines(), 1):
-            values = [float(text) for text in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", line)]
+            values = [
+                float(text)
+                for text in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", line)
+            ]
             if line.strip() and len(values) < joints:
-                raise FileProblems(file, [Problem(f"{len(values)} numbers, where the arm has {joints} joints", line=number)])
+                raise FileProblems(
+                    file,
+                    [
+                        Problem(
+                            f"{len(values)} numbers, where the arm has {joints} joints", line=number
+                        )
+                    ],
+                )
             rows += [values[:joints]] if values else []
     notes.append(f"{file.name}: the first {joints} numbers of each line are the joints")
     return np.array(rows)
@@ -129,7 +165,9 @@ def _table(file: Path, joints: list[str], notes: list[str]) -> TextTable:
             continue
         separator = guess_separator(line)
         fields = split_line(line, separator)
-        if any(re.search("[A-Za-z]", text.replace("e", "")) for text in fields) or line.lstrip().startswith("#"):
+        if any(
+            re.search("[A-Za-z]", text.replace("e", "")) for text in fields
+        ) or line.lstrip().startswith("#"):
             titles = split_line(line.lstrip("# "), separator)
             first_row = next((row for row in lines[at + 1 :] if row.strip()), "")
             if _matching(titles, joints):
@@ -139,17 +177,36 @@ def _table(file: Path, joints: list[str], notes: list[str]) -> TextTable:
         if others and len(split_line(others, guess_separator(others))) == len(fields):
             break
         if len(fields) < len(joints):
-            raise FileProblems(file, [Problem(f"{len(fields)} numbers, where the arm has {len(joints)} joints", line=at + 1)])
+            raise FileProblems(
+                file,
+                [
+                    Problem(
+                        f"{len(fields)} numbers, where the arm has {len(joints)} joints",
+                        line=at + 1,
+                    )
+                ],
+            )
         extra = len(fields) - len(joints)
         if extra:
             notes.append(
-                f"{file.name} has no titles: the first {len(joints)} numbers are the joints, {extra} more are left out"
+                f"{file.name} has no titles: the first {len(joints)} numbers are the joints, "
+                f"{extra} more are left out"
             )
         return TextTable(
-            file, [*joints, *[f"further_{i}" for i in range(extra)]], at + 1, separator, decimal_of(line, separator)
+            file,
+            [*joints, *[f"further_{i}" for i in range(extra)]],
+            at + 1,
+            separator,
+            decimal_of(line, separator),
         )
     raise FileProblems(
-        file, [Problem(f"no columns for the joints {', '.join(joints)} (or J1 .. J{len(joints)}), and no lines of numbers")]
+        file,
+        [
+            Problem(
+                f"no columns for the joints {', '.join(joints)} (or J1 .. J{len(joints)}), and no "
+                "lines of numbers"
+            )
+        ],
     )
 
 
@@ -157,16 +214,23 @@ def _matching(titles: list[str], joints: list[str]) -> tuple[list[str], str | No
     """Titles of the joints' columns and the unit that they state, or None."""
     patterns = [
         (
-            lambda i, joint: rf"(q_measured_|q_|actual_)?{re.escape(joint)}(_(?P<u>rad|deg))?(\s*[\[(](?P<v>rad|deg)[\])])?",
+            lambda i, joint: (
+                rf"(q_measured_|q_|actual_)?{re.escape(joint)}(_(?P<u>rad|deg))?"
+                r"(\s*[\[(](?P<v>rad|deg)[\])])?"
+            ),
             None,
         ),
         (lambda i, joint: rf"actual_q_?\[?{i}\]?", "rad"),
-        (lambda i, joint: rf"(j|joint|q|axis|a)[\s_]?{i + 1}([\s_]*[\[(]?(?P<u>rad|deg)[\])]?)?", None),
+        (
+            lambda i, joint: rf"(j|joint|q|axis|a)[\s_]?{i + 1}([\s_]*[\[(]?(?P<u>rad|deg)[\])]?)?",
+            None,
+        ),
         (lambda i, joint: rf"(j|joint|q)[\s_]?{i}([\s_]*[\[(]?(?P<u>rad|deg)[\])]?)?", None),
     ]
     for pattern, unit in patterns:
         found = [
-            next((m for t in titles if (m := re.fullmatch(pattern(i, j), t.strip(), re.I))), None) for i, j in enumerate(joints)
+            next((m for t in titles if (m := re.fullmatch(pattern(i, j), t.strip(), re.I))), None)
+            for i, j in enumerate(joints)
         ]
         if all(found):
             stated = {next((g for g in m.groupdict().values() if g), None) for m in found if m}
@@ -179,33 +243,47 @@ def _joint_columns(table: TextTable, joints: list[str]) -> tuple[list[str], str 
     stripped = {name.strip(): name for name in table.names}
     found = _matching(table.names, joints)
     if found is None:
-        raise table.problem(f"no columns for the joints {', '.join(joints)}; it has {', '.join(table.names)}")
+        raise table.problem(
+            f"no columns for the joints {', '.join(joints)}; it has {', '.join(table.names)}"
+        )
     return [stripped.get(title, title) for title in found[0]], found[1]
 
 
-def _factor(q: np.ndarray, stated: str | None, answer: str | None, file: Path, notes: list[str]) -> float:
+def _factor(
+    q: np.ndarray, stated: str | None, answer: str | None, file: Path, notes: list[str]
+) -> float:
     unit = answer or stated
     if unit is None and np.abs(q).max() > 4 * np.pi:
         unit = "deg"  # no arm turns so far
         notes.append("joint angles are taken for degrees: in radians they would be several turns")
     if unit is None:
         seen = f"the largest is {np.abs(q).max():.4g}"
-        raise InputError(f"{file}: are the joint angles in degrees or radians ({seen})? Answer with --joint-unit deg|rad")
+        raise InputError(
+            f"{file}: are the joint angles in degrees or radians ({seen})? Answer with "
+            "--joint-unit deg|rad"
+        )
     return np.pi / 180 if unit == "deg" else 1.0
 
 
-def logged_truth(kinematics: Kinematics, log: RobotLog, link: str, mounting: Pose, shift_ns: int) -> Truth:
+def logged_truth(
+    kinematics: Kinematics, log: RobotLog, link: str, mounting: Pose, shift_ns: int
+) -> Truth:
     """Truth at every row of a log with times.
 
     Args:
-        kinematics: Of the arm. log: With times. link: That carries the sensor. mounting: The sensor in the link. shift_ns:
-            Added to the log's times, which begin at 0 [ns].
+        kinematics: Of the arm.
+        log: With times.
+        link: That carries the sensor.
+        mounting: The sensor in the link.
+        shift_ns: Added to the log's times, which begin at 0 [ns].
     """
     assert log.time_ns is not None
     fresh = np.concatenate([[True], np.diff(log.time_ns) > 0])
     time, q = log.time_ns[fresh], log.q[fresh]
     steps = np.diff(time) / NANOSECONDS
-    regular = len(steps) >= 5 and float(np.abs(steps / np.median(steps) - 1).max()) <= REGULAR_WITHIN
+    regular = (
+        len(steps) >= 5 and float(np.abs(steps / np.median(steps) - 1).max()) <= REGULAR_WITHIN
+    )
     if not regular:
         motion = kinematics.frame_motion(link, q, offset=mounting)
         return Truth(time + shift_ns, motion.q_world_from_frame)
@@ -215,19 +293,32 @@ def logged_truth(kinematics: Kinematics, log: RobotLog, link: str, mounting: Pos
     motion = kinematics.frame_motion(link, q, v, a, mounting)
     gravity = kinematics.robot.gravity
     return Truth(
-        time + shift_ns, motion.q_world_from_frame, motion.angular_velocity_in_frame, motion.specific_force_in_frame(gravity)
+        time + shift_ns,
+        motion.q_world_from_frame,
+        motion.angular_velocity_in_frame,
+        motion.specific_force_in_frame(gravity),
     )
 
 
 def commanded_dwells(
-    poses: int, sensor: ImportedSensor, dwell: float, move: float | None, shift_ns: int, name: str, notes: list[str]
+    poses: int,
+    sensor: ImportedSensor,
+    dwell: float,
+    move: float | None,
+    shift_ns: int,
+    name: str,
+    notes: list[str],
 ) -> np.ndarray:
     """When each pose of a list was held, shape (n, 2): begin and end, host time [s].
 
     Args:
-        poses: Their number. sensor: Its samples show the dwells. dwell: Of each pose [s]. move: Time from pose to pose [s], or
-            None to find the dwells in the samples. shift_ns: Of the first dwell, if `move` is given [ns]. name: Of the sensor.
-            notes: Appended to.
+        poses: Their number.
+        sensor: Its samples show the dwells.
+        dwell: Of each pose [s].
+        move: Time from pose to pose [s], or None to find the dwells in the samples.
+        shift_ns: Of the first dwell, if `move` is given [ns].
+        name: Of the sensor.
+        notes: Appended to.
 
     Raises:
         InputError: The samples show another number of dwells than there are poses.
@@ -238,24 +329,36 @@ def commanded_dwells(
     spans = find_dwells(sensor, DWELL_AT_LEAST * dwell)
     if len(spans) != poses:
         raise InputError(
-            f"sensor '{name}': {len(spans)} stretches of rest of {DWELL_AT_LEAST * dwell:g} s or more, but {poses} poses; "
-            "cut the recording to the poses, correct --dwell, or state how long each move takes with --move"
+            f"sensor '{name}': {len(spans)} stretches of rest of {DWELL_AT_LEAST * dwell:g} s or "
+            f"more, but {poses} poses; "
+            "cut the recording to the poses, correct --dwell, or state how long each move takes "
+            "with --move"
         )
-    notes.append(f"{name}: {len(spans)} dwells found in the samples, {np.diff(spans).mean():.2f} s long on average")
+    notes.append(
+        f"{name}: {len(spans)} dwells found in the samples, {np.diff(spans).mean():.2f} s long on "
+        "average"
+    )
     return spans
 
 
-def commanded_truth(kinematics: Kinematics, q: np.ndarray, link: str, mounting: Pose, spans: np.ndarray) -> Truth:
+def commanded_truth(
+    kinematics: Kinematics, q: np.ndarray, link: str, mounting: Pose, spans: np.ndarray
+) -> Truth:
     """Truth during the dwells of a list of poses.
 
     Args:
-        kinematics: Of the arm. q: Commanded joint angles, shape (n, n_joints) [rad]. link: That carries the sensor. mounting:
-            The sensor in the link. spans: Begin and end of each dwell, shape (n, 2) [s].
+        kinematics: Of the arm.
+        q: Commanded joint angles, shape (n, n_joints) [rad].
+        link: That carries the sensor.
+        mounting: The sensor in the link.
+        spans: Begin and end of each dwell, shape (n, 2) [s].
     """
     orientation = kinematics.frame_motion(link, q, offset=mounting).q_world_from_frame
     times, rows, known = [], [], []
     for (start, end), pose in zip(spans, orientation, strict=True):
-        inside = np.arange(start + INSIDE_S, max(end - INSIDE_S, start + INSIDE_S + 2 * TRUTH_STEP_S), TRUTH_STEP_S)
+        inside = np.arange(
+            start + INSIDE_S, max(end - INSIDE_S, start + INSIDE_S + 2 * TRUTH_STEP_S), TRUTH_STEP_S
+        )
         times.append(np.concatenate([inside, [inside[-1] + TRUTH_STEP_S / 2]]))
         rows.append(
             np.vstack([np.tile(pose, (len(inside), 1)), np.full((1, 4), np.nan)])
@@ -265,32 +368,51 @@ def commanded_truth(kinematics: Kinematics, q: np.ndarray, link: str, mounting: 
     return Truth(time, np.vstack(rows), judged=np.concatenate(known))
 
 
-def commanded_steps(spans: list[np.ndarray], q: np.ndarray, joints: list[str], calibration: int) -> list[PlannedStep]:
+def commanded_steps(
+    spans: list[np.ndarray], q: np.ndarray, joints: list[str], calibration: int
+) -> list[PlannedStep]:
     """The dwells of a list of poses as steps of a session: a move to each pose, and its dwell.
 
     Args:
-        spans: Begin and end of each dwell by each sensor, shape (n, 2) [s]; a step's dwell is what all of them share.
-        q: Commanded joint angles, shape (n, n_joints) [rad]. joints: Their names. calibration: The first so many poses
-        calibrate the sensors and are not judged.
+        spans: Begin and end of each dwell by each sensor, shape (n, 2) [s]; a step's dwell is what
+            all of them share.
+        q: Commanded joint angles, shape (n, n_joints) [rad].
+        joints: Their names.
+        calibration: The first so many poses calibrate the sensors and are not judged.
 
     Raises:
         InputError: The sensors do not share a dwell.
     """
-    begins, ends = np.max([span[:, 0] for span in spans], axis=0), np.min([span[:, 1] for span in spans], axis=0)
+    begins, ends = (
+        np.max([span[:, 0] for span in spans], axis=0),
+        np.min([span[:, 1] for span in spans], axis=0),
+    )
     apart = np.flatnonzero(ends <= begins)
     if len(apart):
         raise InputError(
-            f"pose {apart[0] + 1} was not held by all sensors at the same time: their clocks differ; import each by itself"
+            f"pose {apart[0] + 1} was not held by all sensors at the same time: their clocks "
+            "differ; import each by itself"
         )
-    times = np.round(np.column_stack([np.append(0, ends[:-1]), begins, ends]) * NANOSECONDS).astype(np.int64)
+    times = np.round(np.column_stack([np.append(0, ends[:-1]), begins, ends]) * NANOSECONDS).astype(
+        np.int64
+    )
     steps = []
-    for index, (pose, (start, settled, end)) in enumerate(zip(np.degrees(q), times.tolist(), strict=True)):
+    for index, (pose, (start, settled, end)) in enumerate(
+        zip(np.degrees(q), times.tolist(), strict=True)
+    ):
         calibrates = index < calibration
-        variables = {f"{joint}_deg": round(float(angle), 6) for joint, angle in zip(joints, pose, strict=True)}
+        variables = {
+            f"{joint}_deg": round(float(angle), 6)
+            for joint, angle in zip(joints, pose, strict=True)
+        }
         section = "calibration" if calibrates else "poses"
         role: Role = "calibration" if calibrates else "evaluation"
         name = f"pose {index + 1}"
-        steps.append(PlannedStep(index, section, role, name, "move", variables, min(start, settled), settled, end))
+        steps.append(
+            PlannedStep(
+                index, section, role, name, "move", variables, min(start, settled), settled, end
+            )
+        )
     return steps
 
 
@@ -298,7 +420,8 @@ def find_dwells(sensor: ImportedSensor, shortest: float) -> np.ndarray:
     """Stretches without turning, shape (n, 2): begin and end, host time [s].
 
     Args:
-        sensor: Its angular rate is used, less its median; without one, its orientations. shortest: [s].
+        sensor: Its angular rate is used, less its median; without one, its orientations.
+        shortest: [s].
     """
     times, rates = [], []
     for chunk in sensor.chunks:
@@ -310,20 +433,29 @@ def find_dwells(sensor: ImportedSensor, shortest: float) -> np.ndarray:
             quiet = mean[np.argsort(np.linalg.norm(mean, axis=1))[: max(count // 2, 1)]]
             rate = np.linalg.norm(mean - np.median(quiet, axis=0), axis=1)
         elif chunk.device_q is not None:
-            first, last = (chunk.device_q[: count * size].reshape(count, size, 4)[:, i] for i in (0, -1))
+            first, last = (
+                chunk.device_q[: count * size].reshape(count, size, 4)[:, i] for i in (0, -1)
+            )
             span = np.maximum(time[:, -1] - time[:, 0], 1e-9)
             rate = (
-                rotation.angle(rotation.multiply(rotation.conjugate(rotation.normalise(first)), rotation.normalise(last)))
+                rotation.angle(
+                    rotation.multiply(
+                        rotation.conjugate(rotation.normalise(first)), rotation.normalise(last)
+                    )
+                )
                 / span
             )
         else:
             raise InputError(
-                "dwells cannot be found without an angular rate or an orientation; state the time of each move with --move"
+                "dwells cannot be found without an angular rate or an orientation; state the time "
+                "of each move with --move"
             )
         times.append(time[:, [0, -1]])
         rates.append(rate)
     spans, resting = np.vstack(times), np.concatenate(rates) < TURNING
     edges = np.diff(np.concatenate([[False], resting, [False]]).astype(np.int8))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-    result = np.column_stack([spans[begins, 0], spans[ends, 1]]) if len(begins) else np.zeros((0, 2))
+    result = (
+        np.column_stack([spans[begins, 0], spans[ends, 1]]) if len(begins) else np.zeros((0, 2))
+    )
     return result[result[:, 1] - result[:, 0] >= shortest]

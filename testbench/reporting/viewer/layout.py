@@ -19,12 +19,17 @@ SIGNALS = {
 
 
 def layout(
-    session: Session, evaluation: Evaluation | None, columns: int, reach: float | None, magnetometers: set[str]
+    session: Session,
+    evaluation: Evaluation | None,
+    columns: int,
+    reach: float | None,
+    magnetometers: set[str],
 ) -> rrb.Blueprint:
     """The blueprint of a session.
 
     Args:
-        columns: Axes that stand side by side for one sensor. reach: Size of what the arm does [m], None without an arm.
+        columns: Axes that stand side by side for one sensor.
+        reach: Size of what the arm does [m], None without an arm.
         magnetometers: Sensors that have one.
     """
     spaces = [_side_by_side(len(session.sensor_names), columns, alone=reach is None)]
@@ -54,7 +59,9 @@ def layout(
 
 def _bench(reach: float) -> rrb.Spatial3DView:
     eye = rrb.EyeControls3D(
-        position=(1.15 * reach, -1.5 * reach, 1.05 * reach), look_target=(0, -0.1 * reach, 0.42 * reach), eye_up=(0, 0, 1)
+        position=(1.15 * reach, -1.5 * reach, 1.05 * reach),
+        look_target=(0, -0.1 * reach, 0.42 * reach),
+        eye_up=(0, 0, 1),
     )
     return rrb.Spatial3DView(
         origin="/",
@@ -66,7 +73,9 @@ def _bench(reach: float) -> rrb.Spatial3DView:
 
 
 def _side_by_side(sensors: int, columns: int, alone: bool) -> rrb.Spatial3DView:
-    """All axes in view, be it wide and low under the bench or narrow and high where there is none."""
+    """All axes in view, be it wide and low under the bench or narrow and high where there is
+    none.
+    """
     rows, columns = arrangement(sensors, columns)
     width = column_width(rows, columns)
     middle = (0.0, width * (columns - 1) / 2, -ROW * (rows - 1) / 2 - 0.05)
@@ -77,7 +86,9 @@ def _side_by_side(sensors: int, columns: int, alone: bool) -> rrb.Spatial3DView:
         name="orientations, true and estimated",
         spatial_information=rrb.SpatialInformation(WORLD),
         eye_controls=rrb.EyeControls3D(
-            position=(distance, middle[1], middle[2] + 0.25 * distance), look_target=middle, eye_up=(0, 0, 1)
+            position=(distance, middle[1], middle[2] + 0.25 * distance),
+            look_target=middle,
+            eye_up=(0, 0, 1),
         ),
         line_grid=False,
     )
@@ -99,32 +110,59 @@ def _chain_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
     """Errors of the joints of the chain, then their angles."""
     sections = chain_joints(evaluation) if evaluation else {}
     return [
-        rrb.Vertical(*(_plot(f"{joint}, {title} [deg]", [f"+ /chain/{section}/{joint}/{kind}"]) for joint in joints),
-                     name=f"{section} {kind}s")
+        rrb.Vertical(
+            *(
+                _plot(f"{joint}, {title} [deg]", [f"+ /chain/{section}/{joint}/{kind}"])
+                for joint in joints
+            ),
+            name=f"{section} {kind}s",
+        )
         for section, joints in sections.items()
         for kind, title in (("error", "error"), ("angle", "true and estimated"))
-    ]  # fmt: skip
+    ]
 
 
 def _orientation_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
-    sensors = list(dict.fromkeys(row.sensor for row in evaluation.orientation)) if evaluation else []
+    sensors = (
+        list(dict.fromkeys(row.sensor for row in evaluation.orientation)) if evaluation else []
+    )
     return [
-        rrb.Vertical(*(_plot(f"{part} error [deg]", [f"+ /errors/{name}/{part}"]) for part in PARTS), name=f"{name} error")
+        rrb.Vertical(
+            *(_plot(f"{part} error [deg]", [f"+ /errors/{name}/{part}"]) for part in PARTS),
+            name=f"{name} error",
+        )
         for name in sensors
     ]
 
 
 def _imu_tab(name: str, magnetometer: bool) -> rrb.Container:
-    signals = {key: title for key, title in SIGNALS.items() if magnetometer or key != "magnetic_field_uT"}
-    return rrb.Vertical(*(_plot(title, [f"+ /imu/{name}/{key}"]) for key, title in signals.items()), name=f"{name} signals")
+    signals = {
+        key: title for key, title in SIGNALS.items() if magnetometer or key != "magnetic_field_uT"
+    }
+    return rrb.Vertical(
+        *(_plot(title, [f"+ /imu/{name}/{key}"]) for key, title in signals.items()),
+        name=f"{name} signals",
+    )
 
 
 def _plot(name: str, contents: list[str]) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
-        origin="/", contents=contents, name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop)
+        origin="/",
+        contents=contents,
+        name=name,
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
     )
 
 
 def reach_of(positions: list[np.ndarray]) -> float:
     """The farthest that any sensor comes from the world's origin [m], at least 0.3."""
-    return max([0.3, *(float(np.linalg.norm(position, axis=1).max()) for position in positions if len(position))])
+    return max(
+        [
+            0.3,
+            *(
+                float(np.linalg.norm(position, axis=1).max())
+                for position in positions
+                if len(position)
+            ),
+        ]
+    )

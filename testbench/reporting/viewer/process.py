@@ -1,4 +1,6 @@
-"""Start the viewer on a recording: a window, a browser, or nothing but a picture; nothing is left running."""
+"""Start the viewer on a recording: a window, a browser, or nothing but a picture; nothing is left
+running.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ from testbench.reporting.viewer.timeline import TIMELINE
 
 LOOPBACK = "127.0.0.1"
 START_TIMEOUT, TIMELINE_TIMEOUT = 30.0, 30.0
-"""How long the viewer may take to answer, and then to load so much that it knows the timelines [s]."""
+"""How long the viewer may take to answer, and then to load so much that it knows the timelines
+[s].
+"""
 
 
 class ViewerError(BenchError):
@@ -44,9 +48,12 @@ def view(
     """Show a session until the viewer is closed, or until Ctrl-C.
 
     Args:
-        session: The recording; session.rrd is written into its folder. web: Serve to a browser on this machine instead of
-        opening a window. estimate, evaluation: As for `save_recording`. web_port: Of the web page. announce: Told where to
-        look.
+        session: The recording; session.rrd is written into its folder.
+        web: Serve to a browser on this machine instead of opening a window.
+        estimate: As for `save_recording`.
+        evaluation: As for `save_recording`.
+        web_port: Of the web page.
+        announce: Told where to look.
 
     Raises:
         ViewerError: The viewer is not installed, or ended with an error.
@@ -67,7 +74,9 @@ def view(
         except KeyboardInterrupt:
             return
     if code != 0:
-        raise ViewerError(f"the viewer ended with code {code}; without a screen use --web, --save or --screenshot")
+        raise ViewerError(
+            f"the viewer ended with code {code}; without a screen use --web, --save or --screenshot"
+        )
 
 
 def screenshot(
@@ -81,9 +90,13 @@ def screenshot(
     """Draw what the viewer shows into a PNG, without a screen.
 
     Args:
-        session: The recording. path: The .png file to write. estimate, evaluation: As for `save_recording`. time_s: Of the
-        picture, from the start of the session [s]; two thirds into its longest section if None. size: Width and height
-        [pixels].
+        session: The recording.
+        path: The .png file to write.
+        estimate: As for `save_recording`.
+        evaluation: As for `save_recording`.
+        time_s: Of the picture, from the start of the session [s]; two thirds into its longest
+            section if None.
+        size: Width and height [pixels].
 
     Returns:
         The path.
@@ -96,7 +109,14 @@ def screenshot(
     with tempfile.TemporaryDirectory(prefix="testbench_view_") as folder:
         recording = save_recording(session, Path(folder) / FILE, estimate, evaluation)
         port = free_port()
-        options = ["--headless", "--port", str(port), "--window-size", f"{size[0]}x{size[1]}", str(recording)]
+        options = [
+            "--headless",
+            "--port",
+            str(port),
+            "--window-size",
+            f"{size[0]}x{size[1]}",
+            str(recording),
+        ]
         with _viewer(options, quiet=True) as process:
             _draw(process, port, path, _telling_time(session) if time_s is None else time_s)
     return path
@@ -112,7 +132,8 @@ def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float
     while client is None or not client.get_state().recordings:
         if process.poll() is not None:
             raise ViewerError(
-                f"the viewer ended with code {process.returncode} before it drew anything; drawing without a screen needs "
+                f"the viewer ended with code {process.returncode} before it drew anything; drawing "
+                "without a screen needs "
                 "Vulkan (Debian: libvulkan1 and mesa-vulkan-drivers)"
             )
         if waited > START_TIMEOUT:
@@ -134,7 +155,8 @@ def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float
 
 
 def _go_to(client: Any, time_s: float, pause: threading.Event) -> None:
-    """Set the time of the picture [s]; a recording that is still being loaded has no timelines for a while.
+    """Set the time of the picture [s]; a recording that is still being loaded has no timelines for
+    a while.
 
     Raises:
         RuntimeError: It still has none after `TIMELINE_TIMEOUT`, or refuses for another reason.
@@ -165,7 +187,9 @@ def _telling_time(session: Session) -> float:
 
 @contextmanager
 def _ended_by_signal() -> Iterator[None]:
-    """Let a polite request to end (SIGTERM) stop the wait like Ctrl-C, so that the viewer ends too; in the main thread only."""
+    """Let a polite request to end (SIGTERM) stop the wait like Ctrl-C, so that the viewer ends too;
+    in the main thread only.
+    """
 
     def stop(signum: int, frame: object) -> None:
         raise KeyboardInterrupt
@@ -186,7 +210,9 @@ def _viewer(options: list[str], quiet: bool) -> Iterator[subprocess.Popen[bytes]
     with tempfile.TemporaryDirectory(prefix="testbench_viewer_") as folder:
         output = subprocess.DEVNULL if quiet else None
         command = [str(viewer_program()), "--bind", LOOPBACK, *options]
-        process = subprocess.Popen(command, env=_environment(Path(folder)), stdout=output, stderr=output)
+        process = subprocess.Popen(
+            command, env=_environment(Path(folder)), stdout=output, stderr=output
+        )
         try:
             yield process
         finally:
@@ -216,10 +242,13 @@ def viewer_program() -> Path:
 
 
 def _environment(folder: Path) -> dict[str, str]:
-    """The environment with a configuration of the viewer's own, in which its usage statistics are off."""
+    """The environment with a configuration of the viewer's own, in which its usage statistics are
+    off.
+    """
     file = folder / "rerun" / "analytics.json"
     file.parent.mkdir()
-    # All five entries are needed: with one missing the viewer takes the file for damaged and turns its statistics on.
+    # All five entries are needed: with one missing the viewer takes the file for damaged and turns
+    # its statistics on.
     settings = {"analytics_enabled": False, "analytics_id": "none", "metadata": {}}
     paths = {"config_file_path": str(file), "data_dir_path": str(folder / "statistics")}
     file.write_text(json.dumps({**settings, **paths}), encoding="utf-8")

@@ -14,20 +14,33 @@ from testbench.records.session import Session
 from testbench.reporting.palette import filter_colours
 from testbench.reporting.report import load_estimate, load_evaluation
 from testbench.reporting.viewer.layout import layout, reach_of
-from testbench.reporting.viewer.scene import WORLD, log_arm, log_estimated_sensor, log_mounted_sensor, log_side_by_side
+from testbench.reporting.viewer.scene import (
+    WORLD,
+    log_arm,
+    log_estimated_sensor,
+    log_mounted_sensor,
+    log_side_by_side,
+)
 from testbench.reporting.viewer.signals import log_chain, log_errors, log_imu, log_steps
 
 FILE = "session.rrd"
 
 
 def save_recording(
-    session: Session, path: str | Path, estimate: Estimate | None = None, evaluation: Evaluation | None = None
+    session: Session,
+    path: str | Path,
+    estimate: Estimate | None = None,
+    evaluation: Evaluation | None = None,
 ) -> Path:
     """Write what the viewer shows of a session.
 
     Args:
-        session: The recording. path: The .rrd file to write. estimate, evaluation: What was made of it; read from the session's
-        folder if None, and left out where the folder has none.
+        session: The recording.
+        path: The .rrd file to write.
+        estimate: What was made of it; read from the session's folder if None, and left out where
+            the folder has none.
+        evaluation: What was made of it; read from the session's folder if None, and left out where
+            the folder has none.
 
     Returns:
         The path.
@@ -53,17 +66,32 @@ def _log(
     evaluation: Evaluation | None,
     arm: ArmSamples | None,
 ) -> None:
-    filters = [key for sensor in estimate.sensors.values() for key in sensor.orientation] if estimate else []
-    filters += (
-        [row.filter for row in evaluation.orientation] + [row.filter for row in evaluation.joint_angle] if evaluation else []
+    filters = (
+        [key for sensor in estimate.sensors.values() for key in sensor.orientation]
+        if estimate
+        else []
     )
-    colours = filter_colours([name for name in session.analysis.estimate.filters if name in filters] + filters)
+    filters += (
+        [row.filter for row in evaluation.orientation]
+        + [row.filter for row in evaluation.joint_angle]
+        if evaluation
+        else []
+    )
+    colours = filter_colours(
+        [name for name in session.analysis.estimate.filters if name in filters] + filters
+    )
     truths = {name: session.truth(name) for name in session.sensor_names}
     kept = {name: own.every for name, own in estimate.sensors.items()} if estimate else {}
     samples = {name: session.imu(name, every=kept.get(name, 1)) for name in session.sensor_names}
-    columns = max([1, *(1 + len(sensor.orientation) for sensor in estimate.sensors.values())]) if estimate else 1
+    columns = (
+        max([1, *(1 + len(sensor.orientation) for sensor in estimate.sensors.values())])
+        if estimate
+        else 1
+    )
     magnetometers = {name for name, own in samples.items() if own.mag is not None}
-    recording.send_blueprint(layout(session, evaluation, columns, _reach(session, arm), magnetometers))
+    recording.send_blueprint(
+        layout(session, evaluation, columns, _reach(session, arm), magnetometers)
+    )
     recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.log("/", rr.CoordinateFrame(WORLD), static=True)
     if arm is not None and session.robot is not None:
@@ -88,4 +116,9 @@ def _reach(session: Session, arm: ArmSamples | None) -> float | None:
     kinematics = Kinematics(session.robot)
     few = arm.q_measured[:: max(1, len(arm.q_measured) // 200)]
     sensors = session.analysis.sensors.values()
-    return reach_of([kinematics.frame_motion(s.link, few, offset=Pose.from_placement(s.mounting)).position for s in sensors])
+    return reach_of(
+        [
+            kinematics.frame_motion(s.link, few, offset=Pose.from_placement(s.mounting)).position
+            for s in sensors
+        ]
+    )

@@ -1,4 +1,6 @@
-"""What moves in space: the arm, the true axes of its sensors, and the axes that the filters estimate."""
+"""What moves in space: the arm, the true axes of its sensors, and the axes that the filters
+estimate.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ TRUE_LENGTH, ESTIMATED_LENGTH = 0.12, 0.085
 ROW, COLUMN = 0.4, 0.4
 """Distances between the axes that stand side by side, the least between columns [m]."""
 WIDE = 1.8
-"""Part of the height of all rows that the columns may take, up to three times the least distance apart."""
+"""Part of the height of all rows that the columns may take, up to three times the least distance
+apart.
+"""
 PER_ROW = 6
 """Axes of one sensor in a row; of more, those that are left go on in the next."""
 
@@ -42,7 +46,10 @@ def log_arm(recording: rr.RecordingStream, robot: Robot, samples: ArmSamples) ->
         urdf = Path(folder) / "robot.urdf"
         urdf.write_text(viewable_urdf(robot), encoding="utf-8")
         tree = rr.urdf.UrdfTree.from_file_path(
-            urdf, entity_path_prefix="arm", frame_prefix="arm/", static_transform_entity_path="arm/transforms"
+            urdf,
+            entity_path_prefix="arm",
+            frame_prefix="arm/",
+            static_transform_entity_path="arm/transforms",
         )
         tree.log_urdf_to_recording(recording)
         recording.flush()
@@ -60,7 +67,9 @@ def log_arm(recording: rr.RecordingStream, robot: Robot, samples: ArmSamples) ->
 
 
 def viewable_urdf(robot: Robot) -> str:
-    """The URDF with absolute mesh addresses and without what the viewer must not draw or cannot find."""
+    """The URDF with absolute mesh addresses and without what the viewer must not draw or cannot
+    find.
+    """
     root = ElementTree.fromstring(robot.urdf.read_text(encoding="utf-8"))
     for parent in list(root.iter()):
         for child in list(parent):
@@ -96,27 +105,55 @@ def log_mounted_sensor(recording: rr.RecordingStream, name: str, sensor: Sensor)
     path = f"sensors/{name}/true"
     frame = f"sensor/{name}"
     recording.log(path, _transform(pose, f"arm/{sensor.link}", frame), static=True)
-    recording.log(path, rr.CoordinateFrame(frame), _axes(TRUE_LENGTH, TRUE_AXES, 0.0035), static=True)
+    recording.log(
+        path, rr.CoordinateFrame(frame), _axes(TRUE_LENGTH, TRUE_AXES, 0.0035), static=True
+    )
     housing = rr.Boxes3D(
-        half_sizes=[[0.018, 0.015, 0.0055]], colors=[(250, 170, 40)], labels=[name], show_labels=True, fill_mode="solid"
+        half_sizes=[[0.018, 0.015, 0.0055]],
+        colors=[(250, 170, 40)],
+        labels=[name],
+        show_labels=True,
+        fill_mode="solid",
     )
     recording.log(f"sensors/{name}/housing", rr.CoordinateFrame(frame), housing, static=True)
 
 
 def log_estimated_sensor(
-    recording: rr.RecordingStream, session: Session, name: str, estimate: Estimate, arm: ArmSamples, colours: dict[str, str]
+    recording: rr.RecordingStream,
+    session: Session,
+    name: str,
+    estimate: Estimate,
+    arm: ArmSamples,
+    colours: dict[str, str],
 ) -> None:
-    """The axes that each filter estimates, in the filter's colour, where the arm carries the sensor."""
-    robot, sensor, own = session.robot, session.analysis.sensors.get(name), estimate.sensors.get(name)
+    """The axes that each filter estimates, in the filter's colour, where the arm carries the
+    sensor.
+    """
+    robot, sensor, own = (
+        session.robot,
+        session.analysis.sensors.get(name),
+        estimate.sensors.get(name),
+    )
     if robot is None or sensor is None or own is None or not own.orientation:
         return
     time = own.host_time_ns[every(own.host_time_ns, AXES_RATE)]
-    q = np.column_stack([np.interp(time, arm.host_time_ns, arm.q_measured[:, i]) for i in range(arm.q_measured.shape[1])])
-    position = Kinematics(robot).frame_motion(sensor.link, q, offset=Pose.from_placement(sensor.mounting)).position
+    q = np.column_stack(
+        [
+            np.interp(time, arm.host_time_ns, arm.q_measured[:, i])
+            for i in range(arm.q_measured.shape[1])
+        ]
+    )
+    position = (
+        Kinematics(robot)
+        .frame_motion(sensor.link, q, offset=Pose.from_placement(sensor.mounting))
+        .position
+    )
     for key, orientation in own.orientation.items():
         shown = orientation[every(own.host_time_ns, AXES_RATE)]
         path = f"sensors/{name}/estimated/{key}"
-        _log_moving_axes(recording, path, time, shown, position, ESTIMATED_LENGTH, [rgb(colours[key])] * 3)
+        _log_moving_axes(
+            recording, path, time, shown, position, ESTIMATED_LENGTH, [rgb(colours[key])] * 3
+        )
 
 
 def arrangement(sensors: int, axes: int) -> tuple[int, int]:
@@ -125,7 +162,9 @@ def arrangement(sensors: int, axes: int) -> tuple[int, int]:
 
 
 def column_width(rows: int, columns: int) -> float:
-    """Distance between columns [m]: of many rows, seen from afar, the names beneath the axes would overlap."""
+    """Distance between columns [m]: of many rows, seen from afar, the names beneath the axes would
+    overlap.
+    """
     return float(np.clip(WIDE * ROW * rows / max(columns, 1), COLUMN, 3 * COLUMN))
 
 
@@ -136,30 +175,57 @@ def log_side_by_side(
     colours: dict[str, str],
     columns: int,
 ) -> None:
-    """True and estimated axes of every sensor, `columns` of them at most, each with its name beneath, or before it."""
+    """True and estimated axes of every sensor, `columns` of them at most, each with its name
+    beneath, or before it.
+    """
     labels: list[tuple[str, tuple[float, float, float]]] = []
     rows, across = arrangement(len(truths), columns)
     width, rows_each = column_width(rows, across), rows // max(len(truths), 1)
     for sensor, (name, truth) in enumerate(truths.items()):
         cells = [] if truth is None else [("true", truth.host_time_ns, truth.q_world_from_sensor)]
         own = None if estimate is None else estimate.sensors.get(name)
-        cells += [] if own is None else [(key, own.host_time_ns, q) for key, q in own.orientation.items()]
+        cells += (
+            []
+            if own is None
+            else [(key, own.host_time_ns, q) for key, q in own.orientation.items()]
+        )
         for i, (key, time, q) in enumerate(cells):
             row, column = sensor * rows_each + i // PER_ROW, i % PER_ROW
             place = np.array([0.0, width * column, -ROW * row])
-            aside, below = (0.5 * (width - COLUMN), 0.0) if width > 2 * COLUMN else (0.0, 0.45 * ROW)
+            aside, below = (
+                (0.5 * (width - COLUMN), 0.0) if width > 2 * COLUMN else (0.0, 0.45 * ROW)
+            )
             if rows_each > 1 and column % 2:  # long names side by side would cover each other
                 below += 0.16 * ROW
-            labels.append((f"{name}, true" if key == "true" else key, (0.0, place[1] - aside, place[2] - below)))
-            shades = list(TRUE_AXES) if key == "true" else [_tinted(axis, rgb(colours[key])) for axis in TRUE_AXES]
+            labels.append(
+                (
+                    f"{name}, true" if key == "true" else key,
+                    (0.0, place[1] - aside, place[2] - below),
+                )
+            )
+            shades = (
+                list(TRUE_AXES)
+                if key == "true"
+                else [_tinted(axis, rgb(colours[key])) for axis in TRUE_AXES]
+            )
             chosen = every(time, AXES_RATE)
             known = np.isfinite(q[chosen]).all(axis=1)
             steady = np.tile(place, (int(known.sum()), 1))
             path = f"orientations/{name}/{key}"
-            _log_moving_axes(recording, path, time[chosen][known], q[chosen][known], steady, SIDE_BY_SIDE_LENGTH, shades)
+            _log_moving_axes(
+                recording,
+                path,
+                time[chosen][known],
+                q[chosen][known],
+                steady,
+                SIDE_BY_SIDE_LENGTH,
+                shades,
+            )
     if labels:
         texts, places = zip(*labels, strict=True)
-        points = rr.Points3D(places, labels=texts, radii=0.001, colors=(150, 150, 150), show_labels=True)
+        points = rr.Points3D(
+            places, labels=texts, radii=0.001, colors=(150, 150, 150), show_labels=True
+        )
         recording.log("orientations/names", rr.CoordinateFrame(WORLD), points, static=True)
 
 
@@ -177,14 +243,21 @@ def _log_moving_axes(
     rows = changing(np.column_stack([q_world_from_sensor, position]), STILL)
     q = np.roll(q_world_from_sensor[rows], -1, axis=1)  # rerun wants x, y, z, w
     columns = rr.Transform3D.columns(
-        translation=position[rows], quaternion=q, parent_frame=[WORLD] * len(rows), child_frame=[path] * len(rows)
+        translation=position[rows],
+        quaternion=q,
+        parent_frame=[WORLD] * len(rows),
+        child_frame=[path] * len(rows),
     )
     send(recording, f"{path}/pose", time_ns[rows], columns)
-    recording.log(path, rr.CoordinateFrame(path), _axes(length, tuple(colours), 0.026 * length), static=True)
+    recording.log(
+        path, rr.CoordinateFrame(path), _axes(length, tuple(colours), 0.026 * length), static=True
+    )
 
 
 def _axes(length: float, colours: tuple[tuple[int, int, int], ...], radius: float) -> rr.Arrows3D:
-    return rr.Arrows3D(vectors=length * np.eye(3), origins=np.zeros((3, 3)), colors=colours, radii=radius)
+    return rr.Arrows3D(
+        vectors=length * np.eye(3), origins=np.zeros((3, 3)), colors=colours, radii=radius
+    )
 
 
 def _tinted(axis: tuple[int, int, int], colour: tuple[int, int, int]) -> tuple[int, int, int]:
@@ -195,4 +268,6 @@ def _tinted(axis: tuple[int, int, int], colour: tuple[int, int, int]) -> tuple[i
 
 def _transform(pose: Pose, parent: str, child: str) -> rr.Transform3D:
     q = np.roll(rotation.from_matrix(pose.R), -1)
-    return rr.Transform3D(translation=pose.position, quaternion=q, parent_frame=parent, child_frame=child)
+    return rr.Transform3D(
+        translation=pose.position, quaternion=q, parent_frame=parent, child_frame=child
+    )

@@ -23,35 +23,75 @@ MOST_JOINTS = 4
 PARTS = ("total", "inclination", "heading")
 
 
-def log_imu(recording: rr.RecordingStream, name: str, samples: ImuSamples, estimate: Estimate | None) -> None:
+def log_imu(
+    recording: rr.RecordingStream, name: str, samples: ImuSamples, estimate: Estimate | None
+) -> None:
     """Raw signals of a sensor, on the host's clock where the clock was fitted."""
     own = None if estimate is None else estimate.sensors.get(name)
-    time = own.host_time_ns if own is not None and len(own.host_time_ns) == len(samples) else samples.host_time_ns
+    time = (
+        own.host_time_ns
+        if own is not None and len(own.host_time_ns) == len(samples)
+        else samples.host_time_ns
+    )
     _log_vector(recording, f"imu/{name}/rate_deg_s", time, np.degrees(samples.gyr))
     _log_vector(recording, f"imu/{name}/specific_force_m_s2", time, samples.acc)
     if samples.mag is not None:
         _log_vector(recording, f"imu/{name}/magnetic_field_uT", time, samples.mag)
 
 
-def log_errors(recording: rr.RecordingStream, evaluation: Evaluation, colours: dict[str, str]) -> None:
-    """Errors of every orientation and flexion from the first that is judged, so that no filter's start drowns them [deg]."""
+def log_errors(
+    recording: rr.RecordingStream, evaluation: Evaluation, colours: dict[str, str]
+) -> None:
+    """Errors of every orientation and flexion from the first that is judged, so that no filter's
+    start drowns them [deg].
+    """
     for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
         series = evaluation.series.get(f"orientation_{sensor}", {})
-        filters = list(dict.fromkeys(row.filter for row in evaluation.orientation if row.sensor == sensor))
+        filters = list(
+            dict.fromkeys(row.filter for row in evaluation.orientation if row.sensor == sensor)
+        )
         for part in PARTS:
-            lines = {key: series[f"{key}_{part}_rad"] for key in filters if f"{key}_{part}_rad" in series}
-            _log_lines(recording, f"errors/{sensor}/{part}", series.get("host_time_ns"), lines, colours, _first(series))
+            lines = {
+                key: series[f"{key}_{part}_rad"] for key in filters if f"{key}_{part}_rad" in series
+            }
+            _log_lines(
+                recording,
+                f"errors/{sensor}/{part}",
+                series.get("host_time_ns"),
+                lines,
+                colours,
+                _first(series),
+            )
     for joint in dict.fromkeys(row.joint for row in evaluation.joint_angle):
         series = evaluation.series.get(f"joint_{joint}", {})
-        keys = list(dict.fromkeys((row.filter, row.sequence) for row in evaluation.joint_angle if row.joint == joint))
+        keys = list(
+            dict.fromkeys(
+                (row.filter, row.sequence) for row in evaluation.joint_angle if row.joint == joint
+            )
+        )
         for sequence in dict.fromkeys(own for _, own in keys):
             for kind in ("flexion", "error"):
-                lines = {"true": series["reference_rad"]} if kind == "flexion" and "reference_rad" in series else {}
-                columns = {key: f"{key}_{sequence}_{kind}_rad" for key, own in keys if own == sequence}
-                lines |= {key: series[column] for key, column in columns.items() if column in series}
+                lines = (
+                    {"true": series["reference_rad"]}
+                    if kind == "flexion" and "reference_rad" in series
+                    else {}
+                )
+                columns = {
+                    key: f"{key}_{sequence}_{kind}_rad" for key, own in keys if own == sequence
+                }
+                lines |= {
+                    key: series[column] for key, column in columns.items() if column in series
+                }
                 path = f"joints/{joint}/{sequence}/{kind}"
                 begin = _first(series) if kind == "error" else 0
-                _log_lines(recording, path, series.get("host_time_ns"), lines, {"true": REFERENCE, **colours}, begin)
+                _log_lines(
+                    recording,
+                    path,
+                    series.get("host_time_ns"),
+                    lines,
+                    {"true": REFERENCE, **colours},
+                    begin,
+                )
 
 
 def chain_joints(evaluation: Evaluation) -> dict[str, list[str]]:
@@ -65,16 +105,26 @@ def chain_joints(evaluation: Evaluation) -> dict[str, list[str]]:
 
 
 def log_chain(recording: rr.RecordingStream, evaluation: Evaluation) -> None:
-    """True and estimated angles of the joints of a chain, and their errors from the first to the last that is judged [deg]."""
+    """True and estimated angles of the joints of a chain, and their errors from the first to the
+    last that is judged [deg].
+    """
     states = list(dict.fromkeys(row.state for row in evaluation.chain))
     colours = filter_colours(states)
     for section, joints in chain_joints(evaluation).items():
         series = {state: evaluation.series.get(f"chain_{section}_{state}") for state in states}
-        known = {state: own for state, own in series.items() if own is not None and len(own["host_time_ns"])}
+        known = {
+            state: own
+            for state, own in series.items()
+            if own is not None and len(own["host_time_ns"])
+        }
         if not known:
             continue
         first = next(iter(known.values()))
-        alike = {state: own for state, own in known.items() if np.array_equal(own["host_time_ns"], first["host_time_ns"])}
+        alike = {
+            state: own
+            for state, own in known.items()
+            if np.array_equal(own["host_time_ns"], first["host_time_ns"])
+        }
         time, judged = first["host_time_ns"], np.flatnonzero(first["judged"])
         shown = slice(judged[0], judged[-1] + 1) if len(judged) else slice(None)
         for joint in joints:
@@ -100,16 +150,26 @@ def log_steps(recording: rr.RecordingStream, session: Session) -> None:
         if text:
             times.append(event.host_time_ns)
             texts.append(text)
-            levels.append({"run_error": "ERROR", "run_aborted": "ERROR", "run_interrupted": "WARN"}.get(event.event, "INFO"))
+            levels.append(
+                {"run_error": "ERROR", "run_aborted": "ERROR", "run_interrupted": "WARN"}.get(
+                    event.event, "INFO"
+                )
+            )
     if times:
         send(recording, "events", np.array(times), rr.TextLog.columns(text=texts, level=levels))
     steps = session.steps
     if not steps:
         return
-    starts = [step for i, step in enumerate(steps) if i == 0 or step.section != steps[i - 1].section]
+    starts = [
+        step for i, step in enumerate(steps) if i == 0 or step.section != steps[i - 1].section
+    ]
     changes = rr.StateChange.columns(state=[step.section for step in starts])
     sections = list(dict.fromkeys(step.section for step in starts))
-    _name_states(recording, "state/section", {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(sections)})
+    _name_states(
+        recording,
+        "state/section",
+        {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(sections)},
+    )
     send(recording, "state/section", np.array([step.start_ns for step in starts]), changes)
     phases: list[tuple[int, str]] = []
     for step in steps:
@@ -118,12 +178,19 @@ def log_steps(recording: rr.RecordingStream, session: Session) -> None:
         if step.end_ns > step.settled_ns:
             phases.append((step.settled_ns, "dwell"))
     _name_states(recording, "state/phase", PHASES)
-    send(recording, "state/phase", np.array([t for t, _ in phases]), rr.StateChange.columns(state=[name for _, name in phases]))
+    send(
+        recording,
+        "state/phase",
+        np.array([t for t, _ in phases]),
+        rr.StateChange.columns(state=[name for _, name in phases]),
+    )
 
 
 def _name_states(recording: rr.RecordingStream, path: str, colours: dict[str, str]) -> None:
     names = list(colours)
-    style = rr.StateConfiguration(values=names, labels=names, colors=[(*rgb(colour), 255) for colour in colours.values()])
+    style = rr.StateConfiguration(
+        values=names, labels=names, colors=[(*rgb(colour), 255) for colour in colours.values()]
+    )
     recording.log(path, style, static=True)
 
 
@@ -136,8 +203,14 @@ def _sentence(event: str, details: dict[str, object]) -> str:
     return event.replace("_", " ") + (f": {rest}" if rest else "")
 
 
-def _log_vector(recording: rr.RecordingStream, path: str, time_ns: np.ndarray, values: np.ndarray) -> None:
-    recording.log(path, rr.SeriesLines(names=["x", "y", "z"], colors=AXIS_COLOURS, widths=[1.2] * 3), static=True)
+def _log_vector(
+    recording: rr.RecordingStream, path: str, time_ns: np.ndarray, values: np.ndarray
+) -> None:
+    recording.log(
+        path,
+        rr.SeriesLines(names=["x", "y", "z"], colors=AXIS_COLOURS, widths=[1.2] * 3),
+        static=True,
+    )
     columns = rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), 3))
     send(recording, path, time_ns, columns)
 
@@ -150,13 +223,20 @@ def _log_lines(
     colours: dict[str, str],
     begin: int,
 ) -> None:
-    """Angles [rad] as lines of one plot [deg]; one entity, for each costs its own times and row identifiers."""
+    """Angles [rad] as lines of one plot [deg]; one entity, for each costs its own times and row
+    identifiers.
+    """
     if time_ns is None or not lines:
         return
     chosen = slice(begin, None, every(time_ns, ERROR_RATE).step)
     values = np.degrees(np.column_stack([line[chosen] for line in lines.values()]))
-    style = rr.SeriesLines(names=list(lines), colors=[rgb(colours[name]) for name in lines], widths=[1.4] * len(lines))
+    style = rr.SeriesLines(
+        names=list(lines), colors=[rgb(colours[name]) for name in lines], widths=[1.4] * len(lines)
+    )
     recording.log(path, style, static=True)
     send(
-        recording, path, time_ns[chosen], rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), len(lines)))
+        recording,
+        path,
+        time_ns[chosen],
+        rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), len(lines))),
     )

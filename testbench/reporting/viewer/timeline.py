@@ -11,10 +11,14 @@ import rerun as rr
 TIMELINE = "host_time"
 
 
-def send(recording: rr.RecordingStream, path: str, time_ns: np.ndarray, columns: Iterable[Any]) -> None:
+def send(
+    recording: rr.RecordingStream, path: str, time_ns: np.ndarray, columns: Iterable[Any]
+) -> None:
     """Log columns at host times, shape (n,), as durations since the start of the session."""
     durations = np.asarray(time_ns, dtype=np.int64).astype("timedelta64[ns]")
-    rr.send_columns(path, [rr.TimeColumn(TIMELINE, duration=durations)], columns, recording=recording)
+    rr.send_columns(
+        path, [rr.TimeColumn(TIMELINE, duration=durations)], columns, recording=recording
+    )
 
 
 def every(time_ns: np.ndarray, rate: float) -> slice:
@@ -26,7 +30,9 @@ def every(time_ns: np.ndarray, rate: float) -> slice:
 
 
 def changing(values: np.ndarray, tolerance: float) -> np.ndarray:
-    """Rows that differ from the one before or after by more than a tolerance, and the ends; shape (n, k) to indices."""
+    """Rows that differ from the one before or after by more than a tolerance, and the ends; shape
+    (n, k) to indices.
+    """
     moved = np.abs(np.diff(values, axis=0)).max(axis=1) > tolerance
     keep = np.zeros(len(values), dtype=bool)
     keep[[0, -1]] = True

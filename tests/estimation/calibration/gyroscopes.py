@@ -1,4 +1,6 @@
-"""Gyroscopes with known errors on known motions; the truth comes from SciPy and from paper, not from the code under test."""
+"""Gyroscopes with known errors on known motions; the truth comes from SciPy and from paper, not
+from the code under test.
+"""
 
 from __future__ import annotations
 
@@ -54,13 +56,19 @@ class Gyroscope:
             "gyr_misalignment_xy": -T[2, 0],
             "gyr_misalignment_yx": T[2, 1],
             **{f"gyr_bias_{axis}": self.bias[i] for i, axis in enumerate("xyz")},
-            **{f"gyr_g_{a}{b}": self.g_response[i, j] for i, a in enumerate("xyz") for j, b in enumerate("xyz")},
+            **{
+                f"gyr_g_{a}{b}": self.g_response[i, j]
+                for i, a in enumerate("xyz")
+                for j, b in enumerate("xyz")
+            },
         }
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion from rest to rest: times (n,) [s], rate in the body (n, 3) [rad/s], q_world_from_body (n, 4)."""
+    """A motion from rest to rest: times (n,) [s], rate in the body (n, 3) [rad/s],
+    q_world_from_body (n, 4).
+    """
 
     interval: float
     rate: np.ndarray
@@ -72,8 +80,12 @@ class Motion:
         return Rotation.from_quat(self.q, scalar_first=True).inv().apply([0.0, 0.0, 1.0])
 
 
-def fixed_axis_motion(start: Rotation, axis: np.ndarray, angle: float, n: int, interval: float) -> Motion:
-    """A turn about one axis whose rate is a triangle over the samples, so that its angle is known on paper."""
+def fixed_axis_motion(
+    start: Rotation, axis: np.ndarray, angle: float, n: int, interval: float
+) -> Motion:
+    """A turn about one axis whose rate is a triangle over the samples, so that its angle is known
+    on paper.
+    """
     ramp = np.minimum(np.arange(n), np.arange(n)[::-1]).astype(float)
     steps = 0.5 * (ramp[1:] + ramp[:-1]) * interval
     rate = ramp * angle / steps.sum()
@@ -83,7 +95,9 @@ def fixed_axis_motion(start: Rotation, axis: np.ndarray, angle: float, n: int, i
     return Motion(interval, rate[:, None] * unit, attitude.as_quat(scalar_first=True))
 
 
-def wandering_motion(start: Rotation, rng: np.random.Generator, duration: float, interval: float, rate: float) -> Motion:
+def wandering_motion(
+    start: Rotation, rng: np.random.Generator, duration: float, interval: float, rate: float
+) -> Motion:
     """Smooth rates about all axes at once; the orientation by SciPy's DOP853."""
     amplitude = rate * rng.standard_normal((3, 2))
     t = interval * np.arange(round(duration / interval) + 1)
@@ -98,7 +112,13 @@ def wandering_motion(start: Rotation, rng: np.random.Generator, duration: float,
         return 0.5 * np.array([[0, -x, -y, -z], [x, 0, z, -y], [y, -z, 0, x], [z, y, -x, 0]]) @ q
 
     solution = solve_ivp(
-        derivative, (0, duration), start.as_quat(scalar_first=True), method="DOP853", rtol=1e-12, atol=1e-13, t_eval=t
+        derivative,
+        (0, duration),
+        start.as_quat(scalar_first=True),
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-13,
+        t_eval=t,
     )
     return Motion(interval, rates(t), solution.y.T)
 
@@ -111,7 +131,9 @@ def record(
     up_sd: float = 0.0,
     in_run: float = 0.0,
 ) -> GyroscopeRecording:
-    """What a bench would hand to a calibration: rests between the motions, directions with their error, the arm's truth."""
+    """What a bench would hand to a calibration: rests between the motions, directions with their
+    error, the arm's truth.
+    """
     rests, turns = [], []
     directions = [motions[0].up[0], *(motion.up[-1] for motion in motions)]
     measured = [up + np.cross(up_sd * rng.standard_normal(3), up) for up in directions]
@@ -138,14 +160,20 @@ def record(
     return GyroscopeRecording(rests, turns)
 
 
-def chain(kind: str, count: int, rng: np.random.Generator, interval: float = 0.01, duration: float = 4.0) -> list[Motion]:
+def chain(
+    kind: str, count: int, rng: np.random.Generator, interval: float = 0.01, duration: float = 4.0
+) -> list[Motion]:
     """Motions that follow one another."""
     attitude = Rotation.random(rng=rng)
     motions = []
     for _ in range(count):
         if kind == "fixed_axis":
             motion = fixed_axis_motion(
-                attitude, rng.standard_normal(3), rng.uniform(1.5, 4.0), round(duration / interval) + 1, interval
+                attitude,
+                rng.standard_normal(3),
+                rng.uniform(1.5, 4.0),
+                round(duration / interval) + 1,
+                interval,
             )
         else:
             motion = wandering_motion(attitude, rng, duration, interval, 0.8)

@@ -1,4 +1,6 @@
-"""Triads with known errors in poses at rest, and how often stated intervals hold the truth. Rotations are SciPy's."""
+"""Triads with known errors in poses at rest, and how often stated intervals hold the truth.
+Rotations are SciPy's.
+"""
 
 from __future__ import annotations
 
@@ -47,8 +49,8 @@ def poses_of(
 ) -> StaticPoses:
     """Means as a part with these errors gives them, and their variances as 200 samples tell them.
 
-    `noise` is the standard deviation of a mean. The true direction differs from the expected one by `direction_sd` about each
-    axis across it.
+    `noise` is the standard deviation of a mean. The true direction differs from the expected one by
+    `direction_sd` about each axis across it.
     """
     true, m = expected, len(expected)
     variance = np.full((m, 3), max(noise, 1e-6) ** 2)
@@ -58,18 +60,30 @@ def poses_of(
         added = noise * draw.standard_normal((m, 3))
         variance = variance * draw.chisquare(SAMPLES - 1, (m, 3)) / (SAMPLES - 1)
     magnitude = float(np.linalg.norm(expected[0]))
-    poses = StaticPoses(true @ response.T + bias + added, variance, magnitude, expected, direction_sd)
+    poses = StaticPoses(
+        true @ response.T + bias + added, variance, magnitude, expected, direction_sd
+    )
     return replace(poses, **known)
 
 
 def truth_of(method: str, response: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    """What a method's parameters are of a part with these errors, by linear algebra that the methods do not use."""
+    """What a method's parameters are of a part with these errors, by linear algebra that the
+    methods do not use.
+    """
     A = np.linalg.inv(response)
     if method == "norm_only":
         upper = np.linalg.qr(A)[1]
         upper = upper * np.sign(np.diag(upper))[:, None]
         scale = np.diag(upper)
-        return np.array([-upper[0, 1] / scale[1], upper[0, 2] / scale[2], -upper[1, 2] / scale[2], *scale, *bias])
+        return np.array(
+            [
+                -upper[0, 1] / scale[1],
+                upper[0, 2] / scale[2],
+                -upper[1, 2] / scale[2],
+                *scale,
+                *bias,
+            ]
+        )
     if method == "ellipsoid":
         _, s, vt = np.linalg.svd(A)
         root = vt.T @ np.diag(s) @ vt
@@ -87,10 +101,15 @@ def truth_of(method: str, response: np.ndarray, bias: np.ndarray) -> np.ndarray:
 
 def all_of(fits: tuple[Fit, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values, standard uncertainties and half widths of all parameters."""
-    return tuple(np.concatenate(part) for part in zip(*((f.values, f.sd, f.half_width(LEVEL)) for f in fits), strict=True))
+    return tuple(
+        np.concatenate(part)
+        for part in zip(*((f.values, f.sd, f.half_width(LEVEL)) for f in fits), strict=True)
+    )
 
 
-def covered(fit_of: Callable[[np.random.Generator], TriadCalibration], truth: np.ndarray, trials: int = 1000) -> np.ndarray:
+def covered(
+    fit_of: Callable[[np.random.Generator], TriadCalibration], truth: np.ndarray, trials: int = 1000
+) -> np.ndarray:
     """Share of trials in which each parameter's interval holds the truth, shape (p,)."""
     inside = np.zeros(len(truth))
     draw = rng(2024)

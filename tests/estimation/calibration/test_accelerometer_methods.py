@@ -1,4 +1,6 @@
-"""Every accelerometer method: exact on ideal data, right within its own uncertainty, and no surer of itself than it may be."""
+"""Every accelerometer method: exact on ideal data, right within its own uncertainty, and no surer
+of itself than it may be.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,18 @@ from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.rotational import likeness
 from testbench.estimation.calibration.triad_model import ACCELEROMETER
 from testbench.exceptions import InputError
-from tests.estimation.calibration.simulated import GRAVITY, SIX, UP, all_of, covered, part, poses_of, rng, truth_of, turned
+from tests.estimation.calibration.simulated import (
+    GRAVITY,
+    SIX,
+    UP,
+    all_of,
+    covered,
+    part,
+    poses_of,
+    rng,
+    truth_of,
+    turned,
+)
 
 PLANE = GRAVITY * np.array([[np.cos(a), 0, np.sin(a)] for a in np.linspace(0, 5, 8)])
 NOISE = 2e-3
@@ -38,14 +51,22 @@ def set_up(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         response = np.array([[1.01, 0, 0.02], [0, 1, 0], [-0.03, 0, 0.98]])
         return PLANE, response, np.array([0.1, 0, -0.05]) * name.endswith("bias")
     if name.startswith("rotational_nearest"):
-        return turned(UP, 20), Rotation.from_rotvec([0.3, -0.2, 1.1]).as_matrix(), bias * name.endswith("bias")
+        return (
+            turned(UP, 20),
+            Rotation.from_rotvec([0.3, -0.2, 1.1]).as_matrix(),
+            bias * name.endswith("bias"),
+        )
     return turned(UP, 20), response, bias
 
 
 def truth_for(name: str, response: np.ndarray, bias: np.ndarray) -> np.ndarray:
     if name.startswith("rotational_2d"):
         A = np.linalg.inv(response[np.ix_([0, 2], [0, 2])])
-        return np.column_stack([A, -A @ bias[[0, 2]]]).reshape(-1) if name.endswith("bias") else A.reshape(-1)
+        return (
+            np.column_stack([A, -A @ bias[[0, 2]]]).reshape(-1)
+            if name.endswith("bias")
+            else A.reshape(-1)
+        )
     if name.startswith("rotational_nearest"):
         vector = Rotation.from_matrix(response).as_rotvec()
         return np.concatenate([vector, bias]) if name.endswith("bias") else vector
@@ -73,9 +94,13 @@ def test_the_known_errors_lie_within_the_stated_uncertainty(name):
     for seed in range(20):
         poses = poses_of(forces, response, bias, NOISE, rng(seed))
         values, sd, _ = all_of(ACCELEROMETER_METHODS[name].function(poses).fits)
-        if name.startswith("rotational_nearest"):  # a small rotation about the sensor's axes, not a difference of vectors
+        if name.startswith(
+            "rotational_nearest"
+        ):  # a small rotation about the sensor's axes, not a difference of vectors
             left = Rotation.from_matrix(response) * Rotation.from_rotvec(values[:3]).inv()
-            errors.append(np.concatenate([left.as_rotvec(), values[3:] - bias[: len(values) - 3]]) / sd)
+            errors.append(
+                np.concatenate([left.as_rotvec(), values[3:] - bias[: len(values) - 3]]) / sd
+            )
         else:
             errors.append((values - truth) / sd)
     errors = np.array(errors)
@@ -83,14 +108,20 @@ def test_the_known_errors_lie_within_the_stated_uncertainty(name):
     assert 0.7 < np.sqrt(np.mean(errors**2)) < 1.4
 
 
-@pytest.mark.parametrize("name", [name for name in ACCELEROMETER_METHODS if not name.startswith("rotational_nearest")])
+@pytest.mark.parametrize(
+    "name", [name for name in ACCELEROMETER_METHODS if not name.startswith("rotational_nearest")]
+)
 def test_95_percent_intervals_hold_the_truth_95_times_of_100(name):
     forces, response, bias = set_up(name)
     crooked = 5e-4 if name in ("attitude_aided", "ferraris") else 0.0
     share = covered(
-        lambda draw: ACCELEROMETER_METHODS[name].function(poses_of(forces, response, bias, NOISE, draw, crooked)),
+        lambda draw: ACCELEROMETER_METHODS[name].function(
+            poses_of(forces, response, bias, NOISE, draw, crooked)
+        ),
         truth_for(name, response, bias),
-        1000 if name == "norm_only" else 4000,  # where it is cheap: by chance one of 100 parameters is off by 2 % in 1,000
+        1000
+        if name == "norm_only"
+        else 4000,  # where it is cheap: by chance one of 100 parameters is off by 2 % in 1,000
     )
     assert (share >= 0.93).all(), share
     assert (share <= 0.97).all(), share
@@ -101,9 +132,16 @@ def test_95_percent_intervals_of_a_rotation_hold_it(name):
     forces, response, bias = set_up(name)
     inside, draw = np.zeros(6 if name.endswith("bias") else 3), rng(5)
     for _ in range(1000):
-        (fit,) = ACCELEROMETER_METHODS[name].function(poses_of(forces, response, bias, NOISE, draw)).fits
-        left = (Rotation.from_matrix(response) * Rotation.from_rotvec(fit.values[:3]).inv()).as_rotvec()
-        inside += np.abs(np.concatenate([left, fit.values[3:] - bias[: len(fit.values) - 3]])) <= fit.half_width()
+        (fit,) = (
+            ACCELEROMETER_METHODS[name].function(poses_of(forces, response, bias, NOISE, draw)).fits
+        )
+        left = (
+            Rotation.from_matrix(response) * Rotation.from_rotvec(fit.values[:3]).inv()
+        ).as_rotvec()
+        inside += (
+            np.abs(np.concatenate([left, fit.values[3:] - bias[: len(fit.values) - 3]]))
+            <= fit.half_width()
+        )
     assert ((inside >= 930) & (inside <= 970)).all(), inside
 
 
@@ -115,7 +153,9 @@ def test_drift_with_temperature_is_found_where_the_temperature_varied(name):
     warm = temperature - temperature.mean()
 
     def heated(draw: np.random.Generator | None = None) -> StaticPoses:
-        cold = poses_of(forces, response, bias, 0.0 if draw is None else NOISE, draw, temperature=temperature)
+        cold = poses_of(
+            forces, response, bias, 0.0 if draw is None else NOISE, draw, temperature=temperature
+        )
         return replace(cold, mean=cold.mean + warm[:, None] * drift)
 
     function = ACCELEROMETER_METHODS[name].function
@@ -137,7 +177,9 @@ def test_drift_with_temperature_is_found_where_the_temperature_varied(name):
 
 
 def test_the_arms_orientation_is_worth_what_its_covariance_says():
-    """Measured gain over the norm alone equals the predicted one, for the parameters that both have: bias and scale."""
+    """Measured gain over the norm alone equals the predicted one, for the parameters that both
+    have: bias and scale.
+    """
     forces, (response, bias) = turned(UP, 24), part()
     truth = truth_of("norm_only", response, bias)
     predicted, errors = [], []
@@ -168,7 +210,10 @@ def test_norm_only_does_not_care_how_the_whole_is_turned(seed):
     response, bias = part(seed, 0.03, 0.3)
     R = Rotation.random(rng=rng(seed)).as_matrix()
     forces = turned(UP, 16, seed)
-    a, b = norm_only(poses_of(forces, response, bias)), norm_only(poses_of(forces @ R.T, response, bias))
+    a, b = (
+        norm_only(poses_of(forces, response, bias)),
+        norm_only(poses_of(forces @ R.T, response, bias)),
+    )
     np.testing.assert_allclose(a.matrix, b.matrix, atol=1e-8)
     assert np.abs(np.tril(a.matrix, -1)).max() == 0.0
     c = norm_only(poses_of(forces, response @ R, bias))
@@ -176,11 +221,19 @@ def test_norm_only_does_not_care_how_the_whole_is_turned(seed):
 
 
 def test_the_worked_example_of_the_thesis():
-    """Castellanos Alonso 2023, annex G: the printed matrix to four digits, its determinant, and what it hides."""
+    """Castellanos Alonso 2023, annex G: the printed matrix to four digits, its determinant, and
+    what it hides.
+    """
     B = np.array(
-        [[7.6467, 6.1838, -0.2367], [6.3236, -7.5506, -0.2625], [0.0265, -0.0547, 9.6081], [0.0657, -0.0071, -10.0659],
-         [-7.5156, -6.2212, -0.2421], [7.6009, 6.2452, -0.2297]]
-    )  # fmt: skip
+        [
+            [7.6467, 6.1838, -0.2367],
+            [6.3236, -7.5506, -0.2625],
+            [0.0265, -0.0547, 9.6081],
+            [0.0657, -0.0071, -10.0659],
+            [-7.5156, -6.2212, -0.2421],
+            [7.6009, 6.2452, -0.2297],
+        ]
+    )
     A = GRAVITY * np.array([[-1, 0, 0], [0, -1, 0], [0, 0, -1], [0, 0, 1], [1, 0, 0], [-1, 0, 0]])
     poses = StaticPoses(B, np.full((6, 3), 1e-6), expected=A)
     mapped = ACCELEROMETER_METHODS["rotational_3d"].function(poses)
@@ -191,7 +244,8 @@ def test_the_worked_example_of_the_thesis():
     assert any("0.9910" in remark for remark in mapped.remarks)
     np.testing.assert_allclose(near.R @ near.R.T, np.eye(3), atol=1e-12)
     assert np.linalg.norm(mapped.matrix - near.R) == pytest.approx(near.distance)
-    # Beside it: a rotation and a bias of 24 mg in z, which the map without a bias has smeared over its entries.
+    # Beside it: a rotation and a bias of 24 mg in z, which the map without a bias has smeared over
+    # its entries.
     rotated = ACCELEROMETER_METHODS["rotational_nearest_bias"].function(poses)
     np.testing.assert_allclose(rotated.matrix @ rotated.matrix.T, np.eye(3), atol=1e-12)
     kabsch, _ = Rotation.align_vectors(A - A.mean(axis=0), B - B.mean(axis=0))
@@ -249,13 +303,16 @@ def test_poses_about_one_axis_are_refused_and_the_blind_parameters_named(name, n
 
 
 @pytest.mark.parametrize(
-    ("name", "poses"), [("rotational_3d", 3), ("axis_model", 4), ("rotational_3d_bias", 4), ("attitude_aided", 4)]
+    ("name", "poses"),
+    [("rotational_3d", 3), ("axis_model", 4), ("rotational_3d_bias", 4), ("attitude_aided", 4)],
 )
 def test_with_no_residual_left_the_known_noise_is_believed(name, poses):
     _, response, bias = set_up(name)
     forces = turned(UP, 20)[[0, 5, 9, 13]][:poses]
     share = covered(
-        lambda draw: ACCELEROMETER_METHODS[name].function(poses_of(forces, response, bias, NOISE, draw)),
+        lambda draw: ACCELEROMETER_METHODS[name].function(
+            poses_of(forces, response, bias, NOISE, draw)
+        ),
         truth_for(name, response, bias),
         4000,
     )
@@ -270,10 +327,14 @@ def test_too_few_poses_are_refused():
         attitude_aided(few.subset(np.arange(3)))
 
 
-@pytest.mark.parametrize("name", [name for name, method in ACCELEROMETER_METHODS.items() if method.needs_expected])
+@pytest.mark.parametrize(
+    "name", [name for name, method in ACCELEROMETER_METHODS.items() if method.needs_expected]
+)
 def test_methods_that_need_the_arm_say_so(name):
     with pytest.raises(InputError, match="orientation is known"):
-        ACCELEROMETER_METHODS[name].function(replace(poses_of(SIX, np.eye(3), np.zeros(3)), expected=None))
+        ACCELEROMETER_METHODS[name].function(
+            replace(poses_of(SIX, np.eye(3), np.zeros(3)), expected=None)
+        )
 
 
 def test_a_crooked_plane_is_refused_by_the_flat_method():

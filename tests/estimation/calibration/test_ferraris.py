@@ -1,4 +1,6 @@
-"""Ferraris: against the package imucal on its own recording, and against turns with known errors."""
+"""Ferraris: against the package imucal on its own recording, and against turns with known
+errors.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ def test_agrees_with_imucal_on_its_example(data):
     ours = ferraris(poses)
     np.testing.assert_allclose(ours.bias, oracle.b_a, rtol=1e-6)
     np.testing.assert_allclose(np.linalg.inv(ours.matrix), oracle.K_a @ oracle.R_a, rtol=1e-6)
-    cuts = [slice(sections[f"{axis}_rot"]["start"], sections[f"{axis}_rot"]["end"]) for axis in "xyz"]
+    cuts = [
+        slice(sections[f"{axis}_rot"]["start"], sections[f"{axis}_rot"]["end"]) for axis in "xyz"
+    ]
     turns = [Turn(gyr[cut], ours.apply(acc[cut]), 1 / RATE_HZ) for cut in cuts]
     rest = static_poses(gyr, intervals, times=times, magnitude=EARTH, floor=0.0)
     gyroscope = ferraris_gyroscope(rest, poses, turns, np.radians(-360))
@@ -44,12 +48,18 @@ def test_agrees_with_imucal_on_its_example(data):
     # and what both make of the whole recording
     theirs = oracle.calibrate_df(table, acc_unit="m/s^2", gyr_unit="deg/s")[list(table)].to_numpy()
     np.testing.assert_allclose(ours.apply(acc), theirs[:, 3:], rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(np.degrees(gyroscope.apply(gyr, ours.apply(acc))), theirs[:, :3], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        np.degrees(gyroscope.apply(gyr, ours.apply(acc))), theirs[:, :3], rtol=1e-6, atol=1e-6
+    )
 
 
 def gyroscope_part() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     draw = rng(5)
-    return np.eye(3) + 0.01 * draw.standard_normal((3, 3)), 0.02 * draw.standard_normal(3), 2e-4 * draw.standard_normal((3, 3))
+    return (
+        np.eye(3) + 0.01 * draw.standard_normal((3, 3)),
+        0.02 * draw.standard_normal(3),
+        2e-4 * draw.standard_normal((3, 3)),
+    )
 
 
 def session(
@@ -67,7 +77,14 @@ def session(
         rate[:, axis] = (2 * np.pi + angle_sd * draw.standard_normal()) / 2.0
         force = np.tile(SIX[2 * axis], (n, 1))
         turns.append(
-            Turn(rate @ response.T + bias + force @ g_matrix.T + noise * draw.standard_normal((n, 3)), force, interval)
+            Turn(
+                rate @ response.T
+                + bias
+                + force @ g_matrix.T
+                + noise * draw.standard_normal((n, 3)),
+                force,
+                interval,
+            )
         )
     return rest, poses_of(SIX, np.eye(3), np.zeros(3)), turns
 
@@ -98,7 +115,9 @@ def test_repeated_faces_count_as_one_and_sharpen_it():
     response, bias = part()
     once, twice = (poses_of(np.tile(SIX, (k, 1)), response, bias) for k in (1, 2))
     np.testing.assert_allclose(ferraris(once).matrix, ferraris(twice).matrix, atol=1e-12)
-    np.testing.assert_allclose(ferraris(once).fits[0].sd / np.sqrt(2), ferraris(twice).fits[0].sd, rtol=1e-9)
+    np.testing.assert_allclose(
+        ferraris(once).fits[0].sd / np.sqrt(2), ferraris(twice).fits[0].sd, rtol=1e-9
+    )
 
 
 def test_what_is_missing_is_said():

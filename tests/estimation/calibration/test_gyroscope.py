@@ -18,11 +18,19 @@ from testbench.estimation.calibration.gyroscope import (
     static_bias,
     validated,
 )
-from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS, get_gyroscope_method
+from testbench.estimation.calibration.gyroscope_methods import (
+    GYROSCOPE_METHODS,
+    get_gyroscope_method,
+)
 from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.rate_table import correlation_time, rate_table
 from testbench.estimation.calibration.turn_integration import TurnIntegration
-from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn, turns_between_rests
+from testbench.estimation.calibration.turns import (
+    GyroscopeRecording,
+    Rest,
+    Turn,
+    turns_between_rests,
+)
 from testbench.estimation.calibration.whitening import Whitening
 from testbench.exceptions import InputError, NotFoundError
 from testbench.model.integrators import INTEGRATORS, get_integrator
@@ -51,16 +59,24 @@ def wandering():
 
 
 def truths(gyroscope: Gyroscope) -> dict[str, float]:
-    response = {f"gyr_response_{a}{b}": gyroscope.response[i, j] for i, a in enumerate("xyz") for j, b in enumerate("xyz")}
+    response = {
+        f"gyr_response_{a}{b}": gyroscope.response[i, j]
+        for i, a in enumerate("xyz")
+        for j, b in enumerate("xyz")
+    }
     return gyroscope.tedaldi() | response
 
 
 def errors_in_sd(calibration: TriadCalibration, gyroscope: Gyroscope) -> np.ndarray:
     (fit,), known = calibration.fits, truths(gyroscope)
-    return np.array([(fit[name] - known[name]) / sd for name, sd in zip(fit.names, fit.sd, strict=True)])
+    return np.array(
+        [(fit[name] - known[name]) / sd for name, sd in zip(fit.names, fit.sd, strict=True)]
+    )
 
 
-@pytest.mark.parametrize(("integrator", "tolerance"), [("midpoint", 1e-9), ("cg4", 1e-9), ("rk4", 1e-9)])
+@pytest.mark.parametrize(
+    ("integrator", "tolerance"), [("midpoint", 1e-9), ("cg4", 1e-9), ("rk4", 1e-9)]
+)
 def test_ideal_data_give_the_exact_answer(ideal, integrator, tolerance):
     gyroscope, recording = ideal
     found = gravity_turns(recording, integrator)
@@ -73,7 +89,11 @@ def test_attitude_and_rate_table_are_exact_on_ideal_data_with_a_response_to_forc
     rng = np.random.default_rng(4)
     gyroscope = Gyroscope.draw(rng, g=0.2)
     recording = record(gyroscope, chain("fixed_axis", 12, rng), rng)
-    for found in (attitude(recording, "midpoint", window=None), attitude(recording, "cg4"), rate_table(recording)):
+    for found in (
+        attitude(recording, "midpoint", window=None),
+        attitude(recording, "cg4"),
+        rate_table(recording),
+    ):
         assert np.abs(found.matrix - gyroscope.matrix).max() < 1e-9, found.method
         assert np.abs(found.bias - gyroscope.bias).max() < 1e-9
         assert np.abs(found.g_matrix - gyroscope.g_response).max() < 1e-9
@@ -95,13 +115,17 @@ def test_known_errors_are_recovered_within_their_stated_uncertainty(method, wand
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["gravity_turns", "attitude", "rate_table"])
 def test_the_stated_intervals_cover_in_a_thousand_calibrations(method, wandering):
-    """Every calibration has its own part, noise, errors of the directions and drift of the bias between rests and turns."""
+    """Every calibration has its own part, noise, errors of the directions and drift of the bias
+    between rests and turns.
+    """
     rng = np.random.default_rng(8)
     inside: dict[str, int] = {}
     for _ in range(1000):
         gyroscope = Gyroscope.draw(rng, NOISE, g=0.0 if method == "gravity_turns" else 0.1)
         in_run = 0.0 if method == "rate_table" else IN_RUN
-        found = get_gyroscope_method(method).function(record(gyroscope, wandering, rng, rest_s=1.0, up_sd=2e-4, in_run=in_run))
+        found = get_gyroscope_method(method).function(
+            record(gyroscope, wandering, rng, rest_s=1.0, up_sd=2e-4, in_run=in_run)
+        )
         (fit,), known = found.fits, truths(gyroscope)
         half = fit.half_width(0.95)
         for i, name in enumerate(fit.names):
@@ -117,7 +141,9 @@ def test_a_response_to_force_is_found_by_gravity_alone_where_the_force_is_known(
     found = gravity_turns(recording, g_sensitivity=True)
     assert np.abs(errors_in_sd(found, gyroscope)).max() < 4
     without = gravity_turns(recording)
-    better, worse = (np.median(gravity_direction_errors(c, recording.turns)) for c in (found, without))
+    better, worse = (
+        np.median(gravity_direction_errors(c, recording.turns)) for c in (found, without)
+    )
     assert better < 0.5 * worse
     assert without.fits[0].residual_rms > 2 * found.fits[0].residual_rms
 
@@ -136,7 +162,9 @@ def test_one_injected_fault_is_found_where_it_is():
 
 def test_the_bias_at_rest_carries_noise_scatter_and_in_run_bias():
     rng = np.random.default_rng(11)
-    rests = [Rest(np.array([0.01, -0.02, 0.03]) + 1e-3 * rng.standard_normal((400, 3))) for _ in range(5)]
+    rests = [
+        Rest(np.array([0.01, -0.02, 0.03]) + 1e-3 * rng.standard_normal((400, 3))) for _ in range(5)
+    ]
     reading = read_rests(rests, in_run=0.0)
     assert reading.noise == pytest.approx(1e-3, rel=0.05)
     assert reading.sd == pytest.approx(1e-3 / np.sqrt(2000), rel=0.1)
@@ -153,7 +181,9 @@ def test_turns_about_one_axis_are_refused_by_the_names_of_what_they_leave_open()
     rng = np.random.default_rng(12)
     attitude_now, motions = Rotation.identity(), []
     for sign in (1, -1) * 6:
-        motions.append(fixed_axis_motion(attitude_now, np.array([1.0, 0, 0]), sign * 2.0, 201, 0.01))
+        motions.append(
+            fixed_axis_motion(attitude_now, np.array([1.0, 0, 0]), sign * 2.0, 201, 0.01)
+        )
         attitude_now = Rotation.from_quat(motions[-1].q[-1], scalar_first=True)
     recording = record(Gyroscope.draw(rng, NOISE), motions, rng)
     with pytest.raises(PoorExcitation) as refused:
@@ -162,7 +192,10 @@ def test_turns_about_one_axis_are_refused_by_the_names_of_what_they_leave_open()
     assert "gyr_scale_x" not in refused.value.parameters
     with pytest.raises(PoorExcitation) as refused:
         rate_table(recording, g_sensitivity=False)
-    assert "gyr_response_xy" in refused.value.parameters and "gyr_response_xx" not in refused.value.parameters
+    assert (
+        "gyr_response_xy" in refused.value.parameters
+        and "gyr_response_xx" not in refused.value.parameters
+    )
 
 
 def test_too_few_turns_are_refused(ideal):
@@ -175,13 +208,26 @@ def test_methods_without_what_they_need_say_what_it_is(ideal):
     _, recording = ideal
     bare = [Turn(turn.gyr, turn.interval) for turn in recording.turns]
     nothing = GyroscopeRecording(recording.rests, bare)
-    for name, missing in (("gravity_turns", "direction of gravity"), ("attitude", "orientation"), ("rate_table", "rate")):
+    for name, missing in (
+        ("gravity_turns", "direction of gravity"),
+        ("attitude", "orientation"),
+        ("rate_table", "rate"),
+    ):
         with pytest.raises(InputError, match=missing):
             get_gyroscope_method(name).function(nothing)
-    forceless = [Turn(t.gyr, t.interval, t.up_before, t.up_after, t.q_world_from_sensor, t.rate) for t in recording.turns]
-    for name, options in (("gravity_turns", {"g_sensitivity": True}), ("attitude", {}), ("rate_table", {})):
+    forceless = [
+        Turn(t.gyr, t.interval, t.up_before, t.up_after, t.q_world_from_sensor, t.rate)
+        for t in recording.turns
+    ]
+    for name, options in (
+        ("gravity_turns", {"g_sensitivity": True}),
+        ("attitude", {}),
+        ("rate_table", {}),
+    ):
         with pytest.raises(InputError, match="force is known"):
-            get_gyroscope_method(name).function(GyroscopeRecording(recording.rests, forceless), **options)
+            get_gyroscope_method(name).function(
+                GyroscopeRecording(recording.rests, forceless), **options
+            )
     with pytest.raises(NotFoundError, match="known: static_bias"):
         get_gyroscope_method("six_position")
     assert all(method.source and method.needs for method in GYROSCOPE_METHODS.values())
@@ -217,7 +263,9 @@ def test_the_derivatives_of_the_ends_are_those_of_differences(integrator, wander
     gyroscope = Gyroscope.draw(rng, g=0.1)
     turns = record(gyroscope, wandering[:3], rng).turns
     integration = TurnIntegration(turns, get_integrator(integrator))
-    theta = np.concatenate([[1.01, 0.99, 1.02], 0.01 * rng.standard_normal(6), 0.01 * rng.standard_normal(3)])
+    theta = np.concatenate(
+        [[1.01, 0.99, 1.02], 0.01 * rng.standard_normal(6), 0.01 * rng.standard_normal(3)]
+    )
     g_matrix = 1e-3 * rng.standard_normal((3, 3))
 
     def ends(theta, g_matrix):
@@ -225,7 +273,9 @@ def test_the_derivatives_of_the_ends_are_those_of_differences(integrator, wander
 
     def difference(change, g_change=0.0):
         def end(sign):
-            return Rotation.from_quat(ends(theta + sign * change, g_matrix + sign * g_change), scalar_first=True)
+            return Rotation.from_quat(
+                ends(theta + sign * change, g_matrix + sign * g_change), scalar_first=True
+            )
 
         return (end(-1).inv() * end(1)).as_rotvec() / 2e-6
 
@@ -234,7 +284,9 @@ def test_the_derivatives_of_the_ends_are_those_of_differences(integrator, wander
     numeric = np.stack([difference(1e-6 * np.eye(12)[i]) for i in range(12)], axis=2)
     tolerance = 0.05 if integrator == "euler" else 2e-3
     assert np.abs(by_theta - numeric).max() < tolerance * np.abs(numeric).max()
-    numeric_g = np.stack([difference(np.zeros(12), 1e-6 * np.eye(9)[i].reshape(3, 3)) for i in range(9)], axis=2)
+    numeric_g = np.stack(
+        [difference(np.zeros(12), 1e-6 * np.eye(9)[i].reshape(3, 3)) for i in range(9)], axis=2
+    )
     assert np.abs(found.by_g - numeric_g).max() < tolerance * np.abs(numeric_g).max()
 
 
@@ -278,7 +330,9 @@ def test_the_whole_calibration_takes_less_than_a_second(integrator, wandering):
 
 def test_a_calibration_is_validated_on_other_turns(ideal):
     _, recording = ideal
-    found = validated(gravity_turns(GyroscopeRecording(recording.rests, recording.turns[:8])), recording.turns[8:])
+    found = validated(
+        gravity_turns(GyroscopeRecording(recording.rests, recording.turns[:8])), recording.turns[8:]
+    )
     assert found.validation["held_out_turns"] == 4
     assert found.validation["gravity_direction_max_deg"] < 1e-6
     raw = validated(TriadCalibration("none"), recording.turns[8:])

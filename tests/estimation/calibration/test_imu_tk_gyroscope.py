@@ -7,7 +7,11 @@ import pytest
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from testbench.clock import SystemClock
-from testbench.estimation.calibration.gyroscope import gravity_direction_errors, gravity_turns, static_bias
+from testbench.estimation.calibration.gyroscope import (
+    gravity_direction_errors,
+    gravity_turns,
+    static_bias,
+)
 from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import static_poses
 from testbench.estimation.calibration.turns import GyroscopeRecording, turns_between_rests
@@ -22,7 +26,9 @@ INITIAL_REST_S = 50.0
 
 
 def rests_of(acc: np.ndarray) -> list[tuple[int, int]]:
-    """Rests of 1.5 s or more: the variance over 1 s stays below six times that of the initial rest (after Tedaldi 2014)."""
+    """Rests of 1.5 s or more: the variance over 1 s stays below six times that of the initial rest
+    (after Tedaldi 2014).
+    """
     window = round(1 / INTERVAL)
     mean = uniform_filter1d(acc, window, axis=0)
     variance = uniform_filter1d(np.sum((acc - mean) ** 2, axis=1), window)
@@ -35,12 +41,19 @@ def rests_of(acc: np.ndarray) -> list[tuple[int, int]]:
 @pytest.fixture(scope="module")
 def recording(data, tmp_path_factory) -> GyroscopeRecording:
     files = [data / "imu_tk" / f"xsens_{kind}.mat" for kind in ("acc", "gyro")]
-    samples = import_recording("imu_tk", files, tmp_path_factory.mktemp("imu_tk") / "session", SystemClock()).imu("imu")
+    samples = import_recording(
+        "imu_tk", files, tmp_path_factory.mktemp("imu_tk") / "session", SystemClock()
+    ).imu("imu")
     time = samples.device_time_ns / NANOSECONDS
     regular = np.arange(time[0], time[-1], INTERVAL)
-    acc, gyr = (np.column_stack([np.interp(regular, time, x[:, i]) for i in range(3)]) for x in (samples.acc, samples.gyr))
+    acc, gyr = (
+        np.column_stack([np.interp(regular, time, x[:, i]) for i in range(3)])
+        for x in (samples.acc, samples.gyr)
+    )
     rests = rests_of(acc)
-    accelerometer = norm_only(static_poses(acc, np.array(rests), times=regular, magnitude=LOCAL_GRAVITY))
+    accelerometer = norm_only(
+        static_poses(acc, np.array(rests), times=regular, magnitude=LOCAL_GRAVITY)
+    )
     return turns_between_rests(gyr, INTERVAL, rests, accelerometer.apply(acc), up_sd=2e-4)
 
 
@@ -58,10 +71,14 @@ def test_scales_agree_between_integrators_and_with_the_sensitivity_that_the_turn
         assert counts == pytest.approx([4780, 4765, 4772], rel=2e-3), name
         assert np.abs(fit.block("gyr_misalignment_")).max() < 0.06
         assert (fit.sd[:9] < 0.003).all() and fit.condition < 10
-        assert np.degrees(found.bias - recording.rests[0].gyr.mean(axis=0)) == pytest.approx(0, abs=0.1)
+        assert np.degrees(found.bias - recording.rests[0].gyr.mean(axis=0)) == pytest.approx(
+            0, abs=0.1
+        )
 
 
-def test_held_out_turns_are_better_by_far_with_scales_and_better_still_with_the_response_to_gravity(recording):
+def test_held_out_turns_are_better_by_far_with_scales_and_better_still_with_the_response_to_gravity(
+    recording,
+):
     train = GyroscopeRecording(recording.rests, recording.turns[::2])
     held_out = recording.turns[1::2]
 
@@ -84,7 +101,10 @@ def test_the_gyroscope_feels_gravity_and_its_rests_say_so(recording):
     assert np.degrees(np.abs(response).max() * LOCAL_GRAVITY) < 0.3
     assert (fit.sd[:9] < 0.0006).all()
     halves = [
-        gravity_turns(GyroscopeRecording(recording.rests, recording.turns[i::2]), g_sensitivity=True).fits[0] for i in (0, 1)
+        gravity_turns(
+            GyroscopeRecording(recording.rests, recording.turns[i::2]), g_sensitivity=True
+        ).fits[0]
+        for i in (0, 1)
     ]
     apart = (halves[0].values - halves[1].values)[:9] / np.hypot(halves[0].sd, halves[1].sd)[:9]
     assert np.abs(apart).max() < 4

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.calibration import MAGNETOMETER_METHODS, StaticPoses, cross_validate, validate
+from testbench.estimation.calibration import (
+    MAGNETOMETER_METHODS,
+    StaticPoses,
+    cross_validate,
+    validate,
+)
 from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.magnetometer_axes import align_axes
 from testbench.exceptions import InputError
@@ -27,7 +32,9 @@ VERTICAL = WORLD.apply([0.0, 0.0, 1.0])
 def iron() -> tuple[np.ndarray, np.ndarray]:
     """Soft iron with a magnetometer that sits crookedly by 4 deg, and hard iron."""
     soft = np.array([[1.05, 0.03, -0.02], [0.01, 0.96, 0.04], [0.02, -0.03, 1.02]])
-    return soft @ Rotation.from_rotvec([0.05, -0.04, 0.03]).as_matrix(), np.array([30.0, -12.0, 8.0])
+    return soft @ Rotation.from_rotvec([0.05, -0.04, 0.03]).as_matrix(), np.array(
+        [30.0, -12.0, 8.0]
+    )
 
 
 def recording(draw: np.random.Generator | None = None, tilt: float = 0.0) -> StaticPoses:
@@ -39,7 +46,11 @@ def recording(draw: np.random.Generator | None = None, tilt: float = 0.0) -> Sta
 
 
 def truth_for(name: str) -> np.ndarray:
-    return np.append(truth_of(name, *iron()), DIP) if name == "ellipsoid_dip" else truth_of(name, *iron())
+    return (
+        np.append(truth_of(name, *iron()), DIP)
+        if name == "ellipsoid_dip"
+        else truth_of(name, *iron())
+    )
 
 
 @pytest.mark.parametrize("name", MAGNETOMETER_METHODS)
@@ -56,7 +67,9 @@ def test_ideal_readings_give_the_exact_answer(name):
 @pytest.mark.parametrize("name", MAGNETOMETER_METHODS)
 def test_95_percent_intervals_hold_the_truth_95_times_of_100(name):
     tilt = TILT if name == "ellipsoid_dip" else 0.0
-    share = covered(lambda draw: MAGNETOMETER_METHODS[name].function(recording(draw, tilt)), truth_for(name))
+    share = covered(
+        lambda draw: MAGNETOMETER_METHODS[name].function(recording(draw, tilt)), truth_for(name)
+    )
     assert ((share >= 0.93) & (share <= 0.97)).all(), share
 
 
@@ -78,7 +91,9 @@ def test_the_axes_are_aligned_by_a_dip_that_does_not_change():
     assert fit["dip"] == pytest.approx(DIP, abs=1e-9)
     draw, inside = rng(4), np.zeros(4)
     for _ in range(1000):
-        field = crooked.inv().apply(Rotation.from_rotvec(0.003 * draw.standard_normal((24, 3))).apply(EXPECTED))
+        field = crooked.inv().apply(
+            Rotation.from_rotvec(0.003 * draw.standard_normal((24, 3))).apply(EXPECTED)
+        )
         R, fit = align_axes(field, VERTICAL)
         left = (crooked * Rotation.from_matrix(R).inv()).as_rotvec()
         inside += np.abs(np.append(left, fit["dip"] - DIP)) <= fit.half_width()

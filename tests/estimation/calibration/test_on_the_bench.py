@@ -1,4 +1,6 @@
-"""Calibrations of simulated sensors on the simulated arm: what they are worth in poses of another session."""
+"""Calibrations of simulated sensors on the simulated arm: what they are worth in poses of another
+session.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +10,38 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.calibration import ACCELEROMETER_METHODS, StaticPoses, static_poses, validate
+from testbench.estimation.calibration import (
+    ACCELEROMETER_METHODS,
+    StaticPoses,
+    static_poses,
+    validate,
+)
 from testbench.estimation.calibration.axis_model import orthogonality
 from testbench.estimation.calibration.hinge_axis import axis_of_turn, hinge_axes
 from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.sensor_to_segment import from_arm_kinematics, from_rates
-from testbench.estimation.static_intervals import between_peaks, by_events, by_gyroscope, by_variance, compare
+from testbench.estimation.static_intervals import (
+    between_peaks,
+    by_events,
+    by_gyroscope,
+    by_variance,
+    compare,
+)
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.imu import TriadModel
 from testbench.pipeline import Result
 
 HELD_OUT = [
-    [0, -90, -90, -60, 120, 150], [0, -90, -90, -120, 40, 30], [0, -90, -90, 30, 70, 100], [0, -90, -90, -90, 130, 250],
-    [0, -90, -90, -30, 30, 300], [0, -90, -90, -150, 60, 60], [0, -90, -90, 10, 20, 200], [0, -90, -90, -100, 160, 110],
-]  # fmt: skip
+    [0, -90, -90, -60, 120, 150],
+    [0, -90, -90, -120, 40, 30],
+    [0, -90, -90, 30, 70, 100],
+    [0, -90, -90, -90, 130, 250],
+    [0, -90, -90, -30, 30, 300],
+    [0, -90, -90, -150, 60, 60],
+    [0, -90, -90, 10, 20, 200],
+    [0, -90, -90, -100, 160, 110],
+]
 PUBLISHED_WORST_MG = 26.2
 """Castellanos Alonso 2023, table 5.4: |bias| after the 3D calibration, MATRIX, x."""
 
@@ -33,10 +52,15 @@ def poses_of_session(result: Result, sensor: str = "forearm") -> StaticPoses:
     samples, truth = session.imu(sensor), session.truth(sensor)
     times = result.estimate.sensors[sensor].host_time_ns / NANOSECONDS
     dwells = [step for step in session.steps if step.end_ns - step.settled_ns > NANOSECONDS]
-    settled, ended = (np.array([getattr(step, key) for step in dwells]) / NANOSECONDS for key in ("settled_ns", "end_ns"))
+    settled, ended = (
+        np.array([getattr(step, key) for step in dwells]) / NANOSECONDS
+        for key in ("settled_ns", "end_ns")
+    )
     intervals = by_events(settled, ended, times)
     middle = (times[intervals[:, 0]] + times[intervals[:, 1] - 1]) / 2
-    q = rotation.interpolate(truth.host_time_ns, truth.q_world_from_sensor, (middle * NANOSECONDS).astype(np.int64))
+    q = rotation.interpolate(
+        truth.host_time_ns, truth.q_world_from_sensor, (middle * NANOSECONDS).astype(np.int64)
+    )
     expected = rotation.rotate(rotation.conjugate(q), -session.robot.gravity)
     return static_poses(samples.acc, intervals, times=times, expected=expected)
 
@@ -49,10 +73,17 @@ def sessions(request, altered_protocol, run_protocol) -> tuple[Result, Result]:
         content["sensors"]["forearm"]["preset"] = request.param
         content["estimate"]["filters"] = ["vqf_6d"]
         if held_out:
-            content["sections"][0]["steps"] = [{"move_to_deg": pose, "dwell_s": 5} for pose in HELD_OUT]
+            content["sections"][0]["steps"] = [
+                {"move_to_deg": pose, "dwell_s": 5} for pose in HELD_OUT
+            ]
 
     return tuple(
-        run_protocol(altered_protocol("calibration_3d", lambda content, held_out=held_out: change(content, held_out)), seed=4)
+        run_protocol(
+            altered_protocol(
+                "calibration_3d", lambda content, held_out=held_out: change(content, held_out)
+            ),
+            seed=4,
+        )
         for held_out in (False, True)
     )
 
@@ -77,9 +108,13 @@ def test_the_bias_in_poses_of_another_session_is_below_1_mg(sessions):
 def test_the_parts_own_errors_are_found_within_the_stated_uncertainty(sessions):
     sensor = sessions[0].session.analysis.sensors["forearm"]
     parameters = sensor.imu()
-    real = TriadModel(parameters.accelerometer.triad(), parameters.rate_hz, 4, "forearm", "accelerometer").errors
+    real = TriadModel(
+        parameters.accelerometer.triad(), parameters.rate_hz, 4, "forearm", "accelerometer"
+    ).errors
     fit = ACCELEROMETER_METHODS["attitude_aided"].function(poses_of_session(sessions[0])).fits[0]
-    off = (fit.values - np.concatenate([real.matrix.reshape(-1), real.bias])) / fit.half_width(0.999)
+    off = (fit.values - np.concatenate([real.matrix.reshape(-1), real.bias])) / fit.half_width(
+        0.999
+    )
     assert np.abs(off).max() < 1
 
 
@@ -87,7 +122,10 @@ def test_the_published_way_is_worse_on_the_same_poses(sessions):
     six, others = (poses_of_session(result) for result in sessions)
     published = validate(ACCELEROMETER_METHODS["rotational_3d"].function(six), others)
     ours = validate(ACCELEROMETER_METHODS["attitude_aided"].function(six), others)
-    worst = {name: max(abs(figures[f"bias_{axis}_mg"]) for axis in "xyz") for name, figures in (("R", published), ("12", ours))}
+    worst = {
+        name: max(abs(figures[f"bias_{axis}_mg"]) for axis in "xyz")
+        for name, figures in (("R", published), ("12", ours))
+    }
     assert worst["12"] < worst["R"] < PUBLISHED_WORST_MG
 
 
@@ -98,7 +136,13 @@ def test_four_ways_to_find_rests_agree_on_the_arms_dwells(sessions):
     interval = float(np.median(np.diff(times)))
     dwells = [step for step in result.session.steps if step.end_ns - step.settled_ns > NANOSECONDS]
     found = {
-        "arm": by_events(*(np.array([getattr(s, key) for s in dwells]) / 1e9 for key in ("settled_ns", "end_ns")), times),
+        "arm": by_events(
+            *(
+                np.array([getattr(s, key) for s in dwells]) / 1e9
+                for key in ("settled_ns", "end_ns")
+            ),
+            times,
+        ),
         "gyroscope": by_gyroscope(samples.gyr, interval),
         "peaks": between_peaks(samples.gyr, interval),
         "variance": by_variance(samples.acc, interval).intervals,
@@ -121,7 +165,9 @@ def test_the_orthogonality_protocol_turns_two_axes_and_finds_the_angle_between_t
     turn = np.degrees(np.unwrap(np.arctan2(ups[:, 2], ups[:, 0])))
     np.testing.assert_allclose(np.diff(turn), 60, atol=0.2)
     parameters = result.session.analysis.sensors["forearm"].imu()
-    real = TriadModel(parameters.accelerometer.triad(), parameters.rate_hz, 3, "forearm", "accelerometer").errors
+    real = TriadModel(
+        parameters.accelerometer.triad(), parameters.rate_hz, 3, "forearm", "accelerometer"
+    ).errors
     rows = real.matrix[np.ix_([0, 2], [0, 2])]
     true = np.arctan2(np.linalg.det(rows), rows[0] @ rows[1])
     found = orthogonality(poses)
@@ -133,7 +179,9 @@ def test_the_orthogonality_protocol_turns_two_axes_and_finds_the_angle_between_t
 
 @pytest.fixture(scope="module")
 def crooked(altered_protocol, run_protocol) -> tuple[Result, Rotation]:
-    """An elbow that flexes, after the calibration poses; the forearm's sensor sits 8 deg off its mounting as believed."""
+    """An elbow that flexes, after the calibration poses; the forearm's sensor sits 8 deg off its
+    mounting as believed.
+    """
     error = Rotation.from_euler("XYZ", [5, -4, 5], degrees=True)  # believed from sensor
 
     def change(content: dict) -> None:
@@ -164,14 +212,18 @@ def test_a_flexing_elbow_shows_its_axis_in_a_crooked_sensor(crooked):
     sweeps = in_steps(result, [step for step in result.session.steps if step.kind == "sweep"])
     rate = still_rate(result)[sweeps]
     truth = result.session.truth("forearm")
-    true_rate = np.column_stack([np.interp(seconds(result)[sweeps], truth.host_time_ns / 1e9, r) for r in truth.rate.T])
+    true_rate = np.column_stack(
+        [np.interp(seconds(result)[sweeps], truth.host_time_ns / 1e9, r) for r in truth.rate.T]
+    )
     believed = axis_of_turn(true_rate).values  # the joint's, in the axes as believed
     seen = axis_of_turn(rate, independent=20).values
     axis = error.inv().apply(believed)
     off = np.degrees(np.arccos(abs(seen @ axis)))
     assert off < 1.0  # cross-axis errors of the gyroscope
     assert np.degrees(np.arccos(abs(seen @ believed))) > 4
-    with pytest.raises(PoorExcitation):  # the upper arm rests meanwhile: of its own axis there is nothing to see
+    with pytest.raises(
+        PoorExcitation
+    ):  # the upper arm rests meanwhile: of its own axis there is nothing to see
         hinge_axes(0 * rate, rate)
 
 
@@ -180,7 +232,9 @@ def test_rates_and_orientations_of_the_arm_show_how_a_sensor_sits(crooked):
     poses = in_steps(result, [step for step in result.session.steps if step.role == "calibration"])
     truth, time = result.session.truth("forearm"), seconds(result)[poses]
     rate = np.column_stack([np.interp(time, truth.host_time_ns / 1e9, r) for r in truth.rate.T])
-    q_world = rotation.interpolate(truth.host_time_ns, truth.q_world_from_sensor, (time * 1e9).astype(np.int64))
+    q_world = rotation.interpolate(
+        truth.host_time_ns, truth.q_world_from_sensor, (time * 1e9).astype(np.int64)
+    )
     q_earth = result.estimate.sensors["forearm"].orientation["vqf_6d"][poses]
     every = slice(None, None, 10)
     for found in (

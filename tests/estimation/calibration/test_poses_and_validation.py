@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.estimation.calibration import ACCELEROMETER_METHODS, StaticPoses, cross_validate, static_poses, validate
+from testbench.estimation.calibration import (
+    ACCELEROMETER_METHODS,
+    StaticPoses,
+    cross_validate,
+    static_poses,
+    validate,
+)
 from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.static_intervals import by_gyroscope, by_variance
 from testbench.exceptions import InputError
@@ -20,16 +26,22 @@ def test_means_variances_and_times_are_those_of_the_samples():
     times = 0.01 * np.arange(1000)
     temperature = np.linspace(20, 30, 1000)
     poses = static_poses(
-        samples, np.array([[100, 200], [500, 501], [600, 1000]]), times=times, expected=np.eye(3), temperature=temperature,
+        samples,
+        np.array([[100, 200], [500, 501], [600, 1000]]),
+        times=times,
+        expected=np.eye(3),
+        temperature=temperature,
         floor=0.02,
-    )  # fmt: skip
+    )
     assert len(poses) == 2  # one sample is no pose
     kept = np.delete(samples[100:200], 20, axis=0)
     np.testing.assert_allclose(poses.mean[0], kept.mean(axis=0))
     np.testing.assert_allclose(poses.variance[0], kept.var(axis=0, ddof=1) / 99 + 0.02**2)
     np.testing.assert_array_equal(poses.expected, np.eye(3)[[0, 2]])
     np.testing.assert_array_equal(poses.count, [99, 400])
-    np.testing.assert_allclose(poses.temperature, [temperature[100:200].mean(), temperature[600:].mean()], atol=0.01)
+    np.testing.assert_allclose(
+        poses.temperature, [temperature[100:200].mean(), temperature[600:].mean()], atol=0.01
+    )
     np.testing.assert_allclose([*poses.start, *poses.end], [1.0, 6.0, 1.99, 9.99])
     with pytest.raises(InputError, match="no static pose"):
         static_poses(samples, np.array([[5, 6]]), times=times)
@@ -53,14 +65,18 @@ def test_held_out_figures_against_arithmetic():
     assert figures["bias_x_mg"] == pytest.approx(30 / GRAVITY)
     assert figures["bias_y_mg"] == pytest.approx(0)
     lengths = np.array([GRAVITY + 0.03, GRAVITY - 0.03, *[np.hypot(GRAVITY, 0.03)] * 4])
-    assert figures["gravity_norm_rms_mm_s2"] == pytest.approx(1e3 * np.sqrt(np.mean((lengths - GRAVITY) ** 2)))
+    assert figures["gravity_norm_rms_mm_s2"] == pytest.approx(
+        1e3 * np.sqrt(np.mean((lengths - GRAVITY) ** 2))
+    )
     tilt = np.degrees(np.arctan(0.03 / GRAVITY))
     assert figures["direction_rms_deg"] == pytest.approx(tilt * np.sqrt(4 / 6))
     assert figures["direction_max_deg"] == pytest.approx(tilt)
 
 
 def test_no_pose_is_judged_by_a_fit_that_has_seen_it():
-    """One pose is spoilt: a fit that had seen it would bend towards it; the fold's error there is the whole spoiling."""
+    """One pose is spoilt: a fit that had seen it would bend towards it; the fold's error there is
+    the whole spoiling.
+    """
     forces = turned(UP, 40)
     poses = poses_of(forces, *part())
     poses.mean[7] += [0.5, 0.0, 0.0]
@@ -70,7 +86,11 @@ def test_no_pose_is_judged_by_a_fit_that_has_seen_it():
         assert given.expected is not None
         spoilt = np.isclose(given.expected, forces[7]).all(axis=1).any()
         asked.append(len(given))
-        return ACCELEROMETER_METHODS["attitude_aided"].function(given) if not spoilt else TriadCalibration("spoilt")
+        return (
+            ACCELEROMETER_METHODS["attitude_aided"].function(given)
+            if not spoilt
+            else TriadCalibration("spoilt")
+        )
 
     figures = cross_validate(spy, poses, folds=40)
     assert asked == [39] * 40
@@ -78,9 +98,17 @@ def test_no_pose_is_judged_by_a_fit_that_has_seen_it():
 
 
 def test_folds_that_cannot_be_fitted_are_left_out():
-    assert cross_validate(ACCELEROMETER_METHODS["six_position"].function, poses_of(SIX, np.eye(3), np.zeros(3))) == {}
+    assert (
+        cross_validate(
+            ACCELEROMETER_METHODS["six_position"].function, poses_of(SIX, np.eye(3), np.zeros(3))
+        )
+        == {}
+    )
     twice = poses_of(np.vstack([SIX, SIX]), np.eye(3), np.zeros(3))
-    assert cross_validate(ACCELEROMETER_METHODS["six_position"].function, twice, 2)["held_out_poses"] == 12
+    assert (
+        cross_validate(ACCELEROMETER_METHODS["six_position"].function, twice, 2)["held_out_poses"]
+        == 12
+    )
 
 
 IMU_TK_GRAVITY = 9.81744
@@ -105,6 +133,8 @@ def test_imu_tks_recording_is_calibrated_by_the_length_of_gravity(data):
         assert np.abs(apart).max() < 4
         assert np.sqrt(np.mean(apart**2)) < 2
         assert (calibration.fits[0].sd[3:6] < 3e-4).all()
-        assert calibration.fits[0].residual_rms > 1  # the model leaves more than noise, and the uncertainties are widened by it
+        assert (
+            calibration.fits[0].residual_rms > 1
+        )  # the model leaves more than noise, and the uncertainties are widened by it
         fits.append(calibration.fits[0])
     np.testing.assert_allclose(fits[0].values, fits[1].values, atol=6 * float(np.max(fits[0].sd)))

@@ -1,4 +1,6 @@
-"""Sensors on segments: known mountings, hinges and headings are found again, with honest uncertainty. Rotations are SciPy's."""
+"""Sensors on segments: known mountings, hinges and headings are found again, with honest
+uncertainty. Rotations are SciPy's.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +32,21 @@ def quaternions(turn: Rotation) -> np.ndarray:
 def motion(n: int, seed: int, planar: bool = False) -> Rotation:
     """A smooth motion of a segment in the world."""
     t, phase = np.linspace(0, 10, n), rng(seed).uniform(0, 6, 3)
-    angles = np.column_stack([1.2 * np.sin(0.9 * t + phase[0]), 0.8 * np.sin(1.3 * t + phase[1]), np.sin(0.5 * t + phase[2])])
+    angles = np.column_stack(
+        [
+            1.2 * np.sin(0.9 * t + phase[0]),
+            0.8 * np.sin(1.3 * t + phase[1]),
+            np.sin(0.5 * t + phase[2]),
+        ]
+    )
     return Rotation.from_euler("ZYX", angles * ([1, 0, 0] if planar else [1, 1, 1]))
 
 
 def error_in_segment(found: SegmentMounting) -> np.ndarray:
     """Small rotation from what was found to the truth, about the axes of the segment [rad]."""
-    return (MOUNTING * Rotation.from_quat(found.q_segment_from_sensor, scalar_first=True).inv()).as_rotvec()
+    return (
+        MOUNTING * Rotation.from_quat(found.q_segment_from_sensor, scalar_first=True).inv()
+    ).as_rotvec()
 
 
 def test_a_static_pose_gives_the_mounting_and_takes_its_own_error_for_it():
@@ -55,11 +65,18 @@ def test_a_static_pose_gives_the_mounting_and_takes_its_own_error_for_it():
 def test_two_directions_give_the_mounting_with_their_uncertainty():
     known = np.array([[0.0, 0, 1], [0.6, 0.8, 0.1]])
     sd = np.array([0.002, 0.02])
-    assert np.abs(error_in_segment(from_directions(9.8 * MOUNTING.inv().apply(known), known, sd))).max() < 1e-9
+    assert (
+        np.abs(
+            error_in_segment(from_directions(9.8 * MOUNTING.inv().apply(known), known, sd))
+        ).max()
+        < 1e-9
+    )
     draw, inside = rng(2), np.zeros(3)
     unit = known / np.linalg.norm(known, axis=1, keepdims=True)
     for _ in range(1000):
-        felt = MOUNTING.inv().apply(Rotation.from_rotvec(sd[:, None] * draw.standard_normal((2, 3))).apply(unit))
+        felt = MOUNTING.inv().apply(
+            Rotation.from_rotvec(sd[:, None] * draw.standard_normal((2, 3))).apply(unit)
+        )
         found = from_directions(felt, known, sd)
         inside += np.abs(error_in_segment(found)) <= found.fit.half_width()
     assert ((inside >= 930) & (inside <= 970)).all(), inside
@@ -76,7 +93,9 @@ def test_rates_of_the_arm_give_the_mounting():
         found = from_rates(MOUNTING.inv().apply(rate) + 0.02 * draw.standard_normal((300, 3)), rate)
         inside += np.abs(error_in_segment(found)) <= found.fit.half_width()
     assert ((inside >= 930) & (inside <= 970)).all(), inside
-    sparse = from_rates(MOUNTING.inv().apply(rate) + 0.02 * draw.standard_normal((300, 3)), rate, independent=75)
+    sparse = from_rates(
+        MOUNTING.inv().apply(rate) + 0.02 * draw.standard_normal((300, 3)), rate, independent=75
+    )
     np.testing.assert_allclose(sparse.fit.sd / found.fit.sd, 2, rtol=0.2)
     with pytest.raises(PoorExcitation):
         from_rates(*(rate * [1, 0, 0] + 1e-3 * draw.standard_normal((300, 3)) for _ in range(2)))
@@ -107,9 +126,14 @@ FIRST, SECOND = Rotation.from_rotvec([0.3, 0.1, -0.5]), Rotation.from_rotvec([-0
 
 
 def hinge(n: int, noise: float, seed: int, upper_moves: bool = True) -> tuple[np.ndarray, ...]:
-    """Rates and forces of two sensors beside a hinge, which feel the same force; and the axis in each."""
+    """Rates and forces of two sensors beside a hinge, which feel the same force; and the axis in
+    each.
+    """
     draw, t = rng(seed), np.linspace(0, 20, n)
-    upper = np.column_stack([np.sin(1.1 * t), 0.6 * np.sin(0.7 * t + 1), 0.8 * np.cos(1.7 * t)]) * upper_moves
+    upper = (
+        np.column_stack([np.sin(1.1 * t), 0.6 * np.sin(0.7 * t + 1), 0.8 * np.cos(1.7 * t)])
+        * upper_moves
+    )
     angle, speed = 0.9 * (1 - np.cos(1.3 * t)), 0.9 * 1.3 * np.sin(1.3 * t)
     bend = Rotation.from_rotvec(angle[:, None] * AXIS)  # upper from lower
     lower = bend.inv().apply(upper) + speed[:, None] * AXIS
@@ -125,7 +149,9 @@ def test_a_hinge_is_found_from_the_motion_of_both_segments():
     found = hinge_axes(*given)
     sign = np.sign(found.first @ first)
     np.testing.assert_allclose(found.first * sign, first, atol=1e-9)
-    np.testing.assert_allclose(found.second * sign, second, atol=1e-9)  # with forces the signs agree
+    np.testing.assert_allclose(
+        found.second * sign, second, atol=1e-9
+    )  # with forces the signs agree
     assert found.signs_agree
     by_rates = hinge_axes(*given[:2])
     assert not by_rates.signs_agree
@@ -139,7 +165,8 @@ def test_intervals_of_a_hinges_axes_hold_them():
     truth = np.concatenate([first, second])
     for _ in range(1000):
         rates = [clean + noise * draw.standard_normal(clean.shape) for clean in (clean1, clean2)]
-        # The difference of lengths across the axis has twice the variance of one rate, as that of the forces has.
+        # The difference of lengths across the axis has twice the variance of one rate, as that of
+        # the forces has.
         forces = [f + 0.5 * draw.standard_normal(f.shape) for f in (f1, f2)]
         found = hinge_axes(*rates, *forces, force_weight=noise / 0.5)
         values = found.fit.values * np.sign(found.first @ first)
@@ -176,8 +203,12 @@ def test_what_turns_about_no_single_axis_or_not_at_all_is_refused():
         hinge_axes(np.zeros((50, 3)), np.zeros((50, 3)))
 
 
-def joint(n: int, angles: np.ndarray, second_axis: np.ndarray | None = None) -> tuple[Rotation, Rotation]:
-    """Orientations of both sensors in one earth; a hinge about AXIS, or a 2D joint about AXIS and then another axis."""
+def joint(
+    n: int, angles: np.ndarray, second_axis: np.ndarray | None = None
+) -> tuple[Rotation, Rotation]:
+    """Orientations of both sensors in one earth; a hinge about AXIS, or a 2D joint about AXIS and
+    then another axis.
+    """
     upper = motion(n, 3)
     bend = Rotation.from_rotvec(angles[:, :1] * AXIS)
     if second_axis is not None:
@@ -191,7 +222,9 @@ ANGLES = np.column_stack([0.9 * (1 - np.cos(1.3 * TIME)), 0.7 * np.sin(0.9 * TIM
 CARRYING = np.cross(AXIS, [1.0, 0, 0]) / np.linalg.norm(np.cross(AXIS, [1.0, 0, 0]))
 
 
-def other_earth(turn: Rotation, draw: np.random.Generator | None = None, noise: float = 0.0) -> np.ndarray:
+def other_earth(
+    turn: Rotation, draw: np.random.Generator | None = None, noise: float = 0.0
+) -> np.ndarray:
     """As a filter sees it whose north is off by minus HEADING."""
     seen = Rotation.from_rotvec([0, 0, -HEADING]) * turn
     if draw is not None:
@@ -203,7 +236,9 @@ def test_the_heading_of_a_hinge_is_found():
     first, second = joint(200, ANGLES)
     axes = FIRST.inv().apply(AXIS), SECOND.inv().apply(AXIS)
     q1 = quaternions(first)
-    assert heading_1d(q1, axes[0], other_earth(second), axes[1])["heading"] == pytest.approx(HEADING, abs=1e-9)
+    assert heading_1d(q1, axes[0], other_earth(second), axes[1])["heading"] == pytest.approx(
+        HEADING, abs=1e-9
+    )
     draw, inside = rng(7), 0
     for _ in range(1000):
         fit = heading_1d(q1, axes[0], other_earth(second, draw, 0.03), axes[1])
@@ -218,7 +253,9 @@ def test_the_heading_of_a_joint_with_two_axes_is_found():
     first, second = joint(200, ANGLES, CARRYING)
     axes = FIRST.inv().apply(AXIS), SECOND.inv().apply(CARRYING)
     q1 = quaternions(first)
-    assert heading_2d(q1, axes[0], other_earth(second), axes[1])["heading"] == pytest.approx(HEADING, abs=1e-9)
+    assert heading_2d(q1, axes[0], other_earth(second), axes[1])["heading"] == pytest.approx(
+        HEADING, abs=1e-9
+    )
     draw, inside = rng(8), 0
     for _ in range(1000):
         fit = heading_2d(q1, axes[0], other_earth(second, draw, 0.03), axes[1])
@@ -228,7 +265,9 @@ def test_the_heading_of_a_joint_with_two_axes_is_found():
     crossing = Rotation.from_rotvec((np.pi / 2 - skew) * np.cross(CARRYING, AXIS)).apply(CARRYING)
     assert np.arccos(crossing @ AXIS) == pytest.approx(skew)
     first, second = joint(200, ANGLES, crossing)
-    fit = heading_2d(quaternions(first), axes[0], other_earth(second), SECOND.inv().apply(crossing), skew)
+    fit = heading_2d(
+        quaternions(first), axes[0], other_earth(second), SECOND.inv().apply(crossing), skew
+    )
     assert fit["heading"] == pytest.approx(HEADING, abs=1e-9)
 
 

@@ -1,4 +1,6 @@
-"""A chain of two sensors on a UR3e, and motions drawn from the filter's own models: what the covariances must be right for."""
+"""A chain of two sensors on a UR3e, and motions drawn from the filter's own models: what the
+covariances must be right for.
+"""
 
 from __future__ import annotations
 
@@ -33,23 +35,35 @@ def sensors(kinematics: Kinematics) -> ChainSensors:
 
 @pytest.fixture(scope="session")
 def measure(sensors: ChainSensors) -> Callable[..., ChainSamples]:
-    """Noisy samples of both sensors at times, from joint motions of shape (n, 3, m), with biases drawn and walking."""
+    """Noisy samples of both sensors at times, from joint motions of shape (n, 3, m), with biases
+    drawn and walking.
+    """
 
-    def make(motion: np.ndarray, rng: np.random.Generator, interval: float = INTERVAL, at_rest: int = 100) -> ChainSamples:
+    def make(
+        motion: np.ndarray, rng: np.random.Generator, interval: float = INTERVAL, at_rest: int = 100
+    ) -> ChainSamples:
         s = len(sensors.sensors)
         bias = np.sqrt(NOISE.bias_variance) * rng.normal(size=(s, 6))
         sd, walk = np.sqrt(NOISE.variance), np.sqrt(NOISE.walk * interval)
         zero = np.zeros(len(sensors.joints))
-        rest = sensors.readings(motion[0, 0], zero, zero)[0] + bias + sd / np.sqrt(at_rest) * rng.normal(size=(s, 6))
+        rest = (
+            sensors.readings(motion[0, 0], zero, zero)[0]
+            + bias
+            + sd / np.sqrt(at_rest) * rng.normal(size=(s, 6))
+        )
         readings = []
         for q, v, a in motion[1:]:
             bias = bias + walk * rng.normal(size=(s, 6))
             readings.append(sensors.readings(q, v, a)[0] + bias + sd * rng.normal(size=(s, 6)))
         n = len(motion) - 1
         return ChainSamples(
-            0.0, rest, np.full(s, at_rest), np.repeat(np.arange(1, n + 1) * interval, s), np.tile(np.arange(s), n),
+            0.0,
+            rest,
+            np.full(s, at_rest),
+            np.repeat(np.arange(1, n + 1) * interval, s),
+            np.tile(np.arange(s), n),
             np.concatenate(readings),
-        )  # fmt: skip
+        )
 
     return make
 
@@ -60,7 +74,13 @@ def white_jerk(sensors: ChainSensors, kinematics: Kinematics) -> Callable[..., n
 
     def make(n: int, density: float, start_sd: float, rng: np.random.Generator) -> np.ndarray:
         h, m = INTERVAL, len(sensors.joints)
-        Q = np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
+        Q = np.array(
+            [
+                [h**5 / 20, h**4 / 8, h**3 / 6],
+                [h**4 / 8, h**3 / 3, h**2 / 2],
+                [h**3 / 6, h**2 / 2, h],
+            ]
+        )
         F, L = np.array([[1, h, h * h / 2], [0, 1, h], [0, 0, 1]]), np.linalg.cholesky(Q)
         motion = np.zeros((n + 1, 3, m))
         motion[0, 0] = kinematics.robot.home + start_sd * rng.normal(size=m)
@@ -73,5 +93,9 @@ def white_jerk(sensors: ChainSensors, kinematics: Kinematics) -> Callable[..., n
 
 @pytest.fixture(scope="session")
 def settings(kinematics: Kinematics) -> FilterSettings:
-    """Of the kinematic state, for motions of `white_jerk` with a density of 300 deg/s^3/sqrt(Hz)."""
-    return FilterSettings(0, [NOISE, NOISE], kinematics.robot.home, np.radians(2.0), np.radians(300.0), limits=False)
+    """Of the kinematic state, for motions of `white_jerk` with a density of 300
+    deg/s^3/sqrt(Hz).
+    """
+    return FilterSettings(
+        0, [NOISE, NOISE], kinematics.robot.home, np.radians(2.0), np.radians(300.0), limits=False
+    )

@@ -1,4 +1,6 @@
-"""The filter on motions drawn from its own model: honest covariances, recovered biases, and what it costs."""
+"""The filter on motions drawn from its own model: honest covariances, recovered biases, and what it
+costs.
+"""
 
 import time
 from dataclasses import replace
@@ -32,7 +34,9 @@ def nees(error: np.ndarray, covariance: np.ndarray) -> float:
 
 
 def within(values: list[float], freedom: int) -> bool:
-    """Whether the mean of independent NEES lies in its two-sided 95 % bounds (Bar-Shalom et al. 2001, sect. 5.4.2)."""
+    """Whether the mean of independent NEES lies in its two-sided 95 % bounds (Bar-Shalom et al.
+    2001, sect. 5.4.2).
+    """
     low, high = chi2.ppf([0.025, 0.975], freedom * len(values)) / len(values)
     return low <= np.mean(values) <= high
 
@@ -43,19 +47,35 @@ def test_the_covariance_of_q_v_and_a_is_what_the_errors_show(runs, settings, sen
     values = []
     for motion, samples in runs:
         result = run_filter(sensors, settings, samples.until(instant * 0.01 + 0.005), keep=True)
-        values.append(nees(result.state[-1, : 3 * m] - motion[instant].ravel(), result.covariance[-1, : 3 * m, : 3 * m]))
+        values.append(
+            nees(
+                result.state[-1, : 3 * m] - motion[instant].ravel(),
+                result.covariance[-1, : 3 * m, : 3 * m],
+            )
+        )
     assert within(values, 3 * m)
 
 
-def test_a_filter_that_takes_its_sensors_for_better_than_they_are_is_found_out(runs, settings, sensors):
+def test_a_filter_that_takes_its_sensors_for_better_than_they_are_is_found_out(
+    runs, settings, sensors
+):
     m = len(sensors.joints)
     proud = replace(
-        settings, noise=[replace(noise, gyr_sd=noise.gyr_sd / 2, acc_sd=noise.acc_sd / 2) for noise in settings.noise]
+        settings,
+        noise=[
+            replace(noise, gyr_sd=noise.gyr_sd / 2, acc_sd=noise.acc_sd / 2)
+            for noise in settings.noise
+        ],
     )
     values = []
     for motion, samples in runs:
         result = run_filter(sensors, proud, samples, keep=True)
-        values.append(nees(result.state[-1, : 3 * m] - motion[-1].ravel(), result.covariance[-1, : 3 * m, : 3 * m]))
+        values.append(
+            nees(
+                result.state[-1, : 3 * m] - motion[-1].ravel(),
+                result.covariance[-1, : 3 * m, : 3 * m],
+            )
+        )
     assert not within(values, 3 * m)
 
 
@@ -72,7 +92,9 @@ def test_the_smoother_is_better_than_the_filter_and_as_honest(runs, settings, se
         both.append(smoothed.mean[middle - 1] - motion[N // 2])
         scores.append(both[-1] / smoothed.sd[middle - 1])
     rms = [np.sqrt(np.mean(np.square(errors), axis=0)) for errors in (forward, both)]
-    assert (rms[1][:, 1:] < rms[0][:, 1:]).all()  # but the pan joint, about the vertical, of which nothing is told
+    assert (
+        rms[1][:, 1:] < rms[0][:, 1:]
+    ).all()  # but the pan joint, about the vertical, of which nothing is told
     low, high = chi2.ppf([0.001, 0.999], FEWER) / FEWER
     size = np.mean(np.square(scores), axis=0)
     assert (size > low).all() and (size < high).all()
@@ -108,12 +130,22 @@ def test_the_covariance_of_a_fourier_series_is_what_the_errors_show(sensors, set
     m, runs, n = len(sensors.joints), 20, 200
     size = motion_size(m, HARMONICS)
     fourier = FilterSettings(
-        HARMONICS, settings.noise, settings.start, settings.start_sd, np.radians(0.05), frequency=FREQUENCY, limits=False
+        HARMONICS,
+        settings.noise,
+        settings.start,
+        settings.start_sd,
+        np.radians(0.05),
+        frequency=FREQUENCY,
+        limits=False,
     )
     indices, slopes = state_indices(m, HARMONICS), np.empty((3, m, 2 * HARMONICS + 2))
     biases = fourier.error_variance
-    # The start is known well enough for a first linearisation to hold; what is tested is the filter, not its start.
-    reach = np.repeat(np.radians(0.6) / np.concatenate([[1.0], np.repeat(np.arange(1, HARMONICS + 1), 2) ** 1.5]), m)
+    # The start is known well enough for a first linearisation to hold; what is tested is the
+    # filter, not its start.
+    reach = np.repeat(
+        np.radians(0.6) / np.concatenate([[1.0], np.repeat(np.arange(1, HARMONICS + 1), 2) ** 1.5]),
+        m,
+    )
     sd = np.concatenate([reach, [0.005 * 2 * np.pi * FREQUENCY], np.sqrt(biases)])
     values, omegas = [], []
     for seed in range(runs):
@@ -131,29 +163,50 @@ def test_the_covariance_of_a_fourier_series_is_what_the_errors_show(sensors, set
             joint_motion(x, indices, HARMONICS, motion[i + 1], slopes)
         P, levels = np.diag(sd**2), fourier.levels()
         levels[0] = np.inf  # this motion has no fade
-        result = continue_filter(sensors, fourier, measure(motion, rng), guess, P, 0.0, levels, keep=True)
+        result = continue_filter(
+            sensors, fourier, measure(motion, rng), guess, P, 0.0, levels, keep=True
+        )
         values.append(nees(result.state[-1, :size] - x, result.covariance[-1, :size, :size]))
-        omegas.append((result.state[-1, size - 1] - x[-1]) / np.sqrt(result.covariance[-1, size - 1, size - 1]))
+        omegas.append(
+            (result.state[-1, size - 1] - x[-1])
+            / np.sqrt(result.covariance[-1, size - 1, size - 1])
+        )
     assert within(values, size)
     assert np.sqrt(np.mean(np.square(omegas))) < 1.5  # standard deviations, of an unknown frequency
 
 
 CLOCK_SD, CUBIC_SD = 2e-4, 2e-5  # 0.2 ms; an axis along gravity reads 0.2 % too much or too little
-FAULTS = {"clock": {"clock_sd": CLOCK_SD}, "linearity": {"acc_cubic_sd": CUBIC_SD, "gyr_cubic_sd": 1e-12}}
+FAULTS = {
+    "clock": {"clock_sd": CLOCK_SD},
+    "linearity": {"acc_cubic_sd": CUBIC_SD, "gyr_cubic_sd": 1e-12},
+}
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_late_clock_and_a_bent_axis_are_in_the_covariance_and_would_be_missed_without(sensors, settings, measure, fault):
-    """Faults put in: each sensor's samples taken later than believed, or each axis adding to its reading its third power."""
+def test_a_late_clock_and_a_bent_axis_are_in_the_covariance_and_would_be_missed_without(
+    sensors, settings, measure, fault
+):
+    """Faults put in: each sensor's samples taken later than believed, or each axis adding to its
+    reading its third power.
+    """
     m, runs, n = len(sensors.joints), 12, 200
     size, s = motion_size(m, HARMONICS), len(sensors.sensors)
     told = FilterSettings(
-        HARMONICS, [replace(noise, **FAULTS[fault]) for noise in settings.noise], settings.start, settings.start_sd,
-        np.radians(1e-4), scales=True, frequency=FREQUENCY, limits=False,
-    )  # fmt: skip
+        HARMONICS,
+        [replace(noise, **FAULTS[fault]) for noise in settings.noise],
+        settings.start,
+        settings.start_sd,
+        np.radians(1e-4),
+        scales=True,
+        frequency=FREQUENCY,
+        limits=False,
+    )
     untold = replace(told, noise=settings.noise)
     indices, slopes = state_indices(m, HARMONICS), np.empty((3, m, 2 * HARMONICS + 2))
-    reach = np.repeat(np.radians(0.6) / np.concatenate([[1.0], np.repeat(np.arange(1, HARMONICS + 1), 2) ** 1.5]), m)
+    reach = np.repeat(
+        np.radians(0.6) / np.concatenate([[1.0], np.repeat(np.arange(1, HARMONICS + 1), 2) ** 1.5]),
+        m,
+    )
     values, late = {"told": [], "untold": []}, []
     for seed in range(runs):
         rng = np.random.default_rng([13, seed])
@@ -182,10 +235,16 @@ def test_a_late_clock_and_a_bent_axis_are_in_the_covariance_and_would_be_missed_
             levels = own.levels()
             levels[0] = np.inf
             result = continue_filter(sensors, own, samples, first, P, 0.0, levels, keep=True)
-            values[key].append(nees(result.state[-1, :size] - end, result.covariance[-1, :size, :size]))
+            values[key].append(
+                nees(result.state[-1, :size] - end, result.covariance[-1, :size, :size])
+            )
             if key == "told" and fault == "clock":
                 own_clock = size + 6 * s
                 late.append(np.diff(result.state[-1, own_clock : own_clock + s] - clocks)[0])
     assert within(values["told"], size)
-    assert not within(values["untold"], size) and np.mean(values["untold"]) > 1.3 * np.mean(values["told"])
-    assert fault != "clock" or np.sqrt(np.mean(np.square(late))) < 0.3 * CLOCK_SD  # one against the other it is found
+    assert not within(values["untold"], size) and np.mean(values["untold"]) > 1.3 * np.mean(
+        values["told"]
+    )
+    assert (
+        fault != "clock" or np.sqrt(np.mean(np.square(late))) < 0.3 * CLOCK_SD
+    )  # one against the other it is found

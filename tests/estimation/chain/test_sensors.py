@@ -12,7 +12,9 @@ SOME = ["shoulder_lift_joint", "wrist_1_joint", "wrist_3_joint"]
 
 
 def random_pose(rng):
-    return Pose(rotation.to_matrix(rotation.normalise(rng.normal(size=4))), 0.1 * rng.normal(size=3))
+    return Pose(
+        rotation.to_matrix(rotation.normalise(rng.normal(size=4))), 0.1 * rng.normal(size=3)
+    )
 
 
 @pytest.fixture(params=["ur3e", "ur10e", "panda"])
@@ -21,7 +23,9 @@ def arm(request):
 
 
 def test_readings_are_those_of_pinocchio(arm):
-    """The oracle: angular velocity and classical acceleration of a frame, by Pinocchio's own algorithm."""
+    """The oracle: angular velocity and classical acceleration of a frame, by Pinocchio's own
+    algorithm.
+    """
     rng = np.random.default_rng(3)
     n = len(arm.robot.joint_names)
     link = arm.link_names[-1]
@@ -30,7 +34,9 @@ def test_readings_are_those_of_pinocchio(arm):
     model = arm.model.copy()
     frame = model.getFrameId(link, pin.FrameType.BODY)
     placed = model.frames[frame].placement * pin.SE3(mounting.R, mounting.position)
-    own = model.addFrame(pin.Frame("sensor", model.frames[frame].parentJoint, placed, pin.FrameType.OP_FRAME))
+    own = model.addFrame(
+        pin.Frame("sensor", model.frames[frame].parentJoint, placed, pin.FrameType.OP_FRAME)
+    )
     data = model.createData()
     for _ in range(5):
         q, v, a = rng.uniform(-2, 2, (3, n))
@@ -41,14 +47,21 @@ def test_readings_are_those_of_pinocchio(arm):
         pin.forwardKinematics(model, data, arm.configuration(q), rates, accelerations)
         pin.updateFramePlacements(model, data)
         R = data.oMf[own].rotation
-        force = pin.getFrameClassicalAcceleration(model, data, own, pin.LOCAL).linear - R.T @ arm.robot.gravity
-        expected = np.concatenate([pin.getFrameVelocity(model, data, own, pin.LOCAL).angular, force])
+        force = (
+            pin.getFrameClassicalAcceleration(model, data, own, pin.LOCAL).linear
+            - R.T @ arm.robot.gravity
+        )
+        expected = np.concatenate(
+            [pin.getFrameVelocity(model, data, own, pin.LOCAL).angular, force]
+        )
         found = chain.readings(q[columns], v[columns], a[columns])[0][0]
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("joints", [None, SOME])
-def test_derivatives_are_those_of_finite_differences_also_with_joints_that_stand_still(kinematics, joints):
+def test_derivatives_are_those_of_finite_differences_also_with_joints_that_stand_still(
+    kinematics, joints
+):
     rng = np.random.default_rng(1)
     places = {"a": ("forearm_link", random_pose(rng)), "b": ("wrist_3_link", random_pose(rng))}
     standing = rng.normal(size=6)
@@ -61,8 +74,12 @@ def test_derivatives_are_those_of_finite_differences_also_with_joints_that_stand
             for j in range(m):
                 step = np.zeros((3, m))
                 step[which, j] = 1e-5
-                numeric = (chain.readings(*(state + step))[0] - chain.readings(*(state - step))[0]) / 2e-5
-                np.testing.assert_allclose(slope[:, :, j], numeric, atol=2e-7 * max(1, np.abs(slope).max()))
+                numeric = (
+                    chain.readings(*(state + step))[0] - chain.readings(*(state - step))[0]
+                ) / 2e-5
+                np.testing.assert_allclose(
+                    slope[:, :, j], numeric, atol=2e-7 * max(1, np.abs(slope).max())
+                )
 
 
 def test_joints_that_stand_still_are_folded_into_the_chain(kinematics):
@@ -75,7 +92,10 @@ def test_joints_that_stand_still_are_folded_into_the_chain(kinematics):
     columns = [kinematics.robot.joint_names.index(name) for name in SOME]
     full[:, columns] = q, v, a
     motion = kinematics.frame_motion("wrist_3_link", *full, offset=places["b"][1])
-    expected = [*motion.angular_velocity_in_frame[0], *motion.specific_force_in_frame(kinematics.robot.gravity)[0]]
+    expected = [
+        *motion.angular_velocity_in_frame[0],
+        *motion.specific_force_in_frame(kinematics.robot.gravity)[0],
+    ]
     np.testing.assert_allclose(chain.readings(q, v, a)[0][0], expected, atol=1e-12)
 
 
@@ -84,4 +104,6 @@ def test_a_joint_that_carries_no_sensor_is_refused(kinematics):
     with pytest.raises(InputError, match="wrist_3_joint carries none of the sensors b"):
         chain_sensors(kinematics, places, ["elbow_joint", "wrist_3_joint"], kinematics.robot.home)
     with pytest.raises(InputError, match="no joint of ur3e"):
-        chain_sensors(kinematics, {"base": ("base_link", places["b"][1])}, None, kinematics.robot.home)
+        chain_sensors(
+            kinematics, {"base": ("base_link", places["b"][1])}, None, kinematics.robot.home
+        )

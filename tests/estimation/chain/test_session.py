@@ -1,4 +1,6 @@
-"""The chain filter on runs of the simulated bench: what it finds, what it refuses, and that it never looks at the arm."""
+"""The chain filter on runs of the simulated bench: what it finds, what it refuses, and that it
+never looks at the arm.
+"""
 
 import numpy as np
 import pytest
@@ -20,19 +22,25 @@ def squat(altered_protocol, tmp_path_factory):
         for joint in ("ankle", "knee"):
             spec["sections"][1]["steps"][0]["sweep"][joint]["sine"]["cycles"] = 10
 
-    session = execute(plan(altered_protocol("squat", shorten)), tmp_path_factory.mktemp("logs"), seed=3)
+    session = execute(
+        plan(altered_protocol("squat", shorten)), tmp_path_factory.mktemp("logs"), seed=3
+    )
     return session, estimate(session)
 
 
 def test_angles_are_found_to_a_tenth_of_a_degree_and_the_uncertainty_says_so(squat):
     session, estimated = squat
     rows = {(row.state, row.joint): row for row in evaluate(session, estimated).chain}
-    assert set(rows) == {(state, joint) for state in ("kinematic", "fourier") for joint in ("ankle", "knee")}
+    assert set(rows) == {
+        (state, joint) for state in ("kinematic", "fourier") for joint in ("ankle", "knee")
+    }
     for row in rows.values():
         assert row.rmse_deg < 0.1
         assert row.correlation > 0.99999
         assert 0.2 < row.normalised_error < 2.0
-        assert abs(row.smallest_error_deg) <= abs(row.median_error_deg) <= abs(row.largest_error_deg)
+        assert (
+            abs(row.smallest_error_deg) <= abs(row.median_error_deg) <= abs(row.largest_error_deg)
+        )
     for joint in ("ankle", "knee"):
         fourier, kinematic = rows["fourier", joint], rows["kinematic", joint]
         assert fourier.rate_rmse_deg_s < kinematic.rate_rmse_deg_s
@@ -58,14 +66,20 @@ def test_estimate_and_evaluation_come_back_from_disk(squat, tmp_path):
 
 
 def test_what_the_arm_measured_changes_nothing(squat, tmp_path):
-    """The truth files are falsified: clocks are fitted to the truth's rates as always, so only its angles are."""
+    """The truth files are falsified: clocks are fitted to the truth's rates as always, so only its
+    angles are.
+    """
     session, estimated = squat
     file = session.path / "arm.parquet"
     kept = file.read_bytes()
     table = read_parquet(file)
     try:
         file.unlink()
-        write_parquet(file, {key: value + 0.3 if key.startswith("q_") else value for key, value in table.items()}, {})
+        write_parquet(
+            file,
+            {key: value + 0.3 if key.startswith("q_") else value for key, value in table.items()},
+            {},
+        )
         again = estimate(session)
     finally:
         file.unlink()
@@ -129,6 +143,13 @@ def test_a_motion_that_does_not_repeat_has_no_period():
     rng = np.random.default_rng(1)
     t = np.arange(0, 40, 0.01)
     rate = np.cumsum(rng.normal(size=(len(t), 6)), axis=0)
-    samples = ChainSamples(0.0, np.zeros((1, 6)), np.ones(1), t, np.zeros(len(t), dtype=int), np.diff(rate, axis=0, prepend=0))
+    samples = ChainSamples(
+        0.0,
+        np.zeros((1, 6)),
+        np.ones(1),
+        t,
+        np.zeros(len(t), dtype=int),
+        np.diff(rate, axis=0, prepend=0),
+    )
     with pytest.raises(InputError, match="does not repeat"):
         base_frequency(samples, 0.0)

@@ -20,8 +20,12 @@ FREE = np.zeros((3, 2))
 CONFINED = np.array([[0.4, 6.0], [0.0, 0.0], [-1.0, 1.5]])
 
 
-@pytest.mark.parametrize(("harmonics", "confined"), [(0, FREE), (0, CONFINED), (1, FREE), (4, FREE)])
-def test_the_transition_has_the_derivative_it_says_and_moves_the_covariance_by_it(harmonics, confined):
+@pytest.mark.parametrize(
+    ("harmonics", "confined"), [(0, FREE), (0, CONFINED), (1, FREE), (4, FREE)]
+)
+def test_the_transition_has_the_derivative_it_says_and_moves_the_covariance_by_it(
+    harmonics, confined
+):
     rng = np.random.default_rng(harmonics)
     m = 3
     n = motion_size(m, harmonics) + 5
@@ -69,7 +73,11 @@ def test_the_slopes_of_the_joints_are_those_of_finite_differences():
     m, n = 2, 3
     x = rng.normal(size=motion_size(m, n))
     indices = state_indices(m, n)
-    motion, slopes, spare = np.empty((3, m)), np.empty((3, m, 2 * n + 2)), np.empty((3, m, 2 * n + 2))
+    motion, slopes, spare = (
+        np.empty((3, m)),
+        np.empty((3, m, 2 * n + 2)),
+        np.empty((3, m, 2 * n + 2)),
+    )
     joint_motion(x, indices, n, motion, slopes)
     for j in range(m):
         for t, index in enumerate(indices[j]):
@@ -82,7 +90,9 @@ def test_the_slopes_of_the_joints_are_those_of_finite_differences():
             np.testing.assert_allclose(slopes[:, j, t], (sides[0] - sides[1]) / 2e-6, atol=1e-7)
 
 
-@pytest.mark.parametrize(("confined", "long", "rtol"), [(FREE[:2], 0.3, 1e-13), (CONFINED[:2], 0.03, 1e-3)])
+@pytest.mark.parametrize(
+    ("confined", "long", "rtol"), [(FREE[:2], 0.3, 1e-13), (CONFINED[:2], 0.03, 1e-3)]
+)
 def test_two_short_steps_of_white_jerk_are_one_long_one(confined, long, rtol):
     m, x = 2, np.zeros(6)
     jerk, walk = np.array([2.0, 3.0]), np.zeros(6)
@@ -123,7 +133,9 @@ def test_of_a_joint_that_nothing_tells_of_its_range_is_all_that_is_known_for_eve
     assert np.sqrt(P[1, 1]) > 100  # and of one without limits nothing
 
 
-@given(mean=st.floats(-4, 4), sd=st.floats(0.1, 3), low=st.floats(-1.5, -0.1), high=st.floats(0.1, 1.5))
+@given(
+    mean=st.floats(-4, 4), sd=st.floats(0.1, 3), low=st.floats(-1.5, -0.1), high=st.floats(0.1, 1.5)
+)
 def test_a_cut_normal_density_has_the_moments_that_scipy_says(mean, sd, low, high):
     a, b = (low - mean) / sd, (high - mean) / sd
     if a > 6 or b < -6:
@@ -154,7 +166,9 @@ def test_a_joint_beyond_its_limit_is_brought_back_and_takes_along_what_goes_with
     assert x[0] == pytest.approx(expected, abs=1e-6) and x[0] < 1.0
     assert x[1] == pytest.approx(0.5 + 0.03 / 0.04 * (expected - 1.2), abs=1e-6)
     assert x[2] == 0.3
-    np.testing.assert_array_equal(P, before)  # put in with every sample it would make the filter sure of the limit
+    np.testing.assert_array_equal(
+        P, before
+    )  # put in with every sample it would make the filter sure of the limit
 
 
 def test_a_joint_that_nothing_is_known_of_is_known_by_its_limits():

@@ -23,12 +23,16 @@ def wander(
     seed: int = 4,
     jitter: float = 0.0,
 ) -> tuple[UniformSamples, np.ndarray]:
-    """A wandering turn without acceleration, and q_enu_from_sensor; jitter is that of the intervals, as a fraction."""
+    """A wandering turn without acceleration, and q_enu_from_sensor; jitter is that of the
+    intervals, as a fraction.
+    """
     rng = np.random.default_rng(seed)
     n = round(seconds * rate)
     intervals = (1 + jitter * rng.uniform(-1, 1, n)) / rate
     t = np.cumsum(intervals)
-    rates = np.column_stack([0.8 * np.sin(0.9 * t), 0.6 * np.cos(0.7 * t), 0.5 * np.sin(1.3 * t + 1)])
+    rates = np.column_stack(
+        [0.8 * np.sin(0.9 * t), 0.6 * np.cos(0.7 * t), 0.5 * np.sin(1.3 * t + 1)]
+    )
     q = [Rotation.from_euler("XYZ", [0.2, -0.3, 0.5])]
     for step in Rotation.from_rotvec(rates[1:] * intervals[1:, None]):
         q.append(q[-1] * step)
@@ -42,7 +46,9 @@ def wander(
 
 def degrees_between(first: np.ndarray, second: np.ndarray) -> float:
     """Largest angle between two rows of quaternions."""
-    return float(np.degrees(rotation.angle(rotation.multiply(first, rotation.conjugate(second))).max()))
+    return float(
+        np.degrees(rotation.angle(rotation.multiply(first, rotation.conjugate(second))).max())
+    )
 
 
 def heading_deg(q: np.ndarray, true: np.ndarray) -> np.ndarray:

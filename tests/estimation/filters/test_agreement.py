@@ -1,4 +1,6 @@
-"""Our kernels against independent implementations: packages, or the equations written down once more with whole matrices."""
+"""Our kernels against independent implementations: packages, or the equations written down once
+more with whole matrices.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def skew(v):
 
 def turn(q, vector):
     """q times the rotation by a vector of the sensor."""
-    return (Rotation.from_quat(q, scalar_first=True) * Rotation.from_rotvec(vector)).as_quat(scalar_first=True)
+    return (Rotation.from_quat(q, scalar_first=True) * Rotation.from_rotvec(vector)).as_quat(
+        scalar_first=True
+    )
 
 
 def matrix(q):
@@ -47,11 +51,18 @@ def test_madgwick_is_that_of_the_ahrs_package(beta):
         get_filter("madgwick_imu", {"beta": beta}).run(SAMPLES),
         get_filter("madgwick_marg", {"beta": beta}).run(SAMPLES),
     )
-    theirs = ahrs.filters.Madgwick(gyr=SAMPLES.gyr, acc=SAMPLES.acc, frequency=1 / DT, gain_imu=beta, q0=six[0]).Q
+    theirs = ahrs.filters.Madgwick(
+        gyr=SAMPLES.gyr, acc=SAMPLES.acc, frequency=1 / DT, gain_imu=beta, q0=six[0]
+    ).Q
     assert degrees_between(six, theirs) < SAME
     start = to_earth_frame(nine[0], "NWU")  # theirs has north along x
     theirs = ahrs.filters.Madgwick(
-        gyr=SAMPLES.gyr, acc=SAMPLES.acc, mag=SAMPLES.mag, frequency=1 / DT, gain_marg=beta, q0=start
+        gyr=SAMPLES.gyr,
+        acc=SAMPLES.acc,
+        mag=SAMPLES.mag,
+        frequency=1 / DT,
+        gain_marg=beta,
+        q0=start,
     ).Q
     assert degrees_between(to_earth_frame(nine, "NWU"), theirs) < SAME
 
@@ -61,26 +72,42 @@ def test_mahony_is_that_of_the_ahrs_package(kp, ki):
     for name, mag in (("mahony_imu", None), ("mahony_marg", SAMPLES.mag)):
         ours = get_filter(name, {"kp": kp, "ki": ki}).run(SAMPLES)
         theirs = ahrs.filters.Mahony(
-            gyr=SAMPLES.gyr, acc=SAMPLES.acc, mag=mag, frequency=1 / DT, k_P=kp, k_I=ki, q0=ours[0], b0=np.zeros(3)
+            gyr=SAMPLES.gyr,
+            acc=SAMPLES.acc,
+            mag=mag,
+            frequency=1 / DT,
+            k_P=kp,
+            k_I=ki,
+            q0=ours[0],
+            b0=np.zeros(3),
         ).Q
         assert degrees_between(ours, theirs) < SAME
 
 
 def test_the_quaternion_ekf_is_that_of_the_ahrs_package():
-    # its "NED" has gravity's reading along +z, as an accelerometer has it with z up; its "ENU" has it the other way round
+    # its "NED" has gravity's reading along +z, as an accelerometer has it with z up; its "ENU" has
+    # it the other way round
     for name, mag in (("ekf_imu", None), ("ekf", SAMPLES.mag)):
         ours = get_filter(name, {"gyr_sd_rad_s": 0.2, "acc_sd": 0.4}).run(SAMPLES)
         field = unit(rotation.rotate(ours[0], SAMPLES.mag[0]))
         theirs = ahrs.filters.EKF(
-            gyr=SAMPLES.gyr, acc=SAMPLES.acc, mag=mag, frequency=1 / DT, frame="NED", q0=ours[0], magnetic_ref=field,
+            gyr=SAMPLES.gyr,
+            acc=SAMPLES.acc,
+            mag=mag,
+            frequency=1 / DT,
+            frame="NED",
+            q0=ours[0],
+            magnetic_ref=field,
             noises=[0.2**2, 0.4**2, 0.8**2],
-        ).Q  # fmt: skip
+        ).Q
         assert degrees_between(ours, theirs) < SAME
 
 
 def test_the_enu_frame_of_that_packages_ekf_is_upside_down():
     samples, true = wander(10)
-    wrong = ahrs.filters.EKF(gyr=samples.gyr, acc=samples.acc, frequency=1 / DT, frame="ENU", q0=true[0]).Q
+    wrong = ahrs.filters.EKF(
+        gyr=samples.gyr, acc=samples.acc, frequency=1 / DT, frame="ENU", q0=true[0]
+    ).Q
     up = rotation.rotate(wrong[-1], samples.acc[-1])
     assert up[2] < 0  # it pulls the force downwards from a start that is right
     ours = get_filter("ekf_imu").run(samples)
@@ -95,15 +122,25 @@ def test_ecompass_triad_and_quest_are_those_of_scipy_and_the_ahrs_package():
     dip = np.arcsin(-unit(acc[0]) @ unit(mag[0]))
     field = np.array([0.0, np.cos(dip), -np.sin(dip)])
     for i in range(200):
-        theirs = ahrs.common.orientation.ecompass(acc[i], mag[i], frame="ENU", representation="rotmat")
+        theirs = ahrs.common.orientation.ecompass(
+            acc[i], mag[i], frame="ENU", representation="rotmat"
+        )
         np.testing.assert_allclose(matrix(compass[i]), theirs, atol=1e-9)
-        exact = Rotation.align_vectors([[0, 0, 1], field], [acc[i], mag[i]], weights=[np.inf, 1])[0].as_matrix()
+        exact = Rotation.align_vectors([[0, 0, 1], field], [acc[i], mag[i]], weights=[np.inf, 1])[
+            0
+        ].as_matrix()
         np.testing.assert_allclose(matrix(triad[i]), exact, atol=1e-6)
-        exact = Rotation.align_vectors([field, [0, 0, 1]], [mag[i], acc[i]], weights=[np.inf, 1])[0].as_matrix()
+        exact = Rotation.align_vectors([field, [0, 0, 1]], [mag[i], acc[i]], weights=[np.inf, 1])[
+            0
+        ].as_matrix()
         np.testing.assert_allclose(matrix(field_first[i]), exact, atol=1e-6)
-        best = Rotation.align_vectors([[0, 0, 1], field], [unit(acc[i]), unit(mag[i])], weights=[0.7, 0.3])[0].as_matrix()
+        best = Rotation.align_vectors(
+            [[0, 0, 1], field], [unit(acc[i]), unit(mag[i])], weights=[0.7, 0.3]
+        )[0].as_matrix()
         np.testing.assert_allclose(matrix(quest[i]), best, atol=1e-6)
-    theirs = ahrs.filters.Davenport(acc=acc, mag=mag, weights=np.array([0.7, 0.3]), magnetic_dip=np.degrees(dip))
+    theirs = ahrs.filters.Davenport(
+        acc=acc, mag=mag, weights=np.array([0.7, 0.3]), magnetic_dip=np.degrees(dip)
+    )
     assert theirs.Q.shape == (200, 4)
 
 
@@ -114,7 +151,10 @@ def test_the_start_with_a_magnetometer_is_the_ecompass_in_every_branch_of_the_co
         *q, known = with_north(*up, *north)
         assert known
         np.testing.assert_allclose(matrix(np.array(q)), true.as_matrix(), atol=1e-12)
-    assert with_north(0.0, 0.0, 1.0, 0.0, 0.0, -1.0)[4] is False or not with_north(0.0, 0.0, 1.0, 0.0, 0.0, -1.0)[4]
+    assert (
+        with_north(0.0, 0.0, 1.0, 0.0, 0.0, -1.0)[4] is False
+        or not with_north(0.0, 0.0, 1.0, 0.0, 0.0, -1.0)[4]
+    )
 
 
 def test_the_gyroscope_alone_is_the_product_of_its_turns():
@@ -122,20 +162,30 @@ def test_the_gyroscope_alone_is_the_product_of_its_turns():
     expected = [q]
     for rate in SAMPLES.gyr[1:]:
         expected.append(expected[-1] * Rotation.from_rotvec(rate * DT))
-    assert degrees_between(get_filter("gyro").run(SAMPLES), Rotation.concatenate(expected).as_quat(scalar_first=True)) < SAME
+    assert (
+        degrees_between(
+            get_filter("gyro").run(SAMPLES),
+            Rotation.concatenate(expected).as_quat(scalar_first=True),
+        )
+        < SAME
+    )
 
 
 def test_madgwicks_bias_state_is_that_of_the_report():
-    """Equations 42 to 49 of the 2010 report; the gradient by the complex step instead of the printed Jacobian."""
+    """Equations 42 to 49 of the 2010 report; the gradient by the complex step instead of the
+    printed Jacobian.
+    """
     beta, zeta = 0.05, 0.02
 
     def misfit(q, a, m, b):
         w, x, y, z = q
-        rows = np.array([
-            [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-            [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
-        ])  # fmt: skip
+        rows = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+                [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+                [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
         return np.concatenate([rows @ [0, 0, 1] - a, rows @ b - m])
 
     ours, state = get_filter("madgwick_marg", {"beta": beta, "zeta": zeta}).advance(SAMPLES)
@@ -176,14 +226,21 @@ def test_the_complementary_filter_turns_by_part_of_the_angle(name):
         q = Rotation.from_rotvec((1 - np.exp(-DT / 3.0)) * angle * unit(axis)) * q
         if name == "complementary_marg":
             field = q.apply(mag)
-            q = Rotation.from_rotvec([0, 0, (1 - np.exp(-DT / 9.0)) * np.arctan2(field[0], field[1])]) * q
+            q = (
+                Rotation.from_rotvec(
+                    [0, 0, (1 - np.exp(-DT / 9.0)) * np.arctan2(field[0], field[1])]
+                )
+                * q
+            )
         expected.append(q.as_quat(scalar_first=True))
     assert degrees_between(ours, np.array(expected)) < SAME
 
 
 @pytest.mark.parametrize("name", ["mekf_imu", "mekf"])
 def test_the_mekf_is_its_matrix_equations(name):
-    """Whole matrices, all measurements at once, exact transition of the covariance to first order in the turn."""
+    """Whole matrices, all measurements at once, exact transition of the covariance to first order
+    in the turn.
+    """
     kind = get_filter(name)
     ours, state = kind.advance(SAMPLES)
     p, use_mag = kind.parameters, name == "mekf"
@@ -192,10 +249,20 @@ def test_the_mekf_is_its_matrix_equations(name):
     inclining = (p["acc_sd_m_s2"] / 9.80665) ** 2
     in_earth = np.diag([inclining, inclining, p["mag_sd"] ** 2 if use_mag else inclining])
     R = matrix(q)
-    cov = np.block([[R.T @ in_earth @ R, np.zeros((3, 3))], [np.zeros((3, 3)), p["bias_sd_rad_s"] ** 2 * np.eye(3)]])
+    cov = np.block(
+        [
+            [R.T @ in_earth @ R, np.zeros((3, 3))],
+            [np.zeros((3, 3)), p["bias_sd_rad_s"] ** 2 * np.eye(3)],
+        ]
+    )
     v, u = p["gyr_noise_rad_s_sqrthz"] ** 2, p["bias_walk_rad_s2_sqrthz"] ** 2
     eye = np.eye(3)
-    noise = np.block([[(v * DT + u * DT**3 / 3) * eye, -u * DT**2 / 2 * eye], [-u * DT**2 / 2 * eye, u * DT * eye]])
+    noise = np.block(
+        [
+            [(v * DT + u * DT**3 / 3) * eye, -u * DT**2 / 2 * eye],
+            [-u * DT**2 / 2 * eye, u * DT * eye],
+        ]
+    )
     for gyr, acc, mag in zip(SAMPLES.gyr[1:], SAMPLES.acc[1:], SAMPLES.mag[1:], strict=True):
         step = (gyr - bias) * DT
         q = turn(q, step)
@@ -241,7 +308,10 @@ def test_the_error_state_filter_is_its_matrix_equations(name):
         if nine:
             seen = matrix(q).T @ field
             h6 = np.vstack([h, np.hstack([skew(seen), -k * skew(seen), np.zeros((3, 3)), -eye])])
-            r6 = np.r_[r, np.full(3, p["mag_var_uT2"] + p["mag_disturbance_var_uT2"] + k * k * (beta + eta))]
+            r6 = np.r_[
+                r,
+                np.full(3, p["mag_var_uT2"] + p["mag_disturbance_var_uT2"] + k * k * (beta + eta)),
+            ]
             z6 = np.r_[z, seen - mag]
             gain = cov @ h6.T @ np.linalg.inv(h6 @ cov @ h6.T + np.diag(r6))
             full = np.sum((gain @ z6)[9:] ** 2) <= 4 * field @ field
@@ -256,10 +326,14 @@ def test_the_error_state_filter_is_its_matrix_equations(name):
             new = field + matrix(q) @ x[9:]
             field = unit(np.array([0, new[1], new[2]])) * np.linalg.norm(field)
         drift = np.diag(after[3:6] + beta)
-        top = np.block([[np.diag(after[:3]) + k * k * (drift + eta * eye), -k * drift], [-k * drift, drift]])
+        top = np.block(
+            [[np.diag(after[:3]) + k * k * (drift + eta * eye), -k * drift], [-k * drift, drift]]
+        )
         blocks = [top, np.diag(nu**2 * after[6:9] + xi)]
         if nine:
-            blocks.append(np.diag(p["mag_disturbance_decay"] ** 2 * after[9:] + p["mag_disturbance_var_uT2"]))
+            blocks.append(
+                np.diag(p["mag_disturbance_decay"] ** 2 * after[9:] + p["mag_disturbance_var_uT2"])
+            )
         cov = block_diag(*blocks)
         expected.append(q)
     assert drops == 0
@@ -278,11 +352,13 @@ def test_the_corrected_euler_filters_are_the_general_equations_with_numerical_de
         roll, pitch, _ = x
         if simple:
             return x + DT * g
-        rates = np.array([
-            [1, np.sin(roll) * np.tan(pitch), np.cos(roll) * np.tan(pitch)],
-            [0, np.cos(roll), -np.sin(roll)],
-            [0, np.sin(roll) / np.cos(pitch), np.cos(roll) / np.cos(pitch)],
-        ])  # fmt: skip
+        rates = np.array(
+            [
+                [1, np.sin(roll) * np.tan(pitch), np.cos(roll) * np.tan(pitch)],
+                [0, np.cos(roll), -np.sin(roll)],
+                [0, np.sin(roll) / np.cos(pitch), np.cos(roll) / np.cos(pitch)],
+            ]
+        )
         return x + DT * rates @ g
 
     def observed(a):
@@ -306,7 +382,9 @@ def test_the_corrected_euler_filters_are_the_general_equations_with_numerical_de
 
 
 def test_the_printed_euler_filter_is_the_listing_with_its_misprint():
-    """Transcribed with the listing's axes (y and z reversed, force negated), whose earth has z down."""
+    """Transcribed with the listing's axes (y and z reversed, force negated), whose earth has z
+    down.
+    """
     samples, _ = wander(5)
     ours = get_filter("euler_ekf_as_printed").run(samples)
     to_listing = np.array([1.0, -1.0, -1.0])
@@ -317,14 +395,20 @@ def test_the_printed_euler_filter_is_the_listing_with_its_misprint():
     for (gx, gy, gz), (ax, ay, az) in zip(gyr[1:], acc[1:], strict=True):
         roll, pitch, yaw = x
         sr, cr, tp, sec = np.sin(roll), np.cos(roll), np.tan(pitch), 1 / np.cos(pitch)
-        x = np.array([
-            roll + DT * (gx + gy * sr * tp + gz * np.cos(pitch) * tp), pitch + DT * (gy * cr - gz * sr),
-            yaw + DT * (gy * sr + gz * cr) * sec,
-        ])  # fmt: skip
-        a = np.eye(3) + DT * np.array([
-            [gy * cr * tp - gz * sr * tp, gy * sr * sec**2 + gz * cr * sec**2, 0], [-gy * sr - gz * cr, 0, 0],
-            [gy * cr * sec - gz * sr * sec, gy * sr * sec * tp + gz * cr * sec * tp, 0],
-        ])  # fmt: skip
+        x = np.array(
+            [
+                roll + DT * (gx + gy * sr * tp + gz * np.cos(pitch) * tp),
+                pitch + DT * (gy * cr - gz * sr),
+                yaw + DT * (gy * sr + gz * cr) * sec,
+            ]
+        )
+        a = np.eye(3) + DT * np.array(
+            [
+                [gy * cr * tp - gz * sr * tp, gy * sr * sec**2 + gz * cr * sec**2, 0],
+                [-gy * sr - gz * cr, 0, 0],
+                [gy * cr * sec - gz * sr * sec, gy * sr * sec * tp + gz * cr * sec * tp, 0],
+            ]
+        )
         x = (x + np.pi) % (2 * np.pi) - np.pi
         if abs(np.sqrt(ax**2 + ay**2 + az**2) - 9.80665) < 0.1:
             z = np.array([np.arctan(ay / az), np.arctan(-ax / np.sqrt(ay**2 + az**2))])
@@ -338,17 +422,25 @@ def test_the_printed_euler_filter_is_the_listing_with_its_misprint():
     assert degrees_between(ours, (flip * down * flip.inv()).as_quat(scalar_first=True)) < 1e-4
 
 
-@pytest.mark.parametrize("parameters", [{}, {"tau_acc_s": 1.0, "rest_bias": 0, "bias_motion_sd_deg_s": 0.05}])
+@pytest.mark.parametrize(
+    "parameters", [{}, {"tau_acc_s": 1.0, "rest_bias": 0, "bias_motion_sd_deg_s": 0.05}]
+)
 def test_vqf_is_its_authors_form_in_python(parameters):
     samples = SAMPLES.piece(slice(0, 1500))
-    names = {"tau_acc_s": "tauAcc", "rest_bias": "restBiasEstEnabled", "bias_motion_sd_deg_s": "biasSigmaMotion"}
+    names = {
+        "tau_acc_s": "tauAcc",
+        "rest_bias": "restBiasEstEnabled",
+        "bias_motion_sd_deg_s": "biasSigmaMotion",
+    }
     given = {names[k]: bool(v) if k == "rest_bias" else v for k, v in parameters.items()}
     theirs = PyVQF(DT, **given).updateBatch(samples.gyr, samples.acc, samples.mag)
     assert degrees_between(get_filter("vqf_9d", parameters).run(samples), theirs["quat9D"]) < SAME
     assert degrees_between(get_filter("vqf_6d", parameters).run(samples), theirs["quat6D"]) < SAME
 
 
-def imufusion_loop(samples: UniformSamples, parameters: dict[str, float], magnetometer: bool) -> np.ndarray:
+def imufusion_loop(
+    samples: UniformSamples, parameters: dict[str, float], magnetometer: bool
+) -> np.ndarray:
     """What its authors' package makes of the samples after the first, started where ours starts."""
     theirs, settings = imufusion.Ahrs(), imufusion.AhrsSettings()
     settings.convention, settings.sample_rate = imufusion.CONVENTION_ENU, 1 / samples.interval
@@ -358,10 +450,14 @@ def imufusion_loop(samples: UniformSamples, parameters: dict[str, float], magnet
     settings.rejection_timeout = parameters.get("rejection_timeout_s", 5.0)
     settings.gyroscope_range = parameters.get("gyroscope_range_deg_s", 0.0)
     theirs.set_settings(settings)
-    theirs.set_quaternion(get_filter("ecompass" if magnetometer else "tilt").run(samples.piece(slice(0, 1)))[0])
+    theirs.set_quaternion(
+        get_filter("ecompass" if magnetometer else "tilt").run(samples.piece(slice(0, 1)))[0]
+    )
     q, rest = np.empty((len(samples) - 1, 4)), samples.piece(slice(1, None))
     assert rest.mag is not None
-    for i, (gyr, acc, mag) in enumerate(zip(np.degrees(rest.gyr), rest.acc / 9.80665, rest.mag, strict=True)):
+    for i, (gyr, acc, mag) in enumerate(
+        zip(np.degrees(rest.gyr), rest.acc / 9.80665, rest.mag, strict=True)
+    ):
         if magnetometer:
             theirs.update(gyr, acc, mag)
         else:
@@ -371,25 +467,35 @@ def imufusion_loop(samples: UniformSamples, parameters: dict[str, float], magnet
 
 
 def disturbed(samples: UniformSamples) -> UniformSamples:
-    """Shaken for two seconds of every six, with a field that is bent for three of every eight, and a turn too fast."""
+    """Shaken for two seconds of every six, with a field that is bent for three of every eight, and
+    a turn too fast.
+    """
     time = np.arange(len(samples)) * samples.interval
     shaken, bent = (time % 6 > 4)[:, None], (time % 8 > 5)[:, None]
     gyr, acc = samples.gyr.copy(), samples.acc + shaken * np.array([6.0, -4.0, 2.0])
     assert samples.mag is not None
     gyr[(time > 20) & (time < 20.2)] *= 40.0
-    return replace(samples, gyr=gyr, acc=acc, mag=samples.mag + bent * np.array([30.0, -20.0, 10.0]))
+    return replace(
+        samples, gyr=gyr, acc=acc, mag=samples.mag + bent * np.array([30.0, -20.0, 10.0])
+    )
 
 
 @pytest.mark.parametrize("magnetometer", [False, True])
 @pytest.mark.parametrize(
     "parameters",
     [
-        {}, {"gain": 0.7, "acceleration_rejection_deg": 0.0}, {"rejection_timeout_s": 0.5}, {"rejection_timeout_s": 0.0},
-        {"gyroscope_range_deg_s": 300.0}, {"gain": 0.0},
+        {},
+        {"gain": 0.7, "acceleration_rejection_deg": 0.0},
+        {"rejection_timeout_s": 0.5},
+        {"rejection_timeout_s": 0.0},
+        {"gyroscope_range_deg_s": 300.0},
+        {"gain": 0.0},
     ],
-)  # fmt: skip
+)
 def test_fusion_is_its_authors_package(parameters, magnetometer):
-    """In single precision there; a rejection decided the other way at its threshold would show as tenths of a degree."""
+    """In single precision there; a rejection decided the other way at its threshold would show as
+    tenths of a degree.
+    """
     samples = disturbed(SAMPLES)
     ours = get_filter("fusion_9d" if magnetometer else "fusion", parameters).run(samples)
     assert degrees_between(ours[1:], imufusion_loop(samples, parameters, magnetometer)) < 5e-3

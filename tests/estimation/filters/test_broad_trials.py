@@ -14,7 +14,8 @@ from testbench.model import rotation
 from testbench.model.earths import to_earth_frame
 from tests.estimation.filters.motions import degrees_between
 
-# RMSE of the total error during movement [deg], one parameter set for all trials (Laidig et al., Data 6(7):72, 2021).
+# RMSE of the total error during movement [deg], one parameter set for all trials (Laidig et al.,
+# Data 6(7):72, 2021).
 PUBLISHED = {  # trial: Madgwick (beta 0.12), Mahony (Kp 0.74, Ki 0.0012), VQF (package, defaults)
     "02": (1.50, 2.97, 1.38),
     "05": (1.79, 4.01, 0.99),
@@ -27,10 +28,15 @@ PUBLISHED = {  # trial: Madgwick (beta 0.12), Mahony (Kp 0.74, Ki 0.0012), VQF (
 class Trial:
     def __init__(self, file: Path):
         content = loadmat(file)
-        arrays = [np.ascontiguousarray(content[key], dtype=float) for key in ("imu_gyr", "imu_acc", "imu_mag")]
+        arrays = [
+            np.ascontiguousarray(content[key], dtype=float)
+            for key in ("imu_gyr", "imu_acc", "imu_mag")
+        ]
         self.samples = UniformSamples(1 / float(content["sampling_rate"].squeeze()), *arrays)
         self.true = content["opt_quat"]
-        self.counted = content["movement"].squeeze().astype(bool) & np.isfinite(self.true).all(axis=1)
+        self.counted = content["movement"].squeeze().astype(bool) & np.isfinite(self.true).all(
+            axis=1
+        )
 
     def rmse_deg(self, q: np.ndarray) -> float:
         off = rotation.multiply(q[self.counted], rotation.conjugate(self.true[self.counted]))
@@ -44,35 +50,48 @@ def trials(data: Path) -> dict[str, Trial]:
 
 @njit
 def madgwick_of_the_report(gyr, acc, mag, interval, beta, q, part):
-    """The 2010 report with whole matrices; `part` of the earth's field is expected: 1 in the report, 1/2 in its author's C.
+    """The 2010 report with whole matrices; `part` of the earth's field is expected: 1 in the
+    report, 1/2 in its author's C.
 
-    That C stores b where the report has 2 b (see github.com/dlaidig/broad, issue 1), and so expects half the field.
+    That C stores b where the report has 2 b (see github.com/dlaidig/broad, issue 1), and so expects
+    half the field.
     """
     out = np.empty((len(gyr), 4))
     out[0] = q
     for i in range(1, len(gyr)):
         a, m = acc[i] / np.sqrt(np.sum(acc[i] ** 2)), mag[i] / np.sqrt(np.sum(mag[i] ** 2))
         q1, q2, q3, q4 = q
-        R = np.array([
-            [1 - 2 * (q3 * q3 + q4 * q4), 2 * (q2 * q3 - q1 * q4), 2 * (q2 * q4 + q1 * q3)],
-            [2 * (q2 * q3 + q1 * q4), 1 - 2 * (q2 * q2 + q4 * q4), 2 * (q3 * q4 - q1 * q2)],
-            [2 * (q2 * q4 - q1 * q3), 2 * (q3 * q4 + q1 * q2), 1 - 2 * (q2 * q2 + q3 * q3)],
-        ])  # fmt: skip
+        R = np.array(
+            [
+                [1 - 2 * (q3 * q3 + q4 * q4), 2 * (q2 * q3 - q1 * q4), 2 * (q2 * q4 + q1 * q3)],
+                [2 * (q2 * q3 + q1 * q4), 1 - 2 * (q2 * q2 + q4 * q4), 2 * (q3 * q4 - q1 * q2)],
+                [2 * (q2 * q4 - q1 * q3), 2 * (q3 * q4 + q1 * q2), 1 - 2 * (q2 * q2 + q3 * q3)],
+            ]
+        )
         h = R @ m
         bx, bz = part * np.sqrt(h[0] ** 2 + h[1] ** 2), part * h[2]
         f = np.concatenate((R.T @ np.array([0.0, 0.0, 1.0]) - a, R.T @ np.array([bx, 0.0, bz]) - m))
-        J = np.array([
-            [-2 * q3, 2 * q4, -2 * q1, 2 * q2],
-            [2 * q2, 2 * q1, 2 * q4, 2 * q3],
-            [0.0, -4 * q2, -4 * q3, 0.0],
-            [-2 * bz * q3, 2 * bz * q4, -4 * bx * q3 - 2 * bz * q1, -4 * bx * q4 + 2 * bz * q2],
-            [-2 * bx * q4 + 2 * bz * q2, 2 * bx * q3 + 2 * bz * q1, 2 * bx * q2 + 2 * bz * q4, -2 * bx * q1 + 2 * bz * q3],
-            [2 * bx * q3, 2 * bx * q4 - 4 * bz * q2, 2 * bx * q1 - 4 * bz * q3, 2 * bx * q2],
-        ])  # fmt: skip
+        J = np.array(
+            [
+                [-2 * q3, 2 * q4, -2 * q1, 2 * q2],
+                [2 * q2, 2 * q1, 2 * q4, 2 * q3],
+                [0.0, -4 * q2, -4 * q3, 0.0],
+                [-2 * bz * q3, 2 * bz * q4, -4 * bx * q3 - 2 * bz * q1, -4 * bx * q4 + 2 * bz * q2],
+                [
+                    -2 * bx * q4 + 2 * bz * q2,
+                    2 * bx * q3 + 2 * bz * q1,
+                    2 * bx * q2 + 2 * bz * q4,
+                    -2 * bx * q1 + 2 * bz * q3,
+                ],
+                [2 * bx * q3, 2 * bx * q4 - 4 * bz * q2, 2 * bx * q1 - 4 * bz * q3, 2 * bx * q2],
+            ]
+        )
         step = J.T @ f
         step /= np.sqrt(np.sum(step**2))
         wx, wy, wz = gyr[i]
-        omega = np.array([[0.0, -wx, -wy, -wz], [wx, 0.0, wz, -wy], [wy, -wz, 0.0, wx], [wz, wy, -wx, 0.0]])
+        omega = np.array(
+            [[0.0, -wx, -wy, -wz], [wx, 0.0, wz, -wy], [wy, -wz, 0.0, wx], [wz, wy, -wx, 0.0]]
+        )
         q = q + interval * (0.5 * omega @ q - beta * step)
         q = q / np.sqrt(np.sum(q**2))
         out[i] = q
@@ -82,15 +101,22 @@ def madgwick_of_the_report(gyr, acc, mag, interval, beta, q, part):
 @pytest.mark.data
 def test_vqf_gives_the_published_errors(trials):
     for number, trial in trials.items():
-        assert trial.rmse_deg(get_filter("vqf_9d").run(trial.samples)) == pytest.approx(PUBLISHED[number][2], abs=0.02)
+        assert trial.rmse_deg(get_filter("vqf_9d").run(trial.samples)) == pytest.approx(
+            PUBLISHED[number][2], abs=0.02
+        )
 
 
 @pytest.mark.data
 def test_mahony_gives_the_published_errors(trials):
-    ours = {n: t.rmse_deg(get_filter("mahony_marg", {"kp": 0.74, "ki": 0.0012}).run(t.samples)) for n, t in trials.items()}
+    ours = {
+        n: t.rmse_deg(get_filter("mahony_marg", {"kp": 0.74, "ki": 0.0012}).run(t.samples))
+        for n, t in trials.items()
+    }
     for number, error in ours.items():
         assert error == pytest.approx(PUBLISHED[number][1], rel=0.05)
-    assert np.mean(list(ours.values())) == pytest.approx(np.mean([row[1] for row in PUBLISHED.values()]), rel=0.01)
+    assert np.mean(list(ours.values())) == pytest.approx(
+        np.mean([row[1] for row in PUBLISHED.values()]), rel=0.01
+    )
 
 
 @pytest.mark.data
@@ -102,11 +128,14 @@ def test_madgwick_is_within_a_tenth_and_the_rest_is_the_half_field_of_the_publis
         ours.append(trial.rmse_deg(q))
         north_along_x = to_earth_frame(q, "NWU")
         report, half = (
-            madgwick_of_the_report(s.gyr, s.acc, s.mag, s.interval, 0.12, north_along_x[0], part) for part in (1.0, 0.5)
+            madgwick_of_the_report(s.gyr, s.acc, s.mag, s.interval, 0.12, north_along_x[0], part)
+            for part in (1.0, 0.5)
         )
         assert degrees_between(north_along_x, report) < 1e-5  # ours is the report's
         halves.append(trial.rmse_deg(rotation.multiply([np.sqrt(0.5), 0, 0, np.sqrt(0.5)], half)))
-        assert halves[-1] == pytest.approx(PUBLISHED[number][0], abs=0.01)  # the published one is the C code's
+        assert halves[-1] == pytest.approx(
+            PUBLISHED[number][0], abs=0.01
+        )  # the published one is the C code's
     published = np.mean([row[0] for row in PUBLISHED.values()])
     assert np.mean(ours) == pytest.approx(published, rel=0.1)
     assert np.mean(halves) == pytest.approx(published, rel=0.005)
@@ -115,9 +144,17 @@ def test_madgwick_is_within_a_tenth_and_the_rest_is_the_half_field_of_the_publis
 @pytest.mark.data
 def test_the_order_on_the_trials_is_that_published(trials):
     mean = {
-        name: np.mean([trial.rmse_deg(get_filter(name, parameters).run(trial.samples)) for trial in trials.values()])
+        name: np.mean(
+            [
+                trial.rmse_deg(get_filter(name, parameters).run(trial.samples))
+                for trial in trials.values()
+            ]
+        )
         for name, parameters in {
-            "vqf_9d": {}, "madgwick_marg": {"beta": 0.12}, "mahony_marg": {"kp": 0.74, "ki": 0.0012}, "ecompass": {}
+            "vqf_9d": {},
+            "madgwick_marg": {"beta": 0.12},
+            "mahony_marg": {"kp": 0.74, "ki": 0.0012},
+            "ecompass": {},
         }.items()
-    }  # fmt: skip
+    }
     assert mean["vqf_9d"] < mean["madgwick_marg"] < mean["mahony_marg"] < mean["ecompass"]

@@ -1,4 +1,6 @@
-"""Yaw drift of the simple Euler-angle filter under coupled roll, and its absence in the improved one."""
+"""Yaw drift of the simple Euler-angle filter under coupled roll, and its absence in the improved
+one.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +13,14 @@ from tests.estimation.filters.motions import UP
 
 
 def leg(roll_deg: float, phase_deg: float, offset_deg: float) -> tuple[UniformSamples, np.ndarray]:
-    """Fourteen gait cycles at 0.9 Hz, 400 Hz, pitch 30 deg sin, roll offset and swing; a perfect gyroscope, yaw zero."""
+    """Fourteen gait cycles at 0.9 Hz, 400 Hz, pitch 30 deg sin, roll offset and swing; a perfect
+    gyroscope, yaw zero.
+    """
     t = np.arange(round(14 / 0.9 * 400) + 1) / 400
     w = 2 * np.pi * 0.9 * t
-    angles = np.column_stack([0 * t, 30 * np.sin(w), offset_deg + roll_deg * np.sin(w + np.radians(phase_deg))])
+    angles = np.column_stack(
+        [0 * t, 30 * np.sin(w), offset_deg + roll_deg * np.sin(w + np.radians(phase_deg))]
+    )
     true = Rotation.from_euler("ZYX", angles, degrees=True)
     gyr = np.vstack([np.zeros(3), (true[:-1].inv() * true[1:]).as_rotvec() * 400])
     return UniformSamples(1 / 400, gyr, true.inv().apply(UP)), angles
@@ -34,10 +40,14 @@ def yaw_drift_deg(name: str, samples: UniformSamples) -> float:
 def test_the_simple_prediction_drifts_by_tens_of_degrees_and_the_improved_one_does_not(
     roll_deg, phase_deg, offset_deg, drift_deg, printed
 ):
-    """A drift of 50 to 60 deg, and of less than 10 to 20 deg after the improvement, was published (Cabezuelo 2019)."""
+    """A drift of 50 to 60 deg, and of less than 10 to 20 deg after the improvement, was published
+    (Cabezuelo 2019).
+    """
     samples, _ = leg(roll_deg, phase_deg, offset_deg)
     suffix = "_as_printed" if printed else ""
-    assert abs(yaw_drift_deg(f"euler_ekf_simple{suffix}", samples)) == pytest.approx(drift_deg, abs=3)
+    assert abs(yaw_drift_deg(f"euler_ekf_simple{suffix}", samples)) == pytest.approx(
+        drift_deg, abs=3
+    )
     assert abs(yaw_drift_deg("euler_ekf", samples)) < 0.35
 
 

@@ -27,7 +27,9 @@ def test_protocols_may_name_the_filters_that_exist_and_no_others():
 
 
 @pytest.mark.parametrize(("name", "parameter"), ALL, ids=[f"{name}-{p.name}" for name, p in ALL])
-def test_every_parameter_is_described_and_its_default_and_plausible_values_are_allowed(name, parameter):
+def test_every_parameter_is_described_and_its_default_and_plausible_values_are_allowed(
+    name, parameter
+):
     assert parameter.meaning and parameter.unit and parameter.source
     assert parameter.low < parameter.high
     assert parameter.scale != "log" or parameter.low > 0
@@ -38,9 +40,14 @@ def test_every_parameter_is_described_and_its_default_and_plausible_values_are_a
 @pytest.mark.parametrize(("name", "parameter"), ALL, ids=[f"{name}-{p.name}" for name, p in ALL])
 @pytest.mark.filterwarnings("error")
 def test_no_parameter_is_idle_or_breaks_its_filter_within_its_plausible_range(name, parameter):
-    """Each changes what the filter gives on a recording that has rest, motion, acceleration, bias and a disturbed field."""
+    """Each changes what the filter gives on a recording that has rest, motion, acceleration, bias
+    and a disturbed field.
+    """
     samples = eventful()
-    runs = [get_filter(name, {parameter.name: value}).run(samples) for value in (parameter.low, parameter.high)]
+    runs = [
+        get_filter(name, {parameter.name: value}).run(samples)
+        for value in (parameter.low, parameter.high)
+    ]
     for q in runs:
         np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1, atol=1e-5)
     assert not np.array_equal(*runs)
@@ -54,7 +61,11 @@ def eventful() -> UniformSamples:
     gyr, acc, mag = samples.gyr.copy(), samples.acc.copy(), np.array(samples.mag)
     acc[1000:1300] += [2.0, -1.0, 3.0]
     mag[2000:3000] += [15.0, -10.0, 5.0]
-    shaken = 0.02 * (gyr[n // 2 :] - gyr[n // 2 :].mean(axis=0)) * (np.arange(n - n // 2) < 1000)[:, None]
+    shaken = (
+        0.02
+        * (gyr[n // 2 :] - gyr[n // 2 :].mean(axis=0))
+        * (np.arange(n - n // 2) < 1000)[:, None]
+    )
     gyr[n // 2 :] = [0.01, -0.02, 0.015] + shaken
     acc[n // 2 :], mag[n // 2 :] = acc[n // 2], mag[n // 2]
     acc[4000:5000, 0] += 0.6 * np.sin(np.arange(1000))  # a table that shakes
@@ -68,9 +79,16 @@ def eventful() -> UniformSamples:
         (
             "madgwick_imu",
             {"gamma": 1.0},
-            "unknown parameter of the filter madgwick_imu 'gamma'; known: beta, zeta, acc_gate_m_s2",
+            (
+                "unknown parameter of the filter madgwick_imu 'gamma'; known: beta, zeta, "
+                "acc_gate_m_s2"
+            ),
         ),
-        ("madgwick_imu", {"beta": -0.1}, "filter madgwick_imu: beta is -0.1 rad/s; it must be at least 0"),
+        (
+            "madgwick_imu",
+            {"beta": -0.1},
+            "filter madgwick_imu: beta is -0.1 rad/s; it must be at least 0",
+        ),
         ("vqf_6d", {"rest_bias": 0.5}, "rest_bias is 0.5; a switch is 0 (off) or 1 (on)"),
         ("imufilter", {"linear_acc_decay": 1.5}, "it must be between 0 and 1"),
         ("vqf_6d", {"tau_acc_s": float("nan")}, "must be a finite number"),
@@ -88,7 +106,11 @@ def test_two_filters_of_one_name_do_not_stand_beside_one_another():
         choose_filters(["mahony_imu", get_filter("mahony_imu", {"kp": 2.0})])
 
 
-GATED = [name for name, kind in FILTERS.items() if "acc_gate_m_s2" in {p.name for p in kind.PARAMETERS} and "euler" not in name]
+GATED = [
+    name
+    for name, kind in FILTERS.items()
+    if "acc_gate_m_s2" in {p.name for p in kind.PARAMETERS} and "euler" not in name
+]
 
 
 @pytest.mark.parametrize("name", GATED)
@@ -100,11 +122,16 @@ def test_the_gate_keeps_a_push_from_tilting_the_filter(name):
     pushed = UniformSamples(samples.interval, samples.gyr, acc, samples.mag)
     during = slice(1500, 1800)
     plain = inclination_deg(get_filter(name).run(pushed), true)[during].max()
-    gated = inclination_deg(get_filter(name, {"acc_gate_m_s2": 0.3}).run(pushed), true)[during].max()
+    gated = inclination_deg(get_filter(name, {"acc_gate_m_s2": 0.3}).run(pushed), true)[
+        during
+    ].max()
     assert gated < 0.6 * plain and gated < 1.0
 
 
-@pytest.mark.parametrize("name", [name for name, kind in FILTERS.items() if "mag_gate" in {p.name for p in kind.PARAMETERS}])
+@pytest.mark.parametrize(
+    "name",
+    [name for name, kind in FILTERS.items() if "mag_gate" in {p.name for p in kind.PARAMETERS}],
+)
 def test_the_magnetic_gate_keeps_a_magnet_from_turning_the_filter(name):
     samples, true = wander(40, noise=0.1)
     mag = np.array(samples.mag)
@@ -134,11 +161,15 @@ def test_an_injected_bias_is_found(name):
 
 
 def test_a_real_bias_state_removes_the_drift_that_zeta_as_printed_leaves():
-    """Heading with a gyroscope bias of 3 deg/s about the vertical, where the field corrects slowly."""
+    """Heading with a gyroscope bias of 3 deg/s about the vertical, where the field corrects
+    slowly.
+    """
     samples, true = wander(120, bias=(0.0, 0.0, 0.05))
     late = slice(6000, None)
     error = {
-        kind: np.abs(heading_deg(get_filter(kind, {"beta": 0.02, "zeta": 0.01}).run(samples), true)[late]).mean()
+        kind: np.abs(
+            heading_deg(get_filter(kind, {"beta": 0.02, "zeta": 0.01}).run(samples), true)[late]
+        ).mean()
         for kind in ("madgwick_marg", "madgwick_zeta_as_printed")
     }
     assert error["madgwick_marg"] < 1.0 < 5.0 < error["madgwick_zeta_as_printed"]
@@ -146,11 +177,18 @@ def test_a_real_bias_state_removes_the_drift_that_zeta_as_printed_leaves():
 
 def test_a_protocol_gives_parameters_which_the_estimate_records(altered_protocol, run_protocol):
     def change(content):
-        content["estimate"] = {"filters": ["madgwick_imu", "vqf_6d"], "filter_parameters": {"madgwick_imu": {"beta": 0.2}}}
+        content["estimate"] = {
+            "filters": ["madgwick_imu", "vqf_6d"],
+            "filter_parameters": {"madgwick_imu": {"beta": 0.2}},
+        }
         content["accept"] = []
 
     result = run_protocol(altered_protocol("quick", change))
-    assert result.estimate.filter_parameters["madgwick_imu"] == {"beta": 0.2, "zeta": 0.0, "acc_gate_m_s2": 0.0}
+    assert result.estimate.filter_parameters["madgwick_imu"] == {
+        "beta": 0.2,
+        "zeta": 0.0,
+        "acc_gate_m_s2": 0.0,
+    }
     assert Estimate.load(result.session.path).filter_parameters == result.estimate.filter_parameters
     other = estimate(result.session, [get_filter("madgwick_imu")])
     mine, default = (e.sensors["arm"].orientation["madgwick_imu"] for e in (result.estimate, other))
@@ -160,14 +198,19 @@ def test_a_protocol_gives_parameters_which_the_estimate_records(altered_protocol
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"madgwick_imu": {"betta": 0.1}}, "unknown parameter of the filter madgwick_imu 'betta'; known: beta"),
+        (
+            {"madgwick_imu": {"betta": 0.1}},
+            "unknown parameter of the filter madgwick_imu 'betta'; known: beta",
+        ),
         ({"madgwick_imu": {"beta": -1}}, "it must be at least 0"),
         ({"vqf_9d": {"tau_mag_s": 3}}, "vqf_9d is not among filters"),
         ({"madgwick": {"beta": 0.1}}, "madgwick"),
         ({"madgwick_imu": {"beta": "strong"}}, "beta"),
     ],
 )
-def test_parameters_that_a_filter_does_not_take_are_refused_with_their_line(altered_protocol, parameters, words):
+def test_parameters_that_a_filter_does_not_take_are_refused_with_their_line(
+    altered_protocol, parameters, words
+):
     def change(content):
         content["estimate"] = {"filters": ["madgwick_imu"], "filter_parameters": parameters}
         content["accept"] = []
@@ -181,7 +224,11 @@ def test_parameters_that_a_filter_does_not_take_are_refused_with_their_line(alte
 
 def test_an_unknown_filter_on_the_command_line_is_refused_before_anything_moves(tmp_path):
     with pytest.raises(NotFoundError, match="unknown filter 'kalman'"):
-        CliRunner().invoke(app, ["run", "quick", "--filters", "kalman", "--logs", str(tmp_path)], catch_exceptions=False)
+        CliRunner().invoke(
+            app,
+            ["run", "quick", "--filters", "kalman", "--logs", str(tmp_path)],
+            catch_exceptions=False,
+        )
     assert not list(tmp_path.iterdir())
 
 
@@ -198,11 +245,18 @@ def test_the_page_about_filters_has_every_filter_parameter_and_default():
     page = (Path(__file__).resolve().parents[3] / "docs" / "filters.md").read_text(encoding="utf-8")
     rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| `")]
     for name, kind in FILTERS.items():
-        (row,) = [row for row in rows if row[0] == f"| `{name}`" and len(row) == 5 and row[3].startswith(kind.sampling)]
+        (row,) = [
+            row
+            for row in rows
+            if row[0] == f"| `{name}`" and len(row) == 5 and row[3].startswith(kind.sampling)
+        ]
         assert row[1] == ", ".join(kind.needs)
         assert row[2] == (", ".join(f"`{p.name}` {p.default:g}" for p in kind.PARAMETERS) or "none")
         assert kind.source in page
         for parameter in kind.PARAMETERS:
             assert any(
-                row[0] == f"| `{parameter.name}`" and f"`{name}`" in row[1] and row[5] == parameter.meaning for row in rows
+                row[0] == f"| `{parameter.name}`"
+                and f"`{name}`" in row[1]
+                and row[5] == parameter.meaning
+                for row in rows
             )

@@ -25,7 +25,10 @@ AS_PRINTED = [name for name, kind in FILTERS.items() if kind.known_faults]
 def test_every_filter_of_the_bench_passes_with_half_of_every_limit_to_spare(name):
     result = self_test(get_filter(name))
     assert result.passed and not result.reason
-    assert max(check.worst_deg / check.limit_deg for check in result.checks if check.name != BIASED) < 0.5
+    assert (
+        max(check.worst_deg / check.limit_deg for check in result.checks if check.name != BIASED)
+        < 0.5
+    )
     heading = [check.name for check in result.checks if check.name == "known heading"]
     assert bool(heading) == ("mag" in FILTERS[name].needs)
 
@@ -56,7 +59,11 @@ def test_the_recordings_hold_what_an_ideal_sensor_gives():
             vertical = rotation.rotate(case.samples.device_q, case.samples.acc)
             np.testing.assert_allclose(vertical, up, atol=1e-9)
             assert bias == pytest.approx(0) or np.degrees(np.linalg.norm(bias)) == pytest.approx(1)
-    assert all(case.samples.device_q is None for cases in recordings(("gyr", "acc")).values() for case in cases)
+    assert all(
+        case.samples.device_q is None
+        for cases in recordings(("gyr", "acc")).values()
+        for case in cases
+    )
 
 
 def mistaken(name: str, before=lambda samples: samples, after=lambda q: q) -> OrientationFilter:
@@ -94,17 +101,57 @@ MISTAKES = [
     ("the sign of the magnetometer is reversed", scale("mag", -1), None, "marg ecompass"),
     ("axis z has the wrong sign of the gyroscope", map_axes(["gyr"], FLIP_Z), None, "imu marg"),
     ("axes x and y are swapped of the gyroscope", map_axes(["gyr"], SWAP_XY), None, "imu marg"),
-    ("axes x and y are swapped of the accelerometer", map_axes(["acc"], SWAP_XY), None, "imu marg tilt ecompass"),
-    ("axis z has the wrong sign of the accelerometer", map_axes(["acc"], FLIP_Z), None, "imu marg tilt ecompass"),
-    ("axis z has the wrong sign of the magnetometer", map_axes(["mag"], FLIP_Z), None, "marg ecompass"),
-    ("axes are taken as z, x, y of the sensor", map_axes(["gyr", "acc", "mag"], CYCLE), None, "imu marg"),
+    (
+        "axes x and y are swapped of the accelerometer",
+        map_axes(["acc"], SWAP_XY),
+        None,
+        "imu marg tilt ecompass",
+    ),
+    (
+        "axis z has the wrong sign of the accelerometer",
+        map_axes(["acc"], FLIP_Z),
+        None,
+        "imu marg tilt ecompass",
+    ),
+    (
+        "axis z has the wrong sign of the magnetometer",
+        map_axes(["mag"], FLIP_Z),
+        None,
+        "marg ecompass",
+    ),
+    (
+        "axes are taken as z, x, y of the sensor",
+        map_axes(["gyr", "acc", "mag"], CYCLE),
+        None,
+        "imu marg",
+    ),
     ("its quaternion is conjugated", None, rotation.conjugate, "imu marg tilt ecompass"),
-    ("in the order x, y, z, w: it", None, lambda q: np.roll(q, -1, axis=1), "imu marg tilt ecompass"),
-    ("in the order x, y, z, w, and conjugated", None, lambda q: np.roll(rotation.conjugate(q), -1, axis=1), "imu marg"),
+    (
+        "in the order x, y, z, w: it",
+        None,
+        lambda q: np.roll(q, -1, axis=1),
+        "imu marg tilt ecompass",
+    ),
+    (
+        "in the order x, y, z, w, and conjugated",
+        None,
+        lambda q: np.roll(rotation.conjugate(q), -1, axis=1),
+        "imu marg",
+    ),
     ("its earth frame is NED", None, to_ned, "marg ecompass"),
-    ("or its earth has z down", None, to_ned, "imu"), # heading being free, the two cannot be told apart
-    ("its earth frame is NWU", None, lambda q: rotation.multiply([np.sqrt(0.5), 0, 0, -np.sqrt(0.5)], q), "marg ecompass"),
-]  # fmt: skip
+    (
+        "or its earth has z down",
+        None,
+        to_ned,
+        "imu",
+    ),  # heading being free, the two cannot be told apart
+    (
+        "its earth frame is NWU",
+        None,
+        lambda q: rotation.multiply([np.sqrt(0.5), 0, 0, -np.sqrt(0.5)], q),
+        "marg ecompass",
+    ),
+]
 
 
 def late(count: int):
@@ -118,16 +165,33 @@ def every(interval: float):
 MISTAKES += [
     ("takes every interval for 10 ms", every(0.01), None, "imu marg"),
     ("takes every interval for 20 ms", every(0.02), None, "imu marg"),
-    ("takes every interval for the mean one", lambda s: replace(s, intervals=None), None, "imu marg"),
+    (
+        "takes every interval for the mean one",
+        lambda s: replace(s, intervals=None),
+        None,
+        "imu marg",
+    ),
     ("its output comes 1 sample late", None, late(1), "imu marg ecompass"),
     ("its output comes 4 samples late", None, late(4), "imu marg ecompass"),
-    ("adds the bias of the gyroscope instead of taking it away", lambda s: replace(s, gyr=s.gyr + s.gyr[0]), None, "free"),
+    (
+        "adds the bias of the gyroscope instead of taking it away",
+        lambda s: replace(s, gyr=s.gyr + s.gyr[0]),
+        None,
+        "free",
+    ),
 ]
-STANDS_FOR = {"imu": ("madgwick_imu", "vqf_6d", "mekf_imu"), "marg": ("mahony_marg", "vqf_9d", "ekf"), "tilt": ("tilt",),
-              "ecompass": ("ecompass",), "free": ("gyro", "complementary", "mahony_imu", "madgwick_imu")}  # fmt: skip
+STANDS_FOR = {
+    "imu": ("madgwick_imu", "vqf_6d", "mekf_imu"),
+    "marg": ("mahony_marg", "vqf_9d", "ekf"),
+    "tilt": ("tilt",),
+    "ecompass": ("ecompass",),
+    "free": ("gyro", "complementary", "mahony_imu", "madgwick_imu"),
+}
 
 
-@pytest.mark.parametrize(("words", "before", "after", "kinds"), MISTAKES, ids=[words for words, *_ in MISTAKES])
+@pytest.mark.parametrize(
+    ("words", "before", "after", "kinds"), MISTAKES, ids=[words for words, *_ in MISTAKES]
+)
 def test_a_mistake_is_caught_and_named(words, before, after, kinds):
     for name in (name for kind in kinds.split() for name in STANDS_FOR[kind]):
         result = self_test(mistaken(name, before or (lambda s: s), after or (lambda q: q)))
@@ -138,13 +202,17 @@ def test_a_mistake_is_caught_and_named(words, before, after, kinds):
 def test_a_filter_that_doubts_the_gyroscope_wrongly_is_told_how_far_it_is_off():
     result = self_test(mistaken("gyro", lambda s: replace(s, gyr=s.gyr + 4 * s.gyr[0])))
     assert [check.name for check in result.checks if not check.passed] == [BIASED]
-    assert "makes more of the bias of the gyroscope than there is: it is 10.0 deg off" in result.reason
+    assert (
+        "makes more of the bias of the gyroscope than there is: it is 10.0 deg off" in result.reason
+    )
 
 
 def test_a_filter_that_takes_the_bias_away_stays_far_below_the_gyroscope_alone():
     result = self_test(mistaken("gyro", lambda s: replace(s, gyr=s.gyr - s.gyr[0])))
     assert result.passed
-    assert next(check for check in result.checks if check.name == BIASED).worst_deg == pytest.approx(0, abs=1e-6)
+    assert next(
+        check for check in result.checks if check.name == BIASED
+    ).worst_deg == pytest.approx(0, abs=1e-6)
 
 
 class Corrected(OrientationFilter):
@@ -193,10 +261,14 @@ def test_irregular_samples_of_a_device_reach_a_filter_for_regular_ones():
 
 
 def test_a_filter_that_starts_from_anywhere_else_is_told_so():
-    slow = mistaken("madgwick_imu", lambda s: replace(s, acc=np.vstack([[0.0, 0.0, 9.8], s.acc[1:]])))
+    slow = mistaken(
+        "madgwick_imu", lambda s: replace(s, acc=np.vstack([[0.0, 0.0, 9.8], s.acc[1:]]))
+    )
     result = self_test(slow)
     assert not result.passed
-    assert "does not find its start within 6 s" in result.reason or "cannot be told" in result.reason
+    assert (
+        "does not find its start within 6 s" in result.reason or "cannot be told" in result.reason
+    )
 
 
 @pytest.mark.parametrize(
@@ -250,7 +322,8 @@ def test_the_command_judges_the_filters_and_a_file_and_its_exit_code_tells(tmp_p
         "class Mine(OrientationFilter):\n"
         "    name, needs, source = 'mine', ('gyr', 'acc'), 'me'\n"
         "    def run(self, samples):\n"
-        "        return get_filter('madgwick_imu').run(replace(samples, gyr=np.radians(samples.gyr)))\n"
+        "        return get_filter('madgwick_imu').run(replace(samples, "
+        "gyr=np.radians(samples.gyr)))\n"
     )
     runner = CliRunner()
     good = runner.invoke(app, ["filters", "--self-test", "--json", "vqf_6d", "tilt"])

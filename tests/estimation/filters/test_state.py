@@ -68,12 +68,18 @@ def test_what_is_not_the_filters_own_state_is_refused():
         get_filter("vqf_6d").advance(replace(SAMPLES, interval=0.02), state)
 
 
-IRREGULAR = [name for name, kind in FILTERS.items() if kind.sampling != "memoryless" and not kind.known_faults]
+IRREGULAR = [
+    name
+    for name, kind in FILTERS.items()
+    if kind.sampling != "memoryless" and not kind.known_faults
+]
 
 
 @pytest.mark.parametrize("name", IRREGULAR)
 def test_irregular_samples_are_followed_as_well_as_regular_ones(name):
-    """Intervals that differ by up to 60 %: an interval taken for the mean one would be degrees off within a second."""
+    """Intervals that differ by up to 60 %: an interval taken for the mean one would be degrees off
+    within a second.
+    """
     samples, true = wander(40, noise=0.1, jitter=0.6)
     assert samples.intervals is not None and samples.intervals.std() > 0.3 * samples.interval
     q = get_filter(name).run(samples)
@@ -96,7 +102,9 @@ def test_pieces_of_irregular_samples_go_to_filters_that_take_them_only():
         get_filter("vqf_6d").advance(samples)
 
 
-@pytest.mark.parametrize("name", [name for name, kind in FILTERS.items() if kind.sampling == "native"])
+@pytest.mark.parametrize(
+    "name", [name for name, kind in FILTERS.items() if kind.sampling == "native"]
+)
 def test_samples_before_the_first_usable_one_give_the_identity_and_then_it_starts(name):
     acc, mag = SAMPLES.acc.copy(), np.array(SAMPLES.mag)
     acc[:5] = np.nan
@@ -112,7 +120,9 @@ def test_samples_before_the_first_usable_one_give_the_identity_and_then_it_start
         np.testing.assert_array_equal(q[:first], np.tile([1.0, 0, 0, 0], (first, 1)))
 
 
-@pytest.mark.parametrize("name", [name for name in RECURSIVE if FILTERS[name].sampling == "native" and name != "gyro"])
+@pytest.mark.parametrize(
+    "name", [name for name in RECURSIVE if FILTERS[name].sampling == "native" and name != "gyro"]
+)
 def test_a_hole_in_accelerometer_and_magnetometer_is_bridged_by_the_gyroscope(name):
     acc, mag = SAMPLES.acc.copy(), np.array(SAMPLES.mag)
     acc[300:340], mag[300:340] = np.nan, np.nan

@@ -12,8 +12,12 @@ from tests.estimation.filters.motions import FIELD, UP, inclination_deg
 
 @pytest.mark.parametrize("name", ["vqf_6d", "vqf_9d"])
 @pytest.mark.parametrize(("amplitude_deg", "frequency_hz"), [(5, 0.1), (10, 0.05), (15, 0.03)])
-def test_a_slow_sweep_is_learnt_as_a_bias_unless_rest_detection_is_off(name, amplitude_deg, frequency_hz):
-    """Rates that stay within 2 deg/s of their mean look like rest; a perfect sensor then drifts off by degrees."""
+def test_a_slow_sweep_is_learnt_as_a_bias_unless_rest_detection_is_off(
+    name, amplitude_deg, frequency_hz
+):
+    """Rates that stay within 2 deg/s of their mean look like rest; a perfect sensor then drifts off
+    by degrees.
+    """
     t = np.arange(6000) / 60.0
     angle = np.radians(amplitude_deg) * np.sin(2 * np.pi * frequency_hz * np.clip(t - 3, 0, None))
     true = Rotation.from_rotvec(angle[:, None] * [1.0, 0, 0])

@@ -1,4 +1,6 @@
-"""Gait cycles: exact counts, whatever the offset, the noise and the rate; and none where nobody walks."""
+"""Gait cycles: exact counts, whatever the offset, the noise and the rate; and none where nobody
+walks.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,27 @@ from testbench.estimation.pedestrian.parameters import PUBLISHED, PedestrianPara
 PARAMETERS = PUBLISHED["universal"]
 
 
-def swing(cycles: int, amplitude_deg=30.0, frequency=0.9, rate=100.0, offset_deg=0.0, noise_deg=0.0, phase_deg=0.0, seed=0):
+def swing(
+    cycles: int,
+    amplitude_deg=30.0,
+    frequency=0.9,
+    rate=100.0,
+    offset_deg=0.0,
+    noise_deg=0.0,
+    phase_deg=0.0,
+    seed=0,
+):
     """Rest, whole cycles of a sine, rest; times [ns] and angle [rad]."""
     t = np.arange(-3.0, cycles / frequency + 3.0, 1 / rate)
     during = (t >= 0) & (t < cycles / frequency)
-    x = np.where(during, amplitude_deg * np.sin(2 * np.pi * frequency * t + np.radians(phase_deg)), 0.0)
-    x = x + offset_deg + np.random.default_rng(seed).normal(scale=noise_deg, size=len(t)) if noise_deg else x + offset_deg
+    x = np.where(
+        during, amplitude_deg * np.sin(2 * np.pi * frequency * t + np.radians(phase_deg)), 0.0
+    )
+    x = (
+        x + offset_deg + np.random.default_rng(seed).normal(scale=noise_deg, size=len(t))
+        if noise_deg
+        else x + offset_deg
+    )
     return np.round((t - t[0]) * 1e9).astype(np.int64), np.radians(x)
 
 
@@ -28,10 +45,17 @@ def test_every_cycle_is_counted_once(cycles):
 
 
 @given(
-    st.integers(2, 30), st.floats(16, 60), st.floats(0.6, 1.4), st.sampled_from([50.0, 60.0, 100.0, 400.0]),
-    st.floats(-90, 90), st.floats(0, 0.5), st.integers(0, 1000),
-)  # fmt: skip
-def test_neither_offset_nor_noise_nor_rate_change_the_count(cycles, amplitude, frequency, rate, offset, noise, seed):
+    st.integers(2, 30),
+    st.floats(16, 60),
+    st.floats(0.6, 1.4),
+    st.sampled_from([50.0, 60.0, 100.0, 400.0]),
+    st.floats(-90, 90),
+    st.floats(0, 0.5),
+    st.integers(0, 1000),
+)
+def test_neither_offset_nor_noise_nor_rate_change_the_count(
+    cycles, amplitude, frequency, rate, offset, noise, seed
+):
     time, x = swing(cycles, amplitude, frequency, rate, offset, noise, seed=seed)
     assert len(find_cycles(time, x, PARAMETERS)) == cycles
 
@@ -49,13 +73,25 @@ def test_the_swing_of_a_cycle_is_from_its_smallest_to_its_largest_angle():
     np.testing.assert_allclose(np.degrees(cycles.swing), 54, atol=0.1)
     _, x = swing(10, amplitude_deg=27, offset_deg=40)
     np.testing.assert_allclose(np.degrees(x[cycles.peak]), 67, atol=0.1)
-    assert (np.diff(cycles.begin) > 0).all() and (cycles.begin < cycles.peak).all() and (cycles.peak <= cycles.end).all()
+    assert (
+        (np.diff(cycles.begin) > 0).all()
+        and (cycles.begin < cycles.peak).all()
+        and (cycles.peak <= cycles.end).all()
+    )
 
 
 def test_rest_and_swings_below_the_threshold_are_no_cycles():
     assert len(find_cycles(*swing(20, amplitude_deg=0, noise_deg=1.0), PARAMETERS)) == 0
     assert len(find_cycles(*swing(20, amplitude_deg=9), PARAMETERS)) == 0
-    assert len(find_cycles(*swing(20, amplitude_deg=9), PedestrianParameters(amplitude_deg=10, false_zero_deg=2))) == 20
+    assert (
+        len(
+            find_cycles(
+                *swing(20, amplitude_deg=9),
+                PedestrianParameters(amplitude_deg=10, false_zero_deg=2),
+            )
+        )
+        == 20
+    )
 
 
 def test_a_swing_that_fails_does_not_shift_those_after_it():

@@ -13,8 +13,17 @@ from testbench.records.published import load_published_tables
 PARAMETERS = PUBLISHED["universal"]
 
 
-def swinging(cycles: int, turn_deg=0.0, turn_after: int | None = None, amplitude_deg=20.0, frequency=1.0, rate=100.0):
-    """Rest, cycles with a turn of the heading between two of them, rest: times [ns], q_world_from_level."""
+def swinging(
+    cycles: int,
+    turn_deg=0.0,
+    turn_after: int | None = None,
+    amplitude_deg=20.0,
+    frequency=1.0,
+    rate=100.0,
+):
+    """Rest, cycles with a turn of the heading between two of them, rest: times [ns],
+    q_world_from_level.
+    """
     t = np.arange(-2.0, cycles / frequency + 2.0, 1 / rate)
     during = (t >= 0) & (t < cycles / frequency)
     pitch = np.where(during, np.radians(amplitude_deg) * np.sin(2 * np.pi * frequency * t), 0.0)
@@ -36,7 +45,9 @@ def test_a_straight_walk_is_as_long_as_its_cycles():
 def test_a_corner_turns_the_path(turn):
     found = walk(*swinging(10, turn, 4), PARAMETERS)
     length = found.distance / 10
-    expected = length * (4 * np.array([1, 0]) + 6 * np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn))]))
+    expected = length * (
+        4 * np.array([1, 0]) + 6 * np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn))])
+    )
     np.testing.assert_allclose(found.end, expected, atol=0.02)
 
 
@@ -82,7 +93,9 @@ def test_the_published_parameters_make_sense_as_a_line_and_none_as_a_product():
     for name, own in PUBLISHED.items():
         if name == "universal":
             continue
-        swing_deg = (cycle - own.intercept_m) / own.slope_m_deg  # that makes the run as long as it was
+        swing_deg = (
+            cycle - own.intercept_m
+        ) / own.slope_m_deg  # that makes the run as long as it was
         assert own.length(swing_deg) == pytest.approx(cycle)
         assert 5 < swing_deg < 50  # what limbs and chest do in walking
     chest = PUBLISHED["ngimu_chest"]

@@ -1,4 +1,6 @@
-"""Sessions to export: one of the bench, and one that was imported: no arm, no magnetometer, gaps in samples and truth."""
+"""Sessions to export: one of the bench, and one that was imported: no arm, no magnetometer, gaps in
+samples and truth.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ def own_session(quick: Result, tmp_path: Path) -> Session:
 
 @pytest.fixture(scope="session")
 def imported(tmp_path_factory: pytest.TempPathFactory) -> Session:
-    """A sensor that turns about the vertical for 20 s; samples 500 to 599 are lost, and the truth of 12 to 13 s."""
+    """A sensor that turns about the vertical for 20 s; samples 500 to 599 are lost, and the truth
+    of 12 to 13 s.
+    """
     n = 2000
     time = np.round(np.arange(n) / RATE * 1e9).astype(np.int64)
     angle = np.sin(np.arange(n) / RATE)
@@ -46,8 +50,19 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Session:
     q[1200:1300] = np.nan
     q[7::11] *= -1
     kept = np.r_[0:500, 600:n]
-    samples = ImuSamples(time[kept], time[kept], gyr[kept], acc[kept], None, None, kept, np.zeros(len(kept), dtype=bool))
-    settings = Estimation(filters=["vqf_6d", "fusion"], align="none", align_clock=False, calibrate="none")
+    samples = ImuSamples(
+        time[kept],
+        time[kept],
+        gyr[kept],
+        acc[kept],
+        None,
+        None,
+        kept,
+        np.zeros(len(kept), dtype=bool),
+    )
+    settings = Estimation(
+        filters=["vqf_6d", "fusion"], align="none", align_clock=False, calibrate="none"
+    )
     writer = SessionWriter(
         tmp_path_factory.mktemp("logs") / "imported",
         Analysis(estimate=settings),

@@ -35,7 +35,9 @@ def test_every_format_is_written_into_the_session_and_nothing_else_changes(name,
     assert result.path.exists()
     assert result.path.parent == own_session.path / "export"
     new = [path for path in everything(own_session.path) if path not in before]
-    assert [path for path in new if not path.startswith(str(result.path.relative_to(own_session.path)))] == ["export"]
+    assert [
+        path for path in new if not path.startswith(str(result.path.relative_to(own_session.path)))
+    ] == ["export"]
     with pytest.raises(InputError, match=r"exists; --force replaces it"):
         export(own_session, name)
     export(own_session, name, force=True)
@@ -45,13 +47,20 @@ def test_every_format_is_written_into_the_session_and_nothing_else_changes(name,
 def test_missing_folders_above_an_export_are_made(own_session, tmp_path):
     assert export(own_session, "mot", tmp_path / "thesis" / "figures" / "elbow.mot").path.is_file()
     (tmp_path / "taken").write_text("")
-    with pytest.raises(InputError, match=r"elbow\.mot cannot be written: (Not a directory|File exists)"):
+    with pytest.raises(
+        InputError, match=r"elbow\.mot cannot be written: (Not a directory|File exists)"
+    ):
         export(own_session, "mot", tmp_path / "taken" / "elbow.mot")
 
 
-@pytest.mark.parametrize("name", [name for name in EXPORTS if name not in {"mat", "rrd"}])  # these hold the date of writing
+@pytest.mark.parametrize(
+    "name", [name for name in EXPORTS if name not in {"mat", "rrd"}]
+)  # these hold the date of writing
 def test_the_same_session_gives_the_same_bytes(name, source, tmp_path):
-    paths = [prepare_export(name, source.session, tmp_path / f"{i}{EXPORTS[name].suffix}", False) for i in range(2)]
+    paths = [
+        prepare_export(name, source.session, tmp_path / f"{i}{EXPORTS[name].suffix}", False)
+        for i in range(2)
+    ]
     for path in paths:
         write_export(name, source, path)
     first, second = [sorted(path.iterdir()) if path.is_dir() else [path] for path in paths]
@@ -88,7 +97,9 @@ def test_an_export_that_fails_leaves_the_earlier_one(name, source, tmp_path):
 
 def test_a_place_that_cannot_be_written_to_is_one_message(source, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match=r"out.sto cannot be written: (Not a directory|File exists)"):
+    with pytest.raises(
+        InputError, match=r"out.sto cannot be written: (Not a directory|File exists)"
+    ):
         write_export("sto", source, tmp_path / "file" / "out.sto")
 
 
@@ -100,7 +111,9 @@ def test_a_folder_that_is_no_export_is_never_replaced(own_session, tmp_path):
     assert (tmp_path / "thesis" / "chapter.txt").read_text() == "years of work"
 
 
-@pytest.mark.parametrize("name", ["manifest.json", "imu_arm.parquet", "estimate", "evaluation.json", ".", ".."])
+@pytest.mark.parametrize(
+    "name", ["manifest.json", "imu_arm.parquet", "estimate", "evaluation.json", ".", ".."]
+)
 @pytest.mark.parametrize("to", ["csv", "parquet"])
 def test_the_recording_is_never_written_over(name, to, own_session):
     before = everything(own_session.path)
@@ -127,7 +140,9 @@ def test_a_folder_of_tables_does_not_take_the_name_of_a_file(own_session, tmp_pa
 
 
 def test_unknown_formats_and_filters_are_answered_with_those_that_exist(own_session):
-    with pytest.raises(NotFoundError, match="unknown export format 'xlsx'; known: csv, parquet, mcap"):
+    with pytest.raises(
+        NotFoundError, match="unknown export format 'xlsx'; known: csv, parquet, mcap"
+    ):
         export(own_session, "xlsx")
     with pytest.raises(NotFoundError, match="vqf_6d"):
         export(own_session, "sto", filter_name="kalman9000")
@@ -151,7 +166,10 @@ def test_a_filter_that_the_session_did_not_run_is_run_beside_what_it_keeps(own_s
 
 
 def test_a_filter_that_could_not_run_says_why(imported, tmp_path):
-    with pytest.raises(InputError, match=r"no orientation of sensor 'imu' by filter 'vqf_9d': the sensor gives no mag"):
+    with pytest.raises(
+        InputError,
+        match=r"no orientation of sensor 'imu' by filter 'vqf_9d': the sensor gives no mag",
+    ):
         export(imported, "sto", tmp_path / "out.sto", "vqf_9d")
     assert everything(tmp_path) == []
 
@@ -160,7 +178,9 @@ def test_without_mcap_the_message_names_the_extra(own_session, monkeypatch):
     for name in ("mcap", "mcap.writer"):
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.delitem(sys.modules, "testbench.formats.exporters.mcap_file", raising=False)
-    with pytest.raises(InputError, match=r"'mcap' is not installed.* pip install 'imu-testbench\[mcap\]'"):
+    with pytest.raises(
+        InputError, match=r"'mcap' is not installed.* pip install 'imu-testbench\[mcap\]'"
+    ):
         export(own_session, "mcap")
 
 
@@ -176,10 +196,20 @@ def test_the_command_prints_one_json_object_and_refuses_with_exit_code_2(own_ses
     done = bench(own_session.path, "--to", "mot", "--out", out, "--filter", "vqf_6d", "--json")
     assert done.returncode == 0, done.stderr
     printed = json.loads(done.stdout)
-    assert printed == {"session": str(own_session.path), "format": "mot", "file": str(out), "filters": ["vqf_6d"], "notes": []}
+    assert printed == {
+        "session": str(own_session.path),
+        "format": "mot",
+        "file": str(out),
+        "filters": ["vqf_6d"],
+        "notes": [],
+    }
     refused = bench(own_session.path, "--to", "mot", "--out", out)
     assert refused.returncode == 2
-    assert refused.stderr.startswith("error: ") and "--force" in refused.stderr and "Traceback" not in refused.stderr
+    assert (
+        refused.stderr.startswith("error: ")
+        and "--force" in refused.stderr
+        and "Traceback" not in refused.stderr
+    )
 
 
 def test_a_session_that_was_cut_off_is_refused(own_session):

@@ -27,14 +27,29 @@ def test_the_file_holds_one_struct_of_version_5(path):
 
 def test_sensors_are_matrices_with_one_row_a_sample(struct, source):
     for sensor in ("arm", "forearm"):
-        own, raw, estimated = getattr(struct, f"imu_{sensor}"), source.imus[sensor], source.estimate.sensors[sensor]
-        for name, array in (("gyr_rad_s", raw.gyr), ("acc_m_s2", raw.acc), ("mag_uT", raw.mag), ("device_q", raw.device_q)):
+        own, raw, estimated = (
+            getattr(struct, f"imu_{sensor}"),
+            source.imus[sensor],
+            source.estimate.sensors[sensor],
+        )
+        for name, array in (
+            ("gyr_rad_s", raw.gyr),
+            ("acc_m_s2", raw.acc),
+            ("mag_uT", raw.mag),
+            ("device_q", raw.device_q),
+        ):
             np.testing.assert_array_equal(getattr(own, name), array)
         np.testing.assert_array_equal(own.host_time_ns, estimated.host_time_ns)
-        assert own.host_time_ns.dtype == np.int64 and own.time_s.shape == estimated.host_time_ns.shape
+        assert (
+            own.host_time_ns.dtype == np.int64 and own.time_s.shape == estimated.host_time_ns.shape
+        )
         for key, q in estimated.orientation.items():
             np.testing.assert_array_equal(getattr(own, f"{key}_q_world_from_sensor"), q)
-        assert (own.units.gyr_rad_s, own.units.acc_m_s2, own.units.mag_uT) == ("rad/s", "m/s^2", "uT")
+        assert (own.units.gyr_rad_s, own.units.acc_m_s2, own.units.mag_uT) == (
+            "rad/s",
+            "m/s^2",
+            "uT",
+        )
 
 
 def test_columns_are_columns_in_matlab(path):
@@ -61,7 +76,9 @@ def test_an_imported_recording_without_arm_is_written_too(imported_source, tmp_p
     assert np.isnan(own.truth_imu.q_world_from_sensor[1200:1300]).all()
 
 
-def test_a_session_too_large_for_the_format_is_refused_before_anything_is_written(source, tmp_path, monkeypatch):
+def test_a_session_too_large_for_the_format_is_refused_before_anything_is_written(
+    source, tmp_path, monkeypatch
+):
     monkeypatch.setattr(matlab, "LARGEST", 1000)
     with pytest.raises(InputError, match="export to parquet"):
         write_export("mat", source, tmp_path / "out.mat")

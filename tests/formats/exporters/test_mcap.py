@@ -1,4 +1,6 @@
-"""MCAP files read by the ROS 2 decoder of mcap_ros2, and by rerun: neither shares code with the exporter."""
+"""MCAP files read by the ROS 2 decoder of mcap_ros2, and by rerun: neither shares code with the
+exporter.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +69,10 @@ def wxyz(q) -> list[float]:
 
 
 def start_ns(source: ExportSource) -> int:
-    return int(datetime.fromisoformat(source.session.manifest["started_utc"]).timestamp()) * 1_000_000_000
+    return (
+        int(datetime.fromisoformat(source.session.manifest["started_utc"]).timestamp())
+        * 1_000_000_000
+    )
 
 
 def test_the_file_is_a_ros2_recording_with_every_topic(file, messages):
@@ -76,11 +81,19 @@ def test_the_file_is_a_ros2_recording_with_every_topic(file, messages):
         assert reader.get_header().profile == "ros2"
         summary = reader.get_summary()
         (metadata,) = reader.iter_metadata()
-    kinds = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
+    kinds = {
+        channel.topic: summary.schemas[channel.schema_id].name
+        for channel in summary.channels.values()
+    }
     assert kinds == {
-        "/arm/imu/data": IMU, "/arm/imu/mag": MAGNETIC_FIELD, "/forearm/imu/data": IMU, "/forearm/imu/mag": MAGNETIC_FIELD,
-        "/joint_states": JOINT_STATE, "/tf": TF_MESSAGE, "/tf_static": TF_MESSAGE,
-    }  # fmt: skip
+        "/arm/imu/data": IMU,
+        "/arm/imu/mag": MAGNETIC_FIELD,
+        "/forearm/imu/data": IMU,
+        "/forearm/imu/mag": MAGNETIC_FIELD,
+        "/joint_states": JOINT_STATE,
+        "/tf": TF_MESSAGE,
+        "/tf_static": TF_MESSAGE,
+    }
     assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
     assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
     assert summary.statistics.message_count == sum(map(len, messages.values()))
@@ -89,13 +102,23 @@ def test_the_file_is_a_ros2_recording_with_every_topic(file, messages):
 
 @pytest.mark.parametrize("sensor", ["arm", "forearm"])
 def test_imu_messages_hold_raw_samples_and_the_orientation_of_the_filter(messages, source, sensor):
-    raw, estimated, received = source.imus[sensor], source.estimate.sensors[sensor], messages[f"/{sensor}/imu/data"]
+    raw, estimated, received = (
+        source.imus[sensor],
+        source.estimate.sensors[sensor],
+        messages[f"/{sensor}/imu/data"],
+    )
     assert len(received) == len(raw)
-    np.testing.assert_array_equal([stamp_ns(m.header) for _, m in received], start_ns(source) + estimated.host_time_ns)
-    np.testing.assert_array_equal([time for time, _ in received], [stamp_ns(m.header) for _, m in received])
+    np.testing.assert_array_equal(
+        [stamp_ns(m.header) for _, m in received], start_ns(source) + estimated.host_time_ns
+    )
+    np.testing.assert_array_equal(
+        [time for time, _ in received], [stamp_ns(m.header) for _, m in received]
+    )
     np.testing.assert_array_equal([xyz(m.angular_velocity) for _, m in received], raw.gyr)
     np.testing.assert_array_equal([xyz(m.linear_acceleration) for _, m in received], raw.acc)
-    np.testing.assert_array_equal([wxyz(m.orientation) for _, m in received], estimated.orientation["vqf_6d"])
+    np.testing.assert_array_equal(
+        [wxyz(m.orientation) for _, m in received], estimated.orientation["vqf_6d"]
+    )
     assert {m.header.frame_id for _, m in received} == {f"imu_{sensor}"}
     assert {tuple(m.orientation_covariance) for _, m in received} == {(0.0,) * 9}
 
@@ -112,7 +135,9 @@ def test_joint_states_are_those_of_the_arm(messages, source):
     np.testing.assert_array_equal([m.position for _, m in received], arm.q_measured)
     np.testing.assert_array_equal([m.velocity for _, m in received], arm.v_measured)
     assert {len(m.effort) for _, m in received} == {0}
-    np.testing.assert_array_equal([stamp_ns(m.header) for _, m in received], start_ns(source) + arm.host_time_ns)
+    np.testing.assert_array_equal(
+        [stamp_ns(m.header) for _, m in received], start_ns(source) + arm.host_time_ns
+    )
 
 
 def transforms(messages) -> dict[str, tuple[str, dict[int, object]]]:
@@ -121,7 +146,9 @@ def transforms(messages) -> dict[str, tuple[str, dict[int, object]]]:
     for topic in ("/tf_static", "/tf"):
         for _, message in messages[topic]:
             for own in message.transforms:
-                found.setdefault(own.child_frame_id, (own.header.frame_id, {}))[1][stamp_ns(own.header)] = own.transform
+                found.setdefault(own.child_frame_id, (own.header.frame_id, {}))[1][
+                    stamp_ns(own.header)
+                ] = own.transform
     return found
 
 
@@ -145,16 +172,33 @@ def test_the_tree_of_frames_leads_from_the_world_to_the_true_sensor(messages, so
     rows = np.searchsorted(truth.host_time_ns, np.array(moments) - start_ns(source))
     for moment, row in zip(moments, rows, strict=True):
         true = Rotation.from_quat(truth.q_world_from_sensor[row], scalar_first=True)
-        assert np.degrees((world_from(f"imu_{sensor}", found, moment) * true.inv()).magnitude()) < 1e-6
+        assert (
+            np.degrees((world_from(f"imu_{sensor}", found, moment) * true.inv()).magnitude()) < 1e-6
+        )
 
 
-def test_every_link_hangs_in_the_tree_and_the_estimated_sensors_stand_where_the_true_ones_are(messages, source):
+def test_every_link_hangs_in_the_tree_and_the_estimated_sensors_stand_where_the_true_ones_are(
+    messages, source
+):
     found = transforms(messages)
-    assert {"base_link", "shoulder_link", "wrist_3_link", "tool0", "imu_arm", "imu_arm_estimated"} <= set(found)
+    assert {
+        "base_link",
+        "shoulder_link",
+        "wrist_3_link",
+        "tool0",
+        "imu_arm",
+        "imu_arm_estimated",
+    } <= set(found)
     assert {frame for frame, (parent, _) in found.items() if parent == "world"} == {
-        "base_link", "imu_arm_estimated", "imu_forearm_estimated",
-    }  # fmt: skip
-    assert all(len(at) == 1 for frame, (_, at) in found.items() if frame in {"tool0", "base_link", "imu_arm"})
+        "base_link",
+        "imu_arm_estimated",
+        "imu_forearm_estimated",
+    }
+    assert all(
+        len(at) == 1
+        for frame, (_, at) in found.items()
+        if frame in {"tool0", "base_link", "imu_arm"}
+    )
     q = source.estimate.sensors["arm"].orientation["vqf_6d"]
     own = found["imu_arm_estimated"][1]
     np.testing.assert_array_equal(wxyz(own[min(own)].rotation), q[0])
@@ -162,14 +206,21 @@ def test_every_link_hangs_in_the_tree_and_the_estimated_sensors_stand_where_the_
 
 def test_messages_stand_in_the_order_of_their_stamps(file):
     with file.open("rb") as opened:
-        times = [message.log_time for _, _, message in make_reader(opened).iter_messages(log_time_order=False)]
+        times = [
+            message.log_time
+            for _, _, message in make_reader(opened).iter_messages(log_time_order=False)
+        ]
     assert times == sorted(times)
 
 
 def test_windows_of_any_length_give_the_same_messages(source, file, tmp_path, monkeypatch):
     monkeypatch.setattr(mcap_file, "WINDOW_NS", 777_777_777)
-    other = write_export("mcap", ExportSource(source.session, source.estimate, "vqf_6d"), tmp_path / "other.mcap").path
-    first, second = [[(t, str(m)) for t, m in read(path)["/forearm/imu/data"]] for path in (file, other)]
+    other = write_export(
+        "mcap", ExportSource(source.session, source.estimate, "vqf_6d"), tmp_path / "other.mcap"
+    ).path
+    first, second = [
+        [(t, str(m)) for t, m in read(path)["/forearm/imu/data"]] for path in (file, other)
+    ]
     assert first == second
 
 
@@ -210,25 +261,56 @@ def vector(values) -> dict[str, float]:
 
 @pytest.mark.parametrize("frame", FRAMES)
 def test_every_message_has_the_bytes_of_another_encoder_whatever_the_alignment(frame):
-    a, b, q = np.array([[1.0, 2.0, 3.0]]), np.array([[4.0, 5.0, -6.0]]), np.array([[0.1, 0.2, 0.3, 0.4]])
+    a, b, q = (
+        np.array([[1.0, 2.0, 3.0]]),
+        np.array([[4.0, 5.0, -6.0]]),
+        np.array([[0.1, 0.2, 0.3, 0.4]]),
+    )
     zeros = [0.0] * 9
-    imu = imu_layout(frame).fill(1, **STAMP, q_xyzw=q, q_covariance=np.zeros((1, 9)), rate=a, force=b)
-    assert imu.tobytes() == encoded(IMU, {
-        "header": ros_header(frame), "orientation": vector(q[0]), "orientation_covariance": zeros,
-        "angular_velocity": vector(a[0]), "angular_velocity_covariance": zeros,
-        "linear_acceleration": vector(b[0]), "linear_acceleration_covariance": zeros,
-    })  # fmt: skip
+    imu = imu_layout(frame).fill(
+        1, **STAMP, q_xyzw=q, q_covariance=np.zeros((1, 9)), rate=a, force=b
+    )
+    assert imu.tobytes() == encoded(
+        IMU,
+        {
+            "header": ros_header(frame),
+            "orientation": vector(q[0]),
+            "orientation_covariance": zeros,
+            "angular_velocity": vector(a[0]),
+            "angular_velocity_covariance": zeros,
+            "linear_acceleration": vector(b[0]),
+            "linear_acceleration_covariance": zeros,
+        },
+    )
     field = magnetic_field_layout(frame).fill(1, **STAMP, field=a)
-    expected = {"header": ros_header(frame), "magnetic_field": vector(a[0]), "magnetic_field_covariance": zeros}
+    expected = {
+        "header": ros_header(frame),
+        "magnetic_field": vector(a[0]),
+        "magnetic_field_covariance": zeros,
+    }
     assert field.tobytes() == encoded(MAGNETIC_FIELD, expected)
-    joints = joint_state_layout("base", [frame, "elbow", "x"]).fill(1, **STAMP, position=a, velocity=b)
-    expected = {"header": ros_header("base"), "name": [frame, "elbow", "x"], "position": list(a[0]), "velocity": list(b[0])}
+    joints = joint_state_layout("base", [frame, "elbow", "x"]).fill(
+        1, **STAMP, position=a, velocity=b
+    )
+    expected = {
+        "header": ros_header("base"),
+        "name": [frame, "elbow", "x"],
+        "position": list(a[0]),
+        "velocity": list(b[0]),
+    }
     assert joints.tobytes() == encoded(JOINT_STATE, {**expected, "effort": []})
     frames = [("world", frame), (frame, "link")]
-    values = {f"{name}_{i}": array for i in range(2) for name, array in (*STAMP.items(), ("translation", a), ("q_xyzw", q))}
+    values = {
+        f"{name}_{i}": array
+        for i in range(2)
+        for name, array in (*STAMP.items(), ("translation", a), ("q_xyzw", q))
+    }
     tree = transforms_layout(frames).fill(1, **values)
     pose = {"translation": vector(a[0]), "rotation": vector(q[0])}
-    own = [{"header": ros_header(parent), "child_frame_id": child, "transform": pose} for parent, child in frames]
+    own = [
+        {"header": ros_header(parent), "child_frame_id": child, "transform": pose}
+        for parent, child in frames
+    ]
     assert tree.tobytes() == encoded(TF_MESSAGE, {"transforms": own})
 
 
@@ -244,7 +326,13 @@ def test_rerun_decodes_every_topic(file, messages, source, tmp_path):
     target = tmp_path / "converted.rrd"
     (tmp_path / "settings").mkdir()
     program = [str(process.viewer_program()), "mcap", "convert", str(file), "-o", str(target)]
-    subprocess.run(program, env=process._environment(tmp_path / "settings"), check=True, capture_output=True, timeout=60)
+    subprocess.run(
+        program,
+        env=process._environment(tmp_path / "settings"),
+        check=True,
+        capture_output=True,
+        timeout=60,
+    )
     rows, scalars = defaultdict(int), []
     for chunk in chunks_of(target):
         batch = chunk.to_record_batch()
@@ -255,6 +343,8 @@ def test_rerun_decodes_every_topic(file, messages, source, tmp_path):
             scalars += batch.column("Scalars:scalars").to_pylist()
     assert rows["/forearm/imu/mag", "Arrows3D:vectors"] == len(messages["/forearm/imu/mag"])
     assert rows["/joint_states/position", "Scalars:scalars"] >= len(messages["/joint_states"])
-    assert rows["/tf", "Transform3D:quaternion"] == sum(len(m.transforms) for _, m in messages["/tf"])
+    assert rows["/tf", "Transform3D:quaternion"] == sum(
+        len(m.transforms) for _, m in messages["/tf"]
+    )
     expected = np.hstack([source.imus["forearm"].gyr, source.imus["forearm"].acc])
     np.testing.assert_array_equal(np.array(scalars), expected)

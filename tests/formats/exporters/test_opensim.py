@@ -18,7 +18,8 @@ from testbench.formats.exporters.source import true_orientation
 from testbench.model import rotation
 
 needs_opensim = pytest.mark.skipif(
-    importlib.util.find_spec("opensim") is None, reason="opensim is not installed; it has wheels for Linux x86-64 only"
+    importlib.util.find_spec("opensim") is None,
+    reason="opensim is not installed; it has wheels for Linux x86-64 only",
 )
 
 
@@ -37,7 +38,9 @@ def export(source: ExportSource, folder: Path, name: str, **options: Any) -> Pat
 def quaternions(table: Any) -> np.ndarray:
     """Shape (n, sensors, 4)."""
     rows = [table.getRowAtIndex(i) for i in range(table.getNumRows())]
-    return np.array([[[row.getElt(0, j).get(k) for k in range(4)] for j in range(row.size())] for row in rows])
+    return np.array(
+        [[[row.getElt(0, j).get(k) for k in range(4)] for j in range(row.size())] for row in rows]
+    )
 
 
 def text_rows(path: Path) -> np.ndarray:
@@ -53,38 +56,59 @@ def degrees_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 @needs_opensim
 def test_opensim_reads_the_orientations_of_every_sensor(osim, source, tmp_path):
-    table = osim.TimeSeriesTableQuaternion(str(export(source, tmp_path, "sto", wanted="vqf_6d", frame="world")))
+    table = osim.TimeSeriesTableQuaternion(
+        str(export(source, tmp_path, "sto", wanted="vqf_6d", frame="world"))
+    )
     assert list(table.getColumnLabels()) == ["upper_arm_imu", "forearm_imu"]
     assert float(table.getTableMetaDataString("DataRate")) == pytest.approx(60, rel=0.01)
     time_ns = np.round(np.array(table.getIndependentColumn()) * 1e9).astype(np.int64)
     estimated = source.estimate.sensors
-    assert np.isin(time_ns, estimated["arm"].host_time_ns).all() and len(time_ns) > 0.99 * len(estimated["arm"].host_time_ns)
+    assert np.isin(time_ns, estimated["arm"].host_time_ns).all() and len(time_ns) > 0.99 * len(
+        estimated["arm"].host_time_ns
+    )
     q, first = quaternions(table), np.searchsorted(estimated["arm"].host_time_ns, time_ns)
     assert degrees_between(q[:, 0], estimated["arm"].orientation["vqf_6d"][first]).max() < 1e-6
     other = estimated["forearm"]
-    assert degrees_between(q[:, 1], rotation.interpolate(other.host_time_ns, other.orientation["vqf_6d"], time_ns)).max() < 1e-6
+    assert (
+        degrees_between(
+            q[:, 1], rotation.interpolate(other.host_time_ns, other.orientation["vqf_6d"], time_ns)
+        ).max()
+        < 1e-6
+    )
 
 
 @needs_opensim
 def test_the_ground_frame_is_what_opensense_makes_of_the_world_frame(osim, source, tmp_path):
     (tmp_path / "world").mkdir()
     ground = osim.TimeSeriesTableQuaternion(str(export(source, tmp_path, "sto", wanted="vqf_6d")))
-    world = osim.TimeSeriesTableQuaternion(str(export(source, tmp_path / "world", "sto", wanted="vqf_6d", frame="world")))
+    world = osim.TimeSeriesTableQuaternion(
+        str(export(source, tmp_path / "world", "sto", wanted="vqf_6d", frame="world"))
+    )
     x, y, z = (osim.CoordinateAxis(i) for i in range(3))
-    turn = osim.Rotation(osim.SpaceRotationSequence, -np.pi / 2, x, 0.0, y, 0.0, z)  # sensor_to_opensim_rotations -pi/2 0 0
+    turn = osim.Rotation(
+        osim.SpaceRotationSequence, -np.pi / 2, x, 0.0, y, 0.0, z
+    )  # sensor_to_opensim_rotations -pi/2 0 0
     osim.OpenSenseUtilities.rotateOrientationTable(world, turn)
     assert degrees_between(quaternions(ground), quaternions(world)).max() < 1e-5
 
 
 def test_the_ground_has_the_worlds_up_along_y():
-    np.testing.assert_allclose(rotation.rotate(Q_GROUND_FROM_WORLD, np.eye(3)), [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-15)
+    np.testing.assert_allclose(
+        rotation.rotate(Q_GROUND_FROM_WORLD, np.eye(3)),
+        [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+        atol=1e-15,
+    )
 
 
 def test_the_file_looks_as_opensense_wants_it(source, tmp_path):
     lines = export(source, tmp_path, "sto", wanted="truth").read_text().splitlines()
     end = lines.index("endheader")
     header = dict(line.split("=", 1) for line in lines[:end])
-    assert header["DataType"] == "Quaternion" and header["version"] == "3" and "OpenSimVersion" in header
+    assert (
+        header["DataType"] == "Quaternion"
+        and header["version"] == "3"
+        and "OpenSimVersion" in header
+    )
     assert header["filter"] == "truth" and "y up" in header["frame"]
     assert lines[end + 1] == "time\tupper_arm_imu\tforearm_imu"
     assert all(len(line.split("\t")) == 3 and line.count(",") == 6 for line in lines[end + 2 :])
@@ -104,7 +128,10 @@ def test_a_sensor_without_a_segment_is_called_after_itself(source, imported_sour
     sensors["arm"] = sensors["arm"].model_copy(update={"segment": sensors["forearm"].segment})
     session = type(source.session)(source.session.path)
     session.__dict__["analysis"] = source.session.analysis.model_copy(update={"sensors": sensors})
-    assert column_names(ExportSource(session, quick.estimate)) == ["arm_imu", "forearm_imu"]  # two on one segment
+    assert column_names(ExportSource(session, quick.estimate)) == [
+        "arm_imu",
+        "forearm_imu",
+    ]  # two on one segment
 
 
 def test_a_gap_that_is_bridged_is_told(imported_source, tmp_path):
@@ -123,13 +150,18 @@ def test_opensim_reads_the_joint_angles_in_degrees(osim, source, quick, tmp_path
     labels = list(table.getColumnLabels())
     assert labels[:4] == ["elbow_flexion", "elbow_ZXZ_first", "elbow_ZXZ_second", "elbow_ZXZ_third"]
     assert labels[-6:] == source.session.arm().joint_names
-    assert storage.getSize() == table.getNumRows() and storage.getColumnLabels().getSize() == 1 + len(labels)
+    assert (
+        storage.getSize() == table.getNumRows()
+        and storage.getColumnLabels().getSize() == 1 + len(labels)
+    )
     series = quick.evaluation.series["joint_elbow"]
     time_ns = np.round(np.array(table.getIndependentColumn()) * 1e9).astype(np.int64)
     rows = np.searchsorted(series["host_time_ns"], time_ns)
     np.testing.assert_array_equal(series["host_time_ns"][rows], time_ns)
     flexion = table.getDependentColumn("elbow_flexion").to_numpy()
-    np.testing.assert_allclose(flexion, np.degrees(series["vqf_6d_ZXZ_flexion_rad"][rows]), atol=1e-8)
+    np.testing.assert_allclose(
+        flexion, np.degrees(series["vqf_6d_ZXZ_flexion_rad"][rows]), atol=1e-8
+    )
     measured = table.getDependentColumn("wrist_3_joint").to_numpy()
     np.testing.assert_allclose(measured, np.degrees(series["reference_rad"][rows]), atol=1e-8)
 
@@ -162,7 +194,9 @@ def test_a_session_without_joints_and_arm_has_no_motion_file(imported_source, tm
 def test_truth_is_unknown_in_gaps_and_outside_and_exact_at_its_own_instants(imported_source):
     truth = imported_source.truths["imu"]
     known = np.isfinite(truth.q_world_from_sensor).all(axis=1)
-    np.testing.assert_array_equal(true_orientation(truth, truth.host_time_ns)[known], truth.q_world_from_sensor[known])
+    np.testing.assert_array_equal(
+        true_orientation(truth, truth.host_time_ns)[known], truth.q_world_from_sensor[known]
+    )
     outside = np.array([-1, 12_500_000_000, truth.host_time_ns[-1] + 1])
     assert np.isnan(true_orientation(truth, outside)).all()
     between = true_orientation(truth, truth.host_time_ns[100:200] + 5_000_000)
