@@ -152,8 +152,7 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
 
 
 def _check_tool(protocol: Protocol, robot: Robot) -> None:
-    """The arm must be able to carry the tool, and its centre of mass be one that a tool can have.
-    """
+    """The arm must be able to carry the tool, whose centre of mass must be possible."""
     tool, payload = protocol.spec.arm.tool, robot.spec.payload_kg
     if tool is None:
         return

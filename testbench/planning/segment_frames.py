@@ -226,8 +226,7 @@ def _differs(
     otherwise: str,
     others: list[tuple[str, np.ndarray]],
 ) -> list[str]:
-    """A sentence where an angle is off or does not follow, with another one that fits if any does.
-    """
+    """A sentence where an angle is off or does not follow, with another one that fits."""
     off, slope = _off_deg(read, true), _slope(read, true)
     if off <= MOST_SEQUENCE_ERROR_DEG and (slope is None or slope >= LEAST_SLOPE):
         return []
