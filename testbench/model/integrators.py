@@ -257,8 +257,8 @@ def multiply_into(p: np.ndarray, q: np.ndarray, out: np.ndarray) -> None:
     """Hamilton product p q, for compiled loops.
 
     Args:
-        p: Shape (4,).
-        q: Shape (4,).
+        p: Left factor, shape (4,).
+        q: Right factor, shape (4,).
         out: The product, shape (4,); it may be p or q.
     """
     w = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]

@@ -67,8 +67,8 @@ def fit_quadratic(x: np.ndarray, y: np.ndarray) -> PolynomialFit:
     """Fit y = a x² + b x + c, by coefficients a, b, c.
 
     Args:
-        x: Of the points, shape (n,).
-        y: Of the points, shape (n,).
+        x: Abscissae, shape (n,).
+        y: Values, shape (n,).
 
     Raises:
         InputError: Fewer than four points, or fewer than three different x.
@@ -93,9 +93,9 @@ def fit_surface(
     coefficients are called p00, ...
 
     Args:
-        x: Of the points, shape (n,).
-        y: Of the points, shape (n,).
-        z: Of the points, shape (n,).
+        x: First variable, shape (n,).
+        y: Second variable, shape (n,).
+        z: Values, shape (n,).
         degrees: The largest i and the largest j.
 
     Raises:

@@ -20,8 +20,8 @@ def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Hamilton product p q.
 
     Args:
-        p: Shape (..., 4).
-        q: Shape (..., 4), broadcast against p.
+        p: Left factor, shape (..., 4).
+        q: Right factor, shape (..., 4), broadcast against the left.
 
     Returns:
         Shape (..., 4).
@@ -37,11 +37,11 @@ def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _products(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Hamilton products row by row; either may be a single row for all.
+    """Hamilton products row by row; either factor may be a single row for all.
 
     Args:
-        p: Shape (n, 4) or (1, 4).
-        q: Shape (n, 4) or (1, 4).
+        p: Left factors, shape (n, 4) or (1, 4).
+        q: Right factors, shape (n, 4) or (1, 4).
     """
     n = max(len(p), len(q)) if len(p) and len(q) else 0
     products = np.empty((n, 4))
@@ -204,8 +204,8 @@ def turn_between(q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
     """Rotation vectors, in the outer frame, of q_to conj(q_from), in one pass.
 
     Args:
-        q_from: Shape (n, 4).
-        q_to: Shape (n, 4).
+        q_from: Before, shape (n, 4).
+        q_to: After, shape (n, 4).
 
     Returns:
         Shape (n, 3) [rad].
