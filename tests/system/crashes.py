@@ -172,4 +172,4 @@ def moments(count: int, seed: int = 0) -> list[tuple[str, float]]:
     writing of the session.
     """
     rng = random.Random(seed)
-    return [("realtime" if i % 2 else "fast", rng.uniform(0.0, 1.1)) for i in range(count)]
+    return [("realtime" if i % 2 else "fast", rng.uniform(0.25, 1.1)) for i in range(count)]
