@@ -24,6 +24,7 @@ from testbench.execution.interruption import on_interrupt
 from testbench.execution.recorder import IMU_NOTES
 from testbench.frames import NANOSECONDS
 from testbench.records.protocol import Analysis, Estimation
+from testbench.records.replacing import clear_partials
 from testbench.records.samples import ImuSamples
 from testbench.records.session import MANIFEST, Event, RunStatus, Session
 from testbench.records.session_writer import SessionWriter, file_hashes, note_end
@@ -437,8 +438,7 @@ def recover_recording(session: Session) -> Session:
     path, last = session.path, 0
     for journal in sorted(path.glob("*.arrows")):
         compact(journal, journal.with_suffix(".parquet"))
-    for partial in path.glob("*.partial"):
-        partial.unlink()
+    clear_partials(path)
     for name in session.sensor_names:
         times = read_parquet(path / f"imu_{name}.parquet", ["host_time_ns"])["host_time_ns"]
         last = max(last, int(times.max())) if len(times) else last

@@ -73,6 +73,7 @@ def execute(
         resumed: Go on with this session, of the same plan and seed: the simulation runs again from
             its beginning, and what the session lacks is recorded.
         keys: Listen to the keyboard.
+        say: Takes a line for the operator.
 
     Raises:
         RunInterrupted: The operator pressed Ctrl-C; the session is kept and closed as interrupted.
