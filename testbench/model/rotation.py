@@ -255,8 +255,27 @@ def from_euler(sequence: str, angles: np.ndarray) -> np.ndarray:
         Shape (..., 4).
     """
     angles = np.asarray(angles, float)
-    q = Rotation.from_euler(sequence, angles.reshape(-1, 3)).as_quat(scalar_first=True)
+    axes = np.array(["XYZ".index(letter) for letter in sequence])
+    q = _from_euler(axes, np.ascontiguousarray(angles).reshape(-1, 3))
     return q.reshape(*angles.shape[:-1], 4)
+
+
+@njit(cache=True)
+def _from_euler(axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Row by row, shape (n, 3) to (n, 4): q = q(axis 1) q(axis 2) q(axis 3), each axis fixed to the
+    body that the turns before it have moved.
+    """
+    q = np.empty((len(angles), 4))
+    turn = np.empty(3)
+    for row in range(len(angles)):
+        w, x, y, z = 1.0, 0.0, 0.0, 0.0
+        for i in range(3):
+            half = angles[row, i] / 2.0
+            turn[:] = 0.0
+            turn[axes[i]] = np.sin(half)
+            w, x, y, z = product(w, x, y, z, np.cos(half), turn[0], turn[1], turn[2])
+        q[row, 0], q[row, 1], q[row, 2], q[row, 3] = w, x, y, z
+    return q
 
 
 def to_euler(sequence: str, q: np.ndarray) -> np.ndarray:

@@ -26,6 +26,7 @@ from testbench.planning.planner import find_robot, plan
 from testbench.records.plan import Plan
 from testbench.records.protocol import Protocol, Sensor
 from testbench.records.protocol_file import load_protocol
+from testbench.records.replacing import stored_where_asked, write_text
 from testbench.records.robot import Robot, load_robot
 from testbench.records.strict import NAME_PATTERN
 
@@ -159,7 +160,8 @@ def design_protocol(
                 raise InputError(
                     f"no clear way was found: {found.error}; let other joints move with --joints"
                 ) from None
-    out.write_text(text(via_home), encoding="utf-8")
+    with stored_where_asked(out):
+        write_text(out, text(via_home), anew=True)
     rows = _rows(before.judged(q, [], dwell), design)
     return DesignedProtocol(checked, like, before.robot.name, rows, gain, sentence)
 

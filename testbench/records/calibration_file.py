@@ -16,6 +16,7 @@ from pydantic import AfterValidator, Field
 from testbench.exceptions import InputError
 from testbench.records.calibration import MountingCalibration, TriadCalibration
 from testbench.records.fit import Fit
+from testbench.records.replacing import stored_where_asked, write_text
 from testbench.records.strict import Angles3, Name, StrictModel
 from testbench.records.yaml_file import load_yaml
 
@@ -262,13 +263,8 @@ def save_calibration(file: Path, calibration: SensorCalibration) -> None:
             "remarks": list(mounting.remarks),
         }
     text = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
-    try:
-        with file.open("x", encoding="utf-8") as stream:
-            stream.write(text)
-    except FileExistsError:
-        raise InputError(f"{file} exists already; calibrations are kept, not replaced") from None
-    except OSError as error:
-        raise InputError(f"{file} cannot be written: {error.strerror}") from None
+    with stored_where_asked(file):
+        write_text(file, text, anew=True)
 
 
 def load_calibration(file: Path) -> SensorCalibration:

@@ -12,7 +12,7 @@ import numpy as np
 
 from testbench.exceptions import SessionError
 from testbench.records.chain import ChainEstimate
-from testbench.records.replacing import replaced_folder
+from testbench.records.replacing import replaced_folder, stored
 from testbench.records.samples import QUATERNION, join, names, split
 from testbench.records.storage import (
     read_json,
@@ -303,7 +303,8 @@ class Estimate:
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session, in place of an earlier one."""
-        with replaced_folder(session_folder / FOLDER) as folder:
+        target = session_folder / FOLDER
+        with stored(target), replaced_folder(target) as folder:
             self._write(folder)
 
     def _write(self, folder: Path) -> None:

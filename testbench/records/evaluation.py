@@ -27,7 +27,7 @@ from testbench.records.evaluation_rows import (
     RankRow,
     TunedRow,
 )
-from testbench.records.replacing import replaced_folder
+from testbench.records.replacing import replaced_folder, stored
 from testbench.records.storage import (
     plain_values,
     read_json,
@@ -391,13 +391,13 @@ class Evaluation:
 
     def save(self, session_folder: Path) -> None:
         """Write evaluation.json and the error signals, in place of earlier ones."""
-        with replaced_folder(session_folder / FOLDER, session_folder / FILE) as folder:
+        target, summary = session_folder / FOLDER, session_folder / FILE
+        with stored(target), replaced_folder(target, summary) as folder:
             for name, columns in self.series.items():
                 write_parquet(
                     folder / f"{name}.parquet", columns, {"content": "errors against the truth"}
                 )
             write_json(folder / FILE, self.to_dict())
-        (session_folder / FOLDER / FILE).rename(session_folder / FILE)
 
     @staticmethod
     def load(session_folder: Path) -> Evaluation:

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from testbench.exceptions import InputError, NotFoundError
 from testbench.frames import STANDARD_GRAVITY
+from testbench.records.replacing import stored_where_asked, write_text
 from testbench.records.strict import Angles3, StrictModel
 from testbench.records.yaml_file import load_yaml
 
@@ -298,13 +299,8 @@ def save_sensor(file: Path, parameters: ImuParameters) -> None:
     text = yaml.safe_dump(
         parameters.model_dump(exclude_defaults=True), sort_keys=False, allow_unicode=True, width=120
     )
-    try:
-        with file.open("x", encoding="utf-8") as stream:
-            stream.write(text)
-    except FileExistsError:
-        raise InputError(f"{file} exists already; nothing was written") from None
-    except OSError as error:
-        raise InputError(f"{file} cannot be written: {error.strerror}") from None
+    with stored_where_asked(file):
+        write_text(file, text, anew=True)
 
 
 def list_presets() -> list[str]:

@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from testbench.exceptions import SessionError
+from testbench.records.replacing import stored
 from testbench.records.storage import read_json, write_json
 
 SCHEMA_VERSION = 1
@@ -295,8 +296,13 @@ class StudyRecord:
         return data
 
     def save(self, folder: Path) -> Path:
-        """Write study.json into a folder."""
-        write_json(folder / FILE, self.to_dict())
+        """Write study.json into a folder.
+
+        Raises:
+            StorageError: The disk does not take it.
+        """
+        with stored(folder / FILE, "the sessions of the study are as they were"):
+            write_json(folder / FILE, self.to_dict())
         return folder / FILE
 
     @staticmethod
