@@ -20,7 +20,7 @@ import yaml
 from hypothesis import settings
 
 from testbench import execute, plan
-from testbench.pipeline import Result, analyse
+from testbench.pipeline.analyse import Result, analyse
 from testbench.records.shipped import shipped_folder
 
 # The same examples every time, however busy the machine is.

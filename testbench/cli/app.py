@@ -63,7 +63,7 @@ def _options(
 @app.command()
 def check(protocol: ProtocolArgument, robot: RobotOption = None, json: JsonOption = False) -> None:
     """Plan a protocol and show how near it comes to every limit; nothing moves."""
-    from testbench.pipeline import make_plan
+    from testbench.pipeline.analyse import make_plan
 
     plan = make_plan(protocol, robot)
     if json:
@@ -91,7 +91,7 @@ def plan(
     """Plan a protocol: its steps with their times, and the plan's hash."""
     from testbench.exceptions import InputError
     from testbench.frames import NANOSECONDS
-    from testbench.pipeline import make_plan
+    from testbench.pipeline.analyse import make_plan
 
     if out is not None and not out.parent.is_dir():
         raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
@@ -201,7 +201,7 @@ def evaluate(
     json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
-    from testbench.pipeline import judge_again
+    from testbench.pipeline.analyse import judge_again
 
     opened = _open(session)
     result = judge_again(opened, parse_filters(filters), calibration, tuned or ())
@@ -221,7 +221,7 @@ def report(
     json: JsonOption = False,
 ) -> None:
     """Estimate, evaluate and write report.html anew."""
-    from testbench.pipeline import analyse
+    from testbench.pipeline.analyse import analyse
 
     result = analyse(
         _open(session), parse_filters(filters), calibrations=calibration, tunings=tuned or ()
@@ -250,7 +250,7 @@ def view(
     json: JsonOption = False,
 ) -> None:
     """Open a session in rerun: the arm, the sensors, their signals and errors."""
-    from testbench.pipeline import show
+    from testbench.pipeline.analyse import show
 
     opened = _open(session)
     written = show(opened, web=web, save=save, screenshot=screenshot)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from testbench.arm_pipeline import ArmSetup
     from testbench.estimation.filters import OrientationFilter
+    from testbench.pipeline.run import ArmSetup
 
 TAKEN_BY = {
     "--serial": ("ur", "xarm", "replay"),
@@ -69,8 +69,8 @@ class ArmChoice:
 
     def setup(self) -> ArmSetup:
         """Arm and sensors."""
-        from testbench.arm_pipeline import ArmSetup
         from testbench.exceptions import InputError
+        from testbench.pipeline.run import ArmSetup
         from testbench.records.arm_calibration import load_arm_calibration
 
         if self.moves and not self.host:

@@ -113,7 +113,7 @@ def calibrate(
     """
     import numpy as np
 
-    from testbench.pipeline import calibrate as make_calibration
+    from testbench.pipeline.analyse import calibrate as make_calibration
     from testbench.records.session import Session
 
     witness: Any = None if segmentation is None else segmentation.value

@@ -78,7 +78,7 @@ def design(
     """
     import numpy as np
 
-    from testbench.pipeline import design_calibration
+    from testbench.pipeline.analyse import design_calibration
     from testbench.planning.designed import LEFT_OUT
     from testbench.planning.experiment_design import Wanted
 

@@ -62,7 +62,7 @@ def export(
 ) -> None:
     """Write a session in a format that other programs read."""
     from testbench.cli.filtering import parse_filter
-    from testbench.pipeline import export as write_export
+    from testbench.pipeline.analyse import export as write_export
     from testbench.records.session import Session
 
     result = write_export(Session(session), to, out, parse_filter(filter_name), frame.value, force)

@@ -41,9 +41,9 @@ def noise(
 ) -> None:
     """Noise at rest in data-sheet units; --out keeps it as a sensor preset."""
     from testbench.evaluation import evaluate
-    from testbench.evaluation.noise_preset import measured_sensor
     from testbench.exceptions import InputError, NotFoundError
-    from testbench.pipeline import load_or_estimate
+    from testbench.pipeline.analyse import load_or_estimate
+    from testbench.pipeline.noise_preset import measured_sensor
     from testbench.records.sensor import save_sensor
     from testbench.records.session import Session
 

@@ -32,9 +32,9 @@ from testbench.cli.output import (
 from testbench.cli.tuning import TunedOption
 
 if TYPE_CHECKING:
-    from testbench.arm_pipeline import ArmSetup
     from testbench.execution.arm_run import ArmRunOptions
-    from testbench.pipeline import Result
+    from testbench.pipeline.analyse import Result
+    from testbench.pipeline.run import ArmSetup
     from testbench.records.plan import Plan, PlannedStep
 
 
@@ -119,7 +119,7 @@ def run(
     resumes, q stops.
     """
     from testbench.exceptions import InputError
-    from testbench.pipeline import run as run_protocol
+    from testbench.pipeline.analyse import run as run_protocol
 
     names = parse_filters(filters)
     choice = ArmChoice(
@@ -188,8 +188,8 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
     Raises:
         InputError: The motion was not confirmed; nothing moved, nothing was connected.
     """
-    from testbench.arm_pipeline import calibrated_robot, refuse_other_maker, run_on_arm
-    from testbench.pipeline import make_plan
+    from testbench.pipeline.analyse import make_plan
+    from testbench.pipeline.run import calibrated_robot, refuse_other_maker, run_on_arm
 
     setup = choice.setup()
     own = (
@@ -241,8 +241,8 @@ def _resumable(line: Callable[[Path], str]) -> Iterator[None]:
 
 def resume_run(session: Path, protocol: str | None, robot: str | None, choice: ArmChoice) -> Result:
     """Go on with a session whose run broke off."""
-    from testbench.arm_pipeline import prepare_resume, resume
     from testbench.exceptions import InputError
+    from testbench.pipeline.run import prepare_resume, resume
     from testbench.records.session import Session
 
     driver = Session(session).manifest.get("arm", {}).get("driver", "ur")
@@ -315,7 +315,7 @@ def approve(
         say_motion(plan, steps)
     _refuse_unconfirmed(choice)
     if not choice.hazards_checked:
-        from testbench.arm_pipeline import look_at_arm
+        from testbench.pipeline.run import look_at_arm
 
         _refuse_without_terminal()
         look_at_arm(plan, setup, steps)

@@ -13,8 +13,8 @@ from testbench.cli.filtering import parse_filters
 from testbench.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
+    from testbench.pipeline.tune import Sessions
     from testbench.records.tuning import Tuning
-    from testbench.studies.tuning import Sessions
 
 TunedOption = Annotated[
     list[Path] | None,
@@ -82,10 +82,10 @@ def tune(
     from testbench.clock import SystemClock
     from testbench.estimation.filters import FILTERS, choose_filters
     from testbench.exceptions import InputError
+    from testbench.pipeline.parameter_space import Effort
+    from testbench.pipeline.tune import tune as find_parameters
     from testbench.records.calibration_file import load_calibrations
     from testbench.records.tuning import refuse_file
-    from testbench.studies.parameter_space import Effort
-    from testbench.studies.tuning import tune as find_parameters
 
     refuse_file(out)
     chosen = choose_filters(parse_filters(filter_name) or [])
@@ -116,8 +116,8 @@ def tune(
 
 def _divide(sessions: list[Path], test: list[Path], share: float | None, seed: int) -> Sessions:
     from testbench.exceptions import InputError
+    from testbench.pipeline.tune import Sessions
     from testbench.records.session import Session
-    from testbench.studies.tuning import Sessions
 
     if share is None:
         return Sessions.given(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbench.clock import Clock
-from testbench.pipeline import Result, run
+from testbench.pipeline.analyse import Result, run
 from testbench.records.plan import Plan
 
 

@@ -22,7 +22,9 @@ from testbench.evaluation.orientation import sensor_errors
 from testbench.execution import execute
 from testbench.model import rotation
 from testbench.model.noise import random_stream
-from testbench.pipeline import analyse, make_plan
+from testbench.pipeline.analyse import analyse, make_plan
+from testbench.pipeline.parameter_space import Effort
+from testbench.pipeline.tune import Sessions, SessionTrials, tune
 from testbench.records.plan import PlannedStep
 from testbench.records.published import PublishedTable, load_published_tables
 from testbench.records.session import Session
@@ -31,9 +33,7 @@ from testbench.records.study import BoxNumbers, StudyBoxes, StudyRecord, StudyRo
 from testbench.records.tuning import Tuning
 from testbench.studies import beta_zeta_words as words
 from testbench.studies.bench import StudyBench
-from testbench.studies.parameter_space import Effort
 from testbench.studies.spread import Change, told
-from testbench.studies.tuning import Sessions, SessionTrials, tune
 
 PROTOCOL, SENSOR = "beta_zeta", "thigh"
 PRINTED, MARG, IMU = "madgwick_zeta_as_printed", "madgwick_marg", "madgwick_imu"

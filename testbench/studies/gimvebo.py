@@ -11,7 +11,7 @@ import numpy as np
 from testbench.estimation.calibration.gyroscope import static_bias
 from testbench.execution import execute
 from testbench.model.imu import TriadErrors, TriadModel
-from testbench.pipeline import analyse, make_plan
+from testbench.pipeline.analyse import analyse, make_plan
 from testbench.records.calibration import TriadCalibration
 from testbench.records.plan import Plan
 from testbench.records.published import PublishedTables, load_published_tables

@@ -21,7 +21,7 @@ import numpy as np
 
 from testbench.clock import Clock
 from testbench.execution import execute
-from testbench.pipeline import analyse, make_plan
+from testbench.pipeline.analyse import analyse, make_plan
 from testbench.records.evaluation import ChainRow
 from testbench.records.protocol import Protocol
 from testbench.records.published_chain import GaitErrors, PublishedChain, load_published_chain

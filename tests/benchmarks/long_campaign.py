@@ -67,7 +67,7 @@ def tell(progress):
     print(progress.time / progress.duration, flush=True)
 if stage in {"plan", "run"}:
     from testbench import execute
-    from testbench.pipeline import make_plan
+    from testbench.pipeline.analyse import make_plan
     plan = make_plan(folder / "campaign.yaml")
     found = {"duration_s": plan.duration, "knots": len(plan.trajectory.time_ns)}
     if stage == "run":
@@ -76,7 +76,7 @@ elif stage == "resume":
     from testbench import execute
     from testbench.execution.executor import simulated_sensors
     from testbench.execution.resume import open_for_resume, refuse_differences, stored_protocol, stored_robot
-    from testbench.pipeline import make_plan
+    from testbench.pipeline.analyse import make_plan
     session = open_for_resume(path)
     found = {"had_s": session.manifest["duration_s"]}
     with stored_protocol(session) as protocol:

@@ -17,7 +17,7 @@ from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.drivers.imus.streamed import SessionTime
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import Session
 from testbench.records.shipped import shipped_folder

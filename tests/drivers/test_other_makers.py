@@ -9,12 +9,12 @@ import socket
 import pytest
 from typer.testing import CliRunner
 
-from testbench.arm_pipeline import refuse_other_maker
 from testbench.cli.app import app
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.exceptions import InputError
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
+from testbench.pipeline.run import refuse_other_maker
 from testbench.records.robot import load_robot
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from testbench import plan
-from testbench.arm_pipeline import ArmSetup, make_arm
 from testbench.clock import SystemClock
 from testbench.drivers.arms.controller_clock import ControllerClock
 from testbench.drivers.arms.replay import ReplayArm
@@ -17,6 +16,7 @@ from testbench.drivers.imus.streamed import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.execution.device_recorder import Devices
+from testbench.pipeline.run import ArmSetup, make_arm
 from testbench.records.robot import Robot, load_robot
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus

@@ -19,7 +19,7 @@ from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.drivers.imus.xsens_dot_payload import MEDIUM_PAYLOAD
 from testbench.exceptions import DriverError, InputError, NotFoundError
 from testbench.execution.device_recorder import open_devices, record_devices
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from tests.drivers.fake_dots import TICK_US, Bench, FakeClient, FakeDot, FakeScanner, G, events_of
 from tests.drivers.waiting import wait_for
 

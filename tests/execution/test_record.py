@@ -37,7 +37,7 @@ from testbench.execution.device_recorder import (
     recover_recording,
     scan_devices,
 )
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Event, RunStatus
 

@@ -12,7 +12,7 @@ from vqf import VQF
 
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.formats import FORMATS, import_recording
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.session import RunStatus
 
 # Published by the dataset's authors for the vqf package with its defaults [deg]; data/README.md of

@@ -15,7 +15,7 @@ from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.formats import import_recording
 from testbench.formats.mapping import MappingSpec, find_mapping, list_mappings
 from testbench.formats.options import Options
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 
 G = 9.80665
 PLAIN = """\

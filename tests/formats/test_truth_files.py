@@ -20,7 +20,7 @@ from testbench.formats.recording import ImportedSensor
 from testbench.formats.truth.attach import TruthOptions
 from testbench.formats.truth.robot_log import commanded_steps, find_dwells, read_robot_log
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.robot import load_robot
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Session

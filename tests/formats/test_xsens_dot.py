@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from testbench.exceptions import FileProblems, InputError
 from testbench.formats import import_recording
 from testbench.formats.options import Options
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.session import Session
 
 ABOVE = (

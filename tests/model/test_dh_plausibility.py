@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import yaml
 
-from testbench.arm_pipeline import calibrated_robot
 from testbench.exceptions import InputError
 from testbench.model.dh_calibration import calibrated
 from testbench.model.dh_plausibility import Deviation, flange_deviation
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
+from testbench.pipeline.run import calibrated_robot
 from testbench.records.arm_calibration import ArmCalibration, DhTable
 from testbench.records.robot import load_robot
 

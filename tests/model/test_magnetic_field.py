@@ -19,7 +19,7 @@ from testbench.model.magnetic_field import (
     dipole_field,
     induced_moment,
 )
-from testbench.pipeline import plan
+from testbench.pipeline.analyse import plan
 from testbench.records.magnetism import MagneticDipole
 from testbench.records.protocol import Environment
 from testbench.records.robot import Robot, load_robot

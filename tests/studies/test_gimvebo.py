@@ -15,7 +15,7 @@ from testbench.estimation.calibration.gyroscope import gravity_turns, static_bia
 from testbench.estimation.calibration.turns import Turn
 from testbench.exceptions import NotFoundError, SessionError
 from testbench.model.integrators import get_integrator, steps_as_printed
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
 from testbench.records.published import load_published_tables
 from testbench.records.session import Session
 from testbench.records.study import StudyRecord

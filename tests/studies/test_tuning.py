@@ -19,10 +19,10 @@ from testbench.evaluation import evaluate
 from testbench.evaluation.objective import Objective
 from testbench.exceptions import FileProblems, InputError, NotFoundError, SessionError
 from testbench.model import rotation
+from testbench.pipeline.parameter_space import Effort
+from testbench.pipeline.tune import Sessions, SessionTrials, tune
 from testbench.records.session import MANIFEST, Session
 from testbench.records.tuning import load_tunings
-from testbench.studies.parameter_space import Effort
-from testbench.studies.tuning import Sessions, SessionTrials, tune
 from tests.studies.known_recordings import write_known
 
 NOW = "2026-01-02T03:04:05+00:00"

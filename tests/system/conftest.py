@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
 from testbench.records.plan import Plan
 from tests.emulated_arms import SHORT, EmulatedUr, emulated_ur
 

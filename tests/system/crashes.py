@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm_pipeline import resume
 from testbench.execution.recovery import recover
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
+from testbench.pipeline.run import resume
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
 from testbench.records.storage import read_parquet

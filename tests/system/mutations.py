@@ -15,7 +15,7 @@ from typing import Any
 
 from testbench.exceptions import BenchError
 from testbench.execution.recovery import recover
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
 from testbench.records.arm_calibration import load_arm_calibration
 from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import load_robot

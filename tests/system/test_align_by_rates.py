@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.pipeline import run
+from testbench.pipeline.analyse import run
 
 ERROR_DEG = [8.0, -12.0, 6.0]
 

@@ -1,6 +1,6 @@
 import pytest
 
-from testbench.pipeline import run
+from testbench.pipeline.analyse import run
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from testbench.estimation.calibration.session_calibration import METHODS
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.model.kinematics import Kinematics
-from testbench.pipeline import analyse, calibrate, run
+from testbench.pipeline.analyse import analyse, calibrate, run
 from testbench.records.calibration_file import (
     find_calibration,
     load_calibration,

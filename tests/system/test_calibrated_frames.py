@@ -15,7 +15,7 @@ from testbench.estimation.estimator import estimate
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
 from testbench.model.truth import truth_at
-from testbench.pipeline import run
+from testbench.pipeline.analyse import run
 from testbench.records.protocol import Environment
 
 CROOKED_DEG = [6.0, -5.0, 8.0]

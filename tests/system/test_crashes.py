@@ -15,11 +15,11 @@ import yaml
 from typer.testing import CliRunner
 
 from testbench import execute, plan
-from testbench.arm_pipeline import resume
 from testbench.cli.app import app
 from testbench.exceptions import InputError, RunInterrupted, SessionError
 from testbench.execution.recovery import recover
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
+from testbench.pipeline.run import resume
 from testbench.records.sensor import load_preset
 from testbench.records.session import RunStatus, Session, list_sessions
 from testbench.records.shipped import shipped_folder

@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 
 from testbench import execute, plan
-from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.simulated import SimulatedImu
@@ -30,7 +29,8 @@ from testbench.execution.device_recorder import open_devices
 from testbench.execution.guards import GuardTripped
 from testbench.execution.resume import missing_steps
 from testbench.frames import NANOSECONDS
-from testbench.pipeline import analyse, make_plan
+from testbench.pipeline.analyse import analyse, make_plan
+from testbench.pipeline.run import resume
 from testbench.records.samples import ImuSamples
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.conftest import TINY, FakeClock

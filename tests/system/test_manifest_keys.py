@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from testbench import execute, plan
-from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
 from testbench.drivers.arms.replay import ReplayArm
 from testbench.drivers.imus.streamed import SessionTime
@@ -28,7 +27,8 @@ from testbench.formats import import_recording
 from testbench.formats.imu_tk import COUNTS_PER_M_S2
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
-from testbench.pipeline import Result
+from testbench.pipeline.analyse import Result
+from testbench.pipeline.run import resume
 from testbench.records.plan import Plan
 from testbench.records.session import Session
 from tests.conftest import FakeClock

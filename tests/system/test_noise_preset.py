@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from testbench.exceptions import FileProblems
-from testbench.pipeline import run
+from testbench.pipeline.analyse import run
 from testbench.records.protocol_file import load_protocol
 from testbench.records.sensor import ImuParameters, load_preset
 from testbench.records.yaml_file import load_yaml

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from testbench.cli.app import app
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
 
 
 @pytest.fixture

@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 
 from testbench import estimate, evaluate, execute, plan
-from testbench.arm_pipeline import resume
 from testbench.exceptions import SessionError, StorageError
 from testbench.execution.recovery import recover
+from testbench.pipeline.run import resume
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import RunStatus, Session

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.drivers.arms.straight_path import StraightPaths
 from testbench.model.kinematics import Kinematics
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
 from testbench.records.plan import Plan
 
 

@@ -115,7 +115,7 @@ def test_huge_files_are_refused_before_they_are_read(tmp_path, tiny):
 
 def test_every_string_of_a_report_is_escaped(tmp_path, altered_protocol, clock):
     from testbench import execute, plan
-    from testbench.pipeline import analyse
+    from testbench.pipeline.analyse import analyse
 
     def poison(content) -> None:
         content["purpose"] = "<script>alert(1)</script>"

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from testbench.pipeline import run
+from testbench.pipeline.analyse import run
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.formats import import_recording
+from testbench.pipeline.parameter_space import Effort
+from testbench.pipeline.tune import Sessions, tune
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
 from testbench.records.tuning import load_tunings
-from testbench.studies.parameter_space import Effort
-from testbench.studies.tuning import Sessions, tune
 from tests.command_line import command
 from tests.studies.known_recordings import FixedClock, write_known
 

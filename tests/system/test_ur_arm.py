@@ -19,7 +19,7 @@ from testbench.drivers.arms.controller_lock import ControllerLock
 from testbench.drivers.arms.remedies import UR_REMEDIES
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.exceptions import ArmRefused, DriverError
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.benchmarks.real_arm import following
 from tests.emulated_arms import REAL_TIME, ROOT, drive_ur, emulated_ur, faulted_session, ur_command

@@ -14,7 +14,7 @@ from testbench.cli.running import ArmChoice, approve
 from testbench.exceptions import BenchError
 from testbench.execution.checklist import HAZARDS
 from testbench.execution.guards import GuardTripped
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
 from testbench.records.session import RunStatus, list_sessions
 from tests.emulated_arms import REAL_TIME, ROOT, SHORT, drive_ur, ur_command
 

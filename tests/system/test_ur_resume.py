@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.arm_pipeline import ArmSetup, prepare_resume, resume
 from testbench.exceptions import DriverError, InputError, RunInterrupted
 from testbench.execution.arm_run import ArmRunOptions
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
+from testbench.pipeline.run import ArmSetup, prepare_resume, resume
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.emulated_arms import REAL_TIME, ROOT, SHORT, EmulatedUr, drive_ur

@@ -25,7 +25,7 @@ from testbench.emulation.xarm.server import XArmServer
 from testbench.emulation.xarm.setup import make_controller
 from testbench.exceptions import ArmRefused, DriverError, InputError
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.benchmarks.real_arm import following

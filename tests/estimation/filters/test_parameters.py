@@ -14,7 +14,7 @@ from testbench.cli.app import app
 from testbench.estimation import estimate
 from testbench.estimation.filters import FILTERS, UniformSamples, choose_filters, get_filter
 from testbench.exceptions import FileProblems, InputError, NotFoundError
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import make_plan
 from testbench.records.estimate import Estimate
 from testbench.records.protocol import FILTER_NAMES
 from tests.estimation.filters.motions import heading_deg, inclination_deg, wander

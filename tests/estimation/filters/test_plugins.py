@@ -23,7 +23,7 @@ from testbench.estimation.filters import plugins
 from testbench.estimation.filters.plugins import find_filter
 from testbench.estimation.filters.self_test import self_test
 from testbench.exceptions import InputError, NotFoundError
-from testbench.pipeline import export, load_or_estimate
+from testbench.pipeline.analyse import export, load_or_estimate
 from testbench.records.session import Session
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "03_a_filter_of_your_own.py"

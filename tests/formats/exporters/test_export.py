@@ -11,7 +11,7 @@ import pytest
 
 from testbench.exceptions import InputError, NotFoundError
 from testbench.formats.exporters import EXPORTS, ExportSource, prepare_export, write_export
-from testbench.pipeline import export
+from testbench.pipeline.analyse import export
 from testbench.records.session import Session
 from testbench.reporting.viewer import save_recording
 from tests.reporting.test_viewer import chunks_of

@@ -17,6 +17,7 @@ from testbench.estimation.filters import OrientationFilter
 from testbench.evaluation.objective import UNIT, Objective, SessionJudge
 from testbench.exceptions import InputError
 from testbench.model.noise import random_stream
+from testbench.pipeline.parameter_space import FAILED, Effort, Optimum, Point, Space, find_optimum
 from testbench.records.calibration_file import SensorCalibration
 from testbench.records.session import Session
 from testbench.records.session_writer import software_versions
@@ -29,7 +30,6 @@ from testbench.records.tuning import (
     describe,
     refuse_repeated,
 )
-from testbench.studies.parameter_space import FAILED, Effort, Optimum, Point, Space, find_optimum
 
 Say = Callable[[str], None]
 

@@ -34,7 +34,7 @@ from testbench.execution.resume import (
 )
 from testbench.model.dh_calibration import calibrated
 from testbench.model.dh_plausibility import judge_corrections
-from testbench.pipeline import Result, analyse, make_plan
+from testbench.pipeline.analyse import Result, analyse, make_plan
 from testbench.planning.planner import find_robot
 from testbench.records.arm_calibration import load_arm_calibration
 from testbench.records.calibration_file import load_calibrations
