@@ -75,6 +75,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     result.notes.extend(arm_notes(session))
     result.tuned.extend(_tuned_rows(estimate))
     result.notes.extend(tuning_notes(result.tuned))
+    result.notes.extend(_set_notes(estimate))
     sparse = max(-(-len(instants.arm) // MOST_OF_THE_ARM), 1)
     arm = Arm.of(session.near(replace(instants, arm=instants.arm[::sparse])))
     norms = [
@@ -210,6 +211,16 @@ def _tuned_rows(estimate: Estimate) -> list[TunedRow]:
         )
         for key, used in estimate.tuned.items()
     ]
+
+
+def _set_notes(estimate: Estimate) -> list[str]:
+    """Which parameters a person set for this estimate, in sentences."""
+    notes = []
+    for key, names in estimate.set_parameters.items():
+        values = estimate.filter_parameters[key]
+        chosen = ", ".join(f"{name} {values[name]:.4g}" for name in names)
+        notes.append(f"{key} ran with {chosen}, set for this estimate")
+    return notes
 
 
 def tuning_notes(rows: list[TunedRow]) -> list[str]:

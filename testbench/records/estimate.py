@@ -274,6 +274,7 @@ class Estimate:
         chain: Joints of the arm by the chain filter, by section and state.
         remarks: What is doubtful about the whole.
         behaviour: What the catalogue says of each filter that ran, in a sentence.
+        set_parameters: Names of those that a person set for this estimate, by filter.
     """
 
     session: str
@@ -285,6 +286,7 @@ class Estimate:
     chain: list[ChainEstimate] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     behaviour: dict[str, str] = field(default_factory=dict)
+    set_parameters: dict[str, list[str]] = field(default_factory=dict)
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session, in place of an earlier one."""
@@ -341,6 +343,7 @@ class Estimate:
         summary["chain"] = [chain.save(folder) for chain in self.chain]
         summary["remarks"] = self.remarks
         summary["behaviour"] = self.behaviour
+        summary["set_parameters"] = self.set_parameters
         write_json(folder / "estimate.json", summary)
 
     @staticmethod
@@ -419,6 +422,7 @@ class Estimate:
             chain,
             summary["remarks"],
             summary.get("behaviour", {}),
+            summary.get("set_parameters", {}),
         )
 
 
