@@ -1,58 +1,49 @@
-"""Where the stages meet: plan, execute, estimate, evaluate, report."""
+"""Everything that follows a recording: estimate, evaluate, report; may be repeated at will."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from importlib.metadata import version
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-import numpy as np
-
-from testbench.clock import Clock, SystemClock
 from testbench.estimation import estimate
-from testbench.estimation.calibration.prepared import Segmentation
-from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
-from testbench.estimation.filters import FILTERS, OrientationFilter, get_filter
+from testbench.estimation.filters import FILTERS, OrientationFilter, choose_filters
+from testbench.estimation.filters.plugins import find_filter
 from testbench.estimation.filters.tuned import choose_tuned
 from testbench.evaluation import evaluate
-from testbench.exceptions import InputError, NotFoundError, SessionError
-from testbench.execution import execute
-from testbench.execution.executor import Progress
-from testbench.formats.exporters import (
-    TRUTH,
-    Exported,
-    ExportSource,
-    Frame,
-    check_options,
-    prepare_export,
-    write_export,
-)
-from testbench.planning import plan
-from testbench.planning.designed import DesignedProtocol, design_protocol
-from testbench.planning.experiment_design import Wanted
-from testbench.records.calibration_file import SUFFIXES, load_calibrations, save_calibration
-from testbench.records.calibration_result import CalibrationResult
+from testbench.exceptions import InputError, SessionError
+from testbench.formats.exporters import Exported
+from testbench.pipeline.request import AnalysisRequest
+from testbench.records.calibration_file import SensorCalibration, load_calibrations
 from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.plan import Plan
-from testbench.records.protocol import Protocol
-from testbench.records.robot import Robot
+from testbench.records.protocol import Estimation
 from testbench.records.session import Session
-from testbench.records.tuning import load_tunings
+from testbench.records.tuning import Tuning, load_tunings
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a run came to; `report` is None where none was asked for."""
+    """What a run came to.
+
+    Attributes:
+        plan: That was run; None where a recording was analysed.
+        session: The recording.
+        estimate: Of it.
+        evaluation: Of that.
+        report: The page; None where none was asked for.
+        exports: Files for other programs that were asked for.
+    """
 
     plan: Plan | None
     session: Session
     estimate: Estimate
     evaluation: Evaluation
     report: Path | None
+    exports: list[Exported] = field(default_factory=list)
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -64,104 +55,150 @@ class Result:
         }
 
 
-def run(
-    protocol: Protocol | str | Path,
-    robot: str | Path | None = None,
-    seed: int = 0,
-    speed: Literal["fast", "realtime"] = "fast",
-    logs: str | Path = "logs",
-    filters: Sequence[str | OrientationFilter] | None = None,
-    with_report: bool = True,
-    clock: Clock | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    planned: Callable[[Plan], None] | None = None,
-    calibrations: Path | None = None,
-    tunings: Sequence[Path] = (),
-    keys: bool = False,
-    say: Callable[[str], None] = lambda line: None,
-) -> Result:
-    """Run a protocol from its file to its report.
+@dataclass(frozen=True)
+class LoadedAnalysis:
+    """A request for an analysis with all that it names: read, and found sound.
 
-    Args:
-        protocol: As for `plan`.
-        robot: As for `plan`.
-        seed: As for `execute`.
-        speed: As for `execute`.
-        logs: As for `execute`.
-        progress: As for `execute`.
-        filters: As for `estimate`.
-        with_report: Whether to write report.html.
-        clock: The machine's if None.
-        planned: Called with the plan before it is run.
-        calibrations: As for `analyse`.
-        tunings: As for `analyse`.
-        keys: Listen to the keyboard: p pauses, r resumes, q stops.
-        say: As for `execute`.
+    Attributes:
+        asked: The request.
+        filters: Names of those that ship, and others as they are; those of the protocol if None.
+        calibrations: To correct the raw samples with; None if none was named.
+        tunings: Tuned parameters.
     """
-    clock = clock or SystemClock()
-    if calibrations is not None:
-        load_calibrations(calibrations)  # a bad file is refused before anything moves
-    the_plan = make_plan(protocol, robot, filters, tunings)
-    if planned is not None:
-        planned(the_plan)
-    session = execute(the_plan, logs, seed, speed, clock, progress, keys=keys, say=say)
-    return analyse(session, filters, with_report, the_plan, calibrations, tunings)
+
+    asked: AnalysisRequest
+    filters: list[str | OrientationFilter] | None
+    calibrations: list[SensorCalibration] | None
+    tunings: list[Tuning]
+
+    def choose(self, settings: Estimation) -> list[OrientationFilter]:
+        """The filters that would run on a recording, with their parameters.
+
+        Args:
+            settings: Of its protocol.
+
+        Raises:
+            NotFoundError: No such filter or parameter.
+            InputError: As for `choose_tuned`.
+        """
+        return choose_tuned(
+            self.filters,
+            settings.filters,
+            settings.filter_parameters,
+            self.tunings,
+            self.asked.parameters,
+        )
+
+    def estimate(self, session: Session) -> Estimate:
+        """A new estimate of a recording; it is not kept."""
+        return estimate(
+            session, self.filters, self.calibrations, self.tunings, self.asked.parameters
+        )
+
+
+def load_analysis(asked: AnalysisRequest) -> LoadedAnalysis:
+    """Read what a request for an analysis names, and refuse what cannot be used, before anything
+    moves.
+
+    Raises:
+        NotFoundError: An unknown filter.
+        InputError: A filter of the user's own fails the self-test, a calibration or a tuning is
+            missing or malformed.
+    """
+    filters = None if asked.filters is None else sound_filters(asked.filters)
+    calibrations = (
+        None if asked.calibrations is None else load_calibrations(Path(asked.calibrations))
+    )
+    return LoadedAnalysis(asked, filters, calibrations, load_tunings(map(Path, asked.tunings)))
+
+
+def sound_filters(names: Sequence[str]) -> list[str | OrientationFilter]:
+    """Filters by name or `path/to/file.py:ClassName`; those that ship with the bench stay names.
+
+    Raises:
+        NotFoundError: No such filter.
+        InputError: Two of one name, or one of the user's own that fails the self-test.
+    """
+    if not names:
+        raise InputError("--filters names no filter")
+    chosen = [name if name in FILTERS else sound(find_filter(name)) for name in names]
+    choose_filters(chosen)
+    return chosen
+
+
+def sound(kind: OrientationFilter) -> OrientationFilter:
+    """A user's own filter, once it has passed the self-test: one with a wrong unit or sign is not
+    ranked beside the others.
+
+    Raises:
+        InputError: It fails; says in what.
+    """
+    from testbench.estimation.filters.self_test import self_test
+
+    result = self_test(kind)
+    if not result.passed:
+        raise InputError(f"the filter {kind.name} fails the self-test: {result.reason}")
+    return kind
 
 
 def analyse(
     session: Session,
-    filters: Sequence[str | OrientationFilter] | None = None,
-    with_report: bool = True,
-    the_plan: Plan | None = None,
-    calibrations: Path | None = None,
-    tunings: Sequence[Path] = (),
+    asked: AnalysisRequest | LoadedAnalysis | None = None,
+    plan: Plan | None = None,
 ) -> Result:
-    """Everything that follows a recording; may be repeated at will.
+    """Estimate, evaluate, report and export.
 
     Args:
         session: The recording.
-        filters: As for `estimate`.
-        with_report: Whether to write report.html.
-        the_plan: For the result.
-        calibrations: Stored calibration, or a folder of them, that corrects the raw samples first.
-        tunings: Files of tuned parameters, at most one a filter.
+        asked: How; as the protocol says if None.
+        plan: That was run, for the result.
     """
-    stored = None if calibrations is None else load_calibrations(calibrations)
-    estimated = estimate(session, filters, stored, load_tunings(tunings))
+    loaded = (
+        asked if isinstance(asked, LoadedAnalysis) else load_analysis(asked or AnalysisRequest())
+    )
+    estimated = loaded.estimate(session)
     estimated.save(session.path)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
-    path = None
-    if with_report:
-        from testbench.reporting.report import report
+    page = _report(session, estimated, evaluated) if loaded.asked.report else None
+    exports = []
+    if loaded.asked.exports:
+        from testbench.pipeline.show import export_estimate
 
-        path = report(session, estimated, evaluated)
-    return Result(the_plan, session, estimated, evaluated, path)
+        exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
+    return Result(plan, session, estimated, evaluated, page, exports)
 
 
-def load_or_estimate(
-    session: Session,
-    filters: Sequence[str | OrientationFilter] | None = None,
-    calibrations: Path | None = None,
-    tunings: Sequence[Path] = (),
-) -> Estimate:
-    """The estimate on disk if it was made from this very recording, with these filters where some
-    are named; else a new one.
+def make_estimate(session: Session, asked: AnalysisRequest | None = None) -> Estimate:
+    """Estimate anew, and keep it.
 
-    With calibrations or tuned parameters it is always made anew, and one with tuned parameters is
-    not taken for one without where filters are named.
+    Args:
+        session: The recording.
+        asked: How; as the protocol says if None.
     """
-    if calibrations is None and not tunings:
-        stored = _stored_estimate(session)
-        if stored is not None and _has_filters(stored, filters):
-            return stored
-    known = None if calibrations is None else load_calibrations(calibrations)
-    estimated = estimate(session, filters, known, load_tunings(tunings))
+    estimated = load_analysis(asked or AnalysisRequest()).estimate(session)
     estimated.save(session.path)
     return estimated
 
 
-def _stored_estimate(session: Session) -> Estimate | None:
+def load_or_estimate(session: Session, asked: AnalysisRequest | None = None) -> Estimate:
+    """The estimate on disk if it was made from this very recording, and as asked where anything is;
+    else a new one, which is kept.
+
+    Args:
+        session: The recording.
+        asked: How; any estimate will do if nothing is asked.
+    """
+    loaded = load_analysis(asked or AnalysisRequest())
+    stored = stored_estimate(session)
+    if stored is not None and is_as_asked(stored, session, loaded):
+        return stored
+    estimated = loaded.estimate(session)
+    estimated.save(session.path)
+    return estimated
+
+
+def stored_estimate(session: Session) -> Estimate | None:
     """The estimate on disk if it can be read and was made from this very recording."""
     if not (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
         return None
@@ -172,237 +209,46 @@ def _stored_estimate(session: Session) -> Estimate | None:
     return stored if stored.fingerprint == session.fingerprint else None
 
 
-def _filters_of(estimated: Estimate | None) -> list[str]:
-    """Names of the filters that ran, or were skipped, for any sensor."""
-    sensors = [] if estimated is None else estimated.sensors.values()
-    return list(
-        dict.fromkeys(key for sensor in sensors for key in (*sensor.orientation, *sensor.skipped))
-    )
+def is_as_asked(stored: Estimate, session: Session, loaded: LoadedAnalysis) -> bool:
+    """Whether an estimate is what a request for an analysis would come to.
 
-
-def _has_filters(stored: Estimate, filters: Sequence[str | OrientationFilter] | None) -> bool:
-    """Whether an estimate was made with these filters; one that is given as it is may have changed
-    since.
+    One with calibrations or tuned parameters is never taken: their files may have changed since.
+    Nor is one with a filter that is given as it is.
     """
-    if filters is None:
-        return True
-    names = {entry for entry in filters if isinstance(entry, str)}
-    if len(names) < len(filters) or stored.tuned:
+    asked = loaded.asked
+    if asked.calibrations is not None or asked.tunings:
         return False
-    return all(
-        set(sensor.orientation) | set(sensor.skipped) == names for sensor in stored.sensors.values()
+    if asked.filters is None and not asked.parameters:
+        return True
+    if stored.tuned or any(sensor.stored_calibration for sensor in stored.sensors.values()):
+        return False
+    chosen = loaded.choose(session.analysis.estimate)
+    if any(FILTERS.get(kind.name) is not type(kind) for kind in chosen):
+        return False
+    parameters = {kind.name: kind.parameters for kind in chosen}
+    return stored.filter_parameters == parameters and all(
+        set(sensor.orientation) | set(sensor.skipped) == set(parameters)
+        for sensor in stored.sensors.values()
     )
 
 
-def judge_again(
-    session: Session,
-    filters: Sequence[str | OrientationFilter] | None = None,
-    calibrations: Path | None = None,
-    tunings: Sequence[Path] = (),
-) -> Evaluation:
+def judge_again(session: Session, asked: AnalysisRequest | None = None) -> Evaluation:
     """Evaluate what is estimated; a report that exists already is written anew, so that it never
     contradicts the session.
+
+    Args:
+        session: The recording.
+        asked: As for `load_or_estimate`.
     """
-    estimated = load_or_estimate(session, filters, calibrations, tunings)
+    estimated = load_or_estimate(session, asked)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
     if (session.path / "report.html").is_file():
-        from testbench.reporting.report import report
-
-        report(session, estimated, evaluated)
+        _report(session, estimated, evaluated)
     return evaluated
 
 
-def make_plan(
-    protocol: Protocol | str | Path,
-    robot: Robot | str | Path | None = None,
-    filters: Sequence[str | OrientationFilter] | None = None,
-    tunings: Sequence[Path] = (),
-) -> Plan:
-    """Plan a protocol, and refuse filters that this version lacks.
+def _report(session: Session, estimated: Estimate, evaluated: Evaluation) -> Path:
+    from testbench.reporting.report import report
 
-    Raises:
-        NotFoundError: An unknown filter.
-        FileProblems: The protocol gives a filter parameters that it does not take, or a tuning is
-            malformed.
-    """
-    the_plan = plan(protocol, robot)
-    document = the_plan.protocol.document
-    for name, parameters in document.value.estimate.filter_parameters.items():
-        try:
-            get_filter(name, parameters)
-        except InputError as error:
-            raise document.problem(str(error), "estimate", "filter_parameters", name) from None
-    wanted = document.value.estimate
-    choose_tuned(filters, wanted.filters, wanted.filter_parameters, load_tunings(tunings))
-    return the_plan
-
-
-@dataclass(frozen=True)
-class MadeCalibration:
-    """A calibration, the file that keeps it, and its report, or None where none was asked for."""
-
-    result: CalibrationResult
-    file: Path
-    report: Path | None
-
-
-def calibrate(
-    session: Session,
-    sensor: str | None,
-    methods: Sequence[str],
-    out: Path,
-    segmentation: Segmentation | None = None,
-    held_out: Sequence[Session] = (),
-    with_report: bool = True,
-    field: np.ndarray | None = None,
-    turn_angle: float | None = None,
-) -> MadeCalibration:
-    """Calibrate a sensor and keep the result.
-
-    Args:
-        session: As for `calibrate_sensor`.
-        methods: As for `calibrate_sensor`.
-        segmentation: As for `calibrate_sensor`.
-        held_out: As for `calibrate_sensor`.
-        field: As for `calibrate_sensor`.
-        turn_angle: As for `calibrate_sensor`.
-        sensor: May be None where the session has one.
-        out: A .yaml file, or a folder, in which the file is called after the date and the sensor.
-        with_report: Whether to write an HTML report beside it.
-
-    Raises:
-        InputError: The file exists, or nothing can be calibrated; nothing is written then.
-    """
-    names = session.sensor_names
-    if sensor is None and len(names) != 1:
-        raise InputError(
-            f"the session has several sensors ({', '.join(names)}); say which with --sensor"
-        )
-    name = sensor or names[0]
-    file = out
-    if out.suffix not in SUFFIXES:
-        if out.exists() and not out.is_dir():
-            raise InputError(f"{out} is neither a .yaml file nor a folder")
-        moment = session.recorded_at or session.started
-        file = out / f"{moment:%Y%m%dT%H%M%SZ}_{name}.yaml"
-    page = file.with_suffix(".html")
-    for target in (file, page) if with_report else (file,):
-        if target.exists():
-            raise InputError(f"{target} exists already; calibrations are kept, not replaced")
-    software = f"testbench {version('imu-testbench')}"
-    result = calibrate_sensor(
-        session, name, methods, segmentation, held_out, software, field, turn_angle
-    )
-    if out.suffix not in SUFFIXES:
-        out.mkdir(parents=True, exist_ok=True)
-    save_calibration(file, result.calibration)
-    if with_report:
-        from testbench.reporting.calibration_report import calibration_report
-
-        calibration_report(result, page)
-    return MadeCalibration(result, file, page if with_report else None)
-
-
-def design_calibration(
-    out: Path, robot: str, like: str, sensor: str | None, wanted: Wanted, link: str | None = None
-) -> DesignedProtocol:
-    """Design a calibration, compare it with the static poses of a protocol, check it, and write it.
-
-    Args:
-        out: Protocol file to write.
-        robot: Name or file.
-        like: Protocol that describes the sensor and is compared with.
-        sensor: Which of its sensors; may be None where there is one.
-        wanted: How many poses and turns, and how.
-        link: That carries the sensor on this arm, in the mounting that `like` states; the link that
-            `like` names if None.
-
-    Raises:
-        InputError: The file exists, or nothing can be designed.
-    """
-    return design_protocol(out, robot, like, sensor, link, wanted)
-
-
-def show(
-    session: Session, web: bool = False, save: Path | None = None, screenshot: Path | None = None
-) -> list[Path]:
-    """Open a session in the viewer, or write what it would show.
-
-    Args:
-        session: The recording.
-        web: Serve to a browser instead of a window.
-        save: A .rrd file to write instead.
-        screenshot: A .png file to write instead.
-
-    Returns:
-        The files that were written.
-    """
-    import testbench.reporting.viewer as viewer
-
-    for target in (save, screenshot):
-        if target is not None and not target.parent.is_dir():
-            raise InputError(f"{target} cannot be written: there is no folder {target.parent}")
-    estimated = load_or_estimate(session)
-    evaluated = evaluate(session, estimated)
-    if save is not None:
-        viewer.save_recording(session, save, estimated, evaluated)
-    if screenshot is not None:
-        viewer.screenshot(session, screenshot, estimated, evaluated)
-    written = [path for path in (save, screenshot) if path is not None]
-    if not written:
-        viewer.view(session, web=web, estimate=estimated, evaluation=evaluated)
-    return written
-
-
-def export(
-    session: Session,
-    name: str,
-    out: str | Path | None = None,
-    filter_name: str | OrientationFilter | None = None,
-    frame: Frame = "opensim",
-    force: bool = False,
-) -> Exported:
-    """Write a session in a format that other programs read.
-
-    Args:
-        session: The recording.
-        name: Of the format; `testbench.formats.exporters.EXPORTS` has them all.
-        out: File or folder to write; one in the session's folder `export` if None.
-        filter_name: Whose orientation: "truth" for the true one, one that the estimate holds, one
-            of the bench, or a filter of your own, which is run anew.
-        frame: Of orientations for OpenSim.
-        force: Replace an earlier export.
-
-    Raises:
-        NotFoundError: No such filter.
-        InputError: The place is taken, or the session lacks what the format needs; nothing is
-            written then.
-    """
-    key = filter_name.name if isinstance(filter_name, OrientationFilter) else filter_name
-    check_options(name, key, frame)
-    path = prepare_export(name, session, Path(out) if out is not None else None, force)
-    stored = _stored_estimate(session)
-    if isinstance(filter_name, str) and filter_name not in {TRUTH, *FILTERS, *_filters_of(stored)}:
-        raise NotFoundError(
-            "filter", filter_name, list(dict.fromkeys([TRUTH, *FILTERS, *_filters_of(stored)]))
-        )
-    if isinstance(filter_name, OrientationFilter):
-        estimated = estimate(
-            session, [filter_name]
-        )  # beside what the session keeps, which stays as it is
-    else:
-        estimated = stored or load_or_estimate(session)
-        if filter_name is not None and filter_name not in {TRUTH, *_filters_of(estimated)}:
-            estimated = estimate(session, [filter_name])
-    source = ExportSource(session, estimated, key, frame)
-    return write_export(name, source, path, _write_recording if name == "rrd" else None)
-
-
-def _write_recording(source: ExportSource, path: Path) -> list[str]:
-    import testbench.reporting.viewer as viewer
-
-    viewer.save_recording(
-        source.session, path, source.estimate, evaluate(source.session, source.estimate)
-    )
-    return []
+    return report(session, estimated, evaluated)

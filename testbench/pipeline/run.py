@@ -1,332 +1,130 @@
-"""Where the stages meet on an arm that keeps its own time, and where a run that broke off is gone
-on with.
-"""
+"""Carry out a request: plan, check, move, record, estimate, evaluate, report."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from tempfile import mkdtemp
+from typing import Any
 
-from testbench.clock import Clock, SystemClock
-from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.arms.remote import RemoteArm
-from testbench.drivers.arms.replay import ReplayArm
-from testbench.drivers.arms.ur import UrArm, ur_settings
-from testbench.drivers.arms.xarm import XArm, xarm_settings
-from testbench.drivers.imus.streamed import SessionTime
-from testbench.estimation.filters import OrientationFilter
-from testbench.exceptions import BenchError, InputError
+from testbench.exceptions import BenchError
 from testbench.execution import execute
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import open_devices
+from testbench.execution.arm_run import ArmRunOptions, execute_on_arm
 from testbench.execution.executor import Progress, simulated_sensors
-from testbench.execution.resume import (
-    is_own_copy,
-    missing_steps,
-    open_for_resume,
-    refuse_differences,
-    refuse_edited_protocol,
-    refuse_other_robot,
-    stored_protocol,
-    stored_robot,
-)
-from testbench.model.dh_calibration import calibrated
-from testbench.model.dh_plausibility import judge_corrections
-from testbench.pipeline.analyse import Result, analyse, make_plan
-from testbench.planning.planner import find_robot
-from testbench.records.arm_calibration import load_arm_calibration
-from testbench.records.calibration_file import load_calibrations
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import Robot
+from testbench.execution.resume import refuse_differences
+from testbench.pipeline.analyse import Result, analyse, load_analysis
+from testbench.pipeline.approval import approve
+from testbench.pipeline.arm import make_arm, moves, refuse_arm, refuse_other_maker
+from testbench.pipeline.prepared import Prepared, plan_for
+from testbench.pipeline.request import SIMULATED, Request, RunRequest
+from testbench.pipeline.resume import prepare_resume, refuse_other_arm
+from testbench.pipeline.watcher import Consent, Watcher
 from testbench.records.session import Session
 
 
-@dataclass(frozen=True)
-class ArmSetup:
-    """What moves and what is recorded in a run that is not simulated.
+def run(asked: Request, watcher: Watcher | None = None, prepared: Prepared | None = None) -> Result:
+    """Run a protocol from its file to its report, or go on with a run that broke off.
 
-    Attributes:
-        host: Address of the controller.
-        log: A recorded motion to replay instead of an arm.
-        simulate_imus: Sensors follow the reported motion.
-        serial: Live devices, as for `open_devices`.
-        dots: Live devices, as for `open_devices`.
-        seed: Of simulated sensors.
-        arm_serial: Serial number that the arm must have; any if None.
-        driver: ur or xarm.
-    """
-
-    host: str = ""
-    log: Path | None = None
-    simulate_imus: bool = False
-    serial: list[str] = field(default_factory=list)
-    dots: list[str] = field(default_factory=list)
-    seed: int = 0
-    arm_serial: str | None = None
-    driver: str = "ur"
-
-
-def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
-    """The arm of a protocol with its own kinematics, from a calibration.yaml.
-
-    Its corrected URDF lies beside the calibration's folder of the system's temporary files; the
-    session keeps a copy. What is doubtful about the corrections is among the warnings of every plan
-    for it.
-
-    Raises:
-        InputError: The calibration is another arm's, or can be no factory calibration.
-    """
-    calibration = load_arm_calibration(kinematics)
-    nominal = find_robot(load_protocol(protocol), robot)
-    own = calibrated(nominal, calibration, Path(mkdtemp(prefix="testbench-")))
-    try:
-        doubt = judge_corrections(nominal, own)
-    except InputError as error:
-        raise InputError(f"{kinematics}: {error}") from None
-    if doubt is None:
-        return own
-    spec = own.spec.model_copy(
-        update={"assumptions": [*own.spec.assumptions, f"{kinematics}: {doubt}"]}
-    )
-    return Robot(spec, own.urdf, own.text, own.file)
-
-
-def refuse_other_maker(robot: Robot, driver: str) -> None:
-    """Refuse an arm that a driver is not for, by its name; nothing is connected.
+    Everything that a request names is read, and refused where it cannot be used, before anything
+    moves. A real arm moves only if the watcher brings a person's consent.
 
     Args:
-        robot: What the plan is for.
-        driver: ur, xarm, or anything else, which drives every arm.
+        asked: What to run, and how to analyse it.
+        watcher: Who looks on; nobody, by the machine's clock, if None.
+        prepared: As `prepare` made it of a request with the same protocol, robot and arm, where
+            there is one: it spares the planning.
 
     Raises:
-        InputError: It is another maker's; says which driver it needs.
+        SessionError: The session to go on with was completed, or is no run.
+        InputError: The request was refused; nothing moved.
+        ArmRefused: Nobody allowed the motion, or the arm must not be driven; nothing moved.
+        DriverError: Arm or sensor failed; what was recorded is kept.
+        RunInterrupted: The operator stopped it; what was recorded is kept.
     """
-    kinds: dict[str, type[RemoteArm]] = {kind.driver: kind for kind in (UrArm, XArm)}
-    if driver not in kinds:
-        return
+    watcher = watcher or Watcher()
+    prepared = prepared or prepare(asked, watcher.consent)
+    if prepared.analysis.asked != asked.analysis:
+        prepared = replace(prepared, analysis=load_analysis(asked.analysis))
+    watcher.prepared(prepared)
+    simulated = asked.run.arm.driver == SIMULATED
+    record = _record_simulated if simulated else _record_on_arm
+    session = record(prepared, asked.run, watcher)
+    if watcher.progress is not None:
+        watcher.progress(_doing("the arm is done: estimating, evaluating"))
     try:
-        kinds[driver].refuse_other(robot)
-    except InputError as error:
-        right = next((name for name, kind in kinds.items() if kind.drives(robot)), None)
-        raise InputError(
-            f"{error}: say --arm {right}" if right else f"{error}, which no driver is for"
-        ) from None
-
-
-def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Sensors, SessionTime]:
-    """The arm and the sensors of a run that is not simulated; nothing is connected yet.
-
-    Raises:
-        InputError: No sensors, or devices that are not the protocol's.
-        DriverError: An extra is missing.
-    """
-    time = SessionTime(clock)
-    if setup.log is not None:
-        arm: SteppingArm = ReplayArm(plan.robot, setup.log, time)
-    elif setup.driver == "xarm":
-        arm = XArm(plan.robot, xarm_settings(plan, setup.host), time, setup.arm_serial)
-    else:
-        arm = UrArm(plan.robot, ur_settings(plan, setup.host), time, setup.arm_serial)
-    if setup.simulate_imus:
-        return arm, Sensors.simulated(plan, setup.seed), time
-    if not setup.serial and not setup.dots:
-        if setup.log is not None:
-            arm.connect()  # what is wrong with the log is said first
-        raise InputError(
-            "name the sensors on the arm with --serial or --dot, or simulate them with "
-            "--simulate-imus"
-        )
-    devices = open_devices(setup.serial, setup.dots, clock, time=time)
-    return arm, Sensors.live(plan, devices), time
-
-
-def run_on_arm(
-    plan: Plan,
-    setup: ArmSetup,
-    options: ArmRunOptions,
-    filters: Sequence[str | OrientationFilter] | None = None,
-    with_report: bool = True,
-    clock: Clock | None = None,
-    calibrations: Path | None = None,
-    tunings: Sequence[Path] = (),
-) -> Result:
-    """Run a plan on an arm that keeps its own time, and judge it.
-
-    Args:
-        plan: As made by `make_plan`.
-        setup: Arm and sensors.
-        options: As for `execute_on_arm`.
-        filters: As for `run`.
-        with_report: As for `run`.
-        calibrations: As for `run`.
-        tunings: As for `run`.
-        clock: The machine's if None.
-    """
-    if calibrations is not None:
-        load_calibrations(calibrations)  # a bad file is refused before anything moves
-    arm, sensors, time = make_arm(plan, setup, clock or SystemClock())
-    session = execute_on_arm(plan, arm, sensors, time, options)
-    return _judge(session, plan, options, filters, with_report, calibrations, tunings)
-
-
-def _judge(
-    session: Session,
-    plan: Plan,
-    options: ArmRunOptions,
-    filters: Sequence[str | OrientationFilter] | None,
-    with_report: bool,
-    calibrations: Path | None,
-    tunings: Sequence[Path],
-) -> Result:
-    """Analyse what was recorded whole; a failure says that it was."""
-    if options.progress is not None:
-        options.progress(Progress("", 0, 0, 1.0, 1.0, "the arm is done: estimating, evaluating"))
-    try:
-        return analyse(session, filters, with_report, plan, calibrations, tunings)
+        return analyse(session, prepared.analysis, prepared.plan)
     except BenchError as error:
         error.add_note(f"the recording is whole; judge it again: testbench report {session.path}")
         raise
 
 
-def look_at_arm(
-    plan: Plan, setup: ArmSetup, steps: list[PlannedStep] | None = None, clock: Clock | None = None
-) -> None:
-    """Refuse what a run would refuse of its sensors and of its arm, before a person is asked
-    anything.
-
-    The controller is let go again: a person takes time to answer.
+def prepare(asked: Request, consent: Consent | None = None) -> Prepared:
+    """Read and plan everything that a request for a run names; nothing moves, and nothing is
+    connected.
 
     Args:
-        plan: As made by `make_plan`.
-        setup: Arm and sensors.
-        steps: Those of its steps to do; all if None.
-        clock: The machine's if None.
+        asked: What to run, and how to analyse it.
+        consent: What a person allows; an arm that does not move takes none.
 
     Raises:
-        InputError: As for `make_arm`, or the arm must not be driven.
-        DriverError: A live sensor delivers nothing, or there is no controller that answers.
+        SessionError: The session to go on with was completed, or is no run.
+        InputError: Something cannot be used, or the arm is another maker's.
     """
-    arm, sensors, _ = make_arm(plan, setup, clock or SystemClock())
-    try:
-        sensors.listen()
-        arm.connect()
-        arm.check_way(plan, steps)
-    finally:
-        arm.close()
-        sensors.close()
+    analysis = load_analysis(asked.analysis)
+    if asked.run.resume is not None:
+        refuse_other_arm(asked.run)
+    refuse_arm(asked.run, consent or Consent())
+    if asked.run.resume is not None:
+        return prepare_resume(asked.run, analysis)
+    plan = plan_for(asked, analysis)
+    refuse_other_maker(plan.robot, asked.run.arm.driver)
+    return Prepared(plan, analysis)
 
 
-@dataclass(frozen=True)
-class Resumption:
-    """How a session goes on.
-
-    Attributes:
-        session: That broke off.
-        plan: Of the whole run.
-        steps: That a real arm does.
-        note: By which protocol, for people.
-    """
-
-    session: Session
-    plan: Plan
-    steps: list[PlannedStep]
-    note: str
-
-
-def prepare_resume(
-    path: Path,
-    protocol: str | Path | None = None,
-    robot: str | Path | None = None,
-    filters: Sequence[str | OrientationFilter] | None = None,
-    tunings: Sequence[Path] = (),
-) -> Resumption:
-    """Look at what is missing of a session, and whether its files are still what they were; nothing
-    is connected.
-
-    Args:
-        path: Of the session.
-        protocol: As it is today; the session's own copy if None, unless its file was edited since.
-        robot: As it is today; the session's own copy if None.
-        filters: As for `run`.
-        tunings: As for `run`.
-
-    Raises:
-        SessionError: It was completed, or is no run.
-        InputError: Protocol, robot or software are not what they were; lists what differs.
-    """
-    session = open_for_resume(path)
-    refuse_other_robot(session, robot)
-    named = None if protocol is None or is_own_copy(session, protocol) else protocol
-    with stored_protocol(session) as stored:
-        plan = make_plan(named or stored, stored_robot(session), filters, tunings)
-    note = (
-        f"resuming by {protocol}" if protocol is not None else refuse_edited_protocol(session, plan)
+def _record_simulated(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:
+    """Record the simulated arm; a session that broke off is completed as it began."""
+    resumed, seed, speed = prepared.resumed, asked.seed, asked.speed
+    if resumed is not None:
+        refuse_differences(resumed, prepared.plan, simulated_sensors(prepared.plan))
+        seed, speed = resumed.manifest["seed"], resumed.manifest["arm"]["speed"]
+    return execute(
+        prepared.plan,
+        asked.logs,
+        seed,
+        speed,
+        watcher.clock,
+        watcher.progress,
+        resumed=resumed,
+        keys=watcher.keys,
+        say=watcher.say,
     )
-    refuse_differences(session, plan, session.manifest["sensors"])
-    return Resumption(session, plan, missing_steps(session, plan), note)
 
 
-def resume(
-    path: Path,
-    setup: ArmSetup | None = None,
-    options: ArmRunOptions | None = None,
-    protocol: str | Path | None = None,
-    filters: Sequence[str | OrientationFilter] | None = None,
-    with_report: bool = True,
-    clock: Clock | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    calibrations: Path | None = None,
-    tunings: Sequence[Path] = (),
-    prepared: Resumption | None = None,
-) -> Result:
-    """Go on with a session whose run broke off.
-
-    A simulated run is completed in its own folder. A real arm does what is missing in a session of
-    its own, after the steps that give the sensors their references.
-
-    Args:
-        path: Of the session.
-        setup: For a run that is not simulated.
-        options: For a run that is not simulated.
-        protocol: As for `prepare_resume`.
-        filters: As for `run`.
-        with_report: As for `run`.
-        clock: As for `run`.
-        progress: As for `run`.
-        calibrations: As for `run`.
-        tunings: As for `run`.
-        prepared: As made by `prepare_resume`, where a person has seen it.
-
-    Raises:
-        SessionError: It was completed, or is no run.
-        InputError: Protocol, robot, sensors or software are not what they were; lists what differs.
-    """
-    if calibrations is not None:
-        load_calibrations(calibrations)
-    prepared = prepared or prepare_resume(path, protocol, None, filters, tunings)
-    session, the_plan, steps = prepared.session, prepared.plan, prepared.steps
-    if session.manifest["arm"]["driver"] == "simulated":
-        refuse_differences(session, the_plan, simulated_sensors(the_plan))
-        seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
-        resumed = execute(
-            the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session
-        )
-        return analyse(resumed, filters, with_report, the_plan, calibrations, tunings)
-    if setup is None or options is None:
-        raise InputError(
-            f"{path} was run on a real arm; say --arm, --host and --confirm-motion to go on"
-        )
-    arm, sensors, time = make_arm(the_plan, setup, clock or SystemClock())
-    refuse_differences(
-        session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()}
+def _record_on_arm(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:
+    """Record an arm that keeps its own time, once a person has allowed what moves."""
+    checklist = approve(prepared, asked, watcher) if moves(asked) else None
+    if watcher.progress is not None:
+        watcher.progress(_doing("connecting"))
+    arm, sensors, time = make_arm(prepared.plan, asked, watcher.clock)
+    resumes: dict[str, Any] | None = None
+    if prepared.resumed is not None:
+        today = {name: imu.describe() for name, imu in sensors.imus.items()}
+        refuse_differences(prepared.resumed, prepared.plan, today)
+        steps = prepared.steps or []
+        resumes = {"session": prepared.resumed.name, "steps": [step.index for step in steps]}
+    options = ArmRunOptions(
+        Path(asked.logs),
+        asked.seed,
+        prepared.steps,
+        checklist,
+        resumes,
+        keys=watcher.keys,
+        progress=watcher.progress,
+        notify=watcher.notify,
+        say=watcher.say,
     )
-    options = replace(
-        options,
-        steps=steps,
-        resumes={"session": session.name, "steps": [step.index for step in steps]},
-    )
-    session = execute_on_arm(the_plan, arm, sensors, time, options)
-    return _judge(session, the_plan, options, filters, with_report, calibrations, tunings)
+    return execute_on_arm(prepared.plan, arm, sensors, time, options)
+
+
+def _doing(what: str) -> Progress:
+    """What happens in place of a step."""
+    return Progress("", 0, 0, 1.0, 1.0, what)

@@ -1,9 +1,10 @@
-"""What of a protocol lies in the session that another one goes on from."""
+"""What of a protocol a session lacks, and what of it lies in the session that it goes on from."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -49,9 +50,9 @@ def earlier_steps(session: Session) -> EarlierSteps | None:
     """What another session has of this one's plan; None where it goes on from none, or its plan
     cannot be read.
     """
-    resumes = session.manifest.get("resumes")
-    wanted = resumes.get("steps") if isinstance(resumes, dict) else None
-    if not isinstance(resumes, dict) or not isinstance(wanted, list):
+    resumes = resumed_from(session)
+    wanted = resumes.get("steps")
+    if not isinstance(wanted, list):
         return None
     try:
         notes = pq.read_schema(session.path / PLAN).metadata or {}
@@ -68,3 +69,21 @@ def earlier_steps(session: Session) -> EarlierSteps | None:
     )
     names = [name for index, _, name in judged if index not in wanted]
     return EarlierSteps(str(resumes.get("session")), names, len(judged))
+
+
+def unfinished_steps(session: Session) -> list[int]:
+    """Indices of the planned steps that were not finished; none where nothing was planned."""
+    try:
+        planned = int(session.manifest["plan"]["check"]["steps"])
+    except (KeyError, TypeError, ValueError):
+        return []
+    wanted = resumed_from(session).get("steps")
+    left_out = set(range(planned)) - set(wanted) if isinstance(wanted, list) else set()
+    done = {step.index for step in session.steps} | left_out
+    return [index for index in range(planned) if index not in done]
+
+
+def resumed_from(session: Session) -> dict[str, Any]:
+    """The session that another goes on with, and the steps it was to do; empty if none."""
+    resumes = session.manifest.get("resumes")
+    return resumes if isinstance(resumes, dict) else {}

@@ -16,7 +16,8 @@ from testbench.drivers.imus.streamed import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.execution.device_recorder import Devices
-from testbench.pipeline.run import ArmSetup, make_arm
+from testbench.pipeline.arm import make_arm
+from testbench.pipeline.request import ArmRequest, RunRequest
 from testbench.records.robot import Robot, load_robot
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus
@@ -169,8 +170,9 @@ def test_a_log_that_is_none_is_refused_in_a_sentence(tmp_path, content, sentence
 def test_a_log_that_is_none_is_told_before_a_missing_sensor(tmp_path, tiny):
     log = tmp_path / "log.csv"
     log.write_text("a,b\n1,2\n3,4\n")
+    asked = RunRequest(arm=ArmRequest(driver="replay", log=log))
     with pytest.raises(InputError, match="neither time_s nor host_time_ns"):
-        make_arm(plan(tiny), ArmSetup(log=log), SystemClock())
+        make_arm(plan(tiny), asked, SystemClock())
 
 
 def test_a_log_that_never_reaches_a_pose_is_refused(recorded, tmp_path):

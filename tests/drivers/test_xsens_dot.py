@@ -20,6 +20,7 @@ from testbench.drivers.imus.xsens_dot_payload import MEDIUM_PAYLOAD
 from testbench.exceptions import DriverError, InputError, NotFoundError
 from testbench.execution.device_recorder import open_devices, record_devices
 from testbench.pipeline.analyse import analyse
+from tests.asking import analysis
 from tests.drivers.fake_dots import TICK_US, Bench, FakeClient, FakeDot, FakeScanner, G, events_of
 from tests.drivers.waiting import wait_for
 
@@ -285,7 +286,7 @@ def test_a_recording_of_two_sensors_through_a_lost_link_is_one_session(
         samples = session.imu(name)
         assert len(samples) > 60 and (np.diff(samples.device_time_ns) > 0).all()
         assert samples.device_q is not None
-    result = analyse(session, with_report=False)
+    result = analyse(session, analysis())
     assert set(result.estimate.sensors["shank"].orientation) == {"device", "vqf_6d"}
 
 

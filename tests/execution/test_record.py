@@ -40,6 +40,7 @@ from testbench.execution.device_recorder import (
 from testbench.pipeline.analyse import analyse
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Event, RunStatus
+from tests.asking import analysis
 
 pytest.importorskip("serial")
 
@@ -197,7 +198,7 @@ def test_a_killed_recording_keeps_what_was_on_disk_and_can_be_recovered(
     assert len(samples) > 5 and (np.diff(samples.device_time_ns) == 10_000_000).all()
     assert session.events[-1].event == "recording_aborted"
     assert recover_recording(session) is session
-    analyse(session, with_report=False)
+    analyse(session, analysis())
 
 
 class Scripted(Imu):

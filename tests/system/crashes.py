@@ -18,10 +18,11 @@ import numpy as np
 
 from testbench.execution.recovery import recover
 from testbench.pipeline.analyse import analyse
-from testbench.pipeline.run import resume
+from testbench.pipeline.run import run
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
 from testbench.records.storage import read_parquet
+from tests.asking import analysis, going_on
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -60,7 +61,7 @@ def undisturbed(protocol: Path, logs: Path) -> tuple[Session, Evaluation]:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, timeout=120)
     assert done.returncode == 0, done.stderr.decode()
     session = Session(logs / "run")
-    return session, analyse(session, with_report=False).evaluation
+    return session, analyse(session, analysis()).evaluation
 
 
 def killed(protocol: Path, logs: Path, speed: str, after_s: float) -> float:
@@ -93,8 +94,8 @@ def crash(
     _ = session.events, session.steps
     finished = session
     if session.status != "completed":
-        finished = resume(session.path, with_report=False).session
-    evaluation = analyse(finished, with_report=False).evaluation
+        finished = run(going_on(session.path)).session
+    evaluation = analyse(finished, analysis()).evaluation
     names = [
         "arm",
         *(f"imu_{name}" for name in whole.sensor_names),

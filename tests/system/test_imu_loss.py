@@ -29,10 +29,13 @@ from testbench.execution.device_recorder import open_devices
 from testbench.execution.guards import GuardTripped
 from testbench.execution.resume import missing_steps
 from testbench.frames import NANOSECONDS
-from testbench.pipeline.analyse import analyse, make_plan
-from testbench.pipeline.run import resume
+from testbench.pipeline.analyse import analyse
+from testbench.pipeline.prepared import make_plan
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.records.samples import ImuSamples
 from testbench.records.session import RunStatus, Session, list_sessions
+from tests.asking import analysis, going_on, run_of
 from tests.conftest import TINY, FakeClock
 from tests.emulated_arms import REAL_TIME, EmulatedUr
 from tests.system.crashes import comparable
@@ -81,7 +84,7 @@ def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     (folder / "tiny.yaml").write_text(guarded(TINY, "stop", 0.5), encoding="utf-8")
     session = execute(plan(folder / "tiny.yaml"), folder, 5, "realtime", clock=FakeClock())
-    return session, analyse(session, with_report=False).evaluation
+    return session, analyse(session, analysis()).evaluation
 
 
 @pytest.mark.parametrize("action", ["warn", "pause"])
@@ -107,7 +110,7 @@ def test_a_sensor_that_is_heard_again_leaves_a_gap_in_a_run_that_is_judged_witho
     heard = (all_.host_time_ns < SILENT_NS[0]) | (all_.host_time_ns >= SILENT_NS[1])
     np.testing.assert_array_equal(kept.counter, all_.counter[heard])
     np.testing.assert_array_equal(kept.gyr, all_.gyr[heard])
-    evaluation = analyse(session, with_report=False).evaluation
+    evaluation = analyse(session, analysis()).evaluation
     assert any("after a gap" in note for note in evaluation.notes)
     for found, usual in zip(evaluation.orientation, expected.orientation, strict=True):
         assert found.inclination_rmse_deg == pytest.approx(usual.inclination_rmse_deg, abs=0.5)
@@ -132,7 +135,7 @@ def test_a_run_that_silence_stopped_is_resumed_to_the_undisturbed_one(
     session = Session(tmp_path / "stopped")
     assert session.status is RunStatus.ERROR and session.events[-1].event == "run_error"
     assert session.imu("hand").host_time_ns[-1] < SILENT_NS[0] < session.arm().host_time_ns[-1]
-    result = resume(session.path, with_report=False, clock=FakeClock())
+    result = run(going_on(session.path), Watcher(clock=FakeClock()))
     whole, expected = undisturbed
     for key, value in vars(whole.imu("hand")).items():
         np.testing.assert_array_equal(getattr(result.session.imu("hand"), key), value)
@@ -227,7 +230,7 @@ def board_at(folder: Path) -> Iterator[Board]:
 def drive(robot: EmulatedUr, board: Board, action: str, logs: Path, **options) -> Session:
     protocol = logs / "short.yaml"
     protocol.write_text(guarded(SHORT, action, 0.4), encoding="utf-8")
-    the_plan, time_ = make_plan(protocol), SessionTime(SystemClock())
+    the_plan, time_ = make_plan(run_of(protocol)), SessionTime(SystemClock())
     devices = open_devices([f"hand={board.link}:mpu6050_plain"], [], SystemClock(), time=time_)
     settings = replace(
         ur_settings(the_plan, robot.address), watchdog=1.5, arm_silence=1.5
@@ -271,7 +274,7 @@ def test_an_unplugged_sensor_that_comes_back_is_a_gap_in_a_run_on_an_arm(ur3e, t
     gap = np.diff(samples.host_time_ns).argmax()
     assert np.diff(samples.host_time_ns)[gap] > 0.5e9
     assert samples.counter[gap + 1] - samples.counter[gap] > 40
-    assert "after a gap" in " ".join(analyse(session, with_report=False).evaluation.notes)
+    assert "after a gap" in " ".join(analyse(session, analysis()).evaluation.notes)
 
 
 def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_known(ur3e, tmp_path):
@@ -293,12 +296,14 @@ def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_know
         "guard",
         "run_error",
     ]
-    assert [step.index for step in missing_steps(session, make_plan(tmp_path / "short.yaml"))] == [
+    assert [
+        step.index for step in missing_steps(session, make_plan(run_of(tmp_path / "short.yaml")))
+    ] == [
         0,
         1,
         2,
     ]
-    assert analyse(session, with_report=False).evaluation.outcome == "not_measured"
+    assert analyse(session, analysis()).evaluation.outcome == "not_measured"
 
 
 def test_a_sensor_that_falls_silent_pauses_the_arm_until_it_is_heard(ur3e, tmp_path):

@@ -28,9 +28,11 @@ from testbench.formats.imu_tk import COUNTS_PER_M_S2
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
 from testbench.pipeline.analyse import Result
-from testbench.pipeline.run import resume
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.records.plan import Plan
 from testbench.records.session import Session
+from tests.asking import going_on
 from tests.conftest import FakeClock
 from tests.drivers.fake_dots import Bench, FakeDot
 from tests.emulated_arms import REAL_TIME, EmulatedUr, drive_ur, emulated_xarm
@@ -180,7 +182,7 @@ def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator
 
     with pytest.raises(DriverError, match="told to fail"):
         execute(the_plan, folder, clock=FakeClock(), progress=fail, session_name="broken")
-    broken = resume(folder / "broken", with_report=False, clock=FakeClock()).session
+    broken = run(going_on(folder / "broken"), Watcher(clock=FakeClock())).session
     yield broken
     text = tiny.read_text(encoding="utf-8")
     sensors = text.split("sensors:\n")[1].split("motion:")[0]

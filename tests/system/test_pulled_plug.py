@@ -22,11 +22,13 @@ import pytest
 from testbench import estimate, evaluate, execute, plan
 from testbench.exceptions import SessionError, StorageError
 from testbench.execution.recovery import recover
-from testbench.pipeline.run import resume
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import RunStatus, Session
 from testbench.reporting.report import report
+from tests.asking import going_on
 from tests.conftest import FakeClock
 from tests.system.crashes import ROOT, comparable, killed, on_a_small_disk
 
@@ -124,7 +126,7 @@ def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(
             continue
         session = Session(copy)
         if session.status is not RunStatus.COMPLETED:
-            session = resume(copy, with_report=False, clock=FakeClock()).session
+            session = run(going_on(copy), Watcher(clock=FakeClock())).session
         for name in ("arm", "imu_hand", "truth_hand"):
             assert (session.path / f"{name}.parquet").read_bytes() == (
                 whole.path / f"{name}.parquet"
@@ -282,7 +284,7 @@ def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(
         name: content for name, content in before.items() if name != "manifest.json"
     }
     assert (
-        resume(tmp_path / "run", with_report=False, clock=FakeClock()).session.status
+        run(going_on(tmp_path / "run"), Watcher(clock=FakeClock())).session.status
         is RunStatus.COMPLETED
     )
 

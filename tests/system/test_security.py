@@ -116,6 +116,7 @@ def test_huge_files_are_refused_before_they_are_read(tmp_path, tiny):
 def test_every_string_of_a_report_is_escaped(tmp_path, altered_protocol, clock):
     from testbench import execute, plan
     from testbench.pipeline.analyse import analyse
+    from tests.asking import analysis
 
     def poison(content) -> None:
         content["purpose"] = "<script>alert(1)</script>"
@@ -123,7 +124,7 @@ def test_every_string_of_a_report_is_escaped(tmp_path, altered_protocol, clock):
 
     path: Path = altered_protocol("quick", poison)
     session = execute(plan(path), tmp_path, 1, clock=clock)
-    report = analyse(session, ["device"]).report
+    report = analyse(session, analysis("device", report=True)).report
     html = report.read_text()
     assert "<script>alert(1)" not in html
     assert "<img src=x" not in html

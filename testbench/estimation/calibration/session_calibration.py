@@ -49,7 +49,6 @@ def calibrate(
     methods: Sequence[str] = (),
     segmentation: Segmentation | None = None,
     held_out: Sequence[Session] = (),
-    software: str = "",
     field: np.ndarray | None = None,
     turn_angle: float | None = None,
 ) -> CalibrationResult:
@@ -62,7 +61,6 @@ def calibrate(
         segmentation: Which witness says where the rests are; the arm if it was there.
         held_out: Sessions of the same sensor, in the same mounting, whose poses validate;
             cross-validation without any.
-        software: For the record.
         field: Of the earth in the world, shape (3,) [uT]; None where nobody states it.
         turn_angle: Of the known turns of `ferraris_gyroscope` [rad]; None where nobody states it.
 
@@ -126,7 +124,7 @@ def calibrate(
         session.recorded_at or session.started,
         session.name,
         session.fingerprint,
-        software,
+        "",  # who keeps it says by which version it was made
         prepared.temperature,
         triads,
         mounting=mounting,

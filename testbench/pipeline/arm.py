@@ -1,0 +1,220 @@
+"""The arm and the sensors that a request asks for, and what is refused of them before anything
+moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import mkdtemp
+
+from testbench.clock import Clock
+from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.remote import RemoteArm
+from testbench.drivers.arms.replay import ReplayArm
+from testbench.drivers.arms.ur import UrArm, ur_settings
+from testbench.drivers.arms.xarm import XArm, xarm_settings
+from testbench.drivers.imus.streamed import SessionTime
+from testbench.exceptions import InputError
+from testbench.execution.arm_run import Sensors
+from testbench.execution.device_recorder import open_devices
+from testbench.model.dh_calibration import calibrated
+from testbench.model.dh_plausibility import judge_corrections
+from testbench.pipeline.request import SIMULATED, RunRequest
+from testbench.pipeline.watcher import Consent
+from testbench.planning.planner import find_robot
+from testbench.records.arm_calibration import load_arm_calibration
+from testbench.records.plan import Plan, PlannedStep
+from testbench.records.protocol_file import load_protocol
+from testbench.records.robot import Robot
+
+TAKEN_BY = {
+    "--serial": ("ur", "xarm", "replay"),
+    "--dot": ("ur", "xarm", "replay"),
+    "--simulate-imus": ("ur", "xarm", "replay"),
+    "--kinematics": ("ur", "replay"),
+    "--host": ("ur", "xarm"),
+    "--confirm-motion": ("ur", "xarm"),
+    "--hazards-checked": ("ur", "xarm"),
+    "--log": ("replay",),
+    "--speed": ("sim",),
+}
+"""The arms that take notice of an option."""
+
+
+def moves(asked: RunRequest) -> bool:
+    """Whether anything real moves, which a person must allow."""
+    return asked.arm.driver not in {SIMULATED, "replay"}
+
+
+def refuse_arm(asked: RunRequest, consent: Consent) -> None:
+    """Refuse what the chosen arm would take no notice of - somebody meant another run than this
+    one - and what it cannot do without.
+
+    Args:
+        asked: A new run, or one that goes on: a simulated session keeps its seed, its rhythm and
+            its folder.
+        consent: Which only an arm that moves needs.
+
+    Raises:
+        InputError: Names each such option, and the arms that take it; or the option that is
+            missing.
+    """
+    needed = [*_ignored(asked, consent), *_kept(asked)]
+    if needed:
+        raise InputError("; ".join(f"{option} needs {what}" for option, what in needed))
+    driver = asked.arm.driver
+    if moves(asked) and not asked.arm.host:
+        raise InputError(f"--arm {driver} needs --host, the address of the controller")
+    if driver == "replay" and asked.arm.log is None:
+        raise InputError("--arm replay needs --log, a session, a Parquet or a CSV file")
+
+
+def _ignored(asked: RunRequest, consent: Consent) -> Iterator[tuple[str, str]]:
+    """Options that were given and that the chosen arm ignores, each with what it needs."""
+    arm = asked.arm
+    given = {
+        "--serial": bool(arm.serial),
+        "--dot": bool(arm.dots),
+        "--simulate-imus": arm.simulate_imus,
+        "--kinematics": arm.kinematics is not None,
+        "--host": bool(arm.host),
+        "--confirm-motion": consent.motion,
+        "--hazards-checked": consent.hazards_checked,
+        "--log": arm.log is not None,
+        "--speed": asked.speed != "fast",
+    }
+    for option, arms in TAKEN_BY.items():
+        if given[option] and arm.driver not in arms:
+            *others, last = arms
+            yield option, f"--arm {', '.join(others)} or {last}" if others else f"--arm {last}"
+    if arm.driver != SIMULATED and arm.simulate_imus:
+        for option in ("--serial", "--dot"):
+            if given[option]:
+                yield option, "a run without --simulate-imus"
+    if arm.driver != SIMULATED and asked.seed != 0 and not arm.simulate_imus:
+        yield "--seed", "simulated sensors: --simulate-imus"
+
+
+def _kept(asked: RunRequest) -> Iterator[tuple[str, str]]:
+    """Options that a simulated session which goes on has settled when it began."""
+    if asked.resume is None or asked.arm.driver != SIMULATED:
+        return
+    default = RunRequest()
+    settled = {
+        "--seed": asked.seed != default.seed,
+        "--speed": asked.speed != default.speed,
+        "--logs": asked.logs != default.logs,
+    }
+    for option, given in settled.items():
+        if given:
+            yield option, "a new run: a simulated session goes on as it began"
+
+
+def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
+    """The arm of a protocol with its own kinematics, from a calibration.yaml.
+
+    Its corrected URDF lies beside the calibration's folder of the system's temporary files; the
+    session keeps a copy. What is doubtful about the corrections is among the warnings of every plan
+    for it.
+
+    Raises:
+        InputError: The calibration is another arm's, or can be no factory calibration.
+    """
+    calibration = load_arm_calibration(kinematics)
+    nominal = find_robot(load_protocol(protocol), robot)
+    own = calibrated(nominal, calibration, Path(mkdtemp(prefix="testbench-")))
+    try:
+        doubt = judge_corrections(nominal, own)
+    except InputError as error:
+        raise InputError(f"{kinematics}: {error}") from None
+    if doubt is None:
+        return own
+    spec = own.spec.model_copy(
+        update={"assumptions": [*own.spec.assumptions, f"{kinematics}: {doubt}"]}
+    )
+    return Robot(spec, own.urdf, own.text, own.file)
+
+
+def refuse_other_maker(robot: Robot, driver: str) -> None:
+    """Refuse an arm that a driver is not for, by its name; nothing is connected.
+
+    Args:
+        robot: What the plan is for.
+        driver: ur, xarm, or anything else, which drives every arm.
+
+    Raises:
+        InputError: It is another maker's; says which driver it needs.
+    """
+    kinds: dict[str, type[RemoteArm]] = {kind.driver: kind for kind in (UrArm, XArm)}
+    if driver not in kinds:
+        return
+    try:
+        kinds[driver].refuse_other(robot)
+    except InputError as error:
+        right = next((name for name, kind in kinds.items() if kind.drives(robot)), None)
+        raise InputError(
+            f"{error}: say --arm {right}" if right else f"{error}, which no driver is for"
+        ) from None
+
+
+def make_arm(
+    plan: Plan, asked: RunRequest, clock: Clock
+) -> tuple[SteppingArm, Sensors, SessionTime]:
+    """The arm and the sensors of a run that is not simulated; nothing is connected yet.
+
+    Raises:
+        InputError: No sensors, or devices that are not the protocol's.
+        DriverError: An extra is missing.
+    """
+    time, wanted = SessionTime(clock), asked.arm
+    number = (
+        load_arm_calibration(Path(wanted.kinematics)).serial
+        if wanted.kinematics is not None
+        else None
+    )
+    if wanted.log is not None:
+        arm: SteppingArm = ReplayArm(plan.robot, Path(wanted.log), time)
+    elif wanted.driver == "xarm":
+        arm = XArm(plan.robot, xarm_settings(plan, wanted.host), time, number)
+    else:
+        arm = UrArm(plan.robot, ur_settings(plan, wanted.host), time, number)
+    if wanted.simulate_imus:
+        return arm, Sensors.simulated(plan, asked.seed), time
+    if not wanted.serial and not wanted.dots:
+        if wanted.log is not None:
+            arm.connect()  # what is wrong with the log is said first
+        raise InputError(
+            "name the sensors on the arm with --serial or --dot, or simulate them with "
+            "--simulate-imus"
+        )
+    devices = open_devices(list(wanted.serial), list(wanted.dots), clock, time=time)
+    return arm, Sensors.live(plan, devices), time
+
+
+def look_at_arm(
+    plan: Plan, asked: RunRequest, steps: list[PlannedStep] | None, clock: Clock
+) -> None:
+    """Refuse what a run would refuse of its sensors and of its arm, before a person is asked
+    anything.
+
+    The controller is let go again: a person takes time to answer.
+
+    Args:
+        plan: Of the run.
+        asked: Arm and sensors.
+        steps: Those of its steps to do; all if None.
+        clock: Of the session.
+
+    Raises:
+        InputError: As for `make_arm`, or the arm must not be driven.
+        DriverError: A live sensor delivers nothing, or there is no controller that answers.
+    """
+    arm, sensors, _ = make_arm(plan, asked, clock)
+    try:
+        sensors.listen()
+        arm.connect()
+        arm.check_way(plan, steps)
+    finally:
+        arm.close()
+        sensors.close()
