@@ -1,5 +1,5 @@
-"""The shape of the source: which way imports point, who may read a clock or print, and who knows the
-makers of arms.
+"""The shape of the source: which way imports point, who may read a clock or print, and who knows
+the makers of arms.
 """
 
 from __future__ import annotations
