@@ -25,8 +25,7 @@ CHUNK = 250_000
 STAGES = ("import", "estimate", "evaluate", "report")
 
 PROGRAM = """
-import json, os, resource, sys, time
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does
+import json, resource, sys, time
 from pathlib import Path
 stage, folder, kept = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
 path = folder / "session"
