@@ -38,6 +38,7 @@ from testbench.cli.output import (
     say_warning,
     say_warnings,
 )
+from testbench.drivers.arms.catalogue import ARMS, SIM, find_arm
 
 if TYPE_CHECKING:
     from testbench.cli.output import RunDisplay
@@ -55,19 +56,17 @@ class Speed(StrEnum):
     realtime = "realtime"
 
 
-class ArmDriver(StrEnum):
-    """Arms that can be driven."""
-
-    sim = "sim"
-    ur = "ur"
-    xarm = "xarm"
-    replay = "replay"
+if TYPE_CHECKING:
+    ArmName = str
+else:
+    ArmName = StrEnum("ArmName", {name: name for name in ARMS})
+ARM_HELP = "Which arm to drive: " + ", ".join(f"{arm.name} {arm.title}" for arm in ARMS.values())
 
 
 def run(
     protocol: Annotated[str | None, PROTOCOL] = None,
     robot: RobotOption = None,
-    arm: Annotated[ArmDriver, typer.Option("--arm", help="Which arm to drive.")] = ArmDriver.sim,
+    arm: Annotated[ArmName, typer.Option("--arm", help=ARM_HELP)] = ArmName("sim"),
     host: Annotated[
         str | None, typer.Option("--host", help="Address of the arm's controller.")
     ] = None,
@@ -130,7 +129,7 @@ def run(
             protocol=protocol,
             robot=robot,
             arm=ArmRequest(
-                driver=arm.value,
+                driver=str(arm),
                 host=host or "",
                 log=optional(log),
                 kinematics=optional(kinematics),
@@ -234,15 +233,13 @@ def resume_line(asked: RunRequest, session: Path) -> str:
     """The command that goes on with a session, with the same arm and sensors; the hazards will be
     asked for.
     """
-    from testbench.pipeline.request import SIMULATED
-
     words, arm = ["testbench", "run", "--resume", str(session)], asked.arm
-    if arm.driver == SIMULATED:
+    if arm.driver == SIM.name:
         return shlex.join(words)
     words += ["--arm", arm.driver]
     words += ["--host", arm.host] if arm.host else []
     words += ["--log", arm.log] if arm.log is not None else []
-    words += ["--confirm-motion"] if arm.host else []
+    words += ["--confirm-motion"] if find_arm(arm.driver).commanded else []
     words += ["--simulate-imus"] if arm.simulate_imus else []
     words += [word for text in arm.serial for word in ("--serial", text)]
     words += [word for text in arm.dots for word in ("--dot", text)]

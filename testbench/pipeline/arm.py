@@ -9,18 +9,17 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from testbench.clock import Clock
+from testbench.drivers.arms import catalogue
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.arms.remote import RemoteArm
-from testbench.drivers.arms.replay import ReplayArm
-from testbench.drivers.arms.ur import UrArm, ur_settings
-from testbench.drivers.arms.xarm import XArm, xarm_settings
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.arms.catalogue import SIM
+from testbench.drivers.arms.entry import WantedArm
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import InputError
 from testbench.execution.arm_run import Sensors
 from testbench.execution.device_recorder import open_devices
 from testbench.model.dh_calibration import calibrated
 from testbench.model.dh_plausibility import judge_corrections
-from testbench.pipeline.request import SIMULATED, RunRequest
+from testbench.pipeline.request import RunRequest
 from testbench.pipeline.watcher import Consent
 from testbench.planning.planner import find_robot
 from testbench.records.arm_calibration import load_arm_calibration
@@ -28,23 +27,10 @@ from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import Robot
 
-TAKEN_BY = {
-    "--serial": ("ur", "xarm", "replay"),
-    "--dot": ("ur", "xarm", "replay"),
-    "--simulate-imus": ("ur", "xarm", "replay"),
-    "--kinematics": ("ur", "replay"),
-    "--host": ("ur", "xarm"),
-    "--confirm-motion": ("ur", "xarm"),
-    "--hazards-checked": ("ur", "xarm"),
-    "--log": ("replay",),
-    "--speed": ("sim",),
-}
-"""The arms that take notice of an option."""
-
 
 def moves(asked: RunRequest) -> bool:
     """Whether anything real moves, which a person must allow."""
-    return asked.arm.driver not in {SIMULATED, "replay"}
+    return catalogue.find_arm(asked.arm.driver).commanded
 
 
 def refuse_arm(asked: RunRequest, consent: Consent) -> None:
@@ -60,45 +46,34 @@ def refuse_arm(asked: RunRequest, consent: Consent) -> None:
         InputError: Names each such option, and the arms that take it; or the option that is
             missing.
     """
-    needed = [*_ignored(asked, consent), *_kept(asked)]
+    driver, given = asked.arm.driver, _given(asked, consent)
+    needed = [*catalogue.ignored_options(driver, given), *_kept(asked)]
     if needed:
         raise InputError("; ".join(f"{option} needs {what}" for option, what in needed))
-    driver = asked.arm.driver
-    if moves(asked) and not asked.arm.host:
-        raise InputError(f"--arm {driver} needs --host, the address of the controller")
-    if driver == "replay" and asked.arm.log is None:
-        raise InputError("--arm replay needs --log, a session, a Parquet or a CSV file")
+    catalogue.refuse_missing(driver, given)
 
 
-def _ignored(asked: RunRequest, consent: Consent) -> Iterator[tuple[str, str]]:
-    """Options that were given and that the chosen arm ignores, each with what it needs."""
-    arm = asked.arm
+def _given(asked: RunRequest, consent: Consent) -> set[str]:
+    """The options that were given, of those that not every arm takes."""
+    arm, default = asked.arm, RunRequest()
     given = {
-        "--serial": bool(arm.serial),
-        "--dot": bool(arm.dots),
+        "--serial": arm.serial,
+        "--dot": arm.dots,
         "--simulate-imus": arm.simulate_imus,
-        "--kinematics": arm.kinematics is not None,
-        "--host": bool(arm.host),
+        "--kinematics": arm.kinematics,
+        "--host": arm.host,
         "--confirm-motion": consent.motion,
         "--hazards-checked": consent.hazards_checked,
-        "--log": arm.log is not None,
-        "--speed": asked.speed != "fast",
+        "--log": arm.log,
+        "--speed": asked.speed != default.speed,
+        "--seed": asked.seed != default.seed,
     }
-    for option, arms in TAKEN_BY.items():
-        if given[option] and arm.driver not in arms:
-            *others, last = arms
-            yield option, f"--arm {', '.join(others)} or {last}" if others else f"--arm {last}"
-    if arm.driver != SIMULATED and arm.simulate_imus:
-        for option in ("--serial", "--dot"):
-            if given[option]:
-                yield option, "a run without --simulate-imus"
-    if arm.driver != SIMULATED and asked.seed != 0 and not arm.simulate_imus:
-        yield "--seed", "simulated sensors: --simulate-imus"
+    return {option for option, value in given.items() if value}
 
 
 def _kept(asked: RunRequest) -> Iterator[tuple[str, str]]:
     """Options that a simulated session which goes on has settled when it began."""
-    if asked.resume is None or asked.arm.driver != SIMULATED:
+    if asked.resume is None or asked.arm.driver != SIM.name:
         return
     default = RunRequest()
     settled = {
@@ -136,28 +111,6 @@ def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics:
     return Robot(spec, own.urdf, own.text, own.file)
 
 
-def refuse_other_maker(robot: Robot, driver: str) -> None:
-    """Refuse an arm that a driver is not for, by its name; nothing is connected.
-
-    Args:
-        robot: What the plan is for.
-        driver: ur, xarm, or anything else, which drives every arm.
-
-    Raises:
-        InputError: It is another maker's; says which driver it needs.
-    """
-    kinds: dict[str, type[RemoteArm]] = {kind.driver: kind for kind in (UrArm, XArm)}
-    if driver not in kinds:
-        return
-    try:
-        kinds[driver].refuse_other(robot)
-    except InputError as error:
-        right = next((name for name, kind in kinds.items() if kind.drives(robot)), None)
-        raise InputError(
-            f"{error}: say --arm {right}" if right else f"{error}, which no driver is for"
-        ) from None
-
-
 def make_arm(
     plan: Plan, asked: RunRequest, clock: Clock
 ) -> tuple[SteppingArm, Sensors, SessionTime]:
@@ -173,16 +126,14 @@ def make_arm(
         if wanted.kinematics is not None
         else None
     )
-    if wanted.log is not None:
-        arm: SteppingArm = ReplayArm(plan.robot, Path(wanted.log), time)
-    elif wanted.driver == "xarm":
-        arm = XArm(plan.robot, xarm_settings(plan, wanted.host), time, number)
-    else:
-        arm = UrArm(plan.robot, ur_settings(plan, wanted.host), time, number)
+    log = None if wanted.log is None else Path(wanted.log)
+    arm = catalogue.make_arm(
+        wanted.driver, plan, WantedArm(wanted.host, log, number, asked.seed), time
+    )
     if wanted.simulate_imus:
         return arm, Sensors.simulated(plan, asked.seed), time
     if not wanted.serial and not wanted.dots:
-        if wanted.log is not None:
+        if not arm.entry.commanded:
             arm.connect()  # what is wrong with the log is said first
         raise InputError(
             "name the sensors on the arm with --serial or --dot, or simulate them with "

@@ -16,10 +16,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from testbench.drivers.arms.catalogue import SIM
 from testbench.records.strict import StrictModel
-
-SIMULATED = "sim"
-"""The arm that is a model: `--arm sim`."""
 
 
 def _path(given: Any) -> Any:
@@ -59,7 +57,7 @@ class Asked(StrictModel):
 class ArmRequest(Asked):
     """Which arm moves, and which sensors are recorded on it."""
 
-    driver: str = Field(default=SIMULATED, description="As `--arm` lists them.")
+    driver: str = Field(default=SIM.name, description="Of the catalogue of arms, by its name.")
     host: str = Field(default="", description="Address of the controller.")
     log: Place | None = Field(default=None, description="A recorded motion to replay.")
     kinematics: Place | None = Field(

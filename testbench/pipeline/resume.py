@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from testbench.drivers.arms.catalogue import SIM
 from testbench.exceptions import InputError
 from testbench.execution.resume import (
     is_own_copy,
@@ -17,7 +18,8 @@ from testbench.execution.resume import (
 )
 from testbench.pipeline.analyse import LoadedAnalysis
 from testbench.pipeline.prepared import Prepared, checked_plan
-from testbench.pipeline.request import SIMULATED, RunRequest
+from testbench.pipeline.request import RunRequest
+from testbench.records.arm_record import arm_record
 from testbench.records.session import Session
 
 
@@ -27,18 +29,18 @@ def refuse_other_arm(asked: RunRequest) -> None:
     Raises:
         InputError: It was; says which arm to name.
     """
-    driver = Session(Path(str(asked.resume))).manifest.get("arm", {}).get("driver")
-    if driver is None:
+    arm = arm_record(Session(Path(str(asked.resume))).manifest)
+    if arm is None:
         return  # no run: another refusal says so
-    simulated = driver == "simulated"
-    if asked.arm.driver == SIMULATED and not simulated:
+    driver = SIM.name if arm.simulated else arm.driver
+    if asked.arm.driver == SIM.name and not arm.simulated:
         raise InputError(
             f"{asked.resume} was run on a real arm; say --arm {driver} and its options again"
         )
-    if asked.arm.driver != (SIMULATED if simulated else driver):
+    if asked.arm.driver != driver:
         own = (
             "on a simulated arm; leave --arm away"
-            if simulated
+            if arm.simulated
             else f"with --arm {driver}; say that"
         )
         raise InputError(f"{asked.resume} was run {own} to go on")

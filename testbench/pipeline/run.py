@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from testbench.drivers.arms.catalogue import SIM, refuse_other_maker
 from testbench.exceptions import BenchError
 from testbench.execution import execute
 from testbench.execution.arm_run import ArmRunOptions, execute_on_arm
@@ -13,9 +14,9 @@ from testbench.execution.executor import Progress, simulated_sensors
 from testbench.execution.resume import refuse_differences
 from testbench.pipeline.analyse import Result, analyse, load_analysis
 from testbench.pipeline.approval import approve
-from testbench.pipeline.arm import make_arm, moves, refuse_arm, refuse_other_maker
+from testbench.pipeline.arm import make_arm, moves, refuse_arm
 from testbench.pipeline.prepared import Prepared, plan_for
-from testbench.pipeline.request import SIMULATED, Request, RunRequest
+from testbench.pipeline.request import Request, RunRequest
 from testbench.pipeline.resume import prepare_resume, refuse_other_arm
 from testbench.pipeline.watcher import Consent, Watcher
 from testbench.records.session import Session
@@ -45,7 +46,7 @@ def run(asked: Request, watcher: Watcher | None = None, prepared: Prepared | Non
     if prepared.analysis.asked != asked.analysis:
         prepared = replace(prepared, analysis=load_analysis(asked.analysis))
     watcher.prepared(prepared)
-    simulated = asked.run.arm.driver == SIMULATED
+    simulated = asked.run.arm.driver == SIM.name
     record = _record_simulated if simulated else _record_on_arm
     session = record(prepared, asked.run, watcher)
     if watcher.progress is not None:
@@ -76,7 +77,7 @@ def prepare(asked: Request, consent: Consent | None = None) -> Prepared:
     if asked.run.resume is not None:
         return prepare_resume(asked.run, analysis)
     plan = plan_for(asked, analysis)
-    refuse_other_maker(plan.robot, asked.run.arm.driver)
+    refuse_other_maker(asked.run.arm.driver, plan.robot.name)
     return Prepared(plan, analysis)
 
 

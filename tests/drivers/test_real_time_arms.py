@@ -7,12 +7,13 @@ import pytest
 
 from testbench import plan
 from testbench.clock import SystemClock
+from testbench.drivers.arms.catalogue import REPLAY
 from testbench.drivers.arms.controller_clock import ControllerClock
 from testbench.drivers.arms.replay import ReplayArm
 from testbench.drivers.arms.straight_path import StraightPaths
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.following import ReportedMotion
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.execution.device_recorder import Devices
@@ -140,7 +141,8 @@ def test_a_foreign_log_in_degrees_is_taken_too(recorded, tiny, tmp_path):
     replayed = ReplayArm(load_robot("ur3e"), log, SessionTime(SystemClock()))
     replayed.connect()
     replayed.check_way(plan(tiny))
-    assert replayed.describe() == {"driver": "replay", "log": "log.csv"}
+    assert replayed.describe() == REPLAY.record.to_dict() | {"log": "log.csv"}
+    assert replayed.describe()["driver"] == "replay"
 
 
 @pytest.mark.parametrize(

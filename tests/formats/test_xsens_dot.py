@@ -16,8 +16,8 @@ from testbench.records.session import Session
 from tests.asking import analysis
 
 ABOVE = (
-    "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nSyncStatus:,{sync}\nOutputRate:,{rate}Hz\nStartTime: "
-    ",now\n\n"
+    "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nSyncStatus:,{sync}\nOutputRate:,{rate}Hz\n"
+    "StartTime: ,now\n\n"
 )
 UP = np.array([0.0, 0.0, 9.80665])
 

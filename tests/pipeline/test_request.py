@@ -1,4 +1,4 @@
-"""Requests: records that compare by content, go through JSON unchanged and hold nothing that lives."""
+"""Requests: records that compare by content, go through JSON unchanged and hold nothing alive."""
 
 from __future__ import annotations
 
