@@ -3,8 +3,8 @@
 - `request`: what is asked; `watcher`: who looks on, and what a person allows.
 - `run`: carry out a request for a run; with `prepared`, `arm`, `approval`, `resume`.
 - `analyse`: estimate, evaluate and report a recording; `show`: look at it, or export it.
-- `calibrate`, `noise`, `tune`: what sensors and filters are found to be; `record`, `bring_in`: other
-  ways to a recording.
+- `calibrate`, `noise`, `tune`: what sensors and filters are found to be.
+- `record`, `bring_in`: other ways to a recording.
 
 Modules are imported one by one: who evaluates a session need not load what drives an arm.
 """

@@ -14,6 +14,7 @@ from testbench.estimation.filters.tuned import choose_tuned
 from testbench.evaluation import evaluate
 from testbench.exceptions import InputError, SessionError
 from testbench.formats.exporters import Exported
+from testbench.pipeline.exports import export_estimate, refuse_export
 from testbench.pipeline.request import AnalysisRequest
 from testbench.records.calibration_file import SensorCalibration, load_calibrations
 from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
@@ -89,6 +90,21 @@ class LoadedAnalysis:
             self.asked.parameters,
         )
 
+    def refuse(self, settings: Estimation) -> None:
+        """Refuse an analysis that a recording cannot have, before it is recorded.
+
+        Args:
+            settings: Of its protocol.
+
+        Raises:
+            NotFoundError: No such filter, parameter or format, or an export of a filter that does
+                not run.
+            InputError: As for `choose` and `refuse_export`.
+        """
+        names = [kind.name for kind in self.choose(settings)]
+        for wanted in self.asked.exports:
+            refuse_export(wanted, names)
+
     def estimate(self, session: Session) -> Estimate:
         """A new estimate of a recording; it is not kept."""
         return estimate(
@@ -161,11 +177,7 @@ def analyse(
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
     page = _report(session, estimated, evaluated) if loaded.asked.report else None
-    exports = []
-    if loaded.asked.exports:
-        from testbench.pipeline.show import export_estimate
-
-        exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
+    exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
     return Result(plan, session, estimated, evaluated, page, exports)
 
 

@@ -29,8 +29,8 @@ def approve(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> dict[str
 
     Raises:
         ArmRefused: The motion or a hazard was not confirmed.
-        InputError: As for `look_at_arm`.
-        DriverError: As for `look_at_arm`.
+        InputError: There are no sensors, or the arm must not be driven.
+        DriverError: A live sensor delivers nothing, or there is no controller that answers.
     """
     watcher.motion(prepared)
     consent = watcher.consent

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from tempfile import mkdtemp
 
 from testbench.clock import Clock
 from testbench.drivers.arms import catalogue
@@ -17,15 +16,10 @@ from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import InputError
 from testbench.execution.arm_run import Sensors
 from testbench.execution.device_recorder import open_devices
-from testbench.model.dh_calibration import calibrated
-from testbench.model.dh_plausibility import judge_corrections
 from testbench.pipeline.request import RunRequest
 from testbench.pipeline.watcher import Consent
-from testbench.planning.planner import find_robot
 from testbench.records.arm_calibration import load_arm_calibration
 from testbench.records.plan import Plan, PlannedStep
-from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import Robot
 
 
 def moves(asked: RunRequest) -> bool:
@@ -84,31 +78,6 @@ def _kept(asked: RunRequest) -> Iterator[tuple[str, str]]:
     for option, given in settled.items():
         if given:
             yield option, "a new run: a simulated session goes on as it began"
-
-
-def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
-    """The arm of a protocol with its own kinematics, from a calibration.yaml.
-
-    Its corrected URDF lies beside the calibration's folder of the system's temporary files; the
-    session keeps a copy. What is doubtful about the corrections is among the warnings of every plan
-    for it.
-
-    Raises:
-        InputError: The calibration is another arm's, or can be no factory calibration.
-    """
-    calibration = load_arm_calibration(kinematics)
-    nominal = find_robot(load_protocol(protocol), robot)
-    own = calibrated(nominal, calibration, Path(mkdtemp(prefix="testbench-")))
-    try:
-        doubt = judge_corrections(nominal, own)
-    except InputError as error:
-        raise InputError(f"{kinematics}: {error}") from None
-    if doubt is None:
-        return own
-    spec = own.spec.model_copy(
-        update={"assumptions": [*own.spec.assumptions, f"{kinematics}: {doubt}"]}
-    )
-    return Robot(spec, own.urdf, own.text, own.file)
 
 
 def make_arm(

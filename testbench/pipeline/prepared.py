@@ -59,7 +59,7 @@ def plan_for(asked: Request, analysis: LoadedAnalysis) -> Plan:
     kinematics = asked.run.arm.kinematics
     if kinematics is None:
         return checked_plan(protocol, robot, analysis)
-    from testbench.pipeline.arm import calibrated_robot
+    from testbench.pipeline.own_kinematics import calibrated_robot
 
     return checked_plan(protocol, calibrated_robot(protocol, robot, Path(kinematics)), analysis)
 
@@ -70,13 +70,13 @@ def checked_plan(
     """A plan whose recording can be analysed.
 
     Args:
-        protocol: As for `plan`.
-        robot: As for `plan`.
+        protocol: Its name or file.
+        robot: The arm, its name or its file; the protocol's if None.
         analysis: Of what will be recorded.
 
     Raises:
-        NotFoundError: As for `make_plan`.
-        FileProblems: As for `make_plan`.
+        NotFoundError: An unknown filter or parameter.
+        FileProblems: A malformed file, or parameters that a filter of the protocol does not take.
     """
     made = plan(protocol, robot)
     document = made.protocol.document
@@ -86,5 +86,5 @@ def checked_plan(
             get_filter(name, parameters)
         except InputError as error:
             raise document.problem(str(error), "estimate", "filter_parameters", name) from None
-    analysis.choose(settings)
+    analysis.refuse(settings)
     return made

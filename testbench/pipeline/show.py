@@ -8,14 +8,7 @@ from testbench.estimation import estimate
 from testbench.estimation.filters import FILTERS, OrientationFilter, plugins
 from testbench.evaluation import evaluate
 from testbench.exceptions import InputError, NotFoundError
-from testbench.formats.exporters import (
-    TRUTH,
-    Exported,
-    ExportSource,
-    check_options,
-    prepare_export,
-    write_export,
-)
+from testbench.formats.exporters import TRUTH, Exported, ExportSource
 from testbench.pipeline.analyse import (
     is_as_asked,
     load_analysis,
@@ -23,6 +16,7 @@ from testbench.pipeline.analyse import (
     sound,
     stored_estimate,
 )
+from testbench.pipeline.exports import filters_of, place, write
 from testbench.pipeline.request import AnalysisRequest, ExportRequest, ViewRequest
 from testbench.records.estimate import Estimate
 from testbench.records.session import Session
@@ -75,37 +69,16 @@ def export(session: Session, asked: ExportRequest) -> Exported:
     """
     own = None if asked.filter is None else _own_filter(asked.filter)
     wanted = asked.filter if own is None else own.name
-    path = _place(session, asked, wanted)
+    path = place(session, asked, wanted)
     stored = stored_estimate(session)
     if own is not None:
         estimated = estimate(session, [own], parameters=asked.parameters)
     else:
-        known = list(dict.fromkeys([TRUTH, *FILTERS, *_filters_of(stored)]))
+        known = list(dict.fromkeys([TRUTH, *FILTERS, *filters_of(stored)]))
         if wanted is not None and wanted not in known:
             raise NotFoundError("filter", wanted, known)
         estimated = _estimate_with(session, asked, stored)
-    return _write(ExportSource(session, estimated, wanted, asked.frame), asked, path)
-
-
-def export_estimate(session: Session, asked: ExportRequest, estimated: Estimate) -> Exported:
-    """Write a session with an estimate that was just made.
-
-    Args:
-        session: The recording.
-        asked: In which format, and whose orientation of those in the estimate.
-        estimated: Of the recording.
-
-    Raises:
-        InputError: As for `export`, or parameters are set: those of the analysis hold.
-        NotFoundError: The filter is not in the estimate.
-    """
-    if asked.parameters:
-        raise InputError("the parameters of an export beside an analysis are those of the analysis")
-    known = [TRUTH, *_filters_of(estimated)]
-    if asked.filter is not None and asked.filter not in known:
-        raise NotFoundError("filter", asked.filter, known)
-    path = _place(session, asked, asked.filter)
-    return _write(ExportSource(session, estimated, asked.filter, asked.frame), asked, path)
+    return write(ExportSource(session, estimated, wanted, asked.frame), asked, path)
 
 
 def _own_filter(text: str) -> OrientationFilter | None:
@@ -131,35 +104,6 @@ def _estimate_with(session: Session, asked: ExportRequest, stored: Estimate | No
             return stored
         return loaded.estimate(session)
     estimated = stored or load_or_estimate(session)
-    if asked.filter is not None and asked.filter not in {TRUTH, *_filters_of(estimated)}:
+    if asked.filter is not None and asked.filter not in {TRUTH, *filters_of(estimated)}:
         return estimate(session, [asked.filter])
     return estimated
-
-
-def _filters_of(estimated: Estimate | None) -> list[str]:
-    """Names of the filters that ran, or were skipped, for any sensor."""
-    sensors = [] if estimated is None else estimated.sensors.values()
-    return list(
-        dict.fromkeys(key for sensor in sensors for key in (*sensor.orientation, *sensor.skipped))
-    )
-
-
-def _place(session: Session, asked: ExportRequest, wanted: str | None) -> Path:
-    """Where an export goes, once it is known that it can be written there."""
-    check_options(asked.format, wanted, asked.frame)
-    out = None if asked.out is None else Path(asked.out)
-    return prepare_export(asked.format, session, out, asked.force)
-
-
-def _write(source: ExportSource, asked: ExportRequest, path: Path) -> Exported:
-    writer = _write_recording if asked.format == "rrd" else None
-    return write_export(asked.format, source, path, writer)
-
-
-def _write_recording(source: ExportSource, path: Path) -> list[str]:
-    import testbench.reporting.viewer as viewer
-
-    viewer.save_recording(
-        source.session, path, source.estimate, evaluate(source.session, source.estimate)
-    )
-    return []

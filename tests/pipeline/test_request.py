@@ -78,6 +78,12 @@ def test_everything_a_request_names_is_refused_before_anything_moves(tiny, tmp_p
         (analysis(tunings=(malformed,)), FileProblems, "tuned.json"),
         (analysis("kalman"), NotFoundError, "unknown filter 'kalman'"),
         (analysis(parameters={"vqf_6d": {"tau": 1}}), NotFoundError, "known: tau_acc_s"),
+        (analysis(exports=(ExportRequest(format="xlsx"),)), NotFoundError, "export format 'xlsx'"),
+        (
+            analysis("vqf_6d", exports=(ExportRequest(format="sto", filter="vqf_9d"),)),
+            NotFoundError,
+            "unknown filter 'vqf_9d'; known: truth, vqf_6d",
+        ),
         (analysis("vqf_9d", parameters={"gyro": {}}), InputError, "not among those to run"),
     ):
         with pytest.raises(kind, match=words):
