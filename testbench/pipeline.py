@@ -34,9 +34,9 @@ from testbench.planning.designed import DesignedProtocol, design_protocol
 from testbench.planning.experiment_design import Wanted
 from testbench.records.calibration_file import SUFFIXES, load_calibrations, save_calibration
 from testbench.records.calibration_result import CalibrationResult
-from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
+from testbench.records.layout import ESTIMATE, ESTIMATE_SUMMARY, REPORT
 from testbench.records.plan import Plan
 from testbench.records.protocol import Protocol
 from testbench.records.robot import Robot
@@ -163,7 +163,7 @@ def load_or_estimate(
 
 def _stored_estimate(session: Session) -> Estimate | None:
     """The estimate on disk if it can be read and was made from this very recording."""
-    if not (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
+    if not (session.path / ESTIMATE / ESTIMATE_SUMMARY).is_file():
         return None
     try:
         stored = Estimate.load(session.path)
@@ -206,7 +206,7 @@ def judge_again(
     estimated = load_or_estimate(session, filters, calibrations, tunings)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
-    if (session.path / "report.html").is_file():
+    if (session.path / REPORT).is_file():
         from testbench.reporting.report import report
 
         report(session, estimated, evaluated)

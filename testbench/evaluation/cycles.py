@@ -16,6 +16,7 @@ from testbench.frames import NANOSECONDS
 from testbench.records.chain import ChainEstimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.evaluation_rows import CycleRow
+from testbench.records.layout import CYCLES
 from testbench.records.plan import PlannedStep
 
 POINTS = 101
@@ -227,8 +228,8 @@ def add_cycles(result: Evaluation, found: list[Found]) -> None:
     }
     for key in found[0][1]:
         columns[f"{key}_rad"] = np.concatenate([average[key] for _, average in found])
-    earlier = result.series.get("cycles", {})
-    result.series["cycles"] = {
+    earlier = result.series.get(CYCLES, {})
+    result.series[CYCLES] = {
         key: np.concatenate([earlier.get(key, own[:0]), own]) for key, own in columns.items()
     }
 

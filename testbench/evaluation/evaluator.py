@@ -34,6 +34,7 @@ from testbench.records.earlier_steps import earlier_steps
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
 from testbench.records.evaluation_rows import Comparison, RankRow, TunedRow
+from testbench.records.layout import joint_table, magnetic_table, orientation_table
 from testbench.records.near import Instants, united
 from testbench.records.plan import PlannedStep
 from testbench.records.session import RunStatus, Session
@@ -171,7 +172,7 @@ def _judge_sensor(
     wanted = session.analysis.estimate.euler_ranges
     result.euler_ranges.extend(euler_range_rows(name, sensor, truth, session.steps, wanted))
     errors = sensor_errors(name, sensor, truth, steps)
-    result.series[f"orientation_{name}"] = errors.series()
+    result.series[orientation_table(name)] = errors.series()
     result.orientation.extend(sensor_rows(errors))
     defined = session.analysis.joints.values()
     if steps is not None and not any(
@@ -193,7 +194,7 @@ def _judge_sensor(
             result.magnetic_field.extend(field_rows(errors, deviation))
             result.magnetic_errors.extend(field_error_rows(errors, deviation))
             result.magnetic_following.extend(following_rows(errors, deviation))
-            result.series[f"magnetic_{name}"] = deviation.series(errors)
+            result.series[magnetic_table(name)] = deviation.series(errors)
     return metrics
 
 
@@ -244,7 +245,7 @@ def _judge_joint(
         return
     result.notes.extend(errors.notes)
     result.notes.extend(f"joint '{name}': {remark}" for remark in estimate.joints[name].remarks)
-    result.series[f"joint_{name}"] = errors.series() | estimate.joints[name].heading_series()
+    result.series[joint_table(name)] = errors.series() | estimate.joints[name].heading_series()
     clock_sd = flexion_clock_sd(estimate, errors) if errors.steps else 0.0
     cycles = joint_cycles(errors)
     add_cycles(result, cycles)

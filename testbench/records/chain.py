@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from testbench.records.layout import chain_table, table_file
 from testbench.records.samples import join, split
 from testbench.records.storage import read_parquet, write_parquet
 
@@ -44,7 +45,7 @@ class ChainEstimate:
     @property
     def key(self) -> str:
         """Name of its file, without ending."""
-        return f"chain_{self.section}_{self.state}"
+        return chain_table(self.section, self.state)
 
     def save(self, folder: Path) -> dict[str, Any]:
         """Write its samples; returns the rest, for estimate.json."""
@@ -52,7 +53,7 @@ class ChainEstimate:
         for order, (mean, sd) in enumerate(self._columns(self.joints)):
             columns |= split(mean, self.mean[:, order]) | split(sd, self.sd[:, order])
         write_parquet(
-            folder / f"{self.key}.parquet",
+            folder / table_file(self.key),
             columns,
             {"content": "joints by the chain filter, with uncertainties"},
         )
@@ -62,7 +63,7 @@ class ChainEstimate:
     @staticmethod
     def load(folder: Path, data: dict[str, Any]) -> ChainEstimate:
         """Read it back; `data` is what `save` returned."""
-        table = read_parquet(folder / f"chain_{data['section']}_{data['state']}.parquet")
+        table = read_parquet(folder / table_file(chain_table(data["section"], data["state"])))
         names = ChainEstimate._columns(data["joints"])
         mean, sd = (np.stack([join(table, pair[i]) for pair in names], axis=1) for i in (0, 1))
         return ChainEstimate(**data, host_time_ns=table["host_time_ns"], mean=mean, sd=sd)

@@ -12,6 +12,13 @@ import numpy as np
 
 from testbench.exceptions import SessionError
 from testbench.records.chain import ChainEstimate
+from testbench.records.layout import (
+    ESTIMATE,
+    ESTIMATE_SUMMARY,
+    joint_table,
+    orientation_table,
+    table_file,
+)
 from testbench.records.replacing import replaced_folder
 from testbench.records.samples import QUATERNION, join, names, split
 from testbench.records.storage import (
@@ -24,7 +31,6 @@ from testbench.records.storage import (
 from testbench.records.tuning import UsedTuning
 
 SCHEMA_VERSION = 1
-FOLDER = "estimate"
 
 
 @dataclass(frozen=True)
@@ -288,7 +294,7 @@ class Estimate:
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session, in place of an earlier one."""
-        with replaced_folder(session_folder / FOLDER) as folder:
+        with replaced_folder(session_folder / ESTIMATE) as folder:
             self._write(folder)
 
     def _write(self, folder: Path) -> None:
@@ -308,7 +314,7 @@ class Estimate:
             for key, q in sensor.orientation.items():
                 columns |= split(names(f"{key}_q_world_from_sensor", "", QUATERNION), q)
             write_parquet(
-                folder / f"orientation_{name}.parquet",
+                folder / table_file(orientation_table(name)),
                 columns,
                 {"content": "estimated orientation, w x y z"},
             )
@@ -331,7 +337,9 @@ class Estimate:
                 columns |= split(_angle_columns(key, sequence), angles)
             columns |= joint.heading_series()
             write_parquet(
-                folder / f"joint_{name}.parquet", columns, {"content": "intrinsic Euler angles"}
+                folder / table_file(joint_table(name)),
+                columns,
+                {"content": "intrinsic Euler angles"},
             )
             summary["joints"][name] = {
                 "angles": [{"filter": key, "sequence": sequence} for key, sequence in joint.angles],
@@ -341,7 +349,7 @@ class Estimate:
         summary["chain"] = [chain.save(folder) for chain in self.chain]
         summary["remarks"] = self.remarks
         summary["behaviour"] = self.behaviour
-        write_json(folder / "estimate.json", summary)
+        write_json(folder / ESTIMATE_SUMMARY, summary)
 
     @staticmethod
     def load(session_folder: Path) -> Estimate:
@@ -350,7 +358,7 @@ class Estimate:
         Raises:
             SessionError: It is missing or damaged.
         """
-        folder = session_folder / FOLDER
+        folder = session_folder / ESTIMATE
         try:
             return Estimate._load(folder)
         except (KeyError, TypeError) as error:
@@ -360,7 +368,7 @@ class Estimate:
 
     @staticmethod
     def _load(folder: Path) -> Estimate:
-        summary = read_json(folder / "estimate.json")
+        summary = read_json(folder / ESTIMATE_SUMMARY)
         if summary.get("schema_version") != SCHEMA_VERSION:
             raise SessionError(
                 f"{folder} has schema {summary.get('schema_version')}; this version reads "
@@ -372,7 +380,9 @@ class Estimate:
                 key: names(f"{key}_q_world_from_sensor", "", QUATERNION) for key in data["filters"]
             }
             single = {key: key for key in ("host_time_ns", "static", "flagged")}
-            table = read_stacked(folder / f"orientation_{name}.parquet", {**single, **columns})
+            table = read_stacked(
+                folder / table_file(orientation_table(name)), {**single, **columns}
+            )
             orientation = {key: table[key] for key in data["filters"]}
             calibration = {
                 key: np.array(value, dtype=float) if isinstance(value, list) else value
@@ -395,7 +405,7 @@ class Estimate:
                 data["stored_calibration"],
             )
         for name, data in summary["joints"].items():
-            table = read_parquet(folder / f"joint_{name}.parquet")
+            table = read_parquet(folder / table_file(joint_table(name)))
             angles = {
                 (row["filter"], row["sequence"]): join(
                     table, _angle_columns(row["filter"], row["sequence"])

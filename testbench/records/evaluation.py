@@ -27,6 +27,7 @@ from testbench.records.evaluation_rows import (
     RankRow,
     TunedRow,
 )
+from testbench.records.layout import EVALUATION, EVALUATION_SUMMARY, table_file
 from testbench.records.replacing import replaced_folder
 from testbench.records.storage import (
     plain_values,
@@ -38,7 +39,6 @@ from testbench.records.storage import (
 from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
 
 SCHEMA_VERSION = 2
-FILE, FOLDER = "evaluation.json", "evaluation"
 
 
 class Outcome(StrEnum):
@@ -361,13 +361,14 @@ class Evaluation:
 
     def save(self, session_folder: Path) -> None:
         """Write evaluation.json and the error signals, in place of earlier ones."""
-        with replaced_folder(session_folder / FOLDER, session_folder / FILE) as folder:
+        target, summary = session_folder / EVALUATION, session_folder / EVALUATION_SUMMARY
+        with replaced_folder(target, summary) as folder:
             for name, columns in self.series.items():
                 write_parquet(
-                    folder / f"{name}.parquet", columns, {"content": "errors against the truth"}
+                    folder / table_file(name), columns, {"content": "errors against the truth"}
                 )
-            write_json(folder / FILE, self.to_dict())
-        (session_folder / FOLDER / FILE).rename(session_folder / FILE)
+            write_json(folder / EVALUATION_SUMMARY, self.to_dict())
+        (target / EVALUATION_SUMMARY).rename(summary)
 
     @staticmethod
     def load(session_folder: Path) -> Evaluation:
@@ -376,17 +377,17 @@ class Evaluation:
         Raises:
             SessionError: It is missing or damaged.
         """
-        data = read_json(session_folder / FILE)
+        file = session_folder / EVALUATION_SUMMARY
+        data = read_json(file)
         if data.get("schema_version") != SCHEMA_VERSION:
             raise SessionError(
-                f"{session_folder / FILE} has schema {data.get('schema_version')}; this version "
+                f"{file} has schema {data.get('schema_version')}; this version "
                 f"reads {SCHEMA_VERSION}: "
                 "run `testbench evaluate` again"
             )
         try:
             return Evaluation._from_dict(data, session_folder)
         except (KeyError, TypeError) as error:
-            file = session_folder / FILE
             raise SessionError(
                 f"{file} was written by another version; run `testbench evaluate` again ({error})"
             ) from None
@@ -395,7 +396,7 @@ class Evaluation:
     def _from_dict(data: dict[str, Any], session_folder: Path) -> Evaluation:
         series = {
             path.stem: read_parquet(path)
-            for path in sorted((session_folder / FOLDER).glob("*.parquet"))
+            for path in sorted((session_folder / EVALUATION).glob("*.parquet"))
         }
         return Evaluation(
             data["session"],
@@ -440,7 +441,7 @@ def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
     Raises:
         SessionError: What was written of it is damaged.
     """
-    file = session_folder / FILE
+    file = session_folder / EVALUATION_SUMMARY
     if not file.is_file():
         return None
     data = read_json(file)

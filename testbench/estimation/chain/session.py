@@ -24,10 +24,11 @@ from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.chain import ChainEstimate
 from testbench.records.estimate import CalibrationFit, ClockFit, SensorEstimate
+from testbench.records.layout import PLAN
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol_chain import ChainEstimation, ChainState
 from testbench.records.sensor import ImuParameters, Triad
-from testbench.records.session import PLAN, Session
+from testbench.records.session import Session
 from testbench.records.storage import read_parquet
 
 SETTLED_NS = NANOSECONDS * 3 // 10
