@@ -16,15 +16,17 @@ from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.bluetooth import SCAN_S, BluetoothLoop
 from testbench.drivers.imus.line_format import load_line_format
 from testbench.drivers.imus.serial_line import SerialImu, list_serial_ports
-from testbench.drivers.imus.streamed import SessionTime, StreamedImu
+from testbench.drivers.imus.streamed import StreamedImu
 from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.drivers.imus.xsens_dot_sync import synchronise
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import BenchError, DriverError, InputError, RunInterrupted, SessionError
 from testbench.execution.interruption import on_interrupt
 from testbench.execution.recorder import IMU_NOTES
 from testbench.frames import NANOSECONDS
-from testbench.records.layout import JOURNALS, MANIFEST, PARTIALS, imu_stream, table_file
+from testbench.records.layout import JOURNALS, MANIFEST, imu_stream, table_file
 from testbench.records.protocol import Analysis, Estimation
+from testbench.records.replacing import clear_partials
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Event, RunStatus, Session
 from testbench.records.session_writer import SessionWriter, file_hashes, note_end
@@ -441,8 +443,7 @@ def recover_recording(session: Session) -> Session:
     path, last = session.path, 0
     for journal in sorted(path.glob(JOURNALS)):
         compact(journal, journal.with_suffix(".parquet"))
-    for partial in path.glob(PARTIALS):
-        partial.unlink()
+    clear_partials(path)
     for name in session.sensor_names:
         times = read_parquet(path / table_file(imu_stream(name)), ["host_time_ns"])["host_time_ns"]
         last = max(last, int(times.max())) if len(times) else last

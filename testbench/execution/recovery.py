@@ -4,14 +4,13 @@ what is missing.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 
 from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.records.layout import ARM, JOURNALS, MANIFEST, PARTIALS, sensor_of, table_file
-from testbench.records.replacing import stored
+from testbench.records.layout import ARM, JOURNALS, MANIFEST, sensor_of, table_file
+from testbench.records.replacing import clear_partials, stored
 from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import Event, RunStatus, Session
 from testbench.records.session_writer import file_hashes, note_end
@@ -37,13 +36,7 @@ def recover(session: Session) -> Session:
         f"nothing of the recording is lost; make room, then `testbench recover {session.path}`"
     )
     with stored(session.path, comfort):
-        try:
-            return _recovered(session)
-        except OSError:
-            for partial in session.path.glob(PARTIALS):
-                with suppress(OSError):
-                    partial.unlink()
-            raise
+        return _recovered(session)
 
 
 def _recovered(session: Session) -> Session:
@@ -60,8 +53,7 @@ def _recovered(session: Session) -> Session:
         ):
             _write_empty(session, journal)  # cut off before its first row
         compact(journal, journal.with_suffix(".parquet"))
-    for partial in path.glob(PARTIALS):
-        partial.unlink()
+    clear_partials(path)
     session = Session(path)
     if not (path / table_file(ARM)).is_file() or session.robot is None:
         raise SessionError(

@@ -1,6 +1,4 @@
-"""The magnetic field at a place in the world: that of the earth, of magnetised parts of the arm,
-and of iron about it.
-"""
+"""The magnetic field in the world: that of the earth, of magnetised parts of the arm, of iron."""
 
 from __future__ import annotations
 
@@ -22,7 +20,7 @@ def dipole_field(displacement: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
     Args:
         displacement: From the dipole to the point, shape (n, 3) [m].
-        moment: Shape (n, 3) or (3,) [A m^2], same frame.
+        moment: In the same frame, shape (n, 3) or (3,) [A m^2].
 
     Returns:
         Shape (n, 3) [uT].
@@ -38,8 +36,9 @@ def dipole_field(displacement: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
 
 def induced_moment(field: np.ndarray, radius: float) -> np.ndarray:
-    """Moment of a sphere of soft iron in a uniform field: 4 pi a^3 B / mu_0, as its permeability is
-    large (Jackson, eq. 5.115).
+    """Moment of a sphere of soft iron in a uniform field (Jackson, eq. 5.115).
+
+    It is 4 pi a^3 B / mu_0, as the iron's permeability is large.
 
     Args:
         field: Shape (3,) [uT].
@@ -75,12 +74,12 @@ def _add_dipoles(
     """Add the fields of the dipoles of one link, as `dipole_field` gives them.
 
     Args:
-        field: In the world, shape (n, 3) [uT].
-        position: Shape (n, 3) [m].
-        R: Of the link, shapes (n, 3, 3) and (n, 3), or of length 1 where it stands still.
-        origin: Of the link, shapes (n, 3, 3) and (n, 3), or of length 1 where it stands still.
-        places: In the link, shape (k, 3) [m], [A m^2].
-        moments: In the link, shape (k, 3) [m], [A m^2].
+        field: In the world, shape (n, 3) [uT]; added to.
+        position: Where the field is wanted, in the world, shape (n, 3) [m].
+        R: Rotation world from link, shape (n, 3, 3), or (1, 3, 3) where the link stands still.
+        origin: Of the link in the world, shape (n, 3) or (1, 3) [m].
+        places: Of the dipoles in the link, shape (k, 3) [m].
+        moments: In the link, shape (k, 3) [A m^2].
         induced: Moments in the world, shape (k, 3) [A m^2].
     """
     d, m = np.empty(3), np.empty(3)

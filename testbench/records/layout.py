@@ -8,8 +8,8 @@ PROTOCOL, INCLUDED, ROBOT, URDF = "protocol.yaml", "included_", "robot.yaml", "r
 PLAN = "plan.parquet"
 ARM = "arm"
 """The stream of the arm's samples."""
-JOURNALS, PARTIALS = "*.arrows", "*.partial"
-"""Streams that were not turned into tables yet, and files that were not whole yet."""
+JOURNALS = "*.arrows"
+"""Streams that were not turned into tables yet."""
 
 ESTIMATE, ESTIMATE_SUMMARY = "estimate", "estimate.json"
 """A folder of tables, with the summary in it."""

@@ -12,14 +12,16 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import datetime
+from errno import ELOOP
 from importlib.metadata import PackageNotFoundError, version
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
 from testbench.exceptions import SessionError, StorageError
-from testbench.records.layout import EVENTS, MANIFEST, PARTIALS, journal_file, table_file
+from testbench.records.layout import EVENTS, MANIFEST, journal_file, table_file
 from testbench.records.protocol import Analysis
-from testbench.records.replacing import disk_reason
+from testbench.records.replacing import disk_reason, write_text
 from testbench.records.session import SCHEMA_VERSION, Event, RunStatus, Session
 from testbench.records.storage import (
     Columns,
@@ -111,7 +113,7 @@ class SessionWriter:
         writer = cls.__new__(cls)
         writer.path, writer._journals = path, {}
         writer.manifest = read_json(path / MANIFEST)
-        writer._events = (path / EVENTS).open("a", encoding="utf-8")
+        writer._events = _appended(path / EVENTS)
         try:
             fcntl.flock(writer._events, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -131,7 +133,7 @@ class SessionWriter:
 
     def add_text(self, name: str, text: str) -> None:
         """Keep a file verbatim."""
-        (self.path / name).write_text(text, encoding="utf-8")
+        write_text(self.path / name, text)
 
     def add_table(
         self, name: str, columns: Columns, notes: Mapping[str, str] | None = None
@@ -207,9 +209,6 @@ class SessionWriter:
             journal.abandon()
         with suppress(OSError, ValueError):
             self._events.close()
-        for partial in self.path.glob(PARTIALS):
-            with suppress(OSError):
-                partial.unlink()
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -243,8 +242,23 @@ def note_end(session: Session, event: Event) -> None:
     after it had said so.
     """
     if session.events[-1:] != [event]:
-        with (session.path / EVENTS).open("a", encoding="utf-8") as events:
+        with _appended(session.path / EVENTS) as events:
             events.write("\n" + event.to_json() + "\n")
+
+
+def _appended(events: Path) -> TextIOWrapper:
+    """A list of events, to go on with.
+
+    Raises:
+        SessionError: It is a symbolic link: what that leads to is no part of the session.
+    """
+    try:
+        opened = os.open(events, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    except OSError as error:
+        if error.errno != ELOOP:
+            raise
+        raise SessionError(f"{events} is a symbolic link, and is not written to") from None
+    return os.fdopen(opened, "a", encoding="utf-8")
 
 
 def file_hashes(folder: Path) -> dict[str, str]:

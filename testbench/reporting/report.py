@@ -12,7 +12,7 @@ from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation, Outcome
 from testbench.records.layout import ESTIMATE, ESTIMATE_SUMMARY, EVALUATION_SUMMARY, REPORT
 from testbench.records.published import load_published
-from testbench.records.replacing import write_page
+from testbench.records.replacing import stored, write_text
 from testbench.records.session import Session
 from testbench.reporting.axes_section import axes_section
 from testbench.reporting.chain_section import chain_section
@@ -60,7 +60,9 @@ def report(
     estimate = estimate or load_estimate(session)
     evaluation = evaluation or load_evaluation(session)
     path = session.path / REPORT
-    write_page(path, render(session, estimate, evaluation))
+    page = render(session, estimate, evaluation)
+    with stored(path):
+        write_text(path, page)
     return path
 
 

@@ -41,7 +41,7 @@ def test_where_the_arm_is_nobody_knows_after_a_silence():
         ArmFault, match="the controller sent no data for 120 ms of a motion"
     ) as caught:
         worker(0.12)._compare(sent(9, 6, 8))
-    assert caught.value.kind == "rtde_silence"
+    assert caught.value.kind == "report_silence"
 
 
 def client(running: bool = False) -> UrClient:

@@ -108,6 +108,18 @@ def test_euler_angles_are_intrinsic_turns_about_the_axes_in_the_order_they_are_w
     )
 
 
+@pytest.mark.parametrize("sequence", PROPER + TAIT_BRYAN)
+def test_euler_angles_give_the_quaternions_of_scipy_sign_and_all(sequence):
+    angles = np.random.default_rng(3).uniform(-7, 7, (200, 3))
+    angles[:8] = [[a, b, c] for a in (0.0, np.pi) for b in (-0.0, np.pi / 2) for c in (0.0, -np.pi)]
+    expected = Rotation.from_euler(sequence, angles).as_quat(scalar_first=True)
+    np.testing.assert_allclose(rotation.from_euler(sequence, angles), expected, atol=1e-15)
+    np.testing.assert_array_equal(
+        rotation.from_euler(sequence, angles.reshape(20, 10, 3)),
+        rotation.from_euler(sequence, angles).reshape(20, 10, 4),
+    )
+
+
 @pytest.mark.parametrize(
     ("sequence", "locked"), [("ZXZ", 0.0), ("ZXZ", np.pi), ("XYZ", np.pi / 2), ("YXZ", -np.pi / 2)]
 )

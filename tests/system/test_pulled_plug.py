@@ -23,6 +23,7 @@ from testbench import estimate, evaluate, execute, plan
 from testbench.arm_pipeline import resume
 from testbench.exceptions import SessionError, StorageError
 from testbench.execution.recovery import recover
+from testbench.pipeline import analyse
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import RunStatus, Session
@@ -163,7 +164,7 @@ def test_an_estimate_that_is_cut_off_leaves_the_old_one_or_none(judged, tmp_path
             )
         by["vqf_6d"].save(copy)  # whatever was left lying does no harm
         assert list(Estimate.load(copy).filter_parameters) == ["vqf_6d"]
-        assert not list(copy.glob("*.new")) and not list(copy.glob("*.old"))
+        assert not list(copy.glob("*.partial"))
     assert found == {"vqf_6d", "none", "madgwick_imu"}
 
 
@@ -188,6 +189,43 @@ def test_a_report_that_is_cut_off_leaves_the_old_one(judged, tmp_path, monkeypat
     before = (judged / "report.html").read_bytes()
     for copy in cuts(lambda path: report(Session(path)), judged, tmp_path, monkeypatch):
         assert (copy / "report.html").read_bytes() == before
+
+
+def test_nothing_that_is_derived_is_written_through_a_link(judged, tmp_path):
+    session, home = tmp_path / "stranger", tmp_path / "home"
+    shutil.copytree(judged, session)
+    home.mkdir()
+    planted = [
+        *("report.html", "report.partial", "evaluation.json", "evaluation.partial"),
+        *("manifest.partial", "estimate.partial"),
+    ]
+    for name in planted:
+        (home / name).write_text("precious")
+        (session / name).unlink(missing_ok=True)
+        (session / name).symlink_to(home / name)
+    for name in ("estimate", "evaluation"):
+        (home / name).mkdir()
+        (home / name / "notes").write_text("precious")
+        shutil.rmtree(session / name)
+        (session / name).symlink_to(home / name)
+    analyse(Session(session), ["vqf_6d"])
+    assert Evaluation.load(session).orientation and (session / "report.html").stat().st_size > 1000
+    for name in planted:
+        assert (home / name).read_text() == "precious"
+    for name in ("estimate", "evaluation"):
+        assert [path.name for path in (home / name).iterdir()] == ["notes"]
+        assert not (session / name).is_symlink()
+
+
+def test_events_that_are_a_link_are_not_written_to(cut_off, tmp_path):
+    shutil.copytree(cut_off, tmp_path / "run")
+    (tmp_path / "diary").write_bytes((tmp_path / "run" / "events.jsonl").read_bytes())
+    (tmp_path / "run" / "events.jsonl").unlink()
+    (tmp_path / "run" / "events.jsonl").symlink_to(tmp_path / "diary")
+    before = (tmp_path / "diary").read_bytes()
+    with pytest.raises(SessionError, match=r"events\.jsonl is a symbolic link"):
+        recover(Session(tmp_path / "run"))
+    assert (tmp_path / "diary").read_bytes() == before
 
 
 @pytest.mark.parametrize("stage", ["estimate", "evaluate", "report"])

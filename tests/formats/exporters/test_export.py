@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench.exceptions import InputError, NotFoundError
+from testbench.exceptions import InputError, NotFoundError, StorageError
 from testbench.formats.exporters import EXPORTS, ExportSource, prepare_export, write_export
 from testbench.pipeline import export
 from testbench.records.session import Session
@@ -76,7 +76,7 @@ def test_an_export_that_fails_half_way_leaves_nothing(name, source, tmp_path):
         (partial / "table" if kind.is_folder else partial).write_text("half")
         raise OSError(28, "No space left on device")
 
-    with pytest.raises(InputError, match=r"out.* cannot be written: No space left on device"):
+    with pytest.raises(StorageError, match=r"out.* cannot be written: there is no room left"):
         write_export(name, source, path, failing)
     assert everything(tmp_path) == []
 
