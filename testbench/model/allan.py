@@ -11,15 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
 FLICKER = 2 * np.log(2) / np.pi
 FEWEST_DIFFERENCES = 8
 """Averaging times with fewer independent spans than this in the record are left out."""
-
-PIECE = 1_000_000
-"""Differences that are in memory at once."""
 
 
 @dataclass(frozen=True)
@@ -124,15 +122,17 @@ def allan_deviation(
     return AllanCurve(tau, deviation, lower, upper, edf)
 
 
+@njit(cache=True)
 def _mean_square_of_second_differences(phase: np.ndarray, m: int) -> float:
-    """Mean of (x[i + 2m] - 2 x[i + m] + x[i])^2, in pieces: hours of samples are long."""
-    count, total = len(phase) - 2 * m, 0.0
-    for begin in range(0, count, PIECE):
-        end = min(begin + PIECE, count)
-        second = (
-            phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
-        )
-        total += float(second @ second)
+    """Mean of (x[i + 2m] - 2 x[i + m] + x[i])^2 over the phase, shape (n,).
+
+    A compiled sum: NumPy's dot product would start the threads of BLAS, which spin for longer than
+    it takes.
+    """
+    count = len(phase) - 2 * m
+    total = 0.0
+    for i in range(count):
+        total += (phase[i + 2 * m] - 2 * phase[i + m] + phase[i]) ** 2
     return total / count
 
 

@@ -57,7 +57,7 @@ def answer_after(seconds: float) -> bool:
     return True
 
 
-def test_a_program_that_ended_while_the_controller_kept_the_client_waiting_was_not_stopped_by_anybody():
+def test_a_program_that_ended_while_the_controller_kept_the_client_waiting_was_stopped_by_nobody():
     slow = client()
     slow._command("", answer_after, 0.25)
     with pytest.raises(

@@ -293,7 +293,8 @@ def kill(progress):
     if progress.time > 1.5:
         os.kill(os.getpid(), signal.SIGKILL)
 
-execute(plan(sys.argv[1]), sys.argv[2], seed=3, speed="realtime", progress=kill, session_name="killed")
+the_plan, logs = plan(sys.argv[1]), sys.argv[2]
+execute(the_plan, logs, seed=3, speed="realtime", progress=kill, session_name="killed")
 """
 
 

@@ -1,5 +1,5 @@
-"""Sessions that an earlier version wrote open, and every stage takes them; one that broke off then is
-gone on with now. tests/golden/sessions/README.md says what they are.
+"""Sessions that an earlier version wrote open, and every stage takes them; one that broke off then
+is gone on with now. tests/golden/sessions/README.md says what they are.
 """
 
 from __future__ import annotations
@@ -114,10 +114,10 @@ def test_an_older_study_is_read_and_written_again_as_it_was(tmp_path) -> None:
 
 
 def test_an_older_session_that_broke_off_is_gone_on_with(older, capsys) -> None:
-    """A run is gone on with only by the software that began it. That cannot be had here, so the copy
-    says that today's began it: its versions, and the plan that today's planner makes of the same
-    protocol, which a newer ruckig may time otherwise. What is tested is that today's bench reads,
-    checks and closes what the earlier version wrote.
+    """A run is gone on with only by the software that began it. That cannot be had here, so the
+    copy says that today's began it: its versions, and the plan that today's planner makes of the
+    same protocol, which a newer ruckig may time otherwise. What is tested is that today's bench
+    reads, checks and closes what the earlier version wrote.
     """
     folder = older("interrupted")
     file = folder / "manifest.json"
