@@ -2,7 +2,7 @@ import numpy as np
 
 from testbench.records.chain import ChainEstimate
 from testbench.records.estimate import Estimate
-from testbench.records.evaluation import ChainRow, Evaluation, Outcome
+from testbench.records.evaluation import ChainRow, Evaluation
 from testbench.reporting.chain_section import MOST_PANELS, chain_section
 from testbench.reporting.page import Figures, Sentence
 from testbench.reporting.tables import Table
@@ -39,7 +39,7 @@ def made(states: list[str]) -> tuple[Estimate, Evaluation]:
     signals = {"host_time_ns": TIME, "judged": np.ones(100, dtype=bool)}
     signals |= {f"{joint}_error_rad": np.zeros(100) for joint in JOINTS}
     series = {f"chain_walk_{state}": signals for state in states}
-    evaluation = Evaluation("s", [], [], [], Outcome.NOT_MEASURED, series=series, chain=rows)
+    evaluation = Evaluation(session="s", series=series, chain=rows)
     return Estimate("s", "", {}, {}, chain=[chain(state) for state in states]), evaluation
 
 
