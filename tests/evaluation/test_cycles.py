@@ -201,7 +201,16 @@ def test_without_planned_cycles_and_without_motion_there_is_nothing():
 def test_the_joints_of_a_chain_are_cut_by_the_steps_of_their_section():
     names = ["hip", "knee"]
     zero = np.zeros((len(instants), 3, 2))
-    estimate = ChainEstimate("walk", "fourier", ["a"], names, instants, zero, zero, {})
+    estimate = ChainEstimate(
+        section="walk",
+        state="fourier",
+        sensors=["a"],
+        joints=names,
+        facts={},
+        host_time_ns=instants,
+        mean=zero,
+        sd=zero,
+    )
     series = {"host_time_ns": instants, "judged": IN_STEP}
     for i, name in enumerate(names):
         error = np.full(len(instants), np.radians(i + 1.0))

@@ -14,14 +14,14 @@ TIME = np.arange(100, dtype=np.int64) * 10_000_000
 def chain(state: str) -> ChainEstimate:
     mean = np.zeros((100, 3, len(JOINTS)))
     return ChainEstimate(
-        "walk",
-        state,
-        ["a", "b"],
-        JOINTS,
-        TIME,
-        mean,
-        mean + 0.1,
-        {"normalised_innovation_squared": 1.0},
+        section="walk",
+        state=state,
+        sensors=["a", "b"],
+        joints=JOINTS,
+        facts={"normalised_innovation_squared": 1.0},
+        host_time_ns=TIME,
+        mean=mean,
+        sd=mean + 0.1,
     )
 
 
