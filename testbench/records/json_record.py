@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, PlainValidator, TypeAdapter, V
 
 from testbench.exceptions import SessionError
 from testbench.records.storage import read_json
+from testbench.records.yaml_file import dotted, fault_sentence
 
 T = TypeVar("T")
 
@@ -24,7 +25,10 @@ def _number(value: Any) -> Any:
 
 
 def _array(value: Any) -> np.ndarray:
-    return np.array(value, dtype=float)  # None becomes NaN
+    try:
+        return np.array(value, dtype=float)  # None becomes NaN
+    except TypeError:
+        raise ValueError("these are no numbers") from None
 
 
 Number = Annotated[float, BeforeValidator(_number)]
@@ -64,6 +68,6 @@ def read_record(file: Path, kind: TypeAdapter[T], version: int, remedy: str) -> 
 
 def first_problem(error: ValidationError) -> str:
     """Where the first of the problems lies, and what it is, in a line."""
-    problem = error.errors(include_url=False, include_context=False)[0]
-    place = ".".join(str(part) for part in problem["loc"]) or "its top"
-    return f"{place:.200}: {problem['msg']:.200}"
+    fault = error.errors(include_url=False)[0]
+    place = dotted(fault["loc"])[:200] or "its top"
+    return f"{place}: {fault_sentence(fault)[:200]}"
