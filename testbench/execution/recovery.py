@@ -12,6 +12,7 @@ from testbench.frames import NANOSECONDS
 from testbench.records.replacing import clear_partials, stored
 from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import ARM, MANIFEST, Event, RunStatus, Session
+from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import file_hashes, note_end
 from testbench.records.storage import Journal, compact, last_value, write_json
 
@@ -19,6 +20,7 @@ SMALLEST_JOURNAL = 64
 """A journal of fewer bytes was cut off before its schema was whole; it held nothing."""
 
 
+@session_locked
 def recover(session: Session) -> Session:
     """Make a cut-off session readable; one that was closed is returned as it is.
 

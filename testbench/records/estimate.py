@@ -14,6 +14,7 @@ from testbench.exceptions import SessionError
 from testbench.records.chain import ChainEstimate
 from testbench.records.replacing import replaced_folder, stored
 from testbench.records.samples import QUATERNION, join, names, split
+from testbench.records.session_lock import session_lock
 from testbench.records.storage import (
     read_json,
     read_parquet,
@@ -24,7 +25,7 @@ from testbench.records.storage import (
 from testbench.records.tuning import UsedTuning
 
 SCHEMA_VERSION = 1
-FOLDER = "estimate"
+FOLDER, SUMMARY = "estimate", "estimate.json"
 
 
 @dataclass(frozen=True)
@@ -304,7 +305,7 @@ class Estimate:
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session, in place of an earlier one."""
         target = session_folder / FOLDER
-        with stored(target), replaced_folder(target) as folder:
+        with session_lock(session_folder), stored(target), replaced_folder(target) as folder:
             self._write(folder)
 
     def _write(self, folder: Path) -> None:
@@ -357,7 +358,12 @@ class Estimate:
         summary["chain"] = [chain.save(folder) for chain in self.chain]
         summary["remarks"] = self.remarks
         summary["behaviour"] = self.behaviour
-        write_json(folder / "estimate.json", summary)
+        write_json(folder / SUMMARY, summary)
+
+    @staticmethod
+    def lies_in(session_folder: Path) -> bool:
+        """Whether a session has an estimate."""
+        return (session_folder / FOLDER / SUMMARY).is_file()
 
     @staticmethod
     def load(session_folder: Path) -> Estimate:
@@ -368,7 +374,8 @@ class Estimate:
         """
         folder = session_folder / FOLDER
         try:
-            return Estimate._load(folder)
+            with session_lock(session_folder):
+                return Estimate._load(folder)
         except (KeyError, TypeError) as error:
             raise SessionError(
                 f"{folder} was written by another version; run `testbench estimate` again ({error})"
@@ -376,7 +383,7 @@ class Estimate:
 
     @staticmethod
     def _load(folder: Path) -> Estimate:
-        summary = read_json(folder / "estimate.json")
+        summary = read_json(folder / SUMMARY)
         if summary.get("schema_version") != SCHEMA_VERSION:
             raise SessionError(
                 f"{folder} has schema {summary.get('schema_version')}; this version reads "

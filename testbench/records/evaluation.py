@@ -28,6 +28,7 @@ from testbench.records.evaluation_rows import (
     TunedRow,
 )
 from testbench.records.replacing import replaced_folder, stored
+from testbench.records.session_lock import session_lock
 from testbench.records.storage import (
     plain_values,
     read_json,
@@ -392,7 +393,11 @@ class Evaluation:
     def save(self, session_folder: Path) -> None:
         """Write evaluation.json and the error signals, in place of earlier ones."""
         target, summary = session_folder / FOLDER, session_folder / FILE
-        with stored(target), replaced_folder(target, summary) as folder:
+        with (
+            session_lock(session_folder),
+            stored(target),
+            replaced_folder(target, summary) as folder,
+        ):
             for name, columns in self.series.items():
                 write_parquet(
                     folder / f"{name}.parquet", columns, {"content": "errors against the truth"}
@@ -406,6 +411,11 @@ class Evaluation:
         Raises:
             SessionError: It is missing or damaged.
         """
+        with session_lock(session_folder):
+            return Evaluation._load(session_folder)
+
+    @staticmethod
+    def _load(session_folder: Path) -> Evaluation:
         data = read_json(session_folder / FILE)
         if data.get("schema_version") != SCHEMA_VERSION:
             raise SessionError(
