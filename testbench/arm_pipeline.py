@@ -40,6 +40,7 @@ from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import Robot
 from testbench.records.session import Session
+from testbench.records.session_lock import session_lock
 
 
 @dataclass(frozen=True)
@@ -283,9 +284,10 @@ def resume(
     if session.manifest["arm"]["driver"] == "simulated":
         refuse_differences(session, the_plan, simulated_sensors(the_plan))
         seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
-        resumed = execute(
-            the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session
-        )
+        with session_lock(session.path):
+            resumed = execute(
+                the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session
+            )
         return analyse(resumed, filters, with_report, the_plan, calibrations, tunings)
     if setup is None or options is None:
         raise InputError(

@@ -36,11 +36,12 @@ from testbench.records.calibration_file import SUFFIXES, load_calibrations, save
 from testbench.records.calibration_result import CalibrationResult
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
-from testbench.records.layout import ESTIMATE, ESTIMATE_SUMMARY, REPORT
+from testbench.records.layout import REPORT
 from testbench.records.plan import Plan
 from testbench.records.protocol import Protocol
 from testbench.records.robot import Robot
 from testbench.records.session import Session
+from testbench.records.session_lock import session_locked
 from testbench.records.tuning import load_tunings
 
 
@@ -108,6 +109,7 @@ def run(
     return analyse(session, filters, with_report, the_plan, calibrations, tunings)
 
 
+@session_locked
 def analyse(
     session: Session,
     filters: Sequence[str | OrientationFilter] | None = None,
@@ -139,6 +141,7 @@ def analyse(
     return Result(the_plan, session, estimated, evaluated, path)
 
 
+@session_locked
 def load_or_estimate(
     session: Session,
     filters: Sequence[str | OrientationFilter] | None = None,
@@ -163,7 +166,7 @@ def load_or_estimate(
 
 def _stored_estimate(session: Session) -> Estimate | None:
     """The estimate on disk if it can be read and was made from this very recording."""
-    if not (session.path / ESTIMATE / ESTIMATE_SUMMARY).is_file():
+    if not Estimate.lies_in(session.path):
         return None
     try:
         stored = Estimate.load(session.path)
@@ -194,6 +197,7 @@ def _has_filters(stored: Estimate, filters: Sequence[str | OrientationFilter] | 
     )
 
 
+@session_locked
 def judge_again(
     session: Session,
     filters: Sequence[str | OrientationFilter] | None = None,
@@ -355,6 +359,7 @@ def show(
     return written
 
 
+@session_locked
 def export(
     session: Session,
     name: str,

@@ -28,6 +28,7 @@ from testbench.records.protocol import Analysis, Estimation
 from testbench.records.replacing import clear_partials
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Event, RunStatus, Session
+from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import SessionWriter, file_hashes, note_end
 from testbench.records.storage import compact, read_parquet, write_json
 
@@ -425,6 +426,7 @@ def _free_folder(logs: Path, name: str) -> Path:
     return folder
 
 
+@session_locked
 def recover_recording(session: Session) -> Session:
     """Make a recording readable that was cut off by a kill or a power cut; one that was closed is
     returned as it is.

@@ -13,6 +13,7 @@ from testbench.records.layout import ARM, JOURNALS, MANIFEST, sensor_of, table_f
 from testbench.records.replacing import clear_partials, stored
 from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import Event, RunStatus, Session
+from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import file_hashes, note_end
 from testbench.records.storage import Journal, compact, last_value, write_json
 
@@ -20,6 +21,7 @@ SMALLEST_JOURNAL = 64
 """A journal of fewer bytes was cut off before its schema was whole; it held nothing."""
 
 
+@session_locked
 def recover(session: Session) -> Session:
     """Make a cut-off session readable; one that was closed is returned as it is.
 

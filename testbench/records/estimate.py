@@ -23,6 +23,7 @@ from testbench.records.layout import (
 )
 from testbench.records.replacing import replaced_folder, stored
 from testbench.records.samples import QUATERNION, join, names, split
+from testbench.records.session_lock import session_lock
 from testbench.records.storage import (
     read_parquet,
     read_stacked,
@@ -320,7 +321,7 @@ class Estimate:
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session, in place of an earlier one."""
         target = session_folder / ESTIMATE
-        with stored(target), replaced_folder(target) as folder:
+        with session_lock(session_folder), stored(target), replaced_folder(target) as folder:
             for name, sensor in self.sensors.items():
                 _write_sensor(folder / table_file(orientation_table(name)), sensor)
             for name, joint in self.joints.items():
@@ -359,13 +360,22 @@ class Estimate:
         )
 
     @staticmethod
+    def lies_in(session_folder: Path) -> bool:
+        """Whether a session has an estimate."""
+        return (session_folder / ESTIMATE / ESTIMATE_SUMMARY).is_file()
+
+    @staticmethod
     def load(session_folder: Path) -> Estimate:
         """Read the folder `estimate` of a session.
 
         Raises:
             SessionError: It is missing or damaged.
         """
-        folder = session_folder / ESTIMATE
+        with session_lock(session_folder):
+            return Estimate._load(session_folder / ESTIMATE)
+
+    @staticmethod
+    def _load(folder: Path) -> Estimate:
         summary = read_record(
             folder / ESTIMATE_SUMMARY,
             _as_written(),

@@ -33,6 +33,7 @@ from testbench.records.evaluation_rows import (
 from testbench.records.json_record import AS_WRITTEN, Number, read_record
 from testbench.records.layout import EVALUATION, EVALUATION_SUMMARY, table_file
 from testbench.records.replacing import replaced_folder, stored
+from testbench.records.session_lock import session_lock
 from testbench.records.storage import (
     plain_values,
     read_json,
@@ -421,7 +422,11 @@ class Evaluation(ResultTables):
     def save(self, session_folder: Path) -> None:
         """Write evaluation.json and the error signals, in place of earlier ones."""
         target, summary = session_folder / EVALUATION, session_folder / EVALUATION_SUMMARY
-        with stored(target), replaced_folder(target, summary) as folder:
+        with (
+            session_lock(session_folder),
+            stored(target),
+            replaced_folder(target, summary) as folder,
+        ):
             for name, columns in self.series.items():
                 write_parquet(
                     folder / table_file(name), columns, {"content": "errors against the truth"}
@@ -435,6 +440,11 @@ class Evaluation(ResultTables):
         Raises:
             SessionError: It is missing or damaged.
         """
+        with session_lock(session_folder):
+            return Evaluation._load(session_folder)
+
+    @staticmethod
+    def _load(session_folder: Path) -> Evaluation:
         found = read_record(
             session_folder / EVALUATION_SUMMARY,
             _as_written(),

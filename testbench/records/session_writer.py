@@ -32,17 +32,9 @@ from testbench.records.storage import (
     write_parquet,
 )
 
-RECORDED_PACKAGES = (
-    "imu-testbench",
-    "pin",
-    "ruckig",
-    "numpy",
-    "scipy",
-    "numba",
-    "vqf",
-    "imufusion",
-    "pyarrow",
-)
+DECIDING_PACKAGES = ("imu-testbench", "pin", "ruckig", "numpy", "scipy", "numba")
+"""They computed the plan and the raw files: a run is gone on with by the same ones only."""
+RECORDED_PACKAGES = (*DECIDING_PACKAGES, "vqf", "pyarrow")
 
 
 class SessionWriter:
@@ -282,6 +274,12 @@ def software_versions() -> dict[str, str]:
             continue
     commit = source_commit()
     return versions | ({"git_commit": commit} if commit else {})
+
+
+def deciding_versions(software: Mapping[str, str]) -> dict[str, str]:
+    """Of the versions that a manifest states, those that a run can only be gone on with."""
+    wanted = ("python", "git_commit", *DECIDING_PACKAGES)
+    return {name: software[name] for name in wanted if name in software}
 
 
 def source_commit() -> str | None:

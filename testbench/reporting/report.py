@@ -10,10 +10,11 @@ from testbench.frames import NANOSECONDS
 from testbench.records.earlier_steps import earlier_steps
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation, Outcome
-from testbench.records.layout import ESTIMATE, ESTIMATE_SUMMARY, EVALUATION_SUMMARY, REPORT
+from testbench.records.layout import EVALUATION_SUMMARY, REPORT
 from testbench.records.published import load_published
 from testbench.records.replacing import stored, write_text
 from testbench.records.session import Session
+from testbench.records.session_lock import session_locked
 from testbench.reporting.axes_section import axes_section
 from testbench.reporting.chain_section import chain_section
 from testbench.reporting.figures import Span
@@ -38,6 +39,7 @@ VENDORS_FILTER = "device"
 """The orientation that a sensor computes itself; simulated sensors have an error model of it."""
 
 
+@session_locked
 def report(
     session: Session, estimate: Estimate | None = None, evaluation: Evaluation | None = None
 ) -> Path:
@@ -68,11 +70,7 @@ def report(
 
 def load_estimate(session: Session) -> Estimate | None:
     """The estimate in the session's folder, or None."""
-    return (
-        Estimate.load(session.path)
-        if (session.path / ESTIMATE / ESTIMATE_SUMMARY).is_file()
-        else None
-    )
+    return Estimate.load(session.path) if Estimate.lies_in(session.path) else None
 
 
 def load_evaluation(session: Session) -> Evaluation | None:
