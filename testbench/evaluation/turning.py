@@ -58,7 +58,8 @@ def judged_motion(time_ns: np.ndarray, angle: np.ndarray, judged: list[np.ndarra
     own = np.where(known, rate[every], 0.0)
     count = np.add.reduceat(known, starts, dtype=np.int64)
     mean, square = (
-        float(np.mean(np.add.reduceat(values, starts) / count)) for values in (own, own**2)
+        float(np.mean([piece.sum() for piece in np.split(values, starts[1:])] / count))
+        for values in (own, own**2)
     )
     angles = degrees[every]
     swings = np.maximum.reduceat(angles, starts) - np.minimum.reduceat(angles, starts)

@@ -23,10 +23,12 @@ from testbench.exceptions import BenchError, DriverError, InputError, RunInterru
 from testbench.execution.interruption import on_interrupt
 from testbench.execution.recorder import IMU_NOTES
 from testbench.frames import NANOSECONDS
+from testbench.records.layout import JOURNALS, MANIFEST, imu_stream, table_file
 from testbench.records.protocol import Analysis, Estimation
 from testbench.records.replacing import clear_partials
 from testbench.records.samples import ImuSamples
-from testbench.records.session import MANIFEST, Event, RunStatus, Session
+from testbench.records.session import Event, RunStatus, Session
+from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import SessionWriter, file_hashes, note_end
 from testbench.records.storage import compact, read_parquet, write_json
 
@@ -288,7 +290,7 @@ class _Recording:
             },
         )
         for name, imu in imus.items():
-            writer.open_journal(f"imu_{name}", imu.columns(), IMU_NOTES)
+            writer.open_journal(imu_stream(name), imu.columns(), IMU_NOTES)
         writer.event(Event(time.now_ns(), "recording_started", {"devices": list(imus)}))
         status, message, error = RunStatus.COMPLETED, "", None
         with on_interrupt(self._ask_to_stop):
@@ -343,7 +345,7 @@ class _Recording:
         for name, imu in self.devices.imus.items():
             samples = imu.read(until_ns)
             self.streams[name].add(samples)
-            writer.append(f"imu_{name}", samples.to_columns())
+            writer.append(imu_stream(name), samples.to_columns())
             events += [
                 Event(event.host_time_ns, event.event, {"sensor": name, **event.details})
                 for event in imu.events()
@@ -424,6 +426,7 @@ def _free_folder(logs: Path, name: str) -> Path:
     return folder
 
 
+@session_locked
 def recover_recording(session: Session) -> Session:
     """Make a recording readable that was cut off by a kill or a power cut; one that was closed is
     returned as it is.
@@ -436,11 +439,11 @@ def recover_recording(session: Session) -> Session:
     if session.is_being_recorded:
         raise SessionError(f"{session.path} is still being recorded; stop that first")
     path, last = session.path, 0
-    for journal in sorted(path.glob("*.arrows")):
+    for journal in sorted(path.glob(JOURNALS)):
         compact(journal, journal.with_suffix(".parquet"))
     clear_partials(path)
     for name in session.sensor_names:
-        times = read_parquet(path / f"imu_{name}.parquet", ["host_time_ns"])["host_time_ns"]
+        times = read_parquet(path / table_file(imu_stream(name)), ["host_time_ns"])["host_time_ns"]
         last = max(last, int(times.max())) if len(times) else last
     message = f"cut off after {last / NANOSECONDS:.1f} s and recovered"
     note_end(session, Event(last, "recording_aborted", {"message": message}))

@@ -13,10 +13,20 @@ from testbench.exceptions import StorageError
 from testbench.execution.guards import Trip
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
+from testbench.records.layout import (
+    ARM,
+    INCLUDED,
+    PLAN,
+    PROTOCOL,
+    ROBOT,
+    URDF,
+    imu_stream,
+    table_file,
+)
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.replacing import disk_reason, stored
 from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import ARM, PLAN, Event, RunStatus, Session, step_events
+from testbench.records.session import Event, RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
 from testbench.records.storage import last_value
 
@@ -88,8 +98,8 @@ class Recorder:
             ARM, ArmSamples.columns(self.plan.robot.joint_names) | arm_columns, ARM_NOTES
         )
         for name, imu in self.imus.items():
-            self._writer.open_journal(f"imu_{name}", imu.columns(), IMU_NOTES)
-        streams = [ARM, *(f"imu_{name}" for name in self.imus)]
+            self._writer.open_journal(imu_stream(name), imu.columns(), IMU_NOTES)
+        streams = [ARM, *(imu_stream(name) for name in self.imus)]
         self._present = {name: self._writer.rows(name) for name in streams}
 
     def _new(
@@ -121,12 +131,12 @@ class Recorder:
             },
             announced=False,
         )
-        writer.add_text("protocol.yaml", plan.protocol.document.text)
+        writer.add_text(PROTOCOL, plan.protocol.document.text)
         for name, text in plan.protocol.texts().items():
             if name != plan.protocol.document.file.name:
-                writer.add_text(f"included_{name}", text)
-        writer.add_text("robot.yaml", plan.robot.text)
-        writer.add_text("robot.urdf", plan.robot.urdf.read_text(encoding="utf-8"))
+                writer.add_text(f"{INCLUDED}{name}", text)
+        writer.add_text(ROBOT, plan.robot.text)
+        writer.add_text(URDF, plan.robot.urdf.read_text(encoding="utf-8"))
         plan.save(folder / PLAN)
         return writer
 
@@ -141,8 +151,8 @@ class Recorder:
         if (
             session.status is RunStatus.INTERRUPTED
         ):  # it ends with the arm's stop, which must not stay in the middle
-            for stream in [ARM, *(f"imu_{name}" for name in self.imus)]:
-                (session.path / f"{stream}.parquet").unlink(missing_ok=True)
+            for stream in [ARM, *(imu_stream(name) for name in self.imus)]:
+                (session.path / table_file(stream)).unlink(missing_ok=True)
         return writer
 
     @property
@@ -197,7 +207,7 @@ class Recorder:
         """Append what was read, and sync once a second."""
         self._append(ARM, arm.to_columns())
         for name, samples in imus.items():
-            self._append(f"imu_{name}", samples.to_columns())
+            self._append(imu_stream(name), samples.to_columns())
         self._writer.flush()
         if self.clock.monotonic_ns() - self._synced_ns >= NANOSECONDS:
             self._writer.sync()
@@ -237,8 +247,6 @@ class Recorder:
     def _close(self, status: RunStatus, message: str, details: dict[str, Any]) -> Session:
         self._writer.compact()
         write_truth(self.path, self.plan.robot, self.plan.protocol.spec.sensors)
-        duration = (
-            float(last_value(self.path / f"{ARM}.parquet", "host_time_ns") or 0) / NANOSECONDS
-        )
+        duration = float(last_value(self.path / table_file(ARM), "host_time_ns") or 0) / NANOSECONDS
         self._writer.close(status, message=message, duration_s=duration, **details)
         return Session(self.path)

@@ -9,9 +9,11 @@ from pathlib import Path
 from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
+from testbench.records.layout import ARM, JOURNALS, MANIFEST, sensor_of, table_file
 from testbench.records.replacing import clear_partials, stored
 from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import ARM, MANIFEST, Event, RunStatus, Session
+from testbench.records.session import Event, RunStatus, Session
+from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import file_hashes, note_end
 from testbench.records.storage import Journal, compact, last_value, write_json
 
@@ -19,6 +21,7 @@ SMALLEST_JOURNAL = 64
 """A journal of fewer bytes was cut off before its schema was whole; it held nothing."""
 
 
+@session_locked
 def recover(session: Session) -> Session:
     """Make a cut-off session readable; one that was closed is returned as it is.
 
@@ -45,7 +48,7 @@ def _recovered(session: Session) -> Session:
 
         return recover_recording(session)
     path = session.path
-    for journal in sorted(path.glob("*.arrows")):
+    for journal in sorted(path.glob(JOURNALS)):
         if (
             journal.stat().st_size < SMALLEST_JOURNAL
             and not journal.with_suffix(".parquet").is_file()
@@ -54,12 +57,12 @@ def _recovered(session: Session) -> Session:
         compact(journal, journal.with_suffix(".parquet"))
     clear_partials(path)
     session = Session(path)
-    if not (path / f"{ARM}.parquet").is_file() or session.robot is None:
+    if not (path / table_file(ARM)).is_file() or session.robot is None:
         raise SessionError(
             f"{path}: the arm's recording is lost; what the sensors recorded is in imu_*.parquet"
         )
     write_truth(path, session.robot, session.analysis.sensors)
-    duration = float(last_value(path / f"{ARM}.parquet", "host_time_ns") or 0) / NANOSECONDS
+    duration = float(last_value(path / table_file(ARM), "host_time_ns") or 0) / NANOSECONDS
     try:
         planned = float(session.manifest["plan"]["check"]["duration_s"])
     except (KeyError, TypeError, ValueError):
@@ -82,8 +85,8 @@ def _write_empty(session: Session, journal: Path) -> None:
     name = journal.stem
     if name == ARM and session.robot is not None:
         columns = ArmSamples.columns(session.robot.joint_names)
-    elif name.removeprefix("imu_") in session.manifest["sensors"]:
-        sensor = session.manifest["sensors"][name.removeprefix("imu_")]
+    elif sensor_of(name) in session.manifest["sensors"]:
+        sensor = session.manifest["sensors"][sensor_of(name)]
         columns = ImuSamples.columns(
             *(bool(sensor.get(key)) for key in ("magnetometer", "orientation", "temperature"))
         )

@@ -6,6 +6,7 @@ and what an ideal inertial sensor fixed to that frame would measure.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -14,7 +15,7 @@ import pinocchio as pin
 
 from testbench.exceptions import FileProblems, NotFoundError, Problem
 from testbench.model import rotation
-from testbench.model.chain import chain_motion
+from testbench.model.chain import chain_motion, link_poses
 from testbench.records.robot import Robot
 from testbench.records.strict import Placement
 
@@ -69,7 +70,7 @@ class FrameMotion:
     acceleration: np.ndarray
     angular_acceleration: np.ndarray
 
-    @property
+    @cached_property
     def q_world_from_frame(self) -> np.ndarray:
         """Unit quaternions w, x, y, z, shape (n, 4)."""
         return rotation.from_matrix(self.R_world_from_frame)
@@ -127,7 +128,7 @@ class Kinematics:
         self.world_from_base = Pose.from_placement(robot.spec.base)
         self._column = {name: i for i, name in enumerate(robot.joint_names)}
 
-    @property
+    @cached_property
     def link_names(self) -> list[str]:
         """Links of the URDF, base first."""
         return [frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY]
@@ -137,6 +138,17 @@ class Kinematics:
         """Pinocchio's configuration vector at zero angles, shape (nq,)."""
         return pin.neutral(self.model)
 
+    @cached_property
+    def _places(self) -> list[tuple[int, int, bool]]:
+        """Of each joint its column, where Pinocchio's configuration vector has it, and whether it
+        stands there as cosine and sine: a joint without limits does.
+        """
+        joints = [
+            (column, self.model.joints[self.model.getJointId(name)])
+            for name, column in self._column.items()
+        ]
+        return [(column, joint.idx_q, joint.nq == 2) for column, joint in joints]
+
     def configuration(self, q: np.ndarray) -> np.ndarray:
         """Pinocchio's configuration vector, shape (nq,).
 
@@ -144,12 +156,11 @@ class Kinematics:
             q: Joint angles in the robot's order, shape (n_joints,) [rad].
         """
         result = self.neutral.copy()
-        for name, column in self._column.items():
-            joint = self.model.joints[self.model.getJointId(name)]
-            if joint.nq == 2:
-                result[joint.idx_q : joint.idx_q + 2] = np.cos(q[column]), np.sin(q[column])
+        for column, place, unlimited in self._places:
+            if unlimited:
+                result[place : place + 2] = np.cos(q[column]), np.sin(q[column])
             else:
-                result[joint.idx_q] = q[column]
+                result[place] = q[column]
         return result
 
     def check_link(self, link: str) -> None:
@@ -193,6 +204,51 @@ class Kinematics:
             rotations, offsets, axes, columns, np.ascontiguousarray(tip.R), tip.position, q, v, a
         )
         return FrameMotion(*arrays)
+
+    def link_poses(self, links: Sequence[str], q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where several links are, in one walk along each chain that carries some of them.
+
+        Args:
+            links: Names of links in the URDF, l of them.
+            q: Joint angles in the robot's order, shape (n, n_joints) [rad].
+
+        Returns:
+            Positions, shape (n, l, 3) [m], and rotations world from link, shape (n, l, 3, 3).
+
+        Raises:
+            NotFoundError: The arm has no such link.
+        """
+        q = np.ascontiguousarray(np.atleast_2d(q), dtype=float)
+        positions = np.empty((len(q), len(links), 3))
+        rotations = np.empty((len(q), len(links), 3, 3))
+        for chain, places in self._chains(tuple(links)):
+            positions[:, places], rotations[:, places] = link_poses(*chain, q)
+        return positions, rotations
+
+    @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
+    def _chains(self, links: tuple[str, ...]) -> list[tuple[tuple[np.ndarray, ...], list[int]]]:
+        """The chains that carry some links, longest first, as `link_poses` takes them, and the
+        places of the links on each: those whose joints are the first ones of it.
+        """
+        for link in links:
+            self.check_link(link)
+        found = [self.chain_to(link) for link in links]
+        left = sorted(range(len(links)), key=lambda i: -len(found[i][3]))
+        chains: list[tuple[tuple[np.ndarray, ...], list[int]]] = []
+        while left:
+            joints = found[left[0]][:4]
+            own = [i for i in left if np.array_equal(joints[3][: len(found[i][3])], found[i][3])]
+            carriers = np.array([len(found[i][3]) for i in own])
+            tips = [found[i][4] for i in own]
+            chain = (
+                *joints,
+                carriers,
+                np.array([tip.R for tip in tips]),
+                np.array([tip.position for tip in tips]),
+            )
+            chains.append((chain, own))
+            left = [i for i in left if i not in own]
+        return chains
 
     @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
     def chain_to(self, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Pose]:

@@ -17,12 +17,13 @@ from testbench.formats.exporters import Exported
 from testbench.pipeline.exports import export_estimate, refuse_export
 from testbench.pipeline.request import AnalysisRequest
 from testbench.records.calibration_file import SensorCalibration, load_calibrations
-from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
+from testbench.records.layout import REPORT
 from testbench.records.plan import Plan
 from testbench.records.protocol import Estimation
 from testbench.records.session import Session
+from testbench.records.session_lock import session_locked
 from testbench.records.tuning import Tuning, load_tunings
 
 
@@ -157,6 +158,7 @@ def sound(kind: OrientationFilter) -> OrientationFilter:
     return kind
 
 
+@session_locked
 def analyse(
     session: Session,
     asked: AnalysisRequest | LoadedAnalysis | None = None,
@@ -181,6 +183,7 @@ def analyse(
     return Result(plan, session, estimated, evaluated, page, exports)
 
 
+@session_locked
 def make_estimate(session: Session, asked: AnalysisRequest | None = None) -> Estimate:
     """Estimate anew, and keep it.
 
@@ -193,6 +196,7 @@ def make_estimate(session: Session, asked: AnalysisRequest | None = None) -> Est
     return estimated
 
 
+@session_locked
 def load_or_estimate(session: Session, asked: AnalysisRequest | None = None) -> Estimate:
     """The estimate on disk if it was made from this very recording, and as asked where anything is;
     else a new one, which is kept.
@@ -212,7 +216,7 @@ def load_or_estimate(session: Session, asked: AnalysisRequest | None = None) -> 
 
 def stored_estimate(session: Session) -> Estimate | None:
     """The estimate on disk if it can be read and was made from this very recording."""
-    if not (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
+    if not Estimate.lies_in(session.path):
         return None
     try:
         stored = Estimate.load(session.path)
@@ -244,6 +248,7 @@ def is_as_asked(stored: Estimate, session: Session, loaded: LoadedAnalysis) -> b
     )
 
 
+@session_locked
 def judge_again(session: Session, asked: AnalysisRequest | None = None) -> Evaluation:
     """Evaluate what is estimated; a report that exists already is written anew, so that it never
     contradicts the session.
@@ -255,7 +260,7 @@ def judge_again(session: Session, asked: AnalysisRequest | None = None) -> Evalu
     estimated = load_or_estimate(session, asked)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
-    if (session.path / "report.html").is_file():
+    if (session.path / REPORT).is_file():
         _report(session, estimated, evaluated)
     return evaluated
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from testbench.pipeline.request import Request, RunRequest
 from testbench.pipeline.resume import prepare_resume, refuse_other_arm
 from testbench.pipeline.watcher import Consent, Watcher
 from testbench.records.session import Session
+from testbench.records.session_lock import session_lock
 
 
 def run(asked: Request, watcher: Watcher | None = None, prepared: Prepared | None = None) -> Result:
@@ -87,17 +89,18 @@ def _record_simulated(prepared: Prepared, asked: RunRequest, watcher: Watcher) -
     if resumed is not None:
         refuse_differences(resumed, prepared.plan, simulated_sensors(prepared.plan))
         seed, speed = resumed.manifest["seed"], resumed.manifest["arm"]["speed"]
-    return execute(
-        prepared.plan,
-        asked.logs,
-        seed,
-        speed,
-        watcher.clock,
-        watcher.progress,
-        resumed=resumed,
-        keys=watcher.keys,
-        say=watcher.say,
-    )
+    with nullcontext() if resumed is None else session_lock(resumed.path):
+        return execute(
+            prepared.plan,
+            asked.logs,
+            seed,
+            speed,
+            watcher.clock,
+            watcher.progress,
+            resumed=resumed,
+            keys=watcher.keys,
+            say=watcher.say,
+        )
 
 
 def _record_on_arm(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:

@@ -20,6 +20,7 @@ from testbench.pipeline.exports import filters_of, place, write
 from testbench.pipeline.request import AnalysisRequest, ExportRequest, ViewRequest
 from testbench.records.estimate import Estimate
 from testbench.records.session import Session
+from testbench.records.session_lock import session_locked
 
 
 def show(session: Session, asked: ViewRequest | None = None) -> list[Path]:
@@ -53,6 +54,7 @@ def show(session: Session, asked: ViewRequest | None = None) -> list[Path]:
     return written
 
 
+@session_locked
 def export(session: Session, asked: ExportRequest) -> Exported:
     """Write a session in a format that other programs read.
 

@@ -229,7 +229,7 @@ class Plan:
 
     @staticmethod
     def _step_data(step: PlannedStep) -> dict[str, Any]:
-        data = asdict(step)
+        data = vars(step) | {"cycles": None if step.cycles is None else asdict(step.cycles)}
         return {
             key: value
             for key, value in data.items()

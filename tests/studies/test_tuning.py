@@ -21,7 +21,8 @@ from testbench.exceptions import FileProblems, InputError, NotFoundError, Sessio
 from testbench.model import rotation
 from testbench.pipeline.parameter_space import Effort
 from testbench.pipeline.tune import SearchWanted, Sessions, SessionTrials, find_parameters
-from testbench.records.session import MANIFEST, Session
+from testbench.records.layout import MANIFEST
+from testbench.records.session import Session
 from testbench.records.tuning import load_tunings
 from tests.studies.known_recordings import write_known
 

@@ -25,6 +25,8 @@ from testbench.records.storage import read_parquet
 from tests.asking import analysis, going_on
 from tests.processes import FORKS, forked, virtual_time
 
+SEED = 5
+
 
 @dataclass
 class Outcome:
@@ -90,7 +92,7 @@ def _run(
         execute(
             the_plan,
             logs,
-            seed=5,
+            seed=SEED,
             speed=speed,
             progress=lambda progress: tell.send(progress.time),
             session_name="run",
@@ -107,12 +109,14 @@ def told(said: Connection) -> float:
         return reached
 
 
-def killed_at(protocol: Path, logs: Path, struck_s: float) -> Path:
-    """The folder of a session whose run was killed at a time of its own [s]."""
-    process, _ = started(protocol, logs, "realtime", struck_s)
+def killed_at(protocol: Path, logs: Path, struck_s: float) -> tuple[Path, float]:
+    """The folder of a session whose run was killed at a time of its own [s], and how far it said
+    it had come [s].
+    """
+    process, said = started(protocol, logs, "realtime", struck_s)
     process.join()
     assert process.exitcode == -signal.SIGKILL
-    return logs / "run"
+    return logs / "run", told(said)
 
 
 def killed(protocol: Path, logs: Path, speed: str, after_s: float) -> float:
@@ -173,4 +177,4 @@ def moments(count: int, seed: int = 0) -> list[tuple[str, float]]:
     writing of the session.
     """
     rng = random.Random(seed)
-    return [("realtime" if i % 2 else "fast", rng.uniform(0.0, 1.1)) for i in range(count)]
+    return [("realtime" if i % 2 else "fast", rng.uniform(0.25, 1.1)) for i in range(count)]

@@ -205,6 +205,16 @@ def test_nothing_is_resumed_that_is_no_longer_the_same(tiny_plan, tmp_path, cloc
     assert Session(session.path).status is RunStatus.ERROR
 
 
+def test_a_package_that_computed_no_raw_file_decides_nothing(tiny_plan, tmp_path, clock):
+    session = broken_off(tiny_plan, tmp_path, clock, 1.0)
+    manifest = json.loads((session.path / "manifest.json").read_text())
+    assert "imufusion" not in manifest["software"]
+    manifest["software"] |= {"vqf": "1.0", "pyarrow": "1.0", "imufusion": "1.3.3"}
+    (session.path / "manifest.json").write_text(json.dumps(manifest))
+    resumed = run(going_on(session.path), Watcher(clock))
+    assert resumed.session.status is RunStatus.COMPLETED
+
+
 def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_own_file(
     tiny, tmp_path, clock
 ):

@@ -99,7 +99,7 @@ def raw(session: Session) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def cut_off(tiny, tmp_path_factory) -> Path:
     """A session whose run was killed, with its journals."""
-    folder = killed_at(tiny, tmp_path_factory.mktemp("cut_off"), 3.0)
+    folder, _ = killed_at(tiny, tmp_path_factory.mktemp("cut_off"), 3.0)
     assert list(folder.glob("*.arrows"))
     return folder
 

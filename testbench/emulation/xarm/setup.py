@@ -59,11 +59,11 @@ def make_server(
 
     Args:
         model: As for `make_controller`.
-        address: As for `XArmServer`.
-        token: As for `XArmServer`.
+        address: To listen on, as for `XArmServer`.
+        token: What clients must say first, as for `XArmServer`.
         at_deg: Joint angles at the start [deg]; home if None.
-        seed: As for `make_controller`.
-        scenario: As for `make_controller`.
+        seed: Of the encoders' noise.
+        scenario: File of faults to come; none if None.
         own: The other arguments of `make_controller`, and `command_port`, as for `XArmServer`.
 
     Raises:
