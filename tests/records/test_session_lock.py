@@ -24,7 +24,7 @@ from testbench.records.session import Session
 from testbench.records.session_lock import session_lock, session_locked
 from testbench.reporting.report import report
 from tests.asking import analysis
-from tests.system.crashes import ROOT
+from tests.emulated_arms import ROOT
 
 HOLD = """\
 import sys, time
