@@ -15,7 +15,7 @@ from testbench.drivers.arms.remote import RemoteArm
 from testbench.drivers.arms.replay import ReplayArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.estimation.filters import OrientationFilter
 from testbench.exceptions import BenchError, InputError
 from testbench.execution import execute

@@ -20,7 +20,7 @@ import pytest
 
 from testbench.clock import SystemClock
 from testbench.drivers.arms.ur import UrArm, ur_settings
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions

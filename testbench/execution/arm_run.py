@@ -16,7 +16,8 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.following import ReportedMotion
 from testbench.drivers.imus.simulated import SimulatedImu
-from testbench.drivers.imus.streamed import SessionTime, StreamedImu
+from testbench.drivers.imus.streamed import StreamedImu
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import BenchError, InputError, RunInterrupted, StorageError
 from testbench.execution.device_recorder import Devices
 from testbench.execution.executor import Progress, free_folder

@@ -16,9 +16,10 @@ from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.bluetooth import SCAN_S, BluetoothLoop
 from testbench.drivers.imus.line_format import load_line_format
 from testbench.drivers.imus.serial_line import SerialImu, list_serial_ports
-from testbench.drivers.imus.streamed import SessionTime, StreamedImu
+from testbench.drivers.imus.streamed import StreamedImu
 from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.drivers.imus.xsens_dot_sync import synchronise
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import BenchError, DriverError, InputError, RunInterrupted, SessionError
 from testbench.execution.interruption import on_interrupt
 from testbench.execution.recorder import IMU_NOTES

@@ -15,7 +15,7 @@ from testbench.clock import SystemClock
 from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.pipeline import make_plan
 from testbench.records.plan import Plan

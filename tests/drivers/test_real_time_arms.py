@@ -13,7 +13,7 @@ from testbench.drivers.arms.replay import ReplayArm
 from testbench.drivers.arms.straight_path import StraightPaths
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.following import ReportedMotion
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.execution.device_recorder import Devices

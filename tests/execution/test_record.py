@@ -27,7 +27,7 @@ from testbench import Session
 from testbench.cli.app import app
 from testbench.clock import SystemClock
 from testbench.drivers.imus.base import Imu
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError, RunInterrupted, SessionError
 from testbench.execution import device_recorder
 from testbench.execution.device_recorder import (

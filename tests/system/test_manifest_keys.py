@@ -19,7 +19,7 @@ from testbench import execute, plan
 from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
 from testbench.drivers.arms.replay import ReplayArm
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.execution.device_recorder import open_devices, record_devices

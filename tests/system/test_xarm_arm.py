@@ -20,7 +20,7 @@ from testbench.cli.app import app
 from testbench.clock import SystemClock
 from testbench.drivers.arms.remedies import XARM_REMEDIES
 from testbench.drivers.arms.xarm import XArm, xarm_settings
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.emulation.xarm.server import XArmServer
 from testbench.emulation.xarm.setup import make_controller
 from testbench.exceptions import ArmRefused, DriverError, InputError

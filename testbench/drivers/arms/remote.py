@@ -17,7 +17,7 @@ from testbench.clock import SystemClock
 from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.link import Link, LinkSettings, Message, Motion
 from testbench.drivers.arms.straight_path import StraightPaths
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import ArmRefused, DriverError, InputError
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import Plan, PlannedStep

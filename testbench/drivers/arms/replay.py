@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import Plan, PlannedStep
