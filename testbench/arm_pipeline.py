@@ -18,10 +18,9 @@ from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.drivers.session_time import SessionTime
 from testbench.estimation.filters import OrientationFilter
 from testbench.exceptions import BenchError, InputError
-from testbench.execution import execute
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import open_devices
-from testbench.execution.executor import Progress, simulated_sensors
+from testbench.execution import RunOptions, execute
+from testbench.execution.devices import open_devices
+from testbench.execution.executor import execute_on_arm, simulated_sensors
 from testbench.execution.resume import (
     is_own_copy,
     missing_steps,
@@ -32,6 +31,8 @@ from testbench.execution.resume import (
     stored_protocol,
     stored_robot,
 )
+from testbench.execution.run_progress import Progress
+from testbench.execution.sensors import Sensors
 from testbench.model.dh_calibration import calibrated
 from testbench.model.dh_plausibility import judge_corrections
 from testbench.pipeline import Result, analyse, make_plan
@@ -116,7 +117,7 @@ def refuse_other_maker(robot: Robot, driver: str) -> None:
         ) from None
 
 
-def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Sensors, SessionTime]:
+def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Sensors]:
     """The arm and the sensors of a run that is not simulated; nothing is connected yet.
 
     Raises:
@@ -131,7 +132,7 @@ def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Se
     else:
         arm = UrArm(plan.robot, ur_settings(plan, setup.host), time, setup.arm_serial)
     if setup.simulate_imus:
-        return arm, Sensors.simulated(plan, setup.seed), time
+        return arm, Sensors.simulated(plan, setup.seed)
     if not setup.serial and not setup.dots:
         if setup.log is not None:
             arm.connect()  # what is wrong with the log is said first
@@ -139,14 +140,14 @@ def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Se
             "name the sensors on the arm with --serial or --dot, or simulate them with "
             "--simulate-imus"
         )
-    devices = open_devices(setup.serial, setup.dots, clock, time=time)
-    return arm, Sensors.live(plan, devices), time
+    devices = open_devices(setup.serial, setup.dots, time)
+    return arm, Sensors.live(plan, devices)
 
 
 def run_on_arm(
     plan: Plan,
     setup: ArmSetup,
-    options: ArmRunOptions,
+    options: RunOptions,
     filters: Sequence[str | OrientationFilter] | None = None,
     with_report: bool = True,
     clock: Clock | None = None,
@@ -167,15 +168,15 @@ def run_on_arm(
     """
     if calibrations is not None:
         load_calibrations(calibrations)  # a bad file is refused before anything moves
-    arm, sensors, time = make_arm(plan, setup, clock or SystemClock())
-    session = execute_on_arm(plan, arm, sensors, time, options)
+    arm, sensors = make_arm(plan, setup, clock or SystemClock())
+    session = execute_on_arm(plan, arm, sensors, options)
     return _judge(session, plan, options, filters, with_report, calibrations, tunings)
 
 
 def _judge(
     session: Session,
     plan: Plan,
-    options: ArmRunOptions,
+    options: RunOptions,
     filters: Sequence[str | OrientationFilter] | None,
     with_report: bool,
     calibrations: Path | None,
@@ -209,7 +210,7 @@ def look_at_arm(
         InputError: As for `make_arm`, or the arm must not be driven.
         DriverError: A live sensor delivers nothing, or there is no controller that answers.
     """
-    arm, sensors, _ = make_arm(plan, setup, clock or SystemClock())
+    arm, sensors = make_arm(plan, setup, clock or SystemClock())
     try:
         sensors.listen()
         arm.connect()
@@ -272,7 +273,7 @@ def prepare_resume(
 def resume(
     path: Path,
     setup: ArmSetup | None = None,
-    options: ArmRunOptions | None = None,
+    options: RunOptions | None = None,
     protocol: str | Path | None = None,
     filters: Sequence[str | OrientationFilter] | None = None,
     with_report: bool = True,
@@ -311,15 +312,14 @@ def resume(
     if session.manifest["arm"]["driver"] == "simulated":
         refuse_differences(session, the_plan, simulated_sensors(the_plan))
         seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
-        resumed = execute(
-            the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session
-        )
+        again = RunOptions(seed=seed, speed=speed, clock=clock, progress=progress, resumed=session)
+        resumed = execute(the_plan, options=again)
         return analyse(resumed, filters, with_report, the_plan, calibrations, tunings)
     if setup is None or options is None:
         raise InputError(
             f"{path} was run on a real arm; say --arm, --host and --confirm-motion to go on"
         )
-    arm, sensors, time = make_arm(the_plan, setup, clock or SystemClock())
+    arm, sensors = make_arm(the_plan, setup, clock or SystemClock())
     refuse_differences(
         session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()}
     )
@@ -328,5 +328,5 @@ def resume(
         steps=steps,
         resumes={"session": session.name, "steps": [step.index for step in steps]},
     )
-    session = execute_on_arm(the_plan, arm, sensors, time, options)
+    session = execute_on_arm(the_plan, arm, sensors, options)
     return _judge(session, the_plan, options, filters, with_report, calibrations, tunings)

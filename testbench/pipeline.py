@@ -19,7 +19,8 @@ from testbench.estimation.filters.tuned import choose_tuned
 from testbench.evaluation import evaluate
 from testbench.exceptions import InputError, NotFoundError, SessionError
 from testbench.execution import execute
-from testbench.execution.executor import Progress
+from testbench.execution.options import RunOptions
+from testbench.execution.run_progress import Progress
 from testbench.formats.exporters import (
     TRUTH,
     Exported,
@@ -104,7 +105,8 @@ def run(
     the_plan = make_plan(protocol, robot, filters, tunings)
     if planned is not None:
         planned(the_plan)
-    session = execute(the_plan, logs, seed, speed, clock, progress, keys=keys, say=say)
+    options = RunOptions(logs, seed, speed, clock, keys=keys, progress=progress, say=say)
+    session = execute(the_plan, options=options)
     return analyse(session, filters, with_report, the_plan, calibrations, tunings)
 
 

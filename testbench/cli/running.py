@@ -8,6 +8,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -33,7 +34,7 @@ from testbench.cli.tuning import TunedOption
 
 if TYPE_CHECKING:
     from testbench.arm_pipeline import ArmSetup
-    from testbench.execution.arm_run import ArmRunOptions
+    from testbench.execution import RunOptions
     from testbench.pipeline import Result
     from testbench.records.plan import Plan, PlannedStep
 
@@ -201,10 +202,8 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
     refuse_other_maker(plan.robot, choice.arm)
     if not choice.json:
         say_warnings(plan)
-    options = _options(choice)
-    if choice.moves:
-        options.checklist = approve(plan, choice, setup)
-    with _shown(choice, options):
+    checklist = approve(plan, choice, setup) if choice.moves else None
+    with _shown(choice, checklist) as options:
         return run_on_arm(
             plan,
             setup,
@@ -217,12 +216,17 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
 
 
 @contextmanager
-def _shown(choice: ArmChoice, options: ArmRunOptions) -> Iterator[None]:
-    """Show a run on a real arm."""
+def _shown(choice: ArmChoice, checklist: dict[str, Any] | None) -> Iterator[RunOptions]:
+    """The options of a run on a real arm, which show it."""
+    from testbench.execution import RunOptions
+
+    options = RunOptions(choice.logs, choice.seed, checklist=checklist)
     with progress_bar(not choice.json, "connecting") as display, _resumable(choice.resume_line):
         if display is not None:
-            options.progress, options.say = display, display.say
-        yield
+            options = replace(
+                options, keys=True, progress=display, say=display.say, notify=say_warning
+            )
+        yield options
 
 
 @contextmanager
@@ -263,16 +267,15 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
     prepared = prepare_resume(session, protocol, robot, choice.filters, choice.tuned)
     if not choice.json:
         say_note(prepared.note)
-    options = None if simulated else _options(choice)
-    if options is not None and choice.moves:
-        assert setup is not None
-        options.checklist = approve(prepared.plan, choice, setup, prepared.steps)
+    checklist = None
+    if setup is not None and choice.moves:
+        checklist = approve(prepared.plan, choice, setup, prepared.steps)
     with ExitStack() as stack:
-        progress = None
-        if options is None:
+        progress = options = None
+        if simulated:
             progress = stack.enter_context(progress_bar(not choice.json))
         else:
-            stack.enter_context(_shown(choice, options))
+            options = stack.enter_context(_shown(choice, checklist))
         return resume(
             session,
             setup,
@@ -284,14 +287,6 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
             tunings=choice.tuned,
             prepared=prepared,
         )
-
-
-def _options(choice: ArmChoice) -> ArmRunOptions:
-    from testbench.execution.arm_run import ArmRunOptions
-
-    return ArmRunOptions(
-        choice.logs, choice.seed, keys=not choice.json, notify=None if choice.json else say_warning
-    )
 
 
 def approve(

@@ -1,5 +1,5 @@
-"""Recover a session whose run was cut off by a kill or a power cut: keep every whole batch, and say
-what is missing.
+"""Recover a session whose recording was cut off by a kill or a power cut: keep every whole batch,
+and say what is missing.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ SMALLEST_JOURNAL = 64
 
 
 def recover(session: Session) -> Session:
-    """Make a cut-off session readable; one that was closed is returned as it is.
+    """Make a cut-off session readable, of a run or of devices alone; one that was closed is
+    returned as it is.
 
     Raises:
         SessionError: It is still being recorded, or the arm's journal is lost, so that there is no
@@ -47,10 +48,6 @@ def recover(session: Session) -> Session:
 
 def _recovered(session: Session) -> Session:
     """Turn what was recorded into tables, and close the session."""
-    if session.manifest.get("kind") == "recording":
-        from testbench.execution.device_recorder import recover_recording
-
-        return recover_recording(session)
     path = session.path
     for journal in sorted(path.glob("*.arrows")):
         if (
@@ -62,20 +59,16 @@ def _recovered(session: Session) -> Session:
     for partial in path.glob("*.partial"):
         partial.unlink()
     session = Session(path)
-    if not (path / f"{ARM}.parquet").is_file() or session.robot is None:
-        raise SessionError(
-            f"{path}: the arm's recording is lost; what the sensors recorded is in imu_*.parquet"
-        )
-    write_truth(path, session.robot, session.analysis.sensors)
-    duration = float(last_value(path / f"{ARM}.parquet", "host_time_ns") or 0) / NANOSECONDS
-    try:
-        planned = float(session.manifest["plan"]["check"]["duration_s"])
-    except (KeyError, TypeError, ValueError):
-        raise SessionError(
-            f"{path / MANIFEST} is damaged: it does not say how long the plan is"
-        ) from None
-    message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
-    note_end(session, Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}))
+    kind, planned = "recording", ""
+    if session.manifest.get("kind") == kind:
+        last_ns = max(_last_ns(path / f"imu_{name}.parquet") for name in session.sensor_names)
+    else:
+        _add_truth(session)
+        last_ns = _last_ns(path / f"{ARM}.parquet")
+        kind, planned = "run", f" of {_planned_s(session):.1f}"
+    duration = last_ns / NANOSECONDS
+    message = f"cut off after {duration:.1f}{planned} s and recovered"
+    note_end(session, Event(last_ns, f"{kind}_aborted", {"message": message}))
     manifest = session.manifest | {
         "status": RunStatus.ABORTED,
         "message": message,
@@ -83,6 +76,31 @@ def _recovered(session: Session) -> Session:
     }
     write_json(path / MANIFEST, manifest | {"files": file_hashes(path)})
     return Session(path)
+
+
+def _add_truth(session: Session) -> None:
+    """Write the truth that follows from the arm's recording."""
+    if not (session.path / f"{ARM}.parquet").is_file() or session.robot is None:
+        raise SessionError(
+            f"{session.path}: the arm's recording is lost; what the sensors recorded is in "
+            "imu_*.parquet"
+        )
+    write_truth(session.path, session.robot, session.analysis.sensors)
+
+
+def _planned_s(session: Session) -> float:
+    """How long the run was to last [s]."""
+    try:
+        return float(session.manifest["plan"]["check"]["duration_s"])
+    except (KeyError, TypeError, ValueError):
+        raise SessionError(
+            f"{session.path / MANIFEST} is damaged: it does not say how long the plan is"
+        ) from None
+
+
+def _last_ns(table: Path) -> int:
+    """When the last sample was taken, or arrived [ns]; 0 if there is none."""
+    return int(last_value(table, "host_time_ns") or 0)
 
 
 def _write_empty(session: Session, journal: Path) -> None:

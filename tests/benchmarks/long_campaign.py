@@ -66,14 +66,14 @@ found = {}
 def tell(progress):
     print(progress.time / progress.duration, flush=True)
 if stage in {"plan", "run"}:
-    from testbench import execute
+    from testbench.execution import RunOptions, execute
     from testbench.pipeline import make_plan
     plan = make_plan(folder / "campaign.yaml")
     found = {"duration_s": plan.duration, "knots": len(plan.trajectory.time_ns)}
     if stage == "run":
-        execute(plan, folder / "logs", seed=1, progress=tell, session_name="campaign")
+        execute(plan, folder / "logs", 1, RunOptions(progress=tell, session_name="campaign"))
 elif stage == "resume":
-    from testbench import execute
+    from testbench.execution import RunOptions, execute
     from testbench.execution.executor import simulated_sensors
     from testbench.execution.resume import open_for_resume, refuse_differences, stored_protocol, stored_robot
     from testbench.pipeline import make_plan
@@ -82,7 +82,7 @@ elif stage == "resume":
     with stored_protocol(session) as protocol:
         plan = make_plan(protocol, stored_robot(session))
         refuse_differences(session, plan, simulated_sensors(plan))
-        session = execute(plan, seed=1, resumed=session)
+        session = execute(plan, seed=1, options=RunOptions(resumed=session))
     found |= {"status": session.status, "duration_s": session.manifest["duration_s"]}
 else:
     from testbench.estimation import estimate

@@ -15,8 +15,10 @@ from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.following import ReportedMotion
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import Devices
+from testbench.execution import RunOptions
+from testbench.execution.devices import Devices
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
 from testbench.records.robot import Robot, load_robot
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus
@@ -109,8 +111,7 @@ def replay(the_plan, log, logs):
         the_plan,
         ReplayArm(the_plan.robot, log, time),
         Sensors.simulated(the_plan, 1),
-        time,
-        ArmRunOptions(logs),
+        RunOptions(logs),
     )
 
 
@@ -195,5 +196,5 @@ def test_a_sensor_that_delivers_nothing_ends_the_run_before_the_arm_is_even_conn
     monkeypatch.setattr(arm, "connect", lambda: pytest.fail("the arm was connected"))
     sensors = Sensors(dict(Sensors.simulated(the_plan, 1).imus), MuteDevices({}, time))
     with pytest.raises(DriverError, match="delivers no sample"):
-        execute_on_arm(the_plan, arm, sensors, time, ArmRunOptions(tmp_path / "logs"))
+        execute_on_arm(the_plan, arm, sensors, RunOptions(tmp_path / "logs"))
     assert not (tmp_path / "logs").exists()

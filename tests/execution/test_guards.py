@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from testbench import execute, plan
 from testbench.exceptions import ArmRefused, BenchError
+from testbench.execution import RunOptions
 from testbench.execution.checklist import HAZARDS, confirm_hazards
 from testbench.execution.guards import GuardWatch, Trip
 from testbench.execution.operator import Operator
@@ -155,7 +156,9 @@ def test_a_simulated_run_says_what_a_guard_found_and_that_it_waits(tiny, tmp_pat
             os.kill(os.getpid(), signal.SIGUSR2)
 
     session = execute(
-        plan(tmp_path / "tiny.yaml"), tmp_path / "logs", speed="realtime", clock=clock, say=hear
+        plan(tmp_path / "tiny.yaml"),
+        tmp_path / "logs",
+        options=RunOptions(speed="realtime", clock=clock, say=hear),
     )
     assert session.status is RunStatus.COMPLETED
     assert said[0].startswith("warning: sample gap of hand: ") and said[0].endswith(

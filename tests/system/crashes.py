@@ -27,14 +27,15 @@ ROOT = Path(__file__).resolve().parents[2]
 
 RUN = """\
 import sys
-from testbench import execute, plan
+from testbench import plan
+from testbench.execution import RunOptions, execute
 
 def tell(progress):
     print(progress.time, flush=True)
 
 the_plan = plan(sys.argv[1])
 print("ready", flush=True)
-execute(the_plan, sys.argv[2], seed=5, speed=sys.argv[3], progress=tell, session_name="run")
+execute(the_plan, sys.argv[2], 5, RunOptions(speed=sys.argv[3], progress=tell, session_name="run"))
 """
 
 

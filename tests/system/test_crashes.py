@@ -18,6 +18,7 @@ from testbench import execute, plan
 from testbench.arm_pipeline import resume
 from testbench.cli.app import app
 from testbench.exceptions import InputError, RunInterrupted, SessionError
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.pipeline import analyse
 from testbench.records.sensor import load_preset
@@ -56,7 +57,12 @@ def broken_off(tiny_plan, logs, clock, at_s: float) -> Session:
             raise Stop
 
     with pytest.raises(Stop):
-        execute(tiny_plan, logs, 5, "realtime", clock=clock, progress=fail, session_name="broken")
+        execute(
+            tiny_plan,
+            logs,
+            5,
+            RunOptions(speed="realtime", clock=clock, progress=fail, session_name="broken"),
+        )
     return Session(logs / "broken")
 
 
@@ -91,7 +97,7 @@ def test_a_run_with_a_preset_file_and_a_thermometer_is_resumed(tiny, tmp_path, c
     text = tiny.read_text(encoding="utf-8").replace("preset: xsens_dot", "preset: warm.yaml")
     (tmp_path / "tiny.yaml").write_text(text, encoding="utf-8")
     warm_plan = plan(tmp_path / "tiny.yaml")
-    whole = execute(warm_plan, tmp_path, 5, clock=clock, session_name="whole")
+    whole = execute(warm_plan, tmp_path, 5, RunOptions(clock=clock, session_name="whole"))
     session = broken_off(warm_plan, tmp_path, clock, 2.0)
     (tmp_path / "warm.yaml").unlink()  # the session has its own copy
     resumed = resume(session.path, with_report=False, clock=clock).session
@@ -113,7 +119,9 @@ def test_a_journal_that_was_cut_off_before_its_first_row_is_recovered_with_its_c
         "{clock:", "{thermometer: {noise_sd_deg_c: 0.1}, clock:"
     )
     (tmp_path / "tiny.yaml").write_text(warm, encoding="utf-8")
-    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, clock=clock, session_name="cut")
+    session = execute(
+        plan(tmp_path / "tiny.yaml"), tmp_path, 5, RunOptions(clock=clock, session_name="cut")
+    )
     expected = session.imu_columns("hand")
     (session.path / "imu_hand.parquet").unlink()
     (session.path / "imu_hand.arrows").write_bytes(b"")
@@ -133,7 +141,10 @@ def test_an_interrupted_run_is_resumed_without_the_stop_that_the_arm_made(
 
     with pytest.raises(RunInterrupted):
         execute(
-            tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=stop, session_name="broken"
+            tiny_plan,
+            tmp_path,
+            5,
+            RunOptions(speed="realtime", clock=clock, progress=stop, session_name="broken"),
         )
     result = resume(tmp_path / "broken", with_report=False, clock=clock)
     assert comparable(result.evaluation) == comparable(whole[1])
@@ -157,7 +168,9 @@ def test_a_pause_lets_virtual_time_stand_still_and_changes_nothing_else(
             os.kill(os.getpid(), signal.SIGUSR2)
 
     clock.sleep = sleep
-    session = execute(tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=pause)
+    session = execute(
+        tiny_plan, tmp_path, 5, RunOptions(speed="realtime", clock=clock, progress=pause)
+    )
     names = [event.event for event in session.events]
     assert "paused" in names and "resumed" in names
     assert comparable(analyse(session, with_report=False).evaluation) == comparable(whole[1])

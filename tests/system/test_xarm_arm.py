@@ -24,7 +24,9 @@ from testbench.drivers.session_time import SessionTime
 from testbench.emulation.xarm.server import XArmServer
 from testbench.emulation.xarm.setup import make_controller
 from testbench.exceptions import ArmRefused, DriverError, InputError
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.execution import RunOptions
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
 from testbench.pipeline import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
@@ -106,8 +108,7 @@ def drive(plan: Plan, address: str, logs: Path, **options) -> Session:
         plan,
         the_arm(plan, address, time_),
         Sensors.simulated(plan, 1),
-        time_,
-        ArmRunOptions(logs, **options),
+        RunOptions(logs, **options),
     )
 
 

@@ -1,0 +1,250 @@
+"""The loop of every run: of a simulated, an emulated, a replayed or a real arm, and of devices
+alone.
+
+Everything is asked for what it recorded up to the same host time, again and again: the arm first,
+for sensors may follow what it reports. What time is - a simulation's, which passes because somebody
+waits for it, or the machine's - only the arm and its clock know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from testbench.drivers.arms.base import SteppingArm
+from testbench.exceptions import BenchError, RunInterrupted, StorageError
+from testbench.execution.guards import GuardTripped, GuardWatch
+from testbench.execution.operator import Operator, operator_requests
+from testbench.execution.options import RunOptions
+from testbench.execution.recorder import Recorder
+from testbench.execution.run_progress import Meter
+from testbench.execution.sensors import Sensors
+from testbench.execution.state_machine import RunState, StateMachine
+from testbench.records.plan import Plan
+from testbench.records.samples import ArmSamples, ImuSamples
+from testbench.records.session import Event, RunStatus, Session
+
+
+@dataclass
+class RunLoop:
+    """One run, from connected devices to a closed session.
+
+    Attributes:
+        arm: Connected.
+        sensors: Not yet started, but where they must have been.
+        recorder: Of the session.
+        meter: Tells how far the run is.
+        options: Keys, and who is told what.
+        plan: What the arm does; None without an arm.
+    """
+
+    arm: SteppingArm
+    sensors: Sensors
+    recorder: Recorder
+    meter: Meter
+    options: RunOptions
+    plan: Plan | None = None
+    now_ns: int = field(default=0, init=False)
+    fault: str = field(default="", init=False)
+    pausing: bool = field(default=False, init=False)
+    resting: bool = field(default=False, init=False)
+    why_paused: str = field(default="", init=False)
+
+    def __post_init__(self) -> None:
+        guards = self.plan.protocol.spec.guards if self.plan is not None else None
+        guards = guards or self.arm.usual_guards
+        self.guards = GuardWatch(guards, list(self.sensors.imus)) if guards is not None else None
+        self.machine = StateMachine(self._state_changed)
+        self.changed_ns: int | None = None
+
+    def run(self) -> Session:
+        """Record until the end, a fault, or the operator's stop.
+
+        Raises:
+            RunInterrupted: The operator stopped it; the session is kept.
+            BenchError: Arm, sensor or guard ended it; the session is kept, and is closed as an
+                error. Its notes say what to do.
+        """
+        with operator_requests(self.options.keys, self.arm.takes_pauses) as operator:
+            error: BaseException | None = None
+            try:
+                self._start()
+                self._follow(operator)
+            except BaseException as failure:
+                error = failure
+            interrupted = operator.stop_asked and self.arm.ends
+            self._come_to_rest(error, interrupted)
+            error = error or self.recorder.lacking()
+            session = self._close(error, interrupted)
+        summary = self.guards.summary if self.guards is not None and self.arm.attended else ""
+        for line in [summary, *self.arm.afterwards()]:
+            if line:
+                self.options.say(line)
+        if error is not None:
+            self._advise(error, session)
+            raise error
+        if interrupted:
+            raise RunInterrupted(f"interrupted by the operator; {self.recorder.kept}", session)
+        return session
+
+    def _start(self) -> None:
+        """Bring the arm to its start, and let everything run; time 0 is now."""
+        self.machine.to(RunState.APPROACHING)
+        self.meter.say(0, self.arm.coming)
+        if self.plan is not None:
+            self.arm.prepare(self.plan)
+        self.sensors.start()
+        self.arm.kickoff()
+        self.recorder.began(self.arm)
+        self.machine.to(RunState.RUNNING)
+
+    def _follow(self, operator: Operator) -> None:
+        """Record, pause and go on until the arm is done, or the operator wants no more."""
+        end_ns: int | None = None
+        while end_ns is None or self.now_ns < end_ns:
+            operator.look()
+            if operator.stop_asked:
+                return
+            self._pause_or_resume(operator)
+            until_ns = self.arm.next_ns(self.now_ns)
+            self._advance(until_ns if end_ns is None else min(until_ns, end_ns), operator)
+            if self.arm.finished and end_ns is None:
+                end_ns = self.now_ns + self.arm.tail_ns
+            resting = "paused, the arm rests" if self.resting else ""
+            self.meter.say(
+                self.now_ns, "recording goes on for a second" if self.arm.finished else resting
+            )
+
+    def _advance(self, until_ns: int, operator: Operator | None = None) -> None:
+        """Record everything up to a host time, and look at it where an operator can act on it."""
+        arm = self.arm.read(until_ns)
+        self.now_ns = until_ns
+        self.recorder.arm_samples(arm)  # a sensor that fails does not lose them
+        imus = self.sensors.read(until_ns, arm)
+        self.recorder.sensor_samples(imus)
+        self._note(self.arm.events())
+        happened = self._note_devices()
+        if operator is not None and self.guards is not None:
+            self._guard(self.guards, arm, imus, happened, operator)
+
+    def _guard(
+        self,
+        guards: GuardWatch,
+        arm: ArmSamples,
+        imus: dict[str, ImuSamples],
+        happened: dict[str, list[Event]],
+        operator: Operator,
+    ) -> None:
+        """Act on the limits that are broken."""
+        heard_ns = self.sensors.known_until_ns(self.now_ns)
+        for trip in guards.look(heard_ns, arm, imus, happened):
+            self.recorder.guard_event(self.now_ns, trip)
+            if trip.action == "stop":
+                raise GuardTripped(f"a guard stopped the run: {trip.sentence}")
+            self.options.say(f"warning: {trip.sentence}")
+            if trip.action == "pause":
+                operator.pause(f"guard: {trip.sentence}")
+
+    def _pause_or_resume(self, operator: Operator) -> None:
+        """Tell the arm what the operator wants; that it rests, or goes on, is its own event."""
+        if operator.pause_asked and not self.pausing and self.machine.state is RunState.RUNNING:
+            why = operator.pause_reason or "asked for"
+            self.pausing, self.why_paused = True, why
+            self.paused = f"PAUSED ({why}): {operator.how_to_go_on}"
+            self.arm.pause()
+            self._note(self.arm.events())
+            if not self.resting:  # it must end the step under way
+                self.recorder.event(self.arm.time.now_ns(), "pause_requested", why=why)
+                self.options.say(f"pause requested ({why}): the arm rests after this step")
+        elif not operator.pause_asked and self.pausing:
+            self.arm.resume()
+            self.pausing, operator.pause_reason = False, ""
+            if not self.resting:  # the step under way had not ended
+                self.recorder.event(self.arm.time.now_ns(), "pause_withdrawn")
+            self.options.say("going on")
+
+    def _note(self, events: Iterable[Event]) -> None:
+        """Keep what the arm did."""
+        for event in events:
+            self.meter.note(event)
+            if event.event in {"paused", "resumed"}:
+                self._paused_or_resumed(event)
+            if event.event == "arm_fault":
+                self.fault = str(event.details.get("fault"))
+            self.recorder.arm_event(event)
+
+    def _paused_or_resumed(self, event: Event) -> None:
+        """The arm rests, or goes on: that, and not the wish, changes the state."""
+        self.resting = event.event == "paused"
+        before, after = RunState.RUNNING, RunState.PAUSED
+        if not self.resting:
+            before, after = after, before
+        if self.machine.state is before:
+            self.changed_ns = event.host_time_ns
+            self.machine.to(after, self.why_paused if self.resting else "asked for")
+            self.changed_ns = None
+        if self.resting:
+            self.options.say(self.paused)
+
+    def _note_devices(self) -> dict[str, list[Event]]:
+        """Keep what happened to the sensors, such as a lost connection; the same by name."""
+        happened = {name: imu.events() for name, imu in self.sensors.imus.items()}
+        self.recorder.device_events(happened)
+        return happened
+
+    def _state_changed(self, old: RunState, new: RunState, why: str) -> None:
+        if not self.arm.attended:
+            return
+        with suppress(StorageError):
+            at_ns = self.now_ns if self.changed_ns is None else self.changed_ns
+            details = {"why": why} if why else {}
+            self.recorder.event(at_ns, "state", state=str(new), before=str(old), **details)
+
+    def _come_to_rest(self, error: BaseException | None, interrupted: bool) -> None:
+        """Stop the arm and the sensors, and take what they recorded until then; a failure here must
+        not hide the first one.
+        """
+        finished, time = self.arm.finished, self.arm.time
+        self.now_ns = max(self.now_ns, time.now_ns())
+        if error is not None:
+            self.machine.to(RunState.FAULTED, sentence(error))
+        else:
+            self.machine.to(RunState.STOPPING)
+        self.arm.stop()
+        if interrupted and error is None:
+            time.wait_until(self.now_ns + self.arm.rests_after_ns)
+        with suppress(Exception):
+            if self.now_ns > 0 and not finished:
+                self._advance(max(self.now_ns, time.now_ns()))
+        with suppress(StorageError):
+            # A step whose last samples were lost has not ended.
+            self._note(own for own in self.arm.events() if not own.event.startswith("step_"))
+        self.sensors.stop()
+
+    def _close(self, error: BaseException | None, interrupted: bool) -> Session:
+        """Say how it ended, and close the session."""
+        status, message = RunStatus.COMPLETED, ""
+        if error is not None:
+            status, message = RunStatus.ERROR, sentence(error)
+        elif interrupted:
+            status, message = RunStatus.INTERRUPTED, "stopped by the operator"
+        if error is None:
+            self.machine.to(RunState.DONE)
+        with suppress(StorageError):
+            self._note_devices()
+            self.recorder.ended(self.now_ns, status, message)
+        return self.recorder.close(status, message, self.arm.describe())
+
+    def _advise(self, error: BaseException, session: Session) -> None:
+        """Say with an error what to do, and where the data are."""
+        if isinstance(error, BenchError):
+            error.session = session
+        if self.fault in self.arm.remedies:
+            error.add_note(f"what to do: {self.arm.remedies[self.fault]}")
+        error.add_note(self.recorder.kept)
+
+
+def sentence(error: BaseException) -> str:
+    """What went wrong; of what is no error of the bench, with its kind."""
+    return str(error) if isinstance(error, BenchError) else f"{type(error).__name__}: {error}"
