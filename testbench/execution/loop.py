@@ -3,60 +3,58 @@ alone.
 
 Everything is asked for what it recorded up to the same host time, again and again: the arm first,
 for sensors may follow what it reports. What time is - a simulation's, which passes because somebody
-waits for it, or the machine's - only the arm and its clock know.
+waits for it, or this machine's - only the arm knows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
 
 from testbench.drivers.arms.base import SteppingArm
 from testbench.exceptions import BenchError, RunInterrupted, StorageError
 from testbench.execution.guards import GuardTripped, GuardWatch
 from testbench.execution.operator import Operator, operator_requests
 from testbench.execution.options import RunOptions
+from testbench.execution.pausing import Pausing
 from testbench.execution.recorder import Recorder
 from testbench.execution.run_progress import Meter
 from testbench.execution.sensors import Sensors
 from testbench.execution.state_machine import RunState, StateMachine
 from testbench.records.plan import Plan
-from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import Event, RunStatus, Session
 
 
-@dataclass
 class RunLoop:
     """One run, from connected devices to a closed session.
 
-    Attributes:
+    Args:
         arm: Connected.
-        sensors: Not yet started, but where they must have been.
+        sensors: On it, or alone.
         recorder: Of the session.
         meter: Tells how far the run is.
         options: Keys, and who is told what.
         plan: What the arm does; None without an arm.
     """
 
-    arm: SteppingArm
-    sensors: Sensors
-    recorder: Recorder
-    meter: Meter
-    options: RunOptions
-    plan: Plan | None = None
-    now_ns: int = field(default=0, init=False)
-    fault: str = field(default="", init=False)
-    pausing: bool = field(default=False, init=False)
-    resting: bool = field(default=False, init=False)
-    why_paused: str = field(default="", init=False)
-
-    def __post_init__(self) -> None:
-        guards = self.plan.protocol.spec.guards if self.plan is not None else None
-        guards = guards or self.arm.usual_guards
-        self.guards = GuardWatch(guards, list(self.sensors.imus)) if guards is not None else None
+    def __init__(
+        self,
+        arm: SteppingArm,
+        sensors: Sensors,
+        recorder: Recorder,
+        meter: Meter,
+        options: RunOptions,
+        plan: Plan | None = None,
+    ):
+        self.arm, self.sensors, self.recorder, self.meter = arm, sensors, recorder, meter
+        self.options, self.plan = options, plan
+        guards = plan.protocol.spec.guards if plan is not None else None
+        guards = guards or arm.usual_guards
+        self.guards = GuardWatch(guards, list(sensors.imus)) if guards is not None else None
         self.machine = StateMachine(self._state_changed)
-        self.changed_ns: int | None = None
+        self.pausing = Pausing(arm, recorder, self.machine, options.say)
+        self.now_ns = 0
+        self.fault = ""
 
     def run(self) -> Session:
         """Record until the end, a fault, or the operator's stop.
@@ -73,14 +71,11 @@ class RunLoop:
                 self._follow(operator)
             except BaseException as failure:
                 error = failure
-            interrupted = operator.stop_asked and self.arm.ends
+            interrupted = error is None and operator.stop_asked and self.arm.ends
             self._come_to_rest(error, interrupted)
             error = error or self.recorder.lacking()
             session = self._close(error, interrupted)
-        summary = self.guards.summary if self.guards is not None and self.arm.attended else ""
-        for line in [summary, *self.arm.afterwards()]:
-            if line:
-                self.options.say(line)
+        self._sum_up()
         if error is not None:
             self._advise(error, session)
             raise error
@@ -100,24 +95,28 @@ class RunLoop:
         self.machine.to(RunState.RUNNING)
 
     def _follow(self, operator: Operator) -> None:
-        """Record, pause and go on until the arm is done, or the operator wants no more."""
+        """Record until the arm is done, or the operator wants no more."""
         end_ns: int | None = None
         while end_ns is None or self.now_ns < end_ns:
             operator.look()
             if operator.stop_asked:
                 return
-            self._pause_or_resume(operator)
+            self.pausing.heed(operator)
             until_ns = self.arm.next_ns(self.now_ns)
             self._advance(until_ns if end_ns is None else min(until_ns, end_ns), operator)
-            if self.arm.finished and end_ns is None:
-                end_ns = self.now_ns + self.arm.tail_ns
-            resting = "paused, the arm rests" if self.resting else ""
-            self.meter.say(
-                self.now_ns, "recording goes on for a second" if self.arm.finished else resting
-            )
+            doing = "paused, the arm rests" if self.pausing.resting else ""
+            if self.arm.finished:
+                end_ns = self.now_ns + self.arm.tail_ns if end_ns is None else end_ns
+                doing = "recording goes on for a second"
+            self.meter.say(self.now_ns, doing)
 
     def _advance(self, until_ns: int, operator: Operator | None = None) -> None:
-        """Record everything up to a host time, and look at it where an operator can act on it."""
+        """Record everything up to a host time.
+
+        Args:
+            until_ns: The host time.
+            operator: Who acts on guards; nobody if None, where the run is over anyhow.
+        """
         arm = self.arm.read(until_ns)
         self.now_ns = until_ns
         self.recorder.arm_samples(arm)  # a sensor that fails does not lose them
@@ -125,67 +124,24 @@ class RunLoop:
         self.recorder.sensor_samples(imus)
         self._note(self.arm.events())
         happened = self._note_devices()
-        if operator is not None and self.guards is not None:
-            self._guard(self.guards, arm, imus, happened, operator)
-
-    def _guard(
-        self,
-        guards: GuardWatch,
-        arm: ArmSamples,
-        imus: dict[str, ImuSamples],
-        happened: dict[str, list[Event]],
-        operator: Operator,
-    ) -> None:
-        """Act on the limits that are broken."""
-        heard_ns = self.sensors.known_until_ns(self.now_ns)
-        for trip in guards.look(heard_ns, arm, imus, happened):
-            self.recorder.guard_event(self.now_ns, trip)
+        if operator is None or self.guards is None:
+            return
+        for trip in self.guards.look(self.sensors.known_until_ns(until_ns), arm, imus, happened):
+            self.recorder.guard_event(until_ns, trip)
             if trip.action == "stop":
                 raise GuardTripped(f"a guard stopped the run: {trip.sentence}")
             self.options.say(f"warning: {trip.sentence}")
             if trip.action == "pause":
                 operator.pause(f"guard: {trip.sentence}")
 
-    def _pause_or_resume(self, operator: Operator) -> None:
-        """Tell the arm what the operator wants; that it rests, or goes on, is its own event."""
-        if operator.pause_asked and not self.pausing and self.machine.state is RunState.RUNNING:
-            why = operator.pause_reason or "asked for"
-            self.pausing, self.why_paused = True, why
-            self.paused = f"PAUSED ({why}): {operator.how_to_go_on}"
-            self.arm.pause()
-            self._note(self.arm.events())
-            if not self.resting:  # it must end the step under way
-                self.recorder.event(self.arm.time.now_ns(), "pause_requested", why=why)
-                self.options.say(f"pause requested ({why}): the arm rests after this step")
-        elif not operator.pause_asked and self.pausing:
-            self.arm.resume()
-            self.pausing, operator.pause_reason = False, ""
-            if not self.resting:  # the step under way had not ended
-                self.recorder.event(self.arm.time.now_ns(), "pause_withdrawn")
-            self.options.say("going on")
-
     def _note(self, events: Iterable[Event]) -> None:
         """Keep what the arm did."""
         for event in events:
             self.meter.note(event)
-            if event.event in {"paused", "resumed"}:
-                self._paused_or_resumed(event)
+            self.pausing.happened(event)
             if event.event == "arm_fault":
                 self.fault = str(event.details.get("fault"))
             self.recorder.arm_event(event)
-
-    def _paused_or_resumed(self, event: Event) -> None:
-        """The arm rests, or goes on: that, and not the wish, changes the state."""
-        self.resting = event.event == "paused"
-        before, after = RunState.RUNNING, RunState.PAUSED
-        if not self.resting:
-            before, after = after, before
-        if self.machine.state is before:
-            self.changed_ns = event.host_time_ns
-            self.machine.to(after, self.why_paused if self.resting else "asked for")
-            self.changed_ns = None
-        if self.resting:
-            self.options.say(self.paused)
 
     def _note_devices(self) -> dict[str, list[Event]]:
         """Keep what happened to the sensors, such as a lost connection; the same by name."""
@@ -193,12 +149,12 @@ class RunLoop:
         self.recorder.device_events(happened)
         return happened
 
-    def _state_changed(self, old: RunState, new: RunState, why: str) -> None:
+    def _state_changed(self, old: RunState, new: RunState, why: str, at_ns: int | None) -> None:
         if not self.arm.attended:
             return
         with suppress(StorageError):
-            at_ns = self.now_ns if self.changed_ns is None else self.changed_ns
             details = {"why": why} if why else {}
+            at_ns = self.now_ns if at_ns is None else at_ns
             self.recorder.event(at_ns, "state", state=str(new), before=str(old), **details)
 
     def _come_to_rest(self, error: BaseException | None, interrupted: bool) -> None:
@@ -212,7 +168,7 @@ class RunLoop:
         else:
             self.machine.to(RunState.STOPPING)
         self.arm.stop()
-        if interrupted and error is None:
+        if interrupted:
             time.wait_until(self.now_ns + self.arm.rests_after_ns)
         with suppress(Exception):
             if self.now_ns > 0 and not finished:
@@ -235,6 +191,14 @@ class RunLoop:
             self._note_devices()
             self.recorder.ended(self.now_ns, status, message)
         return self.recorder.close(status, message, self.arm.describe())
+
+    def _sum_up(self) -> None:
+        """Say what a person beside the arm should know once it is over."""
+        lines = self.arm.afterwards()
+        if self.guards is not None and self.arm.attended and self.guards.summary:
+            lines = [self.guards.summary, *lines]
+        for line in lines:
+            self.options.say(line)
 
     def _advise(self, error: BaseException, session: Session) -> None:
         """Say with an error what to do, and where the data are."""

@@ -35,17 +35,20 @@ class StateMachine:
     """The state of one run.
 
     Args:
-        changed: Told of every change: old state, new state, why.
+        changed: Told of every change: old state, new state, why, and when if that is not now [ns].
     """
 
-    def __init__(
-        self, changed: Callable[[RunState, RunState, str], None] = lambda old, new, why: None
-    ):
+    def __init__(self, changed: Callable[[RunState, RunState, str, int | None], None]):
         self.state = RunState.PREPARED
         self._changed = changed
 
-    def to(self, state: RunState, why: str = "") -> None:
+    def to(self, state: RunState, why: str = "", at_ns: int | None = None) -> None:
         """Change the state.
+
+        Args:
+            state: The new one.
+            why: For people.
+            at_ns: Host time at which it changed; now if None.
 
         Raises:
             BenchError: It cannot follow the present one; this is a fault of the bench.
@@ -53,4 +56,4 @@ class StateMachine:
         if state not in FOLLOWING[self.state]:
             raise BenchError(f"a run that is {self.state} cannot become {state}")
         old, self.state = self.state, state
-        self._changed(old, state, why)
+        self._changed(old, state, why, at_ns)

@@ -85,8 +85,12 @@ class SteppingArm(ABC):
         """
 
     @abstractmethod
-    def pause(self) -> None:
-        """Come to rest at the end of the step under way, or at once, and wait."""
+    def pause(self) -> bool:
+        """Come to rest at the end of the step under way, or at once, and wait.
+
+        Returns:
+            Whether it rests already. The event `paused` says when it came to rest.
+        """
 
     @abstractmethod
     def resume(self) -> None:

@@ -68,8 +68,8 @@ class NoArm(SteppingArm):
     def events(self) -> list[Event]:
         return []
 
-    def pause(self) -> None:
-        """It rests anyhow."""
+    def pause(self) -> bool:
+        return True
 
     def resume(self) -> None:
         """It rests anyhow."""

@@ -312,9 +312,10 @@ class RemoteArm(SteppingArm):
         events, self._events = self._events, []
         return events
 
-    def pause(self) -> None:
+    def pause(self) -> bool:
         if self._link is not None:
             self._link.tell("pause")
+        return False
 
     def resume(self) -> None:
         if self._link is not None:

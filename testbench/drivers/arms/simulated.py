@@ -148,10 +148,11 @@ class SimulatedArm(SteppingArm):
         waits, self._waits = self._waits, []
         return waits + self._planned[begin : self._told]
 
-    def pause(self) -> None:
+    def pause(self) -> bool:
         """Rest at once: virtual time stands still."""
         self.time.hold()
         self._waits.append(Event(self.time.now_ns(), "paused", {}))
+        return True
 
     def resume(self) -> None:
         self.time.go_on()
