@@ -8,6 +8,8 @@ first used.
 
 from __future__ import annotations
 
+import os
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +32,13 @@ _HOMES = {
     "report": "testbench.reporting.report",
     "Session": "testbench.records.session",
 }
+
+
+# Products of matrices here are of a few rows or columns: threads of BLAS that wait for work cost
+# more than they do, on a busy machine many times the whole. Only NumPy's start can be told so; a
+# program that has loaded it already, or that sets the variable, has decided for itself.
+if "numpy" not in sys.modules:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def __getattr__(name: str) -> Any:

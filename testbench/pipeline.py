@@ -35,13 +35,13 @@ from testbench.planning.designed import DesignedProtocol, design_protocol
 from testbench.planning.experiment_design import Wanted
 from testbench.records.calibration_file import SUFFIXES, load_calibrations, save_calibration
 from testbench.records.calibration_result import CalibrationResult
-from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.plan import Plan
 from testbench.records.protocol import Protocol
 from testbench.records.robot import Robot
 from testbench.records.session import Session
+from testbench.records.session_lock import session_locked
 from testbench.records.tuning import load_tunings
 
 
@@ -110,6 +110,7 @@ def run(
     return analyse(session, filters, with_report, the_plan, calibrations, tunings)
 
 
+@session_locked
 def analyse(
     session: Session,
     filters: Sequence[str | OrientationFilter] | None = None,
@@ -141,6 +142,7 @@ def analyse(
     return Result(the_plan, session, estimated, evaluated, path)
 
 
+@session_locked
 def load_or_estimate(
     session: Session,
     filters: Sequence[str | OrientationFilter] | None = None,
@@ -165,7 +167,7 @@ def load_or_estimate(
 
 def _stored_estimate(session: Session) -> Estimate | None:
     """The estimate on disk if it can be read and was made from this very recording."""
-    if not (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
+    if not Estimate.lies_in(session.path):
         return None
     try:
         stored = Estimate.load(session.path)
@@ -196,6 +198,7 @@ def _has_filters(stored: Estimate, filters: Sequence[str | OrientationFilter] | 
     )
 
 
+@session_locked
 def judge_again(
     session: Session,
     filters: Sequence[str | OrientationFilter] | None = None,
@@ -357,6 +360,7 @@ def show(
     return written
 
 
+@session_locked
 def export(
     session: Session,
     name: str,

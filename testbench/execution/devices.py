@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -28,15 +29,15 @@ class Devices:
         imus: By name.
         time: Their common time.
         bluetooth: The loop of those that need one.
-        synchronise: Whether the DOTs share a clock, which takes a quarter of a minute before they
-            start.
+        synchronise: Brings the clocks of connected devices together, which may take a quarter of a
+            minute; None where each keeps its own.
         started: Whether they were.
     """
 
     imus: dict[str, Imu]
     time: SessionTime
     bluetooth: BluetoothLoop | None = None
-    synchronise: bool = False
+    synchronise: Callable[[], None] | None = None
     started: bool = False
 
     def kickoff(self) -> None:
@@ -46,26 +47,24 @@ class Devices:
         if self.started:
             return
         self.started = True
-        dots = [imu for imu in self.imus.values() if isinstance(imu, XsensDot)]
-        for dot in dots:
-            dot.connect()
-        if self.synchronise:
-            synchronise(dots)
+        for imu in self.imus.values():
+            imu.connect()
+        if self.synchronise is not None:
+            self.synchronise()
         self.time.start()
         for imu in self.imus.values():
             imu.kickoff()
 
     def listen(self) -> None:
-        """Make sure that every serial board delivers samples, and let go of them again.
-
-        (The DOTs are asked for themselves when they are connected, and know one format only.)
+        """Make sure that devices deliver samples whose connection alone does not show it, and let
+        go of them again.
 
         Raises:
             DriverError: A port cannot be opened, or a board delivers no sample that fits its
                 format; says what came instead.
         """
         trials = {
-            name: imu.trial() for name, imu in self.imus.items() if isinstance(imu, SerialImu)
+            name: trial for name, imu in self.imus.items() if (trial := imu.trial()) is not None
         }
         try:
             for trial in trials.values():
@@ -125,6 +124,7 @@ def open_devices(
         )
     time = time or SessionTime(SystemClock())
     imus: dict[str, Imu] = {}
+    together: list[XsensDot] = []
 
     def add(name: str, imu: Imu) -> None:
         if name in imus:
@@ -147,14 +147,13 @@ def open_devices(
                 name, target = _split_name(text)
                 if not target:
                     raise InputError(f"--dot {text}: must be an address or an advertised name")
-                add(
-                    name or f"dot_{re.sub('[^A-Za-z0-9]', '', target)}"[:64],
-                    XsensDot(target, time, bluetooth, payload, dot_rate),
-                )
+                together.append(XsensDot(target, time, bluetooth, payload, dot_rate))
+                add(name or f"dot_{re.sub('[^A-Za-z0-9]', '', target)}"[:64], together[-1])
         except BaseException:
             bluetooth.close()
             raise
-    return Devices(imus, time, bluetooth, synchronise_dots)
+    common = (lambda: synchronise(together)) if synchronise_dots else None
+    return Devices(imus, time, bluetooth, common)
 
 
 def _split_name(text: str) -> tuple[str, str]:

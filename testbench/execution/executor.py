@@ -8,7 +8,8 @@ from typing import Any
 
 from testbench.clock import SystemClock
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.arms.simulated import SimulatedArm
+from testbench.drivers.arms.entry import WantedArm
+from testbench.drivers.arms.simulated import simulated_arm
 from testbench.drivers.session_time import VirtualTime
 from testbench.execution.loop import RunLoop
 from testbench.execution.options import RunOptions
@@ -46,8 +47,7 @@ def execute(
     )
     clock = options.clock or SystemClock()
     time = VirtualTime(clock, options.speed, recorded_ns(options.resumed))
-    joint_errors = plan.protocol.spec.environment.joint_errors
-    arm = SimulatedArm(plan.robot, options.seed, joint_errors, time)
+    arm = simulated_arm(plan, WantedArm(seed=options.seed), time)
     return execute_on_arm(plan, arm, Sensors.simulated(plan, options.seed, arm.true_state), options)
 
 

@@ -12,17 +12,27 @@ import numpy as np
 from testbench.clock import Clock
 from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.imus.base import Imu
-from testbench.drivers.imus.streamed import StreamedImu
 from testbench.exceptions import DriverError, StorageError
 from testbench.execution.guards import Trip
 from testbench.execution.options import RunOptions
 from testbench.execution.sensors import Sensors
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
+from testbench.records.layout import (
+    ARM,
+    INCLUDED,
+    MANIFEST,
+    PLAN,
+    PROTOCOL,
+    ROBOT,
+    URDF,
+    imu_stream,
+    table_file,
+)
 from testbench.records.plan import Plan
 from testbench.records.replacing import disk_reason, stored
 from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import ARM, MANIFEST, PLAN, Event, RunStatus, Session, step_events
+from testbench.records.session import Event, RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
 from testbench.records.storage import last_value
 
@@ -94,7 +104,7 @@ class Recorder(ABC):
 
     def _streams(self) -> dict[str, tuple[Mapping[str, Any], Mapping[str, str]]]:
         """Columns and notes of every stream, by its name."""
-        return {f"imu_{name}": (imu.columns(), IMU_NOTES) for name, imu in self.imus.items()}
+        return {imu_stream(name): (imu.columns(), IMU_NOTES) for name, imu in self.imus.items()}
 
     @abstractmethod
     def began(self, arm: SteppingArm) -> None:
@@ -139,7 +149,7 @@ class Recorder(ABC):
     def sensor_samples(self, imus: dict[str, ImuSamples]) -> None:
         """Append what the sensors delivered, and sync once a second."""
         for name, samples in imus.items():
-            self._append(f"imu_{name}", samples.to_columns())
+            self._append(imu_stream(name), samples.to_columns())
         self._writer.flush()
         if self.clock.monotonic_ns() - self._synced_ns >= NANOSECONDS:
             self._writer.sync()
@@ -196,11 +206,7 @@ class Recorder(ABC):
 
     def _device_statistics(self) -> dict[str, Any]:
         """What the live sensors counted."""
-        return {
-            name: imu.statistics()
-            for name, imu in self.imus.items()
-            if isinstance(imu, StreamedImu)
-        }
+        return {name: counted for name, imu in self.imus.items() if (counted := imu.statistics())}
 
 
 class RunRecorder(Recorder):
@@ -278,12 +284,12 @@ class RunRecorder(Recorder):
             details,
             announced=False,
         )
-        writer.add_text("protocol.yaml", plan.protocol.document.text)
+        writer.add_text(PROTOCOL, plan.protocol.document.text)
         for name, text in plan.protocol.texts().items():
             if name != plan.protocol.document.file.name:
-                writer.add_text(f"included_{name}", text)
-        writer.add_text("robot.yaml", plan.robot.text)
-        writer.add_text("robot.urdf", plan.robot.urdf.read_text(encoding="utf-8"))
+                writer.add_text(f"{INCLUDED}{name}", text)
+        writer.add_text(ROBOT, plan.robot.text)
+        writer.add_text(URDF, plan.robot.urdf.read_text(encoding="utf-8"))
         plan.save(self.path / PLAN)
         return writer
 
@@ -295,7 +301,7 @@ class RunRecorder(Recorder):
             session.status is RunStatus.INTERRUPTED
         ):  # it ends with the arm's stop, which must not stay in the middle
             for stream in self._streams():
-                (session.path / f"{stream}.parquet").unlink(missing_ok=True)
+                (session.path / table_file(stream)).unlink(missing_ok=True)
         return writer
 
     def _streams(self) -> dict[str, tuple[Mapping[str, Any], Mapping[str, str]]]:
@@ -334,7 +340,7 @@ class RunRecorder(Recorder):
     def _closing(self, arm: dict[str, Any]) -> dict[str, Any]:
         """Add the truth; the recording is as long as the arm's."""
         write_truth(self.path, self.plan.robot, self.plan.protocol.spec.sensors)
-        last = last_value(self.path / f"{ARM}.parquet", "host_time_ns")
+        last = last_value(self.path / table_file(ARM), "host_time_ns")
         return {
             "duration_s": float(last or 0) / NANOSECONDS,
             "arm": arm,

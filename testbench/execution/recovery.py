@@ -4,15 +4,16 @@ and say what is missing.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 
 from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.records.replacing import stored
+from testbench.records.layout import ARM, JOURNALS, MANIFEST, imu_stream, sensor_of, table_file
+from testbench.records.replacing import clear_partials, stored
 from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import ARM, MANIFEST, Event, RunStatus, Session
+from testbench.records.session import Event, RunStatus, Session
+from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import file_hashes, note_end
 from testbench.records.storage import Journal, compact, last_value, write_json
 
@@ -20,6 +21,7 @@ SMALLEST_JOURNAL = 64
 """A journal of fewer bytes was cut off before its schema was whole; it held nothing."""
 
 
+@session_locked
 def recover(session: Session) -> Session:
     """Make a cut-off session readable, of a run or of devices alone; one that was closed is
     returned as it is.
@@ -37,34 +39,27 @@ def recover(session: Session) -> Session:
         f"nothing of the recording is lost; make room, then `testbench recover {session.path}`"
     )
     with stored(session.path, comfort):
-        try:
-            return _recovered(session)
-        except OSError:
-            for partial in session.path.glob("*.partial"):
-                with suppress(OSError):
-                    partial.unlink()
-            raise
+        return _recovered(session)
 
 
 def _recovered(session: Session) -> Session:
     """Turn what was recorded into tables, and close the session."""
     path = session.path
-    for journal in sorted(path.glob("*.arrows")):
+    for journal in sorted(path.glob(JOURNALS)):
         if (
             journal.stat().st_size < SMALLEST_JOURNAL
             and not journal.with_suffix(".parquet").is_file()
         ):
             _write_empty(session, journal)  # cut off before its first row
         compact(journal, journal.with_suffix(".parquet"))
-    for partial in path.glob("*.partial"):
-        partial.unlink()
+    clear_partials(path)
     session = Session(path)
     kind, planned = "recording", ""
     if session.manifest.get("kind") == kind:
-        last_ns = max(_last_ns(path / f"imu_{name}.parquet") for name in session.sensor_names)
+        last_ns = max(_last_ns(session, imu_stream(name)) for name in session.sensor_names)
     else:
         _add_truth(session)
-        last_ns = _last_ns(path / f"{ARM}.parquet")
+        last_ns = _last_ns(session, ARM)
         kind, planned = "run", f" of {_planned_s(session):.1f}"
     duration = last_ns / NANOSECONDS
     message = f"cut off after {duration:.1f}{planned} s and recovered"
@@ -80,7 +75,7 @@ def _recovered(session: Session) -> Session:
 
 def _add_truth(session: Session) -> None:
     """Write the truth that follows from the arm's recording."""
-    if not (session.path / f"{ARM}.parquet").is_file() or session.robot is None:
+    if not (session.path / table_file(ARM)).is_file() or session.robot is None:
         raise SessionError(
             f"{session.path}: the arm's recording is lost; what the sensors recorded is in "
             "imu_*.parquet"
@@ -98,9 +93,9 @@ def _planned_s(session: Session) -> float:
         ) from None
 
 
-def _last_ns(table: Path) -> int:
+def _last_ns(session: Session, stream: str) -> int:
     """When the last sample was taken, or arrived [ns]; 0 if there is none."""
-    return int(last_value(table, "host_time_ns") or 0)
+    return int(last_value(session.path / table_file(stream), "host_time_ns") or 0)
 
 
 def _write_empty(session: Session, journal: Path) -> None:
@@ -108,8 +103,8 @@ def _write_empty(session: Session, journal: Path) -> None:
     name = journal.stem
     if name == ARM and session.robot is not None:
         columns = ArmSamples.columns(session.robot.joint_names)
-    elif name.removeprefix("imu_") in session.manifest["sensors"]:
-        sensor = session.manifest["sensors"][name.removeprefix("imu_")]
+    elif sensor_of(name) in session.manifest["sensors"]:
+        sensor = session.manifest["sensors"][sensor_of(name)]
         columns = ImuSamples.columns(
             *(bool(sensor.get(key)) for key in ("magnetometer", "orientation", "temperature"))
         )

@@ -17,7 +17,7 @@ from testbench.execution.recovery import recover
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.robot import Robot, load_robot, robot_from_text
 from testbench.records.session import RunStatus, Session
-from testbench.records.session_writer import software_versions
+from testbench.records.session_writer import deciding_versions, software_versions
 from testbench.records.storage import plain_values
 
 MOST_LINES = 20
@@ -169,7 +169,7 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
     software = session.manifest.get("software", {})
     changed = {
         key: (software.get(key), value)
-        for key, value in software_versions().items()
+        for key, value in deciding_versions(software_versions()).items()
         if software.get(key) != value
     }
     found += [

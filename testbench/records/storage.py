@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from testbench.exceptions import SessionError
+from testbench.records.replacing import replaced_file, write_text
 
 ROWS_PER_GROUP = 65_536
 LARGEST_JSON = 200_000_000
@@ -47,11 +48,10 @@ def to_table(columns: Columns, notes: Mapping[str, str] | None = None) -> pa.Tab
 
 
 def write_parquet(path: Path, columns: Columns, notes: Mapping[str, str] | None = None) -> None:
-    """Write a Parquet file in one step: under another name, synced, then renamed."""
-    partial = path.with_suffix(".partial")
+    """Write a Parquet file in one step."""
     table = to_table(columns, notes)
-    pq.write_table(table, partial, row_group_size=ROWS_PER_GROUP, **_encoding(table.schema))
-    replace_synced(partial, path)
+    with replaced_file(path) as partial:
+        pq.write_table(table, partial, row_group_size=ROWS_PER_GROUP, **_encoding(table.schema))
 
 
 def write_parquet_batches(
@@ -65,10 +65,8 @@ def write_parquet_batches(
     Returns:
         Number of rows.
     """
-    partial = path.with_suffix(".partial")
-    count = _write_pieces(partial, schema, batches)
-    replace_synced(partial, path)
-    return count
+    with replaced_file(path) as partial:
+        return _write_pieces(partial, schema, batches)
 
 
 def _write_pieces(
@@ -172,15 +170,16 @@ def read_stacked(
     end: int | None = None,
     every: int = 1,
 ) -> dict[str, np.ndarray]:
-    """Columns of a Parquet file side by side, read in pieces straight to their places: nothing is
-    in memory twice.
+    """Columns of a Parquet file side by side, read in chunks straight to their places.
+
+    Nothing is in memory twice.
 
     Args:
         path: The file.
         groups: By the name of the result, a column, or several that stand side by side in an array
             (n, k).
-        begin: First row, and the row after the last; to the end if None.
-        end: First row, and the row after the last; to the end if None.
+        begin: First row.
+        end: The row after the last; to the end if None.
         every: Only one row of so many, the last of them.
 
     Raises:
@@ -249,11 +248,12 @@ def last_value(path: Path, column: str) -> int | None:
 
 def write_json(path: Path, data: Any) -> None:
     """Write readable JSON in one step; NaN becomes null, as JSON wants."""
-    partial = path.with_suffix(".partial")
-    partial.write_text(
-        json.dumps(plain_values(data), indent=2, allow_nan=False) + "\n", encoding="utf-8"
-    )
-    replace_synced(partial, path)
+    write_text(path, json_text(data))
+
+
+def json_text(data: Any) -> str:
+    """Readable JSON; NaN becomes null, as JSON wants."""
+    return json.dumps(plain_values(data), indent=2, allow_nan=False) + "\n"
 
 
 def read_json(path: Path) -> Any:
@@ -272,15 +272,6 @@ def read_json(path: Path) -> Any:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
-def replace_synced(partial: Path, path: Path) -> None:
-    """Bring a finished file to its name so that a power cut leaves the old or the new one,
-    whole.
-    """
-    with partial.open("rb+") as file:
-        os.fsync(file.fileno())
-    partial.replace(path)
-
-
 class Journal:
     """A stream of samples that survives a kill: an Arrow IPC stream, flushed at every append.
 
@@ -288,10 +279,15 @@ class Journal:
         path: File to create; its name ends in .arrows.
         columns: Name to dtype of each column.
         notes: Schema metadata.
+        claimed: The file exists, and is empty.
     """
 
     def __init__(
-        self, path: Path, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None
+        self,
+        path: Path,
+        columns: Mapping[str, Any],
+        notes: Mapping[str, str] | None = None,
+        claimed: bool = False,
     ):
         self.path, self.rows = path, 0
         metadata = {key: str(value) for key, value in (notes or {}).items()}
@@ -299,7 +295,7 @@ class Journal:
             [(name, pa.from_numpy_dtype(dtype)) for name, dtype in columns.items()],
             metadata=metadata,
         )
-        self._file = path.open("xb")
+        self._file = path.open("wb" if claimed else "xb")
         self._writer = pa.ipc.new_stream(self._file, self._schema)
         self._file.flush()
 
@@ -316,33 +312,30 @@ class Journal:
         A cut at any moment leaves the table or the journal, whole.
 
         Args:
-            path: As above.
-            columns: As above.
-            notes: As above.
+            path: Of the journal.
+            columns: Names and types.
             table: The Parquet file; it must have the same columns.
+            notes: By column, kept in the schema.
 
         Raises:
-            SessionError: It has others, or cannot be read.
+            SessionError: The table has others, or cannot be read.
             OSError: The journal cannot be written; the table is as it was.
         """
-        partial = path.with_suffix(".partial")
-        partial.unlink(missing_ok=True)
-        journal = cls(partial, columns, notes)
-        try:
-            if parquet_shape(table)[1] != journal._schema.names:
-                raise SessionError(
-                    f"{table} has other columns than the stream it is to be continued with"
-                )
-            for batch in read_parquet_batches(
-                table
-            ):  # in pieces: the memory does not grow with the recording
-                journal.append(batch)
-            journal.sync()
-        except BaseException:
-            journal.abandon()
-            partial.unlink(missing_ok=True)
-            raise
-        journal.path = partial.rename(path)
+        with replaced_file(path) as partial:
+            journal = cls(partial, columns, notes, claimed=True)
+            try:
+                if parquet_shape(table)[1] != journal._schema.names:
+                    raise SessionError(
+                        f"{table} has other columns than the stream it is to be continued with"
+                    )
+                # in chunks: the memory does not grow with the recording
+                for batch in read_parquet_batches(table):
+                    journal.append(batch)
+                journal.sync()
+            except BaseException:
+                journal.abandon()
+                raise
+        journal.path = path
         table.unlink()
         return journal
 
@@ -417,13 +410,12 @@ def compact(journal: Path, target: Path) -> int:
         SessionError: What was read back differs; the journal is kept.
     """
     schema, batches = journal_batches(journal)
-    partial = target.with_suffix(".partial")
-    count = _write_pieces(partial, schema, batches)
-    if not _same_rows(partial, schema, journal_batches(journal)[1]):
-        raise SessionError(
-            f"{target} differs from its journal {journal} after writing; the journal is kept"
-        )
-    replace_synced(partial, target)
+    with replaced_file(target) as partial:
+        count = _write_pieces(partial, schema, batches)
+        if not _same_rows(partial, schema, journal_batches(journal)[1]):
+            raise SessionError(
+                f"{target} differs from its journal {journal} after writing; the journal is kept"
+            )
     journal.unlink()
     return count
 

@@ -59,7 +59,9 @@ sections:
   - name: poses
     role: reference
     for_each: [misalignment_deg, flexion_deg]
-    steps: [{move_to_deg: [misalignment_deg, 0, -90, 0, 90 - misalignment_deg, flexion_deg], dwell_s: 0.5}]
+    steps:
+      - move_to_deg: [misalignment_deg, 0, -90, 0, 90 - misalignment_deg, flexion_deg]
+        dwell_s: 0.5
   - name: sweep
     steps:
       - {move_to: home, dwell_s: 0.5}

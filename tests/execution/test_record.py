@@ -309,7 +309,8 @@ def test_ctrl_c_in_the_middle_of_a_timed_recording_raises_after_the_session_is_c
             make_devices(clock, a=Interrupted()), tmp_path, 60.0, options=RunOptions(clock=clock)
         )
     assert signal.getsignal(signal.SIGINT) is before
-    assert caught.value.exit_code == 130 and caught.value.session.status is RunStatus.INTERRUPTED  # type: ignore[attr-defined]
+    assert caught.value.exit_code == 130
+    assert caught.value.session.status is RunStatus.INTERRUPTED
 
 
 @pytest.mark.parametrize(
@@ -362,4 +363,4 @@ def test_scanning_says_what_it_could_not_search(monkeypatch: pytest.MonkeyPatch)
     heard = SimpleNamespace(
         scan=lambda duration: [{"address": "D4:22:CD:00:00:01"}], close=lambda: None
     )
-    assert scan_devices(0, heard)["dots"] == [{"address": "D4:22:CD:00:00:01"}]  # type: ignore[arg-type]
+    assert scan_devices(0, heard)["dots"] == [{"address": "D4:22:CD:00:00:01"}]

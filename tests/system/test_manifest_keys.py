@@ -107,7 +107,10 @@ def imports(folder: Path) -> Iterator[Session]:
     ) -> Session:
         return import_recording(name, files, folder / f"session_{name}", clock, options, truth)
 
-    above = "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nFilterProfile:,General\nOutputRate:,60Hz\nStartTime:,now\n\n"
+    above = (
+        "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nFilterProfile:,General\n"
+        "OutputRate:,60Hz\nStartTime:,now\n\n"
+    )
     dot = (
         {"PacketCounter": np.arange(400), "SampleTimeFine": 16667 * np.arange(400)}
         | xyz("Acc_{}", UP)

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
+from testbench.drivers.arms.entry import ArmEntry
 from testbench.drivers.session_time import SessionTime
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import Plan, PlannedStep
@@ -21,9 +22,8 @@ class SteppingArm(ABC):
 
     Attributes:
         time: Of the session; whether it is real or virtual is the arm's affair.
+        entry: Its place in the catalogue of arms.
         extra_columns: What its samples hold beyond angles and rates, name to type.
-        notice: What a person must know before it moves; nothing if empty.
-        remedies: What a person does after it has stopped, by the word for the cause.
         usual_guards: What is watched where the protocol names no guards; nothing if None.
         attended: Whether a person stands beside it: then each change of state is an event, and what
             the guards found is summed up at the end.
@@ -36,9 +36,8 @@ class SteppingArm(ABC):
     """
 
     time: SessionTime
+    entry: ArmEntry
     extra_columns: dict[str, Any] = {}
-    notice: str = ""
-    remedies: Mapping[str, str] = {}
     usual_guards: Guards | None = Guards()
     attended: bool = True
     takes_pauses: bool = True
@@ -46,6 +45,16 @@ class SteppingArm(ABC):
     coming: str = "the arm goes to the start of the plan"
     tail_ns: int = NANOSECONDS
     rests_after_ns: int = 0
+
+    @property
+    def notice(self) -> str:
+        """What a person must know before it moves; nothing if empty."""
+        return self.entry.notice
+
+    @property
+    def remedies(self) -> Mapping[str, str]:
+        """What a person does after it has stopped, by the word for the cause."""
+        return self.entry.remedies
 
     @abstractmethod
     def connect(self) -> None:
@@ -104,9 +113,9 @@ class SteppingArm(ABC):
     def close(self) -> None:
         """Let go of the hardware."""
 
-    @abstractmethod
     def describe(self) -> dict[str, Any]:
         """What the manifest should say of this arm."""
+        return self.entry.record.to_dict()
 
     def afterwards(self) -> list[str]:
         """What a person must know of it once the run is over, a line each."""

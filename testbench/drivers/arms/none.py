@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.entry import ArmEntry
 from testbench.drivers.session_time import SessionTime
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import Plan, PlannedStep
@@ -27,6 +26,7 @@ class NoArm(SteppingArm):
         duration_s: Until it is finished [s]; None for never.
     """
 
+    entry = ArmEntry("none", "no arm", "", commanded=False, provenance="")
     usual_guards = WARNINGS
     attended = False
     takes_pauses = False
@@ -79,6 +79,3 @@ class NoArm(SteppingArm):
 
     def close(self) -> None:
         """Nothing to let go of."""
-
-    def describe(self) -> dict[str, Any]:
-        return {}

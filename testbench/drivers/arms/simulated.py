@@ -11,6 +11,8 @@ from numba import njit
 
 from testbench.clock import SystemClock
 from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.catalogue import SIM
+from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.session_time import VirtualTime
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
@@ -45,6 +47,7 @@ class SimulatedArm(SteppingArm):
         time: Of the session; as fast as the machine goes if None.
     """
 
+    entry = SIM
     time: VirtualTime
     usual_guards = None
     attended = False
@@ -165,7 +168,7 @@ class SimulatedArm(SteppingArm):
             self._stopped_at = (self._next - 1) * self._period_ns
 
     def describe(self) -> dict[str, Any]:
-        return {"driver": "simulated", "speed": self.time.speed}
+        return super().describe() | {"speed": self.time.speed}
 
     def close(self) -> None:
         """Nothing to let go of."""
@@ -208,6 +211,12 @@ class SimulatedArm(SteppingArm):
         return Trajectory(
             np.array([*times, end], dtype=np.int64), q, np.zeros_like(q), np.zeros_like(q)
         )
+
+
+def simulated_arm(plan: Plan, wanted: WantedArm, time: VirtualTime | None = None) -> SimulatedArm:
+    """The model of a plan's arm."""
+    joint_errors = plan.protocol.spec.environment.joint_errors
+    return SimulatedArm(plan.robot, wanted.seed, joint_errors, time)
 
 
 def draw_zero_errors(robot: Robot, seed: int) -> np.ndarray:

@@ -177,14 +177,13 @@ def write_export(
 
     Raises:
         InputError: The session lacks what the format needs, or the place cannot be written to.
+        StorageError: The disk is full.
     """
     kind = export_format(name)
     write = writer or kind.writer()
     try:
         with written_whole(path, kind.is_folder) as partial:
             notes = write(source, partial)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
     except MemoryError:
         raise BenchError(f"{path}: there is not enough memory for this export") from None
     return Exported(path, [source.filter] if kind.one_filter else source.filters, notes)
