@@ -37,6 +37,7 @@ from testbench.records.calibration_file import SUFFIXES, load_calibrations, save
 from testbench.records.calibration_result import CalibrationResult
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
+from testbench.records.layout import REPORT
 from testbench.records.plan import Plan
 from testbench.records.protocol import Protocol
 from testbench.records.robot import Robot
@@ -211,7 +212,7 @@ def judge_again(
     estimated = load_or_estimate(session, filters, calibrations, tunings)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
-    if (session.path / "report.html").is_file():
+    if (session.path / REPORT).is_file():
         from testbench.reporting.report import report
 
         report(session, estimated, evaluated)

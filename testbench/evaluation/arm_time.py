@@ -13,8 +13,9 @@ from testbench.evaluation.judged import SETTLING_NS
 from testbench.frames import NANOSECONDS
 from testbench.model.truth import WIDEST_GAP_NS
 from testbench.records.arm_record import arm_record
+from testbench.records.layout import ARM, table_file
 from testbench.records.plan import PlannedStep
-from testbench.records.session import ARM, Session
+from testbench.records.session import Session
 from testbench.records.storage import read_parquet_batches
 
 DEPARTED_RAD = float(np.radians(0.05))
@@ -37,7 +38,7 @@ def arm_notes(session: Session) -> list[str]:
     if (
         session.robot is None
         or not session.has_protocol
-        or not (session.path / f"{ARM}.parquet").is_file()
+        or not (session.path / table_file(ARM)).is_file()
     ):
         return []
     arm = arm_record(session.manifest)
@@ -109,7 +110,7 @@ def _look(session: Session, commanded: bool) -> tuple[list[int], int, int, int]:
     rest: dict[int, np.ndarray] = {}
     departed: dict[int, int] = {}
     count, gap, last = 0, 0, np.zeros(0, dtype=np.int64)
-    for piece in read_parquet_batches(session.path / f"{ARM}.parquet", ["host_time_ns", *columns]):
+    for piece in read_parquet_batches(session.path / table_file(ARM), ["host_time_ns", *columns]):
         times = piece["host_time_ns"]
         q = np.column_stack([piece[column] for column in columns])
         gap = max(gap, int(np.diff(np.concatenate([last, times])).max(initial=0)))

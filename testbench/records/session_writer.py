@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import Any
 
 from testbench.exceptions import SessionError, StorageError
+from testbench.records.layout import EVENTS, MANIFEST, journal_file, table_file
 from testbench.records.protocol import Analysis
 from testbench.records.replacing import disk_reason, write_text
-from testbench.records.session import EVENTS, MANIFEST, SCHEMA_VERSION, Event, RunStatus, Session
+from testbench.records.session import SCHEMA_VERSION, Event, RunStatus, Session
 from testbench.records.storage import (
     Columns,
     Journal,
@@ -130,7 +131,7 @@ class SessionWriter:
         self, name: str, columns: Columns, notes: Mapping[str, str] | None = None
     ) -> None:
         """Write a whole table at once, as `<name>.parquet`."""
-        write_parquet(self.path / f"{name}.parquet", columns, notes)
+        write_parquet(self.path / table_file(name), columns, notes)
 
     def open_journal(
         self, name: str, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None
@@ -138,13 +139,13 @@ class SessionWriter:
         """Begin a stream that becomes `<name>.parquet` when the session is closed, or go on with
         one that became it.
         """
-        table = self.path / f"{name}.parquet"
+        table = self.path / table_file(name)
         if table.is_file():
             self._journals[name] = Journal.continued(
-                self.path / f"{name}.arrows", columns, table, notes
+                self.path / journal_file(name), columns, table, notes
             )
         else:
-            self._journals[name] = Journal(self.path / f"{name}.arrows", columns, notes)
+            self._journals[name] = Journal(self.path / journal_file(name), columns, notes)
 
     def rows(self, name: str) -> int:
         """How many samples a stream holds."""
@@ -182,7 +183,7 @@ class SessionWriter:
         for name, journal in self._journals.items():
             journal.close()
             if journal.path.exists():
-                compact(journal.path, self.path / f"{name}.parquet")
+                compact(journal.path, self.path / table_file(name))
 
     def close(self, status: RunStatus, **details: Any) -> None:
         """Finish the session: compact, hash the files, write the final manifest."""

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from testbench.exceptions import InputError
+from testbench.records.layout import imu_stream, table_file
 from testbench.records.replacing import stored_where_asked, write_text
 from testbench.records.session import Session
 from testbench.records.storage import json_text
@@ -176,9 +177,9 @@ def describe(session: Session, role: Literal["tuning", "test"]) -> SessionTuning
     """A session by what tells it from others, not judged yet."""
     files = session.manifest.get("files", {})
     samples = {
-        name: str(files[f"imu_{name}.parquet"])
+        name: str(files[file])
         for name in session.sensor_names
-        if f"imu_{name}.parquet" in files
+        if (file := table_file(imu_stream(name))) in files
     }
     return SessionTuning(
         session=session.name,
