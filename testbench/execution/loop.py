@@ -51,7 +51,7 @@ class RunLoop:
         guards = plan.protocol.spec.guards if plan is not None else None
         guards = guards or arm.usual_guards
         self.guards = GuardWatch(guards, list(sensors.imus)) if guards is not None else None
-        self.machine = StateMachine(self._state_changed)
+        self.machine = StateMachine(recorder.state_event if arm.attended else _unnoted)
         self.pausing = Pausing(arm, recorder, self.machine, options.say)
         self.now_ns = 0
         self.fault = ""
@@ -65,12 +65,7 @@ class RunLoop:
                 error. Its notes say what to do.
         """
         with operator_requests(self.options.keys, self.arm.takes_pauses) as operator:
-            error: BaseException | None = None
-            try:
-                self._start()
-                self._follow(operator)
-            except BaseException as failure:
-                error = failure
+            error = self._attempt(operator)
             interrupted = error is None and operator.stop_asked and self.arm.ends
             self._come_to_rest(error, interrupted)
             error = error or self.recorder.lacking()
@@ -83,16 +78,25 @@ class RunLoop:
             raise RunInterrupted(f"interrupted by the operator; {self.recorder.kept}", session)
         return session
 
+    def _attempt(self, operator: Operator) -> BaseException | None:
+        """What ended the run early, or None; the operator's stop is no error."""
+        try:
+            self._start()
+            self._follow(operator)
+        except BaseException as error:
+            return error
+        return None
+
     def _start(self) -> None:
         """Bring the arm to its start, and let everything run; time 0 is now."""
-        self.machine.to(RunState.APPROACHING)
+        self.machine.to(RunState.APPROACHING, self.now_ns)
         self.meter.say(0, self.arm.coming)
         if self.plan is not None:
             self.arm.prepare(self.plan)
         self.sensors.start()
         self.arm.kickoff()
         self.recorder.began(self.arm)
-        self.machine.to(RunState.RUNNING)
+        self.machine.to(RunState.RUNNING, self.now_ns)
 
     def _follow(self, operator: Operator) -> None:
         """Record until the arm is done, or the operator wants no more."""
@@ -149,14 +153,6 @@ class RunLoop:
         self.recorder.device_events(happened)
         return happened
 
-    def _state_changed(self, old: RunState, new: RunState, why: str, at_ns: int | None) -> None:
-        if not self.arm.attended:
-            return
-        with suppress(StorageError):
-            details = {"why": why} if why else {}
-            at_ns = self.now_ns if at_ns is None else at_ns
-            self.recorder.event(at_ns, "state", state=str(new), before=str(old), **details)
-
     def _come_to_rest(self, error: BaseException | None, interrupted: bool) -> None:
         """Stop the arm and the sensors, and take what they recorded until then; a failure here must
         not hide the first one.
@@ -164,9 +160,9 @@ class RunLoop:
         finished, time = self.arm.finished, self.arm.time
         self.now_ns = max(self.now_ns, time.now_ns())
         if error is not None:
-            self.machine.to(RunState.FAULTED, sentence(error))
+            self.machine.to(RunState.FAULTED, self.now_ns, sentence(error))
         else:
-            self.machine.to(RunState.STOPPING)
+            self.machine.to(RunState.STOPPING, self.now_ns)
         self.arm.stop()
         if interrupted:
             time.wait_until(self.now_ns + self.arm.rests_after_ns)
@@ -186,7 +182,7 @@ class RunLoop:
         elif interrupted:
             status, message = RunStatus.INTERRUPTED, "stopped by the operator"
         if error is None:
-            self.machine.to(RunState.DONE)
+            self.machine.to(RunState.DONE, self.now_ns)
         with suppress(StorageError):
             self._note_devices()
             self.recorder.ended(self.now_ns, status, message)
@@ -207,6 +203,10 @@ class RunLoop:
         if self.fault in self.arm.remedies:
             error.add_note(f"what to do: {self.arm.remedies[self.fault]}")
         error.add_note(self.recorder.kept)
+
+
+def _unnoted(at_ns: int, old: RunState, new: RunState, why: str) -> None:
+    """States of a run that nobody attends are no events."""
 
 
 def sentence(error: BaseException) -> str:

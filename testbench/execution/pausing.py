@@ -57,12 +57,12 @@ class Pausing:
         if event.event == "paused":
             self.resting = True
             if self.machine.state is RunState.RUNNING:
-                self.machine.to(RunState.PAUSED, self._why, event.host_time_ns)
+                self.machine.to(RunState.PAUSED, event.host_time_ns, self._why)
             self.say(f"PAUSED ({self._why}): {self._how_to_go_on}")
         elif event.event == "resumed":
             self.resting = False
             if self.machine.state is RunState.PAUSED:
-                self.machine.to(RunState.RUNNING, "asked for", event.host_time_ns)
+                self.machine.to(RunState.RUNNING, event.host_time_ns, "asked for")
 
     def _note(self, wish: str, **details: str) -> None:
         self.recorder.event(self.arm.time.now_ns(), wish, **details)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from testbench.exceptions import DriverError, StorageError
 from testbench.execution.guards import Trip
 from testbench.execution.options import RunOptions
 from testbench.execution.sensors import Sensors
+from testbench.execution.state_machine import RunState
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
 from testbench.records.layout import (
@@ -141,6 +143,12 @@ class Recorder(ABC):
             "limit": trip.limit,
         }
         self.event(host_time_ns, "guard", **details, action=trip.action)
+
+    def state_event(self, host_time_ns: int, old: RunState, new: RunState, why: str) -> None:
+        """Note a change of the run's state; a disk that does not take it is told of by the rest."""
+        details = {"why": why} if why else {}
+        with suppress(StorageError):
+            self.event(host_time_ns, "state", state=str(new), before=str(old), **details)
 
     @abstractmethod
     def arm_samples(self, samples: ArmSamples) -> None:

@@ -31,24 +31,27 @@ FOLLOWING: dict[RunState, set[RunState]] = {
 }
 
 
+Changed = Callable[[int, RunState, RunState, str], None]
+
+
 class StateMachine:
     """The state of one run.
 
     Args:
-        changed: Told of every change: old state, new state, why, and when if that is not now [ns].
+        changed: Told of every change: when [ns], old state, new state, why.
     """
 
-    def __init__(self, changed: Callable[[RunState, RunState, str, int | None], None]):
+    def __init__(self, changed: Changed):
         self.state = RunState.PREPARED
         self._changed = changed
 
-    def to(self, state: RunState, why: str = "", at_ns: int | None = None) -> None:
+    def to(self, state: RunState, at_ns: int = 0, why: str = "") -> None:
         """Change the state.
 
         Args:
             state: The new one.
+            at_ns: Host time at which it changes.
             why: For people.
-            at_ns: Host time at which it changed; now if None.
 
         Raises:
             BenchError: It cannot follow the present one; this is a fault of the bench.
@@ -56,4 +59,4 @@ class StateMachine:
         if state not in FOLLOWING[self.state]:
             raise BenchError(f"a run that is {self.state} cannot become {state}")
         old, self.state = self.state, state
-        self._changed(old, state, why, at_ns)
+        self._changed(at_ns, old, state, why)

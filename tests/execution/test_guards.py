@@ -103,7 +103,7 @@ def test_a_guard_that_is_off_says_nothing():
 @given(st.lists(st.sampled_from(list(RunState)), max_size=12))
 def test_only_allowed_changes_happen_and_each_is_told(wanted):
     told: list[tuple[RunState, RunState]] = []
-    machine = StateMachine(lambda old, new, why, at_ns: told.append((old, new)))
+    machine = StateMachine(lambda at_ns, old, new, why: told.append((old, new)))
     for state in wanted:
         before = machine.state
         if state in FOLLOWING[before]:
