@@ -7,6 +7,8 @@ The four stages, and `Session` to open a recording; each is loaded when it is fi
 
 from __future__ import annotations
 
+import os
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +30,13 @@ _HOMES = {
     "report": "testbench.reporting.report",
     "Session": "testbench.records.session",
 }
+
+
+# Products of matrices here are of a few rows or columns: threads of BLAS that wait for work cost
+# more than they do, on a busy machine many times the whole. Only NumPy's start can be told so; a
+# program that has loaded it already, or that sets the variable, has decided for itself.
+if "numpy" not in sys.modules:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def __getattr__(name: str) -> Any:

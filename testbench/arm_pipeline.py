@@ -10,12 +10,10 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from testbench.clock import Clock, SystemClock
+from testbench.drivers.arms import catalogue
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.arms.remote import RemoteArm
-from testbench.drivers.arms.replay import ReplayArm
-from testbench.drivers.arms.ur import UrArm, ur_settings
-from testbench.drivers.arms.xarm import XArm, xarm_settings
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.arms.entry import WantedArm
+from testbench.drivers.session_time import SessionTime
 from testbench.estimation.filters import OrientationFilter
 from testbench.exceptions import BenchError, InputError
 from testbench.execution import execute
@@ -50,16 +48,17 @@ class ArmSetup:
     """What moves and what is recorded in a run that is not simulated.
 
     Attributes:
+        driver: Of the catalogue of arms, by its name.
         host: Address of the controller.
-        log: A recorded motion to replay instead of an arm.
+        log: A recorded motion.
         simulate_imus: Sensors follow the reported motion.
         serial: Live devices, as for `open_devices`.
         dots: Live devices, as for `open_devices`.
         seed: Of simulated sensors.
         arm_serial: Serial number that the arm must have; any if None.
-        driver: ur or xarm.
     """
 
+    driver: str
     host: str = ""
     log: Path | None = None
     simulate_imus: bool = False
@@ -67,7 +66,6 @@ class ArmSetup:
     dots: list[str] = field(default_factory=list)
     seed: int = 0
     arm_serial: str | None = None
-    driver: str = "ur"
 
 
 def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
@@ -95,28 +93,6 @@ def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics:
     return Robot(spec, own.urdf, own.text, own.file)
 
 
-def refuse_other_maker(robot: Robot, driver: str) -> None:
-    """Refuse an arm that a driver is not for, by its name; nothing is connected.
-
-    Args:
-        robot: What the plan is for.
-        driver: ur, xarm, or anything else, which drives every arm.
-
-    Raises:
-        InputError: It is another maker's; says which driver it needs.
-    """
-    kinds: dict[str, type[RemoteArm]] = {kind.driver: kind for kind in (UrArm, XArm)}
-    if driver not in kinds:
-        return
-    try:
-        kinds[driver].refuse_other(robot)
-    except InputError as error:
-        right = next((name for name, kind in kinds.items() if kind.drives(robot)), None)
-        raise InputError(
-            f"{error}: say --arm {right}" if right else f"{error}, which no driver is for"
-        ) from None
-
-
 def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Sensors, SessionTime]:
     """The arm and the sensors of a run that is not simulated; nothing is connected yet.
 
@@ -125,16 +101,12 @@ def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Se
         DriverError: An extra is missing.
     """
     time = SessionTime(clock)
-    if setup.log is not None:
-        arm: SteppingArm = ReplayArm(plan.robot, setup.log, time)
-    elif setup.driver == "xarm":
-        arm = XArm(plan.robot, xarm_settings(plan, setup.host), time, setup.arm_serial)
-    else:
-        arm = UrArm(plan.robot, ur_settings(plan, setup.host), time, setup.arm_serial)
+    wanted = WantedArm(setup.host, setup.log, setup.arm_serial, setup.seed)
+    arm = catalogue.make_arm(setup.driver, plan, wanted, time)
     if setup.simulate_imus:
         return arm, Sensors.simulated(plan, setup.seed), time
     if not setup.serial and not setup.dots:
-        if setup.log is not None:
+        if not arm.entry.commanded:
             arm.connect()  # what is wrong with the log is said first
         raise InputError(
             "name the sensors on the arm with --serial or --dot, or simulate them with "

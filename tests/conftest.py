@@ -146,7 +146,9 @@ sections:
   - name: moves
     steps:
       - {name: out, move_to_deg: {wrist_3_joint: 60, wrist_1_joint: -60}, dwell_s: 0.8}
-      - {name: wave, sweep: {wrist_3_joint: {sine: {amplitude_deg: 10, frequency_hz: 1, cycles: 1}}}, dwell_s: 0.4}
+      - name: wave
+        sweep: {wrist_3_joint: {sine: {amplitude_deg: 10, frequency_hz: 1, cycles: 1}}}
+        dwell_s: 0.4
 estimate: {filters: [device, vqf_6d], align: heading, calibrate: none}
 """
 

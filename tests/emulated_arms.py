@@ -20,7 +20,7 @@ import pytest
 
 from testbench.clock import SystemClock
 from testbench.drivers.arms.ur import UrArm, ur_settings
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
@@ -51,7 +51,9 @@ sections:
   - name: moves
     steps:
       - {name: out, move_to_deg: {wrist_3_joint: 40, wrist_1_joint: -70}, dwell_s: 0.5}
-      - {name: wave, sweep: {wrist_3_joint: {sine: {amplitude_deg: 6, frequency_hz: 1.5, cycles: 1}}}, dwell_s: 0.3}
+      - name: wave
+        sweep: {wrist_3_joint: {sine: {amplitude_deg: 6, frequency_hz: 1.5, cycles: 1}}}
+        dwell_s: 0.3
       - {name: back, move_to: home, dwell_s: 0.5}
 estimate: {filters: [device, vqf_6d], align: heading, calibrate: none}
 """

@@ -30,6 +30,7 @@ from testbench.cli.output import (
     say_warnings,
 )
 from testbench.cli.tuning import TunedOption
+from testbench.drivers.arms.catalogue import ARMS, SIM, refuse_other_maker
 
 if TYPE_CHECKING:
     from testbench.arm_pipeline import ArmSetup
@@ -45,13 +46,11 @@ class Speed(StrEnum):
     realtime = "realtime"
 
 
-class ArmDriver(StrEnum):
-    """Arms that can be driven."""
-
-    sim = "sim"
-    ur = "ur"
-    xarm = "xarm"
-    replay = "replay"
+if TYPE_CHECKING:
+    ArmName = str
+else:
+    ArmName = StrEnum("ArmName", {name: name for name in ARMS})
+ARM_HELP = "Which arm to drive: " + ", ".join(f"{arm.name} {arm.title}" for arm in ARMS.values())
 
 
 def run(
@@ -63,7 +62,7 @@ def run(
         ),
     ] = None,
     robot: RobotOption = None,
-    arm: Annotated[ArmDriver, typer.Option("--arm", help="Which arm to drive.")] = ArmDriver.sim,
+    arm: Annotated[ArmName, typer.Option("--arm", help=ARM_HELP)] = ArmName("sim"),
     host: Annotated[
         str | None, typer.Option("--host", help="Address of the arm's controller.")
     ] = None,
@@ -123,7 +122,7 @@ def run(
 
     names = parse_filters(filters)
     choice = ArmChoice(
-        arm.value,
+        str(arm),
         host,
         log,
         simulate_imus,
@@ -146,7 +145,7 @@ def run(
     choice.refuse_ignored()
     if protocol is None:
         raise InputError("name a protocol, or a session with --resume")
-    if arm is not ArmDriver.sim:
+    if arm != SIM.name:
         return _finish(run_real(protocol, robot, choice), json)
     with (
         progress_bar(not json) as progress,
@@ -188,7 +187,7 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
     Raises:
         InputError: The motion was not confirmed; nothing moved, nothing was connected.
     """
-    from testbench.arm_pipeline import calibrated_robot, refuse_other_maker, run_on_arm
+    from testbench.arm_pipeline import calibrated_robot, run_on_arm
     from testbench.pipeline import make_plan
 
     setup = choice.setup()
@@ -198,7 +197,7 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
         else robot
     )
     plan = make_plan(protocol, own, choice.filters, choice.tuned)
-    refuse_other_maker(plan.robot, choice.arm)
+    refuse_other_maker(choice.arm, plan.robot.name)
     if not choice.json:
         say_warnings(plan)
     options = _options(choice)
@@ -243,15 +242,17 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
     """Go on with a session whose run broke off."""
     from testbench.arm_pipeline import prepare_resume, resume
     from testbench.exceptions import InputError
+    from testbench.records.arm_record import arm_record
     from testbench.records.session import Session
 
-    driver = Session(session).manifest.get("arm", {}).get("driver", "ur")
-    simulated = driver == "simulated"
-    if choice.arm == "sim" and not simulated:
+    arm = arm_record(Session(session).manifest)
+    simulated = arm is None or arm.simulated  # one without an arm is refused below
+    driver = SIM.name if arm is None or simulated else arm.driver
+    if choice.arm == SIM.name and not simulated:
         raise InputError(
             f"{session} was run on a real arm; say --arm {driver} and its options again"
         )
-    if choice.arm != ("sim" if simulated else driver):
+    if choice.arm != driver:
         own = (
             "on a simulated arm; leave --arm away"
             if simulated

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import groupby
 
 import numpy as np
 
@@ -87,11 +86,11 @@ def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
             item
         )
 
-    def key(row: JointRow) -> tuple[str, str, str, str]:
-        return row.joint, row.section, row.filter, row.sequence
-
-    for place, group in groupby(sorted(evaluation.joint_angle, key=key), key=key):
-        rows, own = list(group), summaries.get(place, [])
+    by_place: dict[tuple[str, str, str, str], list[JointRow]] = {}
+    for row in evaluation.joint_angle:
+        by_place.setdefault((row.joint, row.section, row.filter, row.sequence), []).append(row)
+    for place, rows in sorted(by_place.items()):
+        own = summaries.get(place, [])
         joint, section, name, sequence = place
         whole = (
             own[0] if len(own) == 1 else next((item for item in own if item.motion == "all"), None)

@@ -16,7 +16,7 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.following import ReportedMotion
 from testbench.drivers.imus.simulated import SimulatedImu
-from testbench.drivers.imus.streamed import SessionTime, StreamedImu
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import BenchError, InputError, RunInterrupted, StorageError
 from testbench.execution.device_recorder import Devices
 from testbench.execution.executor import Progress, free_folder
@@ -128,11 +128,7 @@ class Sensors:
 
     def statistics(self) -> dict[str, Any]:
         """What the live ones counted."""
-        return {
-            name: imu.statistics()
-            for name, imu in self.imus.items()
-            if isinstance(imu, StreamedImu)
-        }
+        return {name: counted for name, imu in self.imus.items() if (counted := imu.statistics())}
 
 
 @dataclass

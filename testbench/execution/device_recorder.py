@@ -16,9 +16,9 @@ from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.bluetooth import SCAN_S, BluetoothLoop
 from testbench.drivers.imus.line_format import load_line_format
 from testbench.drivers.imus.serial_line import SerialImu, list_serial_ports
-from testbench.drivers.imus.streamed import SessionTime, StreamedImu
 from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.drivers.imus.xsens_dot_sync import synchronise
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import BenchError, DriverError, InputError, RunInterrupted, SessionError
 from testbench.execution.interruption import on_interrupt
 from testbench.execution.recorder import IMU_NOTES
@@ -49,37 +49,35 @@ class Devices:
         imus: By name.
         time: Their common time.
         bluetooth: The loop of those that need one.
-        synchronise: Whether the DOTs share a clock, which takes a quarter of a minute before they
-            start.
+        synchronise: Brings the clocks of connected devices together, which may take a quarter of a
+            minute; None where each keeps its own.
     """
 
     imus: dict[str, Imu]
     time: SessionTime
     bluetooth: BluetoothLoop | None = None
-    synchronise: bool = False
+    synchronise: Callable[[], None] | None = None
 
     def kickoff(self) -> None:
         """Connect all, then start all, so that the first does not wait long for the last."""
-        dots = [imu for imu in self.imus.values() if isinstance(imu, XsensDot)]
-        for dot in dots:
-            dot.connect()
-        if self.synchronise:
-            synchronise(dots)
+        for imu in self.imus.values():
+            imu.connect()
+        if self.synchronise is not None:
+            self.synchronise()
         self.time.start()
         for imu in self.imus.values():
             imu.kickoff()
 
     def listen(self) -> None:
-        """Make sure that every serial board delivers samples, and let go of them again.
-
-        (The DOTs are asked for themselves when they are connected, and know one format only.)
+        """Make sure that devices deliver samples whose connection alone does not show it, and let
+        go of them again.
 
         Raises:
             DriverError: A port cannot be opened, or a board delivers no sample that fits its
                 format; says what came instead.
         """
         trials = {
-            name: imu.trial() for name, imu in self.imus.items() if isinstance(imu, SerialImu)
+            name: trial for name, imu in self.imus.items() if (trial := imu.trial()) is not None
         }
         try:
             for trial in trials.values():
@@ -141,6 +139,7 @@ def open_devices(
         )
     time = time or SessionTime(clock)
     imus: dict[str, Imu] = {}
+    together: list[XsensDot] = []
 
     def add(name: str, imu: Imu) -> None:
         if name in imus:
@@ -163,14 +162,13 @@ def open_devices(
                 name, target = _split_name(text)
                 if not target:
                     raise InputError(f"--dot {text}: must be an address or an advertised name")
-                add(
-                    name or f"dot_{re.sub('[^A-Za-z0-9]', '', target)}"[:64],
-                    XsensDot(target, time, bluetooth, payload, dot_rate),
-                )
+                together.append(XsensDot(target, time, bluetooth, payload, dot_rate))
+                add(name or f"dot_{re.sub('[^A-Za-z0-9]', '', target)}"[:64], together[-1])
         except BaseException:
             bluetooth.close()
             raise
-    return Devices(imus, time, bluetooth, synchronise_dots)
+    common = (lambda: synchronise(together)) if synchronise_dots else None
+    return Devices(imus, time, bluetooth, common)
 
 
 def _split_name(text: str) -> tuple[str, str]:
@@ -374,8 +372,7 @@ class _Recording:
 
     def _statistics(self, name: str) -> dict[str, Any]:
         imu, stream = self.devices.imus[name], self.streams[name]
-        counted = imu.statistics() if isinstance(imu, StreamedImu) else {}
-        return {**counted, "samples": stream.count, "rate_hz": stream.rate()}
+        return {**imu.statistics(), "samples": stream.count, "rate_hz": stream.rate()}
 
     def _notes(self) -> list[str]:
         """Sentences on devices that did not do what was expected of them."""

@@ -10,7 +10,9 @@ from typing import Any, Literal
 
 from testbench.clock import Clock, SystemClock
 from testbench.drivers.arms.base import Arm
-from testbench.drivers.arms.simulated import SimulatedArm
+from testbench.drivers.arms.catalogue import SIM
+from testbench.drivers.arms.entry import WantedArm
+from testbench.drivers.arms.simulated import SimulatedArm, simulated_arm
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.exceptions import BenchError, RunInterrupted, StorageError
@@ -71,6 +73,7 @@ def execute(
         resumed: Go on with this session, of the same plan and seed: the simulation runs again from
             its beginning, and what the session lacks is recorded.
         keys: Listen to the keyboard.
+        say: Takes a line for the operator.
 
     Raises:
         RunInterrupted: The operator pressed Ctrl-C; the session is kept and closed as interrupted.
@@ -78,12 +81,12 @@ def execute(
     """
     clock = clock or SystemClock()
     spec = plan.protocol.spec
-    arm = SimulatedArm(plan.robot, seed, spec.environment.joint_errors)
+    arm = simulated_arm(plan, WantedArm(seed=seed))
     kinematics = Kinematics(plan.robot)
     imus = _simulated_imus(plan, kinematics, arm, seed)
     folder = free_folder(Path(logs), session_name or f"{clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
     details = {
-        "arm": {"driver": "simulated", "speed": speed},
+        "arm": SIM.record.to_dict() | {"speed": speed},
         "environment": describe_environment(spec.environment, kinematics),
     }
     recorder = Recorder(plan, imus, folder, clock, seed, details, resumed=resumed)

@@ -11,15 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
 FLICKER = 2 * np.log(2) / np.pi
 FEWEST_DIFFERENCES = 8
 """Averaging times with fewer independent spans than this in the record are left out."""
-
-PIECE = 1_000_000
-"""Differences that are in memory at once."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +26,9 @@ class AllanCurve:
 
     Attributes:
         tau: Averaging times, shape (k,) [s].
-        deviation: Shape (k,) [unit of the signal].
-        lower: 68.3 % confidence bounds, shape (k,).
-        upper: 68.3 % confidence bounds, shape (k,).
+        deviation: At each averaging time, shape (k,) [unit of the signal].
+        lower: Lower end of the 68.3 % confidence interval, shape (k,) [unit of the signal].
+        upper: Upper end of the 68.3 % confidence interval, shape (k,) [unit of the signal].
         edf: Equivalent degrees of freedom, shape (k,).
     """
 
@@ -43,8 +41,11 @@ class AllanCurve:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A noise coefficient with its standard uncertainty; `found` is False where it is lost among
-    the others.
+    """A noise coefficient and its standard uncertainty.
+
+    Attributes:
+        value: In the unit that `NoiseCoefficients` states.
+        sd: Standard uncertainty, same unit.
     """
 
     value: float
@@ -52,7 +53,7 @@ class Coefficient:
 
     @property
     def found(self) -> bool:
-        """Whether the value stands out of its uncertainty."""
+        """Whether the value stands out of its uncertainty: it is more than twice as large."""
         return self.value > 2 * self.sd
 
 
@@ -73,8 +74,15 @@ class NoiseCoefficients:
 
 
 def averaging_factors(count: int, per_decade: int = 10) -> np.ndarray:
-    """Whole averaging factors, evenly spaced in their logarithm, that a record of `count` samples
-    supports.
+    """Whole averaging factors, evenly spaced in their logarithm.
+
+    Args:
+        count: Samples of the record; the longest averages have `FEWEST_DIFFERENCES` independent
+            spans.
+        per_decade: Factors in each decade.
+
+    Returns:
+        Increasing, shape (k,).
     """
     largest = max(count // FEWEST_DIFFERENCES, 1)
     return np.unique(
@@ -90,9 +98,9 @@ def allan_deviation(
     """Overlapping Allan deviation of a rate-like signal.
 
     Args:
-        signal: Evenly sampled, shape (n,).
-        rate: [Hz].
-        factors: Averaging times in samples; ten a decade if None.
+        signal: Evenly sampled, shape (n,), in any unit.
+        rate: Samples a second [Hz].
+        factors: Averaging times in samples, shape (k,); ten a decade if None.
 
     Raises:
         ValueError: Fewer than 3 samples.
@@ -114,22 +122,22 @@ def allan_deviation(
     return AllanCurve(tau, deviation, lower, upper, edf)
 
 
+@njit(cache=True)
 def _mean_square_of_second_differences(phase: np.ndarray, m: int) -> float:
-    """Mean of (x[i + 2m] - 2 x[i + m] + x[i])^2, in pieces: hours of samples are long."""
-    count, total = len(phase) - 2 * m, 0.0
-    for begin in range(0, count, PIECE):
-        end = min(begin + PIECE, count)
-        second = (
-            phase[begin + 2 * m : end + 2 * m] - 2 * phase[begin + m : end + m] + phase[begin:end]
-        )
-        total += float(second @ second)
+    """Mean of (x[i + 2m] - 2 x[i + m] + x[i])^2 over the phase, shape (n,).
+
+    A compiled sum: NumPy's dot product would start the threads of BLAS, which spin for longer than
+    it takes.
+    """
+    count = len(phase) - 2 * m
+    total = 0.0
+    for i in range(count):
+        total += (phase[i + 2 * m] - 2 * phase[i + m] + phase[i]) ** 2
     return total / count
 
 
 def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
-    """Noise coefficients of an Allan curve, none of them negative, each with its standard
-    uncertainty.
-    """
+    """Noise coefficients of an Allan curve, with their standard uncertainties; none is negative."""
     tau, variance = curve.tau, curve.deviation**2
     design = np.column_stack([3 / tau**2, 1 / tau, np.full(len(tau), FLICKER), tau / 3])
     expected = variance
@@ -164,8 +172,9 @@ def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
 
 
 def _smooth_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Slope of y over x about each point, over a decade: single points scatter too much to tell a
-    noise type.
+    """Slope of y over x about each point, over a decade, shapes (k,).
+
+    Single points scatter too much to tell a noise type.
     """
     if len(x) < 3:
         return np.full(len(x), -0.5)
@@ -176,8 +185,12 @@ def _smooth_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _edf(phases: int, m: int, slope: float) -> float:
-    """Equivalent degrees of freedom of the overlapping estimate (NIST SP 1065, table 5), by the
-    slope of the deviation.
+    """Equivalent degrees of freedom of the overlapping estimate (NIST SP 1065, table 5).
+
+    Args:
+        phases: Samples of the integrated signal.
+        m: Averaging factor.
+        slope: Of the logarithm of the deviation, which tells the noise type.
     """
     n = phases
     if (

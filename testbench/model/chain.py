@@ -1,9 +1,8 @@
-"""Kinematics of one frame of a chain of rotating joints, compiled: pose, angular velocity and
-classical acceleration.
+"""Kinematics of one frame of a chain of rotating joints, compiled.
 
-The recursions are those of a rigid body carried by rotating axes (Featherstone, Rigid Body Dynamics
-Algorithms, 2008, ch. 4), written in the world frame. Pinocchio, which gives the joints' placements,
-is the oracle of the tests.
+Pose, angular velocity and classical acceleration: the recursions of a rigid body carried by
+rotating axes (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 4), written in the world
+frame. Pinocchio, which gives the joints' placements, is the oracle of the tests.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from numba import njit
 
 
 @njit(cache=True)
-def chain_motion(  # noqa: C901 - one loop over the chain, written out
+def chain_motion(
     rotations: np.ndarray,
     offsets: np.ndarray,
     axes: np.ndarray,
@@ -27,20 +26,21 @@ def chain_motion(  # noqa: C901 - one loop over the chain, written out
     """Motion of the tip of a chain of k rotating joints.
 
     Args:
-        rotations: Placement of each joint in the previous one, shapes (k, 3, 3) and (k, 3) [m].
-        offsets: Placement of each joint in the previous one, shapes (k, 3, 3) and (k, 3) [m].
-        axes: Joint axes in the joint frames, shape (k, 3).
-        columns: Column of q of each joint, shape (k,).
-        tip_rotation: Placement of the frame in the last joint.
-        tip_offset: Placement of the frame in the last joint.
-        q: Joint angles, rates and accelerations, shape (n, m).
-        v: Joint angles, rates and accelerations, shape (n, m).
-        a: Joint angles, rates and accelerations, shape (n, m).
+        rotations: Rotation of each joint's frame in the previous one at zero angle, shape
+            (k, 3, 3).
+        offsets: Origin of each joint's frame in the previous one, shape (k, 3) [m].
+        axes: Joint axes in the joint frames, unit vectors, shape (k, 3).
+        columns: Column of q, v and a that belongs to each joint, shape (k,).
+        tip_rotation: Rotation of the tip's frame in the last joint's, shape (3, 3).
+        tip_offset: Origin of the tip's frame in the last joint's, shape (3,) [m].
+        q: Joint angles, shape (n, m) [rad].
+        v: Joint rates, shape (n, m) [rad/s].
+        a: Joint accelerations, shape (n, m) [rad/s^2].
 
     Returns:
-        Position (n, 3), rotation world from frame (n, 3, 3), linear velocity (n, 3), angular
-        velocity (n, 3), classical linear acceleration (n, 3), angular acceleration (n, 3): all in
-        the world frame.
+        Position (n, 3) [m], rotation world from tip (n, 3, 3), linear velocity (n, 3) [m/s],
+        angular velocity (n, 3) [rad/s], classical linear acceleration (n, 3) [m/s^2] and angular
+        acceleration (n, 3) [rad/s^2], all in the world frame.
     """
     n, k = q.shape[0], rotations.shape[0]
     position = np.empty((n, 3))
@@ -81,8 +81,7 @@ def chain_motion(  # noqa: C901 - one loop over the chain, written out
             pv[2] += cz
             for r in range(3):
                 p[r] += d[r]
-                for c in range(3):
-                    S[r, c] = R[r, 0] * fixed[0, c] + R[r, 1] * fixed[1, c] + R[r, 2] * fixed[2, c]
+            _product(R, fixed, S)
             if j == k:
                 for r in range(3):
                     for c in range(3):
@@ -97,21 +96,8 @@ def chain_motion(  # noqa: C901 - one loop over the chain, written out
             dw[2] += u[2] * acceleration_j + (w[0] * u[1] - w[1] * u[0]) * rate_j
             for r in range(3):
                 w[r] += u[r] * rate_j
-            sine, cosine = np.sin(q[i, columns[j]]), np.cos(q[i, columns[j]])
-            rest = 1.0 - cosine
-            x, y, z = axis[0], axis[1], axis[2]
-            T[0, 0] = cosine + x * x * rest
-            T[0, 1] = x * y * rest - z * sine
-            T[0, 2] = x * z * rest + y * sine
-            T[1, 0] = y * x * rest + z * sine
-            T[1, 1] = cosine + y * y * rest
-            T[1, 2] = y * z * rest - x * sine
-            T[2, 0] = z * x * rest - y * sine
-            T[2, 1] = z * y * rest + x * sine
-            T[2, 2] = cosine + z * z * rest
-            for r in range(3):
-                for c in range(3):
-                    R[r, c] = S[r, 0] * T[0, c] + S[r, 1] * T[1, c] + S[r, 2] * T[2, c]
+            _turn(axis, q[i, columns[j]], T)
+            _product(S, T, R)
         for r in range(3):
             position[i, r] = p[r]
             velocity[i, r] = pv[r]
@@ -121,3 +107,84 @@ def chain_motion(  # noqa: C901 - one loop over the chain, written out
             for c in range(3):
                 rotation[i, r, c] = R[r, c]
     return position, rotation, velocity, rate, acceleration, rate_derivative
+
+
+@njit(cache=True)
+def link_poses(
+    rotations: np.ndarray,
+    offsets: np.ndarray,
+    axes: np.ndarray,
+    columns: np.ndarray,
+    carriers: np.ndarray,
+    tip_rotations: np.ndarray,
+    tip_offsets: np.ndarray,
+    q: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poses of several frames along a chain of k rotating joints, in one walk.
+
+    Args:
+        rotations: Placement of each joint in the previous one, shape (k, 3, 3).
+        offsets: Placement of each joint in the previous one, shape (k, 3) [m].
+        axes: Joint axes in the joint frames, shape (k, 3).
+        columns: Column of q of each joint, shape (k,).
+        carriers: How many joints carry each frame, shape (l,), from 0 to k.
+        tip_rotations: Placement of each frame in the last joint that carries it, shape (l, 3, 3).
+        tip_offsets: Placement of each frame in the last joint that carries it, shape (l, 3) [m].
+        q: Joint angles, shape (n, m) [rad].
+
+    Returns:
+        Position (n, l, 3) and rotation world from frame (n, l, 3, 3), as `chain_motion` gives them.
+    """
+    n, k, frames = q.shape[0], rotations.shape[0], carriers.shape[0]
+    positions = np.empty((n, frames, 3))
+    turned = np.empty((n, frames, 3, 3))
+    R, S, T, p = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for i in range(n):
+        p[:] = 0.0
+        for r in range(3):
+            for c in range(3):
+                R[r, c] = 1.0 if r == c else 0.0
+        for j in range(k + 1):
+            for frame in range(frames):
+                if carriers[frame] == j:
+                    offset = tip_offsets[frame]
+                    for r in range(3):
+                        shift = R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
+                        positions[i, frame, r] = p[r] + shift
+                    _product(R, tip_rotations[frame], turned[i, frame])
+            if j == k:
+                break
+            offset = offsets[j]
+            for r in range(3):
+                p[r] += R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
+            _product(R, rotations[j], S)
+            _turn(axes[j], q[i, columns[j]], T)
+            _product(S, T, R)
+    return positions, turned
+
+
+@njit(cache=True)
+def _product(A: np.ndarray, B: np.ndarray, AB: np.ndarray) -> None:
+    """The product of two matrices into a third, shapes (3, 3)."""
+    for r in range(3):
+        for c in range(3):
+            AB[r, c] = A[r, 0] * B[0, c] + A[r, 1] * B[1, c] + A[r, 2] * B[2, c]
+
+
+@njit(cache=True)
+def _turn(axis: np.ndarray, angle: float, T: np.ndarray) -> None:
+    """The rotation about a unit axis, shape (3,), by an angle [rad] into T, shape (3, 3)
+    (Rodrigues).
+    """
+    sine, cosine = np.sin(angle), np.cos(angle)
+    rest = 1.0 - cosine
+    x, y, z = axis[0], axis[1], axis[2]
+    T[0, 0] = cosine + x * x * rest
+    T[0, 1] = x * y * rest - z * sine
+    T[0, 2] = x * z * rest + y * sine
+    T[1, 0] = y * x * rest + z * sine
+    T[1, 1] = cosine + y * y * rest
+    T[1, 2] = y * z * rest - x * sine
+    T[2, 0] = z * x * rest - y * sine
+    T[2, 1] = z * y * rest + x * sine
+    T[2, 2] = cosine + z * z * rest

@@ -6,6 +6,7 @@ and what an ideal inertial sensor fixed to that frame would measure.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -14,15 +15,18 @@ import pinocchio as pin
 
 from testbench.exceptions import FileProblems, NotFoundError, Problem
 from testbench.model import rotation
-from testbench.model.chain import chain_motion
+from testbench.model.chain import chain_motion, link_poses
 from testbench.records.robot import Robot
 from testbench.records.strict import Placement
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A rigid displacement: coordinates in `target` of a point given in `source` are R x +
-    position.
+    """A rigid displacement: a point x in `source` is R x + position in `target`.
+
+    Attributes:
+        R: Rotation target from source, shape (3, 3).
+        position: Origin of the source in the target, shape (3,) [m].
     """
 
     R: np.ndarray
@@ -66,7 +70,7 @@ class FrameMotion:
     acceleration: np.ndarray
     angular_acceleration: np.ndarray
 
-    @property
+    @cached_property
     def q_world_from_frame(self) -> np.ndarray:
         """Unit quaternions w, x, y, z, shape (n, 4)."""
         return rotation.from_matrix(self.R_world_from_frame)
@@ -77,8 +81,13 @@ class FrameMotion:
         return np.einsum("nji,nj->ni", self.R_world_from_frame, self.angular_velocity)
 
     def specific_force_in_frame(self, gravity: np.ndarray) -> np.ndarray:
-        """What an ideal accelerometer at the frame's origin reads, shape (n, 3) [m/s^2]; gravity in
-        the world, shape (3,).
+        """What an ideal accelerometer at the frame's origin reads.
+
+        Args:
+            gravity: In the world, shape (3,) [m/s^2].
+
+        Returns:
+            Shape (n, 3) [m/s^2].
         """
         return np.einsum("nji,nj->ni", self.R_world_from_frame, self.acceleration - gravity)
 
@@ -119,7 +128,7 @@ class Kinematics:
         self.world_from_base = Pose.from_placement(robot.spec.base)
         self._column = {name: i for i, name in enumerate(robot.joint_names)}
 
-    @property
+    @cached_property
     def link_names(self) -> list[str]:
         """Links of the URDF, base first."""
         return [frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY]
@@ -129,17 +138,29 @@ class Kinematics:
         """Pinocchio's configuration vector at zero angles, shape (nq,)."""
         return pin.neutral(self.model)
 
+    @cached_property
+    def _places(self) -> list[tuple[int, int, bool]]:
+        """Of each joint its column, where Pinocchio's configuration vector has it, and whether it
+        stands there as cosine and sine: a joint without limits does.
+        """
+        joints = [
+            (column, self.model.joints[self.model.getJointId(name)])
+            for name, column in self._column.items()
+        ]
+        return [(column, joint.idx_q, joint.nq == 2) for column, joint in joints]
+
     def configuration(self, q: np.ndarray) -> np.ndarray:
-        """Pinocchio's configuration vector of joint angles in the robot's order, shape (n_joints,)
-        to (nq,) [rad].
+        """Pinocchio's configuration vector, shape (nq,).
+
+        Args:
+            q: Joint angles in the robot's order, shape (n_joints,) [rad].
         """
         result = self.neutral.copy()
-        for name, column in self._column.items():
-            joint = self.model.joints[self.model.getJointId(name)]
-            if joint.nq == 2:
-                result[joint.idx_q : joint.idx_q + 2] = np.cos(q[column]), np.sin(q[column])
+        for column, place, unlimited in self._places:
+            if unlimited:
+                result[place : place + 2] = np.cos(q[column]), np.sin(q[column])
             else:
-                result[joint.idx_q] = q[column]
+                result[place] = q[column]
         return result
 
     def check_link(self, link: str) -> None:
@@ -163,12 +184,9 @@ class Kinematics:
 
         Args:
             link: Name of the link in the URDF.
-            q: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order,
-                shape (n, n_joints); v and a are zero if None.
-            v: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order,
-                shape (n, n_joints); v and a are zero if None.
-            a: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order,
-                shape (n, n_joints); v and a are zero if None.
+            q: Joint angles in the robot's order, shape (n, n_joints) [rad].
+            v: Joint rates, shape (n, n_joints) [rad/s]; zero if None.
+            a: Joint accelerations, shape (n, n_joints) [rad/s^2]; zero if None.
             offset: Pose of the wanted frame in the link; the link's own frame if None.
 
         Raises:
@@ -187,10 +205,58 @@ class Kinematics:
         )
         return FrameMotion(*arrays)
 
+    def link_poses(self, links: Sequence[str], q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where several links are, in one walk along each chain that carries some of them.
+
+        Args:
+            links: Names of links in the URDF, l of them.
+            q: Joint angles in the robot's order, shape (n, n_joints) [rad].
+
+        Returns:
+            Positions, shape (n, l, 3) [m], and rotations world from link, shape (n, l, 3, 3).
+
+        Raises:
+            NotFoundError: The arm has no such link.
+        """
+        q = np.ascontiguousarray(np.atleast_2d(q), dtype=float)
+        positions = np.empty((len(q), len(links), 3))
+        rotations = np.empty((len(q), len(links), 3, 3))
+        for chain, places in self._chains(tuple(links)):
+            positions[:, places], rotations[:, places] = link_poses(*chain, q)
+        return positions, rotations
+
+    @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
+    def _chains(self, links: tuple[str, ...]) -> list[tuple[tuple[np.ndarray, ...], list[int]]]:
+        """The chains that carry some links, longest first, as `link_poses` takes them, and the
+        places of the links on each: those whose joints are the first ones of it.
+        """
+        for link in links:
+            self.check_link(link)
+        found = [self.chain_to(link) for link in links]
+        left = sorted(range(len(links)), key=lambda i: -len(found[i][3]))
+        chains: list[tuple[tuple[np.ndarray, ...], list[int]]] = []
+        while left:
+            joints = found[left[0]][:4]
+            own = [i for i in left if np.array_equal(joints[3][: len(found[i][3])], found[i][3])]
+            carriers = np.array([len(found[i][3]) for i in own])
+            tips = [found[i][4] for i in own]
+            chain = (
+                *joints,
+                carriers,
+                np.array([tip.R for tip in tips]),
+                np.array([tip.position for tip in tips]),
+            )
+            chains.append((chain, own))
+            left = [i for i in left if i not in own]
+        return chains
+
     @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
     def chain_to(self, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Pose]:
-        """Placements, axes and columns of the joints that carry a link, and the link's pose in the
-        last of them.
+        """The joints that carry a link, for `chain.chain_motion`.
+
+        Returns:
+            Rotations (k, 3, 3), offsets (k, 3) [m], axes (k, 3) and columns (k,) of the joints, and
+            the pose of the link in the last of them.
         """
         model = self.model
         frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
@@ -218,9 +284,7 @@ class Kinematics:
         return rotations, offsets, axes, columns, tip
 
     def _axis(self, joint: int) -> np.ndarray:
-        """Axis of a rotating joint in its own frame, shape (3,): the angular part of its motion
-        subspace.
-        """
+        """Axis of a rotating joint in its own frame, shape (3,): angular part of its subspace."""
         data = self.model.createData()
         pin.forwardKinematics(
             self.model, data, self.neutral, np.eye(self.model.nv)[self.model.joints[joint].idx_v]

@@ -1,5 +1,6 @@
-"""Random processes of inertial sensors, drawn in a stream: the same numbers come out however the
-stream is cut into pieces.
+"""Random processes of inertial sensors, drawn in a stream.
+
+The same numbers come out however the stream is cut into chunks.
 """
 
 from __future__ import annotations
@@ -7,16 +8,40 @@ from __future__ import annotations
 import hashlib
 
 import numpy as np
-from scipy.signal import lfilter
+from numba import njit
 
 
 def random_stream(seed: int, *labels: str) -> np.random.Generator:
-    """An independent generator for one purpose, named by labels: adding a purpose changes no
-    other's numbers.
+    """An independent generator for one purpose, named by labels.
+
+    Adding a purpose changes no other's numbers.
     """
     digest = hashlib.sha256("\0".join(labels).encode()).digest()
     key = tuple(int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4))
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+@njit(cache=True)
+def first_order(b0: float, b1: float, a1: float, x: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """A first-order filter y[n] = b0 x[n] + b1 x[n - 1] - a1 y[n - 1] of each column, in direct
+    form II transposed (Oppenheim & Schafer, Discrete-Time Signal Processing, section 6.3).
+
+    Args:
+        b0: Of the numerator.
+        b1: Of the numerator.
+        a1: Of the denominator, whose first coefficient is 1.
+        x: Shape (n, k).
+        state: What the filter remembers, shape (1, k); it is left as of the last row.
+
+    Returns:
+        Shape (n, k).
+    """
+    y = np.empty_like(x)
+    for row in range(x.shape[0]):
+        for column in range(x.shape[1]):
+            y[row, column] = state[0, column] + b0 * x[row, column]
+            state[0, column] = x[row, column] * b1 - y[row, column] * a1
+    return y
 
 
 class GaussMarkov:
@@ -24,8 +49,8 @@ class GaussMarkov:
 
     Args:
         sd: Standard deviation, in any unit.
-        time_constant: [s].
-        interval: Sampling interval [s].
+        time_constant: Of the correlation [s].
+        interval: Between samples [s].
         columns: Independent copies.
         rng: Source of randomness.
     """
@@ -45,21 +70,20 @@ class GaussMarkov:
 
     def draw(self, n: int) -> np.ndarray:
         """The next n values, shape (n, columns)."""
-        if not self.active or n == 0:  # lfilter forgets its state over an empty input
+        if not self.active or n == 0:
             return np.zeros((n, self.columns))
         noise = self.step * self.rng.standard_normal((n, self.columns))
-        values, self.state = lfilter([1.0], [1.0, -self.decay], noise, axis=0, zi=self.state)
-        return np.asarray(values)
+        return first_order(1.0, 0.0, -self.decay, noise, self.state)
 
 
 class RandomWalk:
-    """Sum of white noise; sd grows with the square root of time.
+    """Sum of white noise; its standard deviation grows with the square root of time.
 
     Args:
         density: Standard deviation after one second, in any unit.
-        interval: Sampling interval [s].
-        columns: As above.
-        rng: As above.
+        interval: Between samples [s].
+        columns: Independent copies.
+        rng: Source of randomness.
     """
 
     def __init__(self, density: float, interval: float, columns: int, rng: np.random.Generator):
@@ -71,5 +95,4 @@ class RandomWalk:
         if self.step == 0 or n == 0:
             return np.zeros((n, self.columns))
         noise = self.step * self.rng.standard_normal((n, self.columns))
-        values, self.state = lfilter([1.0], [1.0, -1.0], noise, axis=0, zi=self.state)
-        return np.asarray(values)
+        return first_order(1.0, 0.0, -1.0, noise, self.state)

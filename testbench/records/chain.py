@@ -19,17 +19,16 @@ class ChainEstimate:
     """Joints of one section by one state of the filter.
 
     Attributes:
-        section: What it is.
-        state: What it is.
+        section: Name of the section.
+        state: What the filter estimated.
         sensors: Those used.
         joints: Those estimated, m of them.
         host_time_ns: Shape (n,), int64.
-        mean: Angles, rates and accelerations with standard uncertainties, shape (n, 3, m) [rad],
-            [rad/s], [rad/s^2].
-        sd: Angles, rates and accelerations with standard uncertainties, shape (n, 3, m) [rad],
-            [rad/s], [rad/s^2].
-        facts: What was found on the way: liveliness (unit in the key), base frequency with
-            uncertainty [Hz], mean normalised innovation squared [1], whether it was smoothed.
+        mean: Angles [rad], rates [rad/s] and accelerations [rad/s^2], shape (n, 3, m).
+        sd: Their standard uncertainties, shape (n, 3, m), same units.
+        facts: What was found on the way: liveliness (process noise, unit in the key), base
+            frequency with uncertainty [Hz], mean normalised innovation squared [1], whether it was
+            smoothed.
     """
 
     section: str

@@ -33,10 +33,10 @@ class ClockFit:
     """A sensor's clock against the host's: device time = host time * (1 + drift) + offset.
 
     Attributes:
-        offset_s: The fit.
-        drift_ppm: The fit.
-        offset_sd_s: Standard uncertainties.
-        drift_sd_ppm: Standard uncertainties.
+        offset_s: The offset.
+        drift_ppm: The drift.
+        offset_sd_s: Standard uncertainty of the offset.
+        drift_sd_ppm: Standard uncertainty of the drift.
         residual_deg_s: RMS difference of the angular-rate magnitudes after the fit.
         angle_error_deg: Angle that the uncertainty of the time means at the peak rate.
         method: "angular_rate", or "none" where the sensor is on the host's clock or there is no
@@ -52,26 +52,32 @@ class ClockFit:
     method: str = "none"
 
     def to_host(self, device_time_ns: np.ndarray) -> np.ndarray:
-        """Host times of device times, shape (n,), int64."""
+        """Host times of device times.
+
+        Args:
+            device_time_ns: By the sensor's own clock, shape (n,).
+
+        Returns:
+            Shape (n,), int64 [ns].
+        """
         host = (device_time_ns - 1e9 * self.offset_s) / (1 + 1e-6 * self.drift_ppm)
         return np.asarray(np.round(host).astype(np.int64))
 
 
 @dataclass(frozen=True)
 class FrameFit:
-    """How a filter's earth frame and the sensor's mounting were brought to the world and to the
-    segment.
+    """How a filter's earth frame and a sensor's mounting were brought to the world and the segment.
 
     Attributes:
         heading_deg: Heading of the filter's earth frame seen from the world: q_world_from_earth
             turns by it about the vertical.
-        tilt_deg: Remaining rotation of the levelled earth against the world, as a rotation vector;
-            only "motion" solves for it.
         mounting_deg: How the sensor sits against its mounting as believed, as the rotation vector
             of q_believed_from_sensor.
-        mounting_sd_deg: Standard uncertainty about each axis.
+        method: Of the alignment, as a protocol spells it.
+        tilt_deg: Remaining rotation of the levelled earth against the world, as a rotation vector;
+            only "motion" solves for it.
+        mounting_sd_deg: Standard uncertainty of the mounting about each axis.
         observability: RMS sine of the motion about the least moved axis.
-        method: As in the protocol.
     """
 
     heading_deg: float = 0.0
@@ -90,17 +96,17 @@ class CalibrationFit:
     = R mag_raw, with R = R_believed_from_sensor: what turns one triad of a part turns them all.
 
     Attributes:
-        acc_matrix: Shape (3, 3).
-        acc_bias: [m/s^2].
-        acc_bias_sd: Standard uncertainty [m/s^2].
-        gyr_bias: [rad/s].
-        gyr_bias_sd: [rad/s].
+        acc_matrix: Shape (3, 3) [1].
+        acc_bias: Shape (3,) [m/s^2].
+        acc_bias_sd: Standard uncertainty of it, shape (3,) [m/s^2].
+        gyr_bias: Shape (3,) [rad/s].
+        gyr_bias_sd: Standard uncertainty of it, shape (3,) [rad/s].
         gyr_g_matrix: Response of the gyroscope to specific force, shape (3, 3) [rad/s/(m/s^2)].
         R_believed_from_sensor: How the sensor really sits against the mounting as believed, shape
             (3, 3).
         poses: Number of static poses used.
         residual_m_s2: RMS over the poses.
-        method: As in the protocol.
+        method: Of the calibration, as a protocol spells it.
     """
 
     acc_matrix: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -117,7 +123,17 @@ class CalibrationFit:
     def apply(
         self, gyr: np.ndarray, acc: np.ndarray, mag: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Corrected angular rate [rad/s], specific force [m/s^2] and field [uT], shapes (n, 3)."""
+        """Corrected readings.
+
+        Args:
+            gyr: Angular rate as read, shape (n, 3) [rad/s].
+            acc: Specific force as read, shape (n, 3) [m/s^2].
+            mag: Field as read, shape (n, 3) [uT], or None.
+
+        Returns:
+            Angular rate [rad/s], specific force [m/s^2] and field [uT] or None, each of shape
+            (n, 3).
+        """
         if self.method == "none":
             return gyr, acc, mag
         R = self.R_believed_from_sensor
@@ -188,13 +204,13 @@ class SensorEstimate:
 
     Attributes:
         host_time_ns: Sampling instants on the host's clock, shape (n,), int64.
-        static: At rest by its own signals, shape (n,).
-        orientation: q_world_from_sensor by filter, shape (n, 4), aligned.
-        clock: What was fitted.
-        calibration: What was fitted.
+        static: At rest by its own signals, shape (n,), bool.
+        orientation: q_world_from_sensor by filter, each of shape (n, 4), aligned.
+        clock: The sensor's clock against the host's.
+        calibration: What the readings were corrected by.
         frames: The alignment of each filter.
         skipped: Filters that could not run, and why.
-        flagged: Samples that the quality gates refuse, shape (n,); they are not judged.
+        flagged: Samples that the quality gates refuse, shape (n,), bool; they are not evaluated.
         quality: Number of samples by reason.
         remarks: What else is odd.
         timing: Audit of the time stamps.
@@ -223,12 +239,11 @@ class SensorEstimate:
 
 @dataclass(frozen=True)
 class RelativeHeading:
-    """By how much the world of a joint's distal sensor was turned about the vertical to be that of
-    the proximal one.
+    """By how much the world of a joint's distal sensor was turned to be that of the proximal one.
 
     Attributes:
-        heading: Anticlockwise from above, and its standard deviation, shape (n,) [rad].
-        sd: Anticlockwise from above, and its standard deviation, shape (n,) [rad].
+        heading: About the vertical, anticlockwise from above, shape (n,) [rad].
+        sd: Its standard uncertainty, shape (n,) [rad].
     """
 
     heading: np.ndarray
@@ -268,8 +283,8 @@ class Estimate:
     Attributes:
         session: Its name.
         fingerprint: Of the recording they were made from.
-        sensors: By name.
-        joints: By name.
+        sensors: Orientations by sensor.
+        joints: Angles by joint of the protocol.
         filter_parameters: Those each filter ran with.
         tuned: Where they came from, of filters that were tuned.
         chain: Joints of the arm by the chain filter, by section and state.

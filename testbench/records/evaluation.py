@@ -67,27 +67,37 @@ SEVERITY = [Outcome.PASS, Outcome.MARGINAL, Outcome.NOT_MEASURED, Outcome.FAIL]
 
 @dataclass(frozen=True)
 class JointRow:
-    """Errors of a flexion angle over one group of samples: all those at one commanded pose, or of
-    one sweep; degrees.
+    """Errors of a flexion angle over one group of samples: one commanded pose, or one sweep;
+    degrees.
 
     Attributes:
-        joint: What was computed.
-        filter: What was computed.
-        sequence: What was computed.
-        section: Of the protocol's step.
-        step: Of the protocol's step.
-        kind: Of the protocol's step.
-        misalignment_deg: Commanded, None where the protocol has no such variable.
-        flexion_deg: Commanded, None where the protocol has no such variable.
+        joint: Of the protocol.
+        filter: That gave the orientations.
+        sequence: Label of the joint's definition.
+        section: Name of the section.
+        step: Index of the step.
+        kind: Of the step: "move", "sweep" or "hold".
+        misalignment_deg: As commanded; None where the protocol has no such variable.
+        flexion_deg: As commanded, or None likewise.
         variables: All loop variables.
-        n: Samples. flexion_*: Error of the flexion angle. other_*: Mean absolute errors of the two
-            other Euler angles, in their order, against the same sequence of the true orientations;
-            None in gimbal lock.
-        flexion_p95_abs_error_deg: 95th percentile of magnitudes.
-        flexion_iqr_deg: Upper less lower quartile. Of sweeps alone, else None: flexion_correlation
-            of estimated and true flexion; amplitude_deg, frequency_hz of the true flexion;
-            latency_ms behind it, with its standard uncertainty. Of poses alone: convergence_s, None
-            where it did not settle.
+        n: Samples.
+        flexion_mean_error_deg: Mean of the signed errors of the flexion.
+        flexion_mean_abs_error_deg: Mean of their magnitudes.
+        flexion_sd_deg: Their standard deviation.
+        flexion_rmse_deg: Their root mean square.
+        flexion_max_abs_error_deg: The largest magnitude.
+        other_mean_abs_error_deg: Mean magnitudes of the errors of the two other angles, in their
+            order, against the same definition of the true orientations; None in gimbal lock.
+        flexion_median_error_deg: Median of the signed errors.
+        flexion_iqr_deg: Upper less lower quartile of the signed errors.
+        flexion_p95_abs_error_deg: 95th percentile of the magnitudes.
+        flexion_correlation: Of estimated and true flexion; None but for sweeps.
+        amplitude_deg: Of the true flexion; None but for sweeps.
+        frequency_hz: Of the true flexion, likewise.
+        latency_ms: Delay of the estimated flexion behind the true one; None but for sweeps.
+        latency_sd_ms: Standard uncertainty of the delay; None but for sweeps.
+        convergence_s: Until the error stays near its settled value; None where it did not settle,
+            and but for poses.
     """
 
     joint: str
@@ -135,17 +145,25 @@ class NoiseRow:
     """One axis over the longest rest; every number in the unit that stands behind it.
 
     Attributes:
+        sensor: Its name.
         quantity: "acc", "gyr" or "mag".
-        samples: Of the rest.
-        span_s: Of the rest.
+        axis: "x", "y" or "z".
+        samples: In the rest.
+        span_s: Length of the rest.
         mean: Of the readings.
-        sd: Of the readings.
+        sd: Standard deviation of the readings.
+        unit: Of mean and standard deviation.
         noise_density: One-sided, as data sheets state it.
+        noise_density_sd: Its standard uncertainty.
+        noise_density_unit: Of both.
         random_walk: The same noise as angle or velocity random walk.
-        bias_instability: Of the Allan deviation; like the density with a standard uncertainty, and
-            None where lost among the others.
-        rate_random_walk: Of the Allan deviation; like the density with a standard uncertainty, and
-            None where lost among the others.
+        random_walk_unit: Of that.
+        bias_instability: By the Allan deviation; None where lost among the other noises.
+        bias_instability_sd: Its standard uncertainty.
+        bias_instability_unit: Of both.
+        rate_random_walk: By the Allan deviation; None where lost among the other noises.
+        rate_random_walk_sd: Its standard uncertainty.
+        rate_random_walk_unit: Of both.
     """
 
     sensor: str
@@ -171,24 +189,23 @@ class NoiseRow:
 
 @dataclass(frozen=True)
 class EulerRangeRow:
-    """Over one section, how far each of a sensor's own Euler angles went: the limit tests of an
-    axis identification; degrees.
+    """How far each of a sensor's own Euler angles went over one section; degrees.
+
+    These are the limit tests of an axis identification.
 
     Attributes:
-        sensor: What was computed.
-        section: What was computed.
-        filter: What was computed.
-        sequence: What was computed.
-        true_deg: Largest less smallest of the three angles, the outer ones unwrapped between
+        sensor: Its name.
+        section: Name of the section.
+        filter: That gave the orientations.
+        sequence: Of the Euler angles.
+        true_deg: Largest less smallest of the three true angles, the outer ones unwrapped between
             passages of gimbal lock and on the circle across them; None for the outer ones of a
             section that was in gimbal lock.
-        estimated_deg: Largest less smallest of the three angles, the outer ones unwrapped between
-            passages of gimbal lock and on the circle across them; None for the outer ones of a
-            section that was in gimbal lock.
+        estimated_deg: The same of the estimated angles.
         locked_percent: Part of the samples in gimbal lock, where only the sum (or difference) of
             the outer angles is defined.
-        outer_true_deg: Range of that sum in a locked section, else None.
-        outer_estimated_deg: Range of that sum in a locked section, else None.
+        outer_true_deg: Range of that sum by the truth in a locked section, else None.
+        outer_estimated_deg: Range of that sum by the estimate in a locked section, else None.
     """
 
     sensor: str
@@ -207,27 +224,29 @@ class ChainRow:
     """Errors of one joint of the arm by the chain filter, over one section; degrees and seconds.
 
     Attributes:
-        section: What was computed.
-        state: What was computed.
-        joint: What was computed.
+        section: Name of the section.
+        state: What the filter estimated.
+        joint: Of the arm, or all together.
         n: Samples.
         mean_error_deg: Signed; it hides what it averages.
-        largest_error_deg: By magnitude, signs kept.
-        smallest_error_deg: By magnitude, signs kept.
+        median_error_deg: Of the signed errors.
+        mean_abs_error_deg: Mean of the magnitudes.
+        rmse_deg: Root mean square of the errors.
         iqr_deg: Distance of the quartiles of the error.
         outliers_percent: Errors beyond the quartiles by 1.5 times that.
+        largest_error_deg: The error of largest magnitude, with its sign.
+        smallest_error_deg: The error of smallest magnitude, with its sign.
         relative_percent: Mean of |error| / |true angle| where that exceeds 1 deg; None where it
             never does.
         correlation: Of estimate and truth; None where the joint stands still.
-        rate_rmse_deg_s: Of the derivatives.
-        acceleration_rmse_deg_s2: Of the derivatives.
+        rate_rmse_deg_s: Of the joint's rate.
+        acceleration_rmse_deg_s2: Of the joint's acceleration.
         uncertainty_deg: RMS of the standard uncertainty stated.
         normalised_error: RMS of error over uncertainty, 1 where it is honest.
         covered_percent: Errors within 1.96 of it.
-        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean and for the columns of
-            magnitudes; None where they are not known.
-        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for the signed mean and for the
-            columns of magnitudes; None where they are not known.
+        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean; None where not known.
+        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for magnitudes; None where not
+            known.
     """
 
     section: str
@@ -259,14 +278,16 @@ class Metric:
 
     Attributes:
         name: E.g. elbow.flexion_mean_abs_error_deg.
-        filter: What it belongs to, where that applies.
-        sequence: What it belongs to, where that applies.
-        section: What it belongs to, where that applies.
-        lower: Limits, or None.
-        upper: Limits, or None.
+        value: None where it could not be measured.
+        unit: Of the value and its limits.
+        lower: The least that passes, or None.
+        upper: The most that passes, or None.
         outcome: None where no limit is stated.
         meaning: A sentence for people.
-        expanded_uncertainty: Of the truth it was judged by (k = 2), in the metric's unit; None
+        filter: That it belongs to, or None.
+        sequence: Label of the joint's definition that it belongs to, or None.
+        section: That it belongs to, or None.
+        expanded_uncertainty: Of the truth it was held against (k = 2), in the metric's unit; None
             where it is not known.
         ci95: 95 % confidence interval for another run of the same kind, or None.
         no_uncertainty: What its budget lacks, in words, so that no uncertainty is stated and it
@@ -293,6 +314,22 @@ class Evaluation:
     """All results of a session.
 
     Attributes:
+        session: Its name.
+        joint_angle: Flexion errors by pose and sweep.
+        orientation: Orientation errors by sensor and filter.
+        metrics: What limits are put on, with its verdict.
+        outcome: Of all limits together.
+        notes: What a reader must know, as sentences.
+        noise: Of the sensors at rest.
+        euler_ranges: How far the sensors' own Euler angles went.
+        joint_summary: Flexion errors of whole sections, static and dynamic, with confidence.
+        orientation_summary: Orientation errors of the session, static and dynamic, with confidence.
+        orientation_sweeps: Orientation errors sweep by sweep.
+        ranking: Places of the filters.
+        comparisons: Pairs of filters, with the significance of their difference.
+        uncertainty: Budgets of the truth.
+        gyroscope_bias: What the calibration left.
+        tuned: Filters that ran with tuned parameters.
         series: Error signals for figures and the viewer, by table name and column; kept beside
             evaluation.json as Parquet. "orientation_<sensor>": host_time_ns, judged, and for each
             filter <filter>_total_rad, <filter>_heading_rad, <filter>_inclination_rad.
@@ -304,18 +341,11 @@ class Evaluation:
             "cycles": row (its place in `cycles`), cycle_percent, and estimated_rad, true_rad,
             error_rad with their standard deviations over the cycles, <name>_sd_rad; 101 rows for
             each.
-        joint_summary: Errors of whole sections and sessions, static and dynamic, with confidence.
-        orientation_summary: Errors of whole sections and sessions, static and dynamic, with
-            confidence.
-        ranking: Of the filters, with significance.
-        comparisons: Of the filters, with significance.
-        uncertainty: Budgets of the truth.
-        gyroscope_bias: What the calibration left.
-        tuned: Filters that ran with tuned parameters.
-        magnetic_field: How far the field was disturbed, and the heading errors there.
-        magnetic_errors: How far the field was disturbed, and the heading errors there.
-        magnetic_following: How much of its changes each filter follows.
+        chain: Errors of the arm's joints by the chain filter.
+        magnetic_field: How far the field was disturbed.
+        magnetic_errors: Heading errors by how far the field was disturbed.
         outliers: Filters far from all others.
+        magnetic_following: How much of the field's changes each filter follows.
         cycles: Average cycles of sweeps.
     """
 

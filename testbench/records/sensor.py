@@ -29,19 +29,20 @@ class Triad:
     """Three orthogonal sensing axes in SI units; `unit` is m/s^2, rad/s or uT.
 
     Attributes:
+        unit: Of all that is stated in [unit].
         range: Full scale, +- [unit].
         resolution: One count [unit], 0 for none.
-        noise_density: Shape (3,) [unit/sqrt(Hz)].
+        noise_density: One-sided, shape (3,) [unit/sqrt(Hz)].
         bandwidth: First-order low pass [Hz], None for none.
-        bias_sd: [unit].
-        bias_instability: [unit].
-        bias_time_constant: [s].
-        bias_random_walk: [unit/sqrt(s)].
-        scale_sd: [1].
-        cross_axis_sd: [1].
-        nonlinearity: [1].
-        g_sensitivity_sd: [unit/(m/s^2)].
-        bias_drift_sd: Change of the bias with temperature [unit/K].
+        bias_sd: Standard deviation of the turn-on bias [unit].
+        bias_instability: Standard deviation of the in-run bias [unit].
+        bias_time_constant: Of the in-run bias [s].
+        bias_random_walk: Of the bias [unit/sqrt(s)].
+        scale_sd: Standard deviation of the scale factors [1].
+        cross_axis_sd: Standard deviation of the cross-axis factors [1].
+        nonlinearity: Cubic, at full scale [1].
+        g_sensitivity_sd: Standard deviation of the response of a gyroscope to force [unit/(m/s^2)].
+        bias_drift_sd: Standard deviation of the change of the bias with temperature [unit/K].
     """
 
     unit: str

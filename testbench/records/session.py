@@ -242,8 +242,8 @@ class Session:
 
         Args:
             sensor: Its name.
-            begin: First sample, and the one after the last; to the end if None.
-            end: First sample, and the one after the last; to the end if None.
+            begin: First sample.
+            end: The one after the last; to the end if None.
             every: Only one sample of so many, the last of them.
 
         Raises:

@@ -170,15 +170,16 @@ def read_stacked(
     end: int | None = None,
     every: int = 1,
 ) -> dict[str, np.ndarray]:
-    """Columns of a Parquet file side by side, read in pieces straight to their places: nothing is
-    in memory twice.
+    """Columns of a Parquet file side by side, read in chunks straight to their places.
+
+    Nothing is in memory twice.
 
     Args:
         path: The file.
         groups: By the name of the result, a column, or several that stand side by side in an array
             (n, k).
-        begin: First row, and the row after the last; to the end if None.
-        end: First row, and the row after the last; to the end if None.
+        begin: First row.
+        end: The row after the last; to the end if None.
         every: Only one row of so many, the last of them.
 
     Raises:
@@ -311,13 +312,13 @@ class Journal:
         A cut at any moment leaves the table or the journal, whole.
 
         Args:
-            path: As above.
-            columns: As above.
-            notes: As above.
+            path: Of the journal.
+            columns: Names and types.
             table: The Parquet file; it must have the same columns.
+            notes: By column, kept in the schema.
 
         Raises:
-            SessionError: It has others, or cannot be read.
+            SessionError: The table has others, or cannot be read.
             OSError: The journal cannot be written; the table is as it was.
         """
         with replaced_file(path) as partial:

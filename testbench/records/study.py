@@ -94,11 +94,12 @@ class BoxNumbers:
     """A box plot in numbers.
 
     Attributes:
-        lower: Ends of the whiskers: the farthest values within 1.5 interquartile ranges of the box.
-        upper: Ends of the whiskers: the farthest values within 1.5 interquartile ranges of the box.
-        q1: Quartiles.
-        median: Quartiles.
-        q3: Quartiles.
+        lower: End of the lower whisker: the farthest value within 1.5 interquartile ranges of the
+            box.
+        q1: Lower quartile.
+        median: The middle quartile.
+        q3: Upper quartile.
+        upper: End of the upper whisker, as far as the lower may reach.
         outliers: Values beyond the whiskers, ascending.
     """
 
@@ -116,8 +117,12 @@ class BoxNumbers:
 
     @staticmethod
     def of(values: np.ndarray) -> BoxNumbers:
-        """Of a sample, shape (n,), n >= 1: quartiles as MATLAB's, the kth smallest value being the
-        (k - 1/2)/n quantile.
+        """The numbers of a sample.
+
+        Quartiles are MATLAB's: the kth smallest value is the (k - 1/2)/n quantile.
+
+        Args:
+            values: Shape (n,), n >= 1, in any unit.
         """
         ordered = np.sort(np.asarray(values, float))
         q1, median, q3 = np.quantile(ordered, [0.25, 0.5, 0.75], method="hazen").tolist()
@@ -155,10 +160,11 @@ class StudyCurve:
     """One line or one set of points of a figure.
 
     Attributes:
+        name: As the legend has it.
+        x: Abscissae, shape (n,); NaN where there is no value.
+        y: Ordinates, shape (n,); NaN where there is no value.
         kind: "theory", "fit" and "truth" are drawn as lines, "simulation" and "measurement" as
             points.
-        x: Shape (n,), NaN where there is no value.
-        y: Shape (n,), NaN where there is no value.
         group: Curves of one group have one colour; the curve's own name if empty.
     """
 
@@ -185,8 +191,9 @@ class StudyCurves:
 
     Attributes:
         caption: What they show.
-        x_axis: Titles with units.
-        y_axis: Titles with units.
+        x_axis: Title of the abscissa with its unit.
+        y_axis: Title of the ordinate with its unit.
+        curves: Lines and sets of points.
         how: How to read it.
         logarithmic: The vertical axis, which has no place for zeros.
         plane: Both axes are places and have one scale, and points are joined.
@@ -237,19 +244,19 @@ class StudyRecord:
     """A finished study.
 
     Attributes:
-        name: What was asked.
-        title: What was asked.
-        question: What was asked.
+        name: Of the study.
+        title: For people.
+        question: What was asked, in a sentence.
         source: The publication it stands beside, as cited.
         started_utc: ISO 8601.
         settings: What it was run with.
         sessions: Folders that its numbers come from.
         findings: The answer, in sentences.
-        tables: In order.
-        figures: In order.
-        curves: In order.
-        surfaces: In order.
+        tables: In their order.
+        figures: Box plots in their order.
         software: Versions.
+        curves: Figures of curves in their order.
+        surfaces: Figures of surfaces in their order.
         trace: Which numbers come from which session, where not all come from all.
     """
 

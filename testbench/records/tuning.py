@@ -157,8 +157,8 @@ class UsedTuning:
 
     Attributes:
         objective: What they were tuned for.
-        tuned_utc: When, and by which version of the bench.
-        software: When, and by which version of the bench.
+        tuned_utc: When.
+        software: Version of the bench that tuned them.
         tuned: Names of the parameters.
         tuned_on: Names of the sessions.
         on_this_session: Whether this recording was among them, under any name.

@@ -66,6 +66,7 @@ def render_study(study: StudyRecord, folder: Path | None = None) -> str:
     """The report as HTML.
 
     Args:
+        study: What is reported.
         folder: That it will lie in, for links to the sessions; without one they are named alone.
     """
     sections = [_answer(study)]

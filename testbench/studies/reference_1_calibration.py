@@ -46,6 +46,7 @@ def calibration_table(session: Session, check: Session, published: PublishedResu
     Args:
         session: Of elbow_tables, whose calibration sections are fitted.
         check: Of calibration_check: the same parts in poses that are not fitted.
+        published: The table that ours stand beside.
 
     Raises:
         PoorExcitation: A section does not determine the parameters of a method.

@@ -15,7 +15,7 @@ from testbench.clock import SystemClock
 from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.pipeline import make_plan
 from testbench.records.plan import Plan
@@ -57,7 +57,9 @@ sections:
   - name: poses
     role: reference
     for_each: [misalignment_deg, flexion_deg]
-    steps: [{move_to_deg: [misalignment_deg, 0, -90, 0, 90 - misalignment_deg, flexion_deg], dwell_s: 0.5}]
+    steps:
+      - move_to_deg: [misalignment_deg, 0, -90, 0, 90 - misalignment_deg, flexion_deg]
+        dwell_s: 0.5
   - name: sweep
     steps:
       - {move_to: home, dwell_s: 0.5}

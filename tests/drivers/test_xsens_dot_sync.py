@@ -12,18 +12,18 @@ from typing import Any
 import pytest
 
 from testbench.clock import SystemClock
-from testbench.drivers.imus import xsens_dot_sync
+from testbench.drivers.imus import xsens_dot_messages, xsens_dot_sync
 from testbench.drivers.imus.bluetooth import BluetoothLoop
 from testbench.drivers.imus.xsens_dot import XsensDot
-from testbench.drivers.imus.xsens_dot_sync import (
+from testbench.drivers.imus.xsens_dot_messages import (
     GET_STATUS,
     MESSAGE_NOTIFICATION,
     STOP,
     message,
     parse,
     start_message,
-    synchronise,
 )
+from testbench.drivers.imus.xsens_dot_sync import synchronise
 from testbench.exceptions import DriverError, InputError
 from testbench.execution.device_recorder import open_devices
 from tests.drivers.fake_dots import Bench, FakeClient, FakeDot, FakeScanner, events_of
@@ -199,7 +199,7 @@ def test_an_old_firmware_that_does_not_answer_is_named(
 ) -> None:
     own = bench(SyncDot(ROOT), SyncDot(OTHER))
     own.dots[1].mute = True
-    monkeypatch.setattr(xsens_dot_sync, "ANSWER_S", 0.05)
+    monkeypatch.setattr(xsens_dot_messages, "ANSWER_S", 0.05)
     with pytest.raises(DriverError, match=f"Xsens DOT {OTHER}: it does not answer"):
         synchronise(connected(own), 0.01)
     assert own.dots[0].log == []  # nothing was begun

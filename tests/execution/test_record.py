@@ -27,7 +27,7 @@ from testbench import Session
 from testbench.cli.app import app
 from testbench.clock import SystemClock
 from testbench.drivers.imus.base import Imu
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError, RunInterrupted, SessionError
 from testbench.execution import device_recorder
 from testbench.execution.device_recorder import (
@@ -301,7 +301,8 @@ def test_ctrl_c_in_the_middle_of_a_timed_recording_raises_after_the_session_is_c
     with pytest.raises(RunInterrupted) as caught:
         record_devices(make_devices(clock, a=Interrupted()), tmp_path, 60.0, clock=clock)
     assert signal.getsignal(signal.SIGINT) is before
-    assert caught.value.exit_code == 130 and caught.value.session.status is RunStatus.INTERRUPTED  # type: ignore[attr-defined]
+    assert caught.value.exit_code == 130
+    assert caught.value.session.status is RunStatus.INTERRUPTED
 
 
 @pytest.mark.parametrize(
@@ -352,4 +353,4 @@ def test_scanning_says_what_it_could_not_search(monkeypatch: pytest.MonkeyPatch)
     heard = SimpleNamespace(
         scan=lambda duration: [{"address": "D4:22:CD:00:00:01"}], close=lambda: None
     )
-    assert scan_devices(0, heard)["dots"] == [{"address": "D4:22:CD:00:00:01"}]  # type: ignore[arg-type]
+    assert scan_devices(0, heard)["dots"] == [{"address": "D4:22:CD:00:00:01"}]

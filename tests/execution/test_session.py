@@ -9,8 +9,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
 
 import numpy as np
 import pandas as pd
@@ -27,6 +25,7 @@ from testbench.model.joint_motion import Smoothing
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus, Session, list_sessions
 from testbench.records.storage import journal_batches, read_parquet
+from tests.system.crashes import SEED, killed_at
 
 RAW = ["arm.parquet", "imu_hand.parquet", "truth_hand.parquet", "plan.parquet"]
 
@@ -284,46 +283,25 @@ def test_a_session_of_a_newer_schema_is_refused(tmp_path):
         Session(tmp_path)
 
 
-KILLED = """\
-import os, signal, sys
-from testbench import execute, plan
-
-def kill(progress):
-    print(progress.time, flush=True)
-    if progress.time > 1.5:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-execute(plan(sys.argv[1]), sys.argv[2], seed=3, speed="realtime", progress=kill, session_name="killed")
-"""
-
-
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory, tiny_plan):
-    """The logs folder of a run in real time that was killed after 1.6 s, and how far it had come
-    [s].
-    """
-    logs = tmp_path_factory.mktemp("killed")
-    done = subprocess.run(
-        [sys.executable, "-c", KILLED, str(tiny_plan.protocol.document.file), str(logs)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == -9, done.stderr
-    return logs, float(done.stdout.split()[-1])
+    """The folder of a run in real time that was killed after 1.6 s, and how far it had come [s]."""
+    protocol = tiny_plan.protocol.document.file
+    return killed_at(protocol, tmp_path_factory.mktemp("killed"), 1.6)
 
 
 def test_a_killed_run_leaves_all_but_its_last_second_in_readable_journals(killed):
-    logs, reached = killed
+    folder, reached = killed
+    assert reached > 1.4
     for name in ("arm", "imu_hand"):
-        _, batches = journal_batches(logs / "killed" / f"{name}.arrows")
+        _, batches = journal_batches(folder / f"{name}.arrows")
         last = max(batch["host_time_ns"].to_numpy()[-1] for batch in batches) / 1e9
         assert last > reached - 1
-    assert Session(logs / "killed").status is RunStatus.RUNNING
+    assert Session(folder).status is RunStatus.RUNNING
 
 
 def test_reading_a_killed_run_says_how_to_recover_it(killed):
-    session = Session(killed[0] / "killed")
+    session = Session(killed[0])
     with pytest.raises(SessionError, match="recover"):
         session.imu("hand")
 
@@ -331,12 +309,12 @@ def test_reading_a_killed_run_says_how_to_recover_it(killed):
 def test_a_recovered_run_equals_the_beginning_of_an_undisturbed_one(
     killed, tiny_plan, tmp_path, clock
 ):
-    shutil.copytree(killed[0] / "killed", tmp_path / "killed")
+    shutil.copytree(killed[0], tmp_path / "killed")
     session = recover(Session(tmp_path / "killed"))
     assert session.status is RunStatus.ABORTED
     assert "recovered" in session.manifest["message"]
     assert not list(session.path.glob("*.arrows"))
-    whole = execute(tiny_plan, tmp_path, seed=3, clock=clock)
+    whole = execute(tiny_plan, tmp_path, seed=SEED, clock=clock)
     for found, expected in ((session.imu("hand"), whole.imu("hand")), (session.arm(), whole.arm())):
         n = len(found.host_time_ns)
         assert 0 < n < len(expected.host_time_ns)

@@ -20,7 +20,8 @@ from testbench.reporting.tables import Table
 
 CHROMIUM = shutil.which("chromium")
 OPEN = """
-const page = document.documentElement.dataset, count = () => document.querySelectorAll(".figure.js-plotly-plot").length;
+const page = document.documentElement.dataset;
+const count = () => document.querySelectorAll(".figure.js-plotly-plot").length;
 const waiting = setInterval(() => {
   if (page.drawn !== "all") return;
   if (page.before) page.after = count();

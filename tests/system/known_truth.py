@@ -33,7 +33,7 @@ from testbench.records.session import Session
 FILTER = "vqf_6d"
 PROTOCOL = """\
 name: known_truth
-purpose: Poses and a sweep of an arm whose joint zeros are off by what its file says of their uncertainty
+purpose: Poses and a sweep of an arm whose joint zeros are off as its file says they may be
 robot: ur3e
 sensors:
   arm:
@@ -47,8 +47,14 @@ sensors:
     segment: {name: forearm, rotation_deg: {XYZ: [90, 0, 0]}}
     mounting: {rotation_deg: {XYZ: [90, 90, 0]}, position_mm: [0, 0, 10]}
 joints:
-  by_joint: {proximal: arm, distal: forearm, sequence: ZXZ, flexion: second, reference_joint: wrist_3_joint}
-  by_frames: {proximal: arm, distal: forearm, sequence: YXZ, flexion: second, sign: -1} # several joints of the arm enter
+  by_joint:
+    proximal: arm
+    distal: forearm
+    sequence: ZXZ
+    flexion: second
+    reference_joint: wrist_3_joint
+  by_frames: # several joints of the arm enter
+    {proximal: arm, distal: forearm, sequence: YXZ, flexion: second, sign: -1}
 variables: {flexion_deg: [15, 30, 45, 60]}
 motion: {speed: 0.8, acceleration: 0.8, jerk: 0.8}
 environment: {joint_errors: true}
@@ -60,7 +66,9 @@ sections:
     for_each: [flexion_deg]
     steps: [{move_to_deg: [195, -90, -90, 0, 75, flexion_deg], dwell_s: 0.6}]
   - name: sweep
-    steps: [{sweep: {wrist_3_joint: {sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}}, dwell_s: 0.4}]
+    steps:
+      - sweep: {wrist_3_joint: {sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}}
+        dwell_s: 0.4
 estimate: {filters: [vqf_6d], align: reference_pose, calibrate: none}
 """
 PLACES = [

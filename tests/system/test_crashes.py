@@ -6,8 +6,8 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
+from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 import pytest
@@ -24,7 +24,8 @@ from testbench.records.sensor import load_preset
 from testbench.records.session import RunStatus, Session, list_sessions
 from testbench.records.shipped import shipped_folder
 from testbench.records.storage import read_parquet
-from tests.system.crashes import ROOT, comparable, crash, moments, on_a_small_disk, undisturbed
+from tests.processes import NO_DISK, bench, small_disk, virtual_time
+from tests.system.crashes import comparable, crash, moments, undisturbed
 
 
 @pytest.fixture(scope="module")
@@ -33,11 +34,11 @@ def whole(tiny, tmp_path_factory):
     return undisturbed(tiny, tmp_path_factory.mktemp("whole"))
 
 
-@pytest.mark.parametrize(("speed", "after_s"), moments(8, 5.0))
+@pytest.mark.parametrize(("speed", "part"), moments(8))
 def test_a_kill_at_any_moment_loses_at_most_a_second_and_the_resumed_run_is_the_undisturbed_one(
-    tiny, tmp_path, whole, speed, after_s
+    tiny, tmp_path, whole, speed, part
 ):
-    outcome = crash(tiny, tmp_path, speed, after_s, *whole)
+    outcome = crash(tiny, tmp_path, speed, part, whole)
     assert outcome.opened
     assert outcome.lost <= 1.0
     assert outcome.same_files
@@ -78,7 +79,7 @@ def test_a_run_may_break_off_and_be_resumed_more_than_once(tiny_plan, tmp_path, 
     result = resume(session.path, with_report=False, clock=clock)
     assert result.session.status is RunStatus.COMPLETED
     assert len(result.session.manifest["resumed"]) == 2
-    assert comparable(result.evaluation) == comparable(whole[1])
+    assert comparable(result.evaluation) == comparable(whole.evaluation)
     names = [event.event for event in result.session.events]
     assert names.count("run_resumed") == 2 and names[-1] == "run_completed"
 
@@ -136,7 +137,7 @@ def test_an_interrupted_run_is_resumed_without_the_stop_that_the_arm_made(
             tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=stop, session_name="broken"
         )
     result = resume(tmp_path / "broken", with_report=False, clock=clock)
-    assert comparable(result.evaluation) == comparable(whole[1])
+    assert comparable(result.evaluation) == comparable(whole.evaluation)
 
 
 def test_a_pause_lets_virtual_time_stand_still_and_changes_nothing_else(
@@ -160,7 +161,9 @@ def test_a_pause_lets_virtual_time_stand_still_and_changes_nothing_else(
     session = execute(tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=pause)
     names = [event.event for event in session.events]
     assert "paused" in names and "resumed" in names
-    assert comparable(analyse(session, with_report=False).evaluation) == comparable(whole[1])
+    assert comparable(analyse(session, with_report=False).evaluation) == comparable(
+        whole.evaluation
+    )
 
 
 def test_a_completed_run_or_a_recording_is_not_resumed(tiny_plan, tmp_path, clock, quick):
@@ -229,22 +232,21 @@ def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_
     assert resume(session.path, with_report=False).session.status is RunStatus.COMPLETED
 
 
+@contextmanager
+def on_virtual_time_and_a_small_disk(folder, size_kb):
+    with virtual_time(), small_disk(folder, size_kb):
+        yield
+
+
 @pytest.mark.parametrize("size_kb", [250, 320, 400])
 def test_a_full_disk_stops_the_run_and_what_was_recorded_is_readable(tiny, tmp_path, size_kb):
-    command = [
-        sys.executable,
-        "-m",
-        "testbench",
-        "run",
-        str(tiny),
-        "--logs",
-        str(tmp_path / "disk"),
-        "--no-report",
-        "--json",
-    ]
-    done = on_a_small_disk([*command, "--speed", "realtime"], tmp_path / "disk", size_kb)
-    if "unshare" in done.stderr or "mount:" in done.stderr:
-        pytest.skip("this machine does not let tests mount a file system")
+    disk = tmp_path / "disk"
+    done = bench(
+        *("run", tiny, "--logs", disk, "--no-report", "--json", "--speed", "realtime"),
+        around=partial(on_virtual_time_and_a_small_disk, disk, size_kb),
+    )
+    if NO_DISK in done.stderr:
+        pytest.skip(NO_DISK)
     assert done.returncode == 3, done.stderr
     assert "there is no room left on the disk" in done.stderr
     assert "Traceback" not in done.stderr
@@ -259,8 +261,7 @@ def test_sessions_are_listed_with_what_became_of_them(tiny_plan, tmp_path, clock
     broken_off(tiny_plan, tmp_path, clock, 1.0)
     (tmp_path / "damaged").mkdir()
     (tmp_path / "damaged" / "manifest.json").write_text("{")
-    command = [sys.executable, "-m", "testbench", "sessions", "--logs", str(tmp_path), "--json"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = bench("sessions", "--logs", tmp_path, "--json")
     assert done.returncode == 0, done.stderr
     listed = {entry["session"]: entry for entry in json.loads(done.stdout)["sessions"]}
     assert listed["broken"]["status"] == "error" and listed["broken"]["damage"] is None
@@ -286,20 +287,11 @@ def test_sessions_are_listed_though_one_has_a_broken_evaluation(
 
 def test_a_broken_off_run_is_resumed_on_the_command_line(tiny_plan, tmp_path, clock):
     session = broken_off(tiny_plan, tmp_path, clock, 2.0)
-    command = [
-        sys.executable,
-        "-m",
-        "testbench",
-        "run",
-        "--resume",
-        str(session.path),
-        "--no-report",
-        "--json",
-    ]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    command = ("run", "--resume", session.path, "--no-report", "--json")
+    done = bench(*command)
     assert done.returncode == 0, done.stderr
     assert Session(session.path).status is RunStatus.COMPLETED
-    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    again = bench(*command)
     assert again.returncode == 2
     assert "was completed" in again.stderr
 

@@ -19,7 +19,7 @@ from testbench import execute, plan
 from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
 from testbench.drivers.arms.replay import ReplayArm
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
 from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
 from testbench.execution.device_recorder import open_devices, record_devices
@@ -104,7 +104,10 @@ def imports(folder: Path) -> Iterator[Session]:
     ) -> Session:
         return import_recording(name, files, folder / f"session_{name}", clock, options, truth)
 
-    above = "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nFilterProfile:,General\nOutputRate:,60Hz\nStartTime:,now\n\n"
+    above = (
+        "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nFilterProfile:,General\n"
+        "OutputRate:,60Hz\nStartTime:,now\n\n"
+    )
     dot = (
         {"PacketCounter": np.arange(400), "SampleTimeFine": 16667 * np.arange(400)}
         | xyz("Acc_{}", UP)

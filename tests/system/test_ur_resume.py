@@ -83,7 +83,7 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
     assert lines[4].startswith("3 steps of 4, reference and calibration once more,")
     assert ur3e.control("status") == before
     seen: list[str] = []
-    setup = ArmSetup(host=ur3e.address, simulate_imus=True, seed=1)
+    setup = ArmSetup("ur", host=ur3e.address, simulate_imus=True, seed=1)
     options = ArmRunOptions(
         tmp_path, 1, progress=lambda progress: progress.doing or seen.append(progress.step)
     )
@@ -122,7 +122,7 @@ def test_a_changed_protocol_is_not_resumed_and_the_difference_shown(stopped, tmp
     with pytest.raises(InputError, match=r"short\.yaml differs") as caught:
         resume(
             stopped.path,
-            ArmSetup(host="127.99.99.99", simulate_imus=True, seed=1),
+            ArmSetup("ur", host="127.99.99.99", simulate_imus=True, seed=1),
             ArmRunOptions(tmp_path, 1),
             changed,
         )

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
+from testbench.drivers.arms.entry import ArmEntry
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.samples import ArmSamples
 from testbench.records.session import Event
@@ -49,12 +50,20 @@ class SteppingArm(Arm):
     happened.
 
     Attributes:
-        notice: What a person must know before it moves; nothing if empty.
-        remedies: What a person does after it has stopped, by the word for the cause.
+        entry: Its place in the catalogue of arms.
     """
 
-    notice: str = ""
-    remedies: Mapping[str, str] = {}
+    entry: ArmEntry
+
+    @property
+    def notice(self) -> str:
+        """What a person must know before it moves; nothing if empty."""
+        return self.entry.notice
+
+    @property
+    def remedies(self) -> Mapping[str, str]:
+        """What a person does after it has stopped, by the word for the cause."""
+        return self.entry.remedies
 
     @abstractmethod
     def connect(self) -> None:
@@ -85,6 +94,6 @@ class SteppingArm(Arm):
     def resume(self) -> None:
         """Go on after a pause."""
 
-    @abstractmethod
     def describe(self) -> dict[str, Any]:
         """What the manifest should say of this arm."""
+        return self.entry.record.to_dict()

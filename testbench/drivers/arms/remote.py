@@ -7,7 +7,6 @@ what was planned, is the truth.
 
 from __future__ import annotations
 
-import re
 from abc import abstractmethod
 from typing import Any, ClassVar
 
@@ -15,10 +14,12 @@ import numpy as np
 
 from testbench.clock import SystemClock
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.arms.link import Link, LinkSettings, Message, Motion
+from testbench.drivers.arms.client import ArmClient
+from testbench.drivers.arms.link import Link, Message
+from testbench.drivers.arms.settings import LinkSettings, Motion
 from testbench.drivers.arms.straight_path import StraightPaths
-from testbench.drivers.imus.streamed import SessionTime
-from testbench.exceptions import ArmRefused, DriverError, InputError
+from testbench.drivers.session_time import SessionTime
+from testbench.exceptions import ArmRefused, DriverError
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.robot import Robot
@@ -47,17 +48,13 @@ class RemoteArm(SteppingArm):
         InputError: The plan is for an arm that the driver is not for.
 
     Attributes:
-        driver: Its name on the command line.
-        models: A regular expression of the robots that it drives.
-        family: What people call them.
+        client: The client library that drives it.
         joint_columns: Columns that samples have for every joint, with {} for its name.
         columns: Their other columns, and the type of each.
         told: Keys of what the controller says of itself that the manifest keeps.
     """
 
-    driver: ClassVar[str]
-    models: ClassVar[str]
-    family: ClassVar[str]
+    client: ClassVar[type[ArmClient]]
     joint_columns: ClassVar[tuple[str, ...]]
     columns: ClassVar[dict[str, Any]]
     told: ClassVar[tuple[str, ...]]
@@ -69,7 +66,7 @@ class RemoteArm(SteppingArm):
         time: SessionTime | None = None,
         serial: str | None = None,
     ):
-        self.refuse_other(robot)
+        self.entry.refuse_other(robot.name)
         self.robot, self.settings, self.time = robot, settings, time or SessionTime(SystemClock())
         self.clock, self.serial = self.time.clock, serial
         each = {
@@ -90,23 +87,6 @@ class RemoteArm(SteppingArm):
         self._finished = self._stopped = False
         self.streamed_moves = 0
 
-    @classmethod
-    def drives(cls, robot: Robot) -> bool:
-        """Whether this driver is for arms of that name."""
-        return re.fullmatch(cls.models, robot.name) is not None
-
-    @classmethod
-    def refuse_other(cls, robot: Robot) -> None:
-        """Refuse an arm of another maker, by its name.
-
-        Raises:
-            InputError: The driver is for others.
-        """
-        if not cls.drives(robot):
-            raise InputError(
-                f"--arm {cls.driver} drives {cls.family}; the plan is for {robot.name}"
-            )
-
     @property
     def finished(self) -> bool:
         return self._finished
@@ -119,7 +99,7 @@ class RemoteArm(SteppingArm):
                 does not take over.
             DriverError: There is no controller at the address, or it does not answer.
         """
-        self._link = Link(self.settings)
+        self._link = Link(self.client, self.settings, self.entry)
         try:
             (_, info), _ = self._link.wait_for("info")
         except BaseException:
@@ -341,8 +321,7 @@ class RemoteArm(SteppingArm):
             self._link = None
 
     def describe(self) -> dict[str, Any]:
-        return {
-            "driver": self.driver,
+        return super().describe() | {
             "host": self.settings.host,
             **{key: self.info[key] for key in self.told if key in self.info},
             "tool": self._tool(),

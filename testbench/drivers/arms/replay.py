@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.arms.catalogue import REPLAY
+from testbench.drivers.arms.entry import WantedArm
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import Plan, PlannedStep
@@ -38,6 +40,8 @@ class ReplayArm(SteppingArm):
         log: A session's folder, a Parquet or a CSV file.
         time: Of the session.
     """
+
+    entry = REPLAY
 
     def __init__(self, robot: Robot, log: Path, time: SessionTime):
         self.robot, self.log, self.time = robot, log, time
@@ -152,7 +156,18 @@ class ReplayArm(SteppingArm):
         """Nothing to let go of."""
 
     def describe(self) -> dict[str, Any]:
-        return {"driver": "replay", "log": self.log.name}
+        return super().describe() | {"log": self.log.name}
+
+
+def replay_arm(plan: Plan, wanted: WantedArm, time: SessionTime) -> ReplayArm:
+    """The recorded motion for a plan; it is not read yet.
+
+    Raises:
+        InputError: There is none.
+    """
+    if wanted.log is None:
+        raise InputError("a replay needs a recorded motion")
+    return ReplayArm(plan.robot, wanted.log, time)
 
 
 def _read_log(path: Path) -> dict[str, np.ndarray]:

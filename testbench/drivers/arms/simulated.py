@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 
 from testbench.drivers.arms.base import Arm
+from testbench.drivers.arms.entry import WantedArm
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
 from testbench.model.noise import random_stream
@@ -144,6 +146,11 @@ class SimulatedArm(Arm):
         return Trajectory(
             np.array([*times, end], dtype=np.int64), q, np.zeros_like(q), np.zeros_like(q)
         )
+
+
+def simulated_arm(plan: Plan, wanted: WantedArm, time: SessionTime | None = None) -> SimulatedArm:
+    """The model of a plan's arm; it keeps virtual time."""
+    return SimulatedArm(plan.robot, wanted.seed, plan.protocol.spec.environment.joint_errors)
 
 
 def draw_zero_errors(robot: Robot, seed: int) -> np.ndarray:

@@ -24,8 +24,8 @@ def check_target(path: Path, name: str, suffix: str, session: Session, force: bo
 
     Args:
         path: File or folder to be written.
-        name: Of the format; a folder of tables has no suffix.
-        suffix: Of the format; a folder of tables has no suffix.
+        name: Of the format.
+        suffix: Of the format's files; empty for a folder of tables.
         session: The recording.
         force: Whether an earlier export may be replaced.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from testbench.formats.exporters import EXPORTS, ExportSource, prepare_export, w
 from testbench.pipeline import export
 from testbench.records.session import Session
 from testbench.reporting.viewer import save_recording
+from tests.processes import bench
 from tests.reporting.test_viewer import chunks_of
 
 FILES = [name for name, kind in EXPORTS.items() if kind.suffix]
@@ -21,11 +21,6 @@ FILES = [name for name, kind in EXPORTS.items() if kind.suffix]
 
 def everything(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
-
-
-def bench(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "testbench", "export", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
 @pytest.mark.parametrize("name", EXPORTS)
@@ -193,7 +188,9 @@ def test_rrd_is_what_the_viewer_saves(quick, own_session, tmp_path):
 
 def test_the_command_prints_one_json_object_and_refuses_with_exit_code_2(own_session, tmp_path):
     out = tmp_path / "out.mot"
-    done = bench(own_session.path, "--to", "mot", "--out", out, "--filter", "vqf_6d", "--json")
+    done = bench(
+        "export", own_session.path, "--to", "mot", "--out", out, "--filter", "vqf_6d", "--json"
+    )
     assert done.returncode == 0, done.stderr
     printed = json.loads(done.stdout)
     assert printed == {
@@ -203,7 +200,7 @@ def test_the_command_prints_one_json_object_and_refuses_with_exit_code_2(own_ses
         "filters": ["vqf_6d"],
         "notes": [],
     }
-    refused = bench(own_session.path, "--to", "mot", "--out", out)
+    refused = bench("export", own_session.path, "--to", "mot", "--out", out)
     assert refused.returncode == 2
     assert (
         refused.stderr.startswith("error: ")
