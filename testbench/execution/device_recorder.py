@@ -23,14 +23,14 @@ from testbench.exceptions import BenchError, DriverError, InputError, RunInterru
 from testbench.execution.interruption import on_interrupt
 from testbench.execution.recorder import IMU_NOTES
 from testbench.frames import NANOSECONDS
-from testbench.records.layout import JOURNALS, MANIFEST, imu_stream, table_file
+from testbench.records.layout import JOURNALS, imu_stream, table_file
 from testbench.records.protocol import Analysis, Estimation
 from testbench.records.replacing import clear_partials
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Event, RunStatus, Session
 from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import SessionWriter, file_hashes, note_end
-from testbench.records.storage import compact, read_parquet, write_json
+from testbench.records.storage import compact, read_parquet
 
 CHUNK_NS = NANOSECONDS // 4
 """Samples are taken from the devices this often [ns]."""
@@ -358,7 +358,7 @@ class _Recording:
         now = self.devices.time.now_ns()
         writer.event(Event(now, f"recording_{status}", {"message": message}))
         sensors = {
-            name: writer.manifest["sensors"][name] | {"statistics": self._statistics(name)}
+            name: writer.manifest.content["sensors"][name] | {"statistics": self._statistics(name)}
             for name in self.devices.imus
         }
         duration = (
@@ -447,6 +447,10 @@ def recover_recording(session: Session) -> Session:
         last = max(last, int(times.max())) if len(times) else last
     message = f"cut off after {last / NANOSECONDS:.1f} s and recovered"
     note_end(session, Event(last, "recording_aborted", {"message": message}))
-    closing = {"status": RunStatus.ABORTED, "message": message, "duration_s": last / NANOSECONDS}
-    write_json(path / MANIFEST, session.manifest | closing | {"files": file_hashes(path)})
+    session.manifest.changed(
+        status=RunStatus.ABORTED,
+        message=message,
+        duration_s=last / NANOSECONDS,
+        files=file_hashes(path),
+    ).write(path)
     return Session(path)

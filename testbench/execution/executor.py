@@ -113,9 +113,7 @@ class _Run:
         self.realtime, self.progress = speed == "realtime", progress
         self.now_ns, self.keys, self.say = 0, keys, say
         self.again_ns = (
-            round((resumed.manifest.get("duration_s") or 0) * NANOSECONDS)
-            if resumed is not None
-            else 0
+            round((resumed.manifest.duration_s or 0) * NANOSECONDS) if resumed is not None else 0
         )
         self.resumed = resumed is not None
         guards = plan.protocol.spec.guards

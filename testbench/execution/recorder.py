@@ -146,7 +146,7 @@ class Recorder:
             (event.host_time_ns, event.event, event.details.get("index"))
             for event in session.events
         }
-        duration = session.manifest.get("duration_s")
+        duration = session.manifest.duration_s
         writer = SessionWriter.reopen(session.path, {"at_s": duration, "was": str(session.status)})
         if (
             session.status is RunStatus.INTERRUPTED

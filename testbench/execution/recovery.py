@@ -15,7 +15,7 @@ from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import Event, RunStatus, Session
 from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import file_hashes, note_end
-from testbench.records.storage import Journal, compact, last_value, write_json
+from testbench.records.storage import Journal, compact, last_value
 
 SMALLEST_JOURNAL = 64
 """A journal of fewer bytes was cut off before its schema was whole; it held nothing."""
@@ -43,7 +43,7 @@ def recover(session: Session) -> Session:
 
 def _recovered(session: Session) -> Session:
     """Turn what was recorded into tables, and close the session."""
-    if session.manifest.get("kind") == "recording":
+    if session.manifest.kind == "recording":
         from testbench.execution.device_recorder import recover_recording
 
         return recover_recording(session)
@@ -63,20 +63,14 @@ def _recovered(session: Session) -> Session:
         )
     write_truth(path, session.robot, session.analysis.sensors)
     duration = float(last_value(path / table_file(ARM), "host_time_ns") or 0) / NANOSECONDS
-    try:
-        planned = float(session.manifest["plan"]["check"]["duration_s"])
-    except (KeyError, TypeError, ValueError):
-        raise SessionError(
-            f"{path / MANIFEST} is damaged: it does not say how long the plan is"
-        ) from None
+    planned = session.manifest.plan.check.duration_s
+    if planned is None:
+        raise SessionError(f"{path / MANIFEST} is damaged: it does not say how long the plan is")
     message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
     note_end(session, Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}))
-    manifest = session.manifest | {
-        "status": RunStatus.ABORTED,
-        "message": message,
-        "duration_s": duration,
-    }
-    write_json(path / MANIFEST, manifest | {"files": file_hashes(path)})
+    session.manifest.changed(
+        status=RunStatus.ABORTED, message=message, duration_s=duration, files=file_hashes(path)
+    ).write(path)
     return Session(path)
 
 
@@ -85,11 +79,8 @@ def _write_empty(session: Session, journal: Path) -> None:
     name = journal.stem
     if name == ARM and session.robot is not None:
         columns = ArmSamples.columns(session.robot.joint_names)
-    elif sensor_of(name) in session.manifest["sensors"]:
-        sensor = session.manifest["sensors"][sensor_of(name)]
-        columns = ImuSamples.columns(
-            *(bool(sensor.get(key)) for key in ("magnetometer", "orientation", "temperature"))
-        )
+    elif (sensor := session.manifest.sensors.get(sensor_of(name) or "")) is not None:
+        columns = ImuSamples.columns(sensor.magnetometer, sensor.orientation, sensor.temperature)
     else:
         return
     journal.unlink()
