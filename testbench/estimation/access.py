@@ -87,7 +87,7 @@ def hisses(session: Session, sensor: str) -> bool:
     """Whether a sensor's readings must differ at rest: not those of a simulated one whose data
     sheet states no noise.
     """
-    if session.manifest["sensors"].get(sensor, {}).get("driver") != "simulated":
+    if session.manifest.sensors[sensor].driver != "simulated":
         return True
     sheet = session.analysis.sensors[sensor].imu()
     return any(

@@ -94,14 +94,12 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
 
 def _bench_tables(session: Session, estimate: Estimate) -> ResultTables:
     """What must be known of the run and of the filters, whatever they come to."""
-    notes = list(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
+    notes = list(session.manifest.plan.check.warnings)
     doubt = reference_warning(session.steps, session.analysis.estimate.align)
     if doubt is not None and doubt not in notes:  # else the plan has said so
         notes.append(doubt)
     if session.status is not RunStatus.COMPLETED:
-        notes.append(
-            f"{ENDED[session.status]}: {session.manifest.get('message') or 'it did not finish'}"
-        )
+        notes.append(f"{ENDED[session.status]}: {session.manifest.message or 'it did not finish'}")
     earlier = earlier_steps(session)
     if earlier is not None:
         notes.append(f"this session {earlier.sentence}")

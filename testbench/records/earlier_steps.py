@@ -50,9 +50,8 @@ def earlier_steps(session: Session) -> EarlierSteps | None:
     """What another session has of this one's plan; None where it goes on from none, or its plan
     cannot be read.
     """
-    resumes = session.manifest.get("resumes")
-    wanted = resumes.get("steps") if isinstance(resumes, dict) else None
-    if not isinstance(resumes, dict) or not isinstance(wanted, list):
+    resumes = session.manifest.resumes
+    if resumes is None or resumes.steps is None:
         return None
     try:
         notes = pq.read_schema(session.path / PLAN).metadata or {}
@@ -67,5 +66,5 @@ def earlier_steps(session: Session) -> EarlierSteps | None:
         or [step for step in steps if step[1] != "calibration"]
         or steps
     )
-    names = [name for index, _, name in judged if index not in wanted]
-    return EarlierSteps(str(resumes.get("session")), names, len(judged))
+    names = [name for index, _, name in judged if index not in resumes.steps]
+    return EarlierSteps(resumes.session, names, len(judged))

@@ -64,7 +64,7 @@ def born_with(session):
         Kinematics(session.robot),
         Environment(),
         lambda t: None,
-        session.manifest["seed"],
+        session.manifest.seed,
     )
     return imu._accelerometer.errors, imu._gyroscope.errors
 

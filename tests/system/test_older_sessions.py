@@ -55,7 +55,7 @@ def missing_keys(document: str, written: Any) -> set[str]:
 @pytest.mark.parametrize("name", sorted(KINDS))
 def test_an_older_session_opens(name: str) -> None:
     session = Session(SESSIONS / name)
-    assert session.manifest["kind"] == KINDS[name]
+    assert session.manifest.kind == KINDS[name]
     assert session.status.value == ("interrupted" if name == "interrupted" else "completed")
     for sensor in session.sensor_names:
         assert len(session.imu(sensor)) == session.sample_count(sensor) > 0

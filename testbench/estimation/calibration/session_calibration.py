@@ -112,7 +112,7 @@ def calibrate(
         remarks.append(
             "the date of the recording is unknown: the calibration bears the date of its import"
         )
-    device = session.manifest["sensors"][sensor].get("device_tag")
+    device = session.manifest.sensors[sensor].device_tag
     calibration = SensorCalibration(
         sensor,
         str(device) if device else None,
