@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from scipy.optimize import nnls
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 FLICKER = 2 * np.log(2) / np.pi
 FEWEST_DIFFERENCES = 8
@@ -107,8 +107,8 @@ def allan_deviation(
     tau = factors / rate
     slope = _smooth_slope(np.log(tau), np.log(np.maximum(deviation, 1e-300)))
     edf = np.array([_edf(len(phase), int(m), s) for m, s in zip(factors, slope, strict=True)])
-    lower = deviation * np.sqrt(edf / chi2.ppf(0.8415, edf))
-    upper = deviation * np.sqrt(edf / chi2.ppf(0.1585, edf))
+    lower = deviation * np.sqrt(edf / chdtri(edf, 0.1585))
+    upper = deviation * np.sqrt(edf / chdtri(edf, 0.8415))
     return AllanCurve(tau, deviation, lower, upper, edf)
 
 
