@@ -10,18 +10,15 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from testbench.clock import Clock, SystemClock
+from testbench.drivers.arms import catalogue
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.arms.remote import RemoteArm
-from testbench.drivers.arms.replay import ReplayArm
-from testbench.drivers.arms.ur import UrArm, ur_settings
-from testbench.drivers.arms.xarm import XArm, xarm_settings
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.arms.entry import WantedArm
+from testbench.drivers.session_time import SessionTime
 from testbench.estimation.filters import OrientationFilter
 from testbench.exceptions import BenchError, InputError
-from testbench.execution import execute
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import open_devices
-from testbench.execution.executor import Progress, simulated_sensors
+from testbench.execution import RunOptions, execute
+from testbench.execution.devices import open_devices
+from testbench.execution.executor import execute_on_arm, simulated_sensors
 from testbench.execution.resume import (
     is_own_copy,
     missing_steps,
@@ -32,6 +29,8 @@ from testbench.execution.resume import (
     stored_protocol,
     stored_robot,
 )
+from testbench.execution.run_progress import Progress
+from testbench.execution.sensors import Sensors
 from testbench.model.dh_calibration import calibrated
 from testbench.model.dh_plausibility import judge_corrections
 from testbench.pipeline import Result, analyse, make_plan
@@ -42,6 +41,7 @@ from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import Robot
 from testbench.records.session import Session
+from testbench.records.session_lock import session_lock
 
 
 @dataclass(frozen=True)
@@ -49,16 +49,17 @@ class ArmSetup:
     """What moves and what is recorded in a run that is not simulated.
 
     Attributes:
+        driver: Of the catalogue of arms, by its name.
         host: Address of the controller.
-        log: A recorded motion to replay instead of an arm.
+        log: A recorded motion.
         simulate_imus: Sensors follow the reported motion.
         serial: Live devices, as for `open_devices`.
         dots: Live devices, as for `open_devices`.
         seed: Of simulated sensors.
         arm_serial: Serial number that the arm must have; any if None.
-        driver: ur or xarm.
     """
 
+    driver: str
     host: str = ""
     log: Path | None = None
     simulate_imus: bool = False
@@ -66,7 +67,6 @@ class ArmSetup:
     dots: list[str] = field(default_factory=list)
     seed: int = 0
     arm_serial: str | None = None
-    driver: str = "ur"
 
 
 def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
@@ -94,29 +94,7 @@ def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics:
     return Robot(spec, own.urdf, own.text, own.file)
 
 
-def refuse_other_maker(robot: Robot, driver: str) -> None:
-    """Refuse an arm that a driver is not for, by its name; nothing is connected.
-
-    Args:
-        robot: What the plan is for.
-        driver: ur, xarm, or anything else, which drives every arm.
-
-    Raises:
-        InputError: It is another maker's; says which driver it needs.
-    """
-    kinds: dict[str, type[RemoteArm]] = {kind.driver: kind for kind in (UrArm, XArm)}
-    if driver not in kinds:
-        return
-    try:
-        kinds[driver].refuse_other(robot)
-    except InputError as error:
-        right = next((name for name, kind in kinds.items() if kind.drives(robot)), None)
-        raise InputError(
-            f"{error}: say --arm {right}" if right else f"{error}, which no driver is for"
-        ) from None
-
-
-def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Sensors, SessionTime]:
+def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Sensors]:
     """The arm and the sensors of a run that is not simulated; nothing is connected yet.
 
     Raises:
@@ -124,29 +102,25 @@ def make_arm(plan: Plan, setup: ArmSetup, clock: Clock) -> tuple[SteppingArm, Se
         DriverError: An extra is missing.
     """
     time = SessionTime(clock)
-    if setup.log is not None:
-        arm: SteppingArm = ReplayArm(plan.robot, setup.log, time)
-    elif setup.driver == "xarm":
-        arm = XArm(plan.robot, xarm_settings(plan, setup.host), time, setup.arm_serial)
-    else:
-        arm = UrArm(plan.robot, ur_settings(plan, setup.host), time, setup.arm_serial)
+    wanted = WantedArm(setup.host, setup.log, setup.arm_serial, setup.seed)
+    arm = catalogue.make_arm(setup.driver, plan, wanted, time)
     if setup.simulate_imus:
-        return arm, Sensors.simulated(plan, setup.seed), time
+        return arm, Sensors.simulated(plan, setup.seed)
     if not setup.serial and not setup.dots:
-        if setup.log is not None:
+        if not arm.entry.commanded:
             arm.connect()  # what is wrong with the log is said first
         raise InputError(
             "name the sensors on the arm with --serial or --dot, or simulate them with "
             "--simulate-imus"
         )
-    devices = open_devices(setup.serial, setup.dots, clock, time=time)
-    return arm, Sensors.live(plan, devices), time
+    devices = open_devices(setup.serial, setup.dots, time)
+    return arm, Sensors.live(plan, devices)
 
 
 def run_on_arm(
     plan: Plan,
     setup: ArmSetup,
-    options: ArmRunOptions,
+    options: RunOptions,
     filters: Sequence[str | OrientationFilter] | None = None,
     with_report: bool = True,
     clock: Clock | None = None,
@@ -167,15 +141,15 @@ def run_on_arm(
     """
     if calibrations is not None:
         load_calibrations(calibrations)  # a bad file is refused before anything moves
-    arm, sensors, time = make_arm(plan, setup, clock or SystemClock())
-    session = execute_on_arm(plan, arm, sensors, time, options)
+    arm, sensors = make_arm(plan, setup, clock or SystemClock())
+    session = execute_on_arm(plan, arm, sensors, options)
     return _judge(session, plan, options, filters, with_report, calibrations, tunings)
 
 
 def _judge(
     session: Session,
     plan: Plan,
-    options: ArmRunOptions,
+    options: RunOptions,
     filters: Sequence[str | OrientationFilter] | None,
     with_report: bool,
     calibrations: Path | None,
@@ -209,7 +183,7 @@ def look_at_arm(
         InputError: As for `make_arm`, or the arm must not be driven.
         DriverError: A live sensor delivers nothing, or there is no controller that answers.
     """
-    arm, sensors, _ = make_arm(plan, setup, clock or SystemClock())
+    arm, sensors = make_arm(plan, setup, clock or SystemClock())
     try:
         sensors.listen()
         arm.connect()
@@ -272,7 +246,7 @@ def prepare_resume(
 def resume(
     path: Path,
     setup: ArmSetup | None = None,
-    options: ArmRunOptions | None = None,
+    options: RunOptions | None = None,
     protocol: str | Path | None = None,
     filters: Sequence[str | OrientationFilter] | None = None,
     with_report: bool = True,
@@ -311,15 +285,15 @@ def resume(
     if session.manifest["arm"]["driver"] == "simulated":
         refuse_differences(session, the_plan, simulated_sensors(the_plan))
         seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
-        resumed = execute(
-            the_plan, seed=seed, speed=speed, clock=clock, progress=progress, resumed=session
-        )
+        again = RunOptions(seed=seed, speed=speed, clock=clock, progress=progress, resumed=session)
+        with session_lock(session.path):
+            resumed = execute(the_plan, options=again)
         return analyse(resumed, filters, with_report, the_plan, calibrations, tunings)
     if setup is None or options is None:
         raise InputError(
             f"{path} was run on a real arm; say --arm, --host and --confirm-motion to go on"
         )
-    arm, sensors, time = make_arm(the_plan, setup, clock or SystemClock())
+    arm, sensors = make_arm(the_plan, setup, clock or SystemClock())
     refuse_differences(
         session, the_plan, {name: imu.describe() for name, imu in sensors.imus.items()}
     )
@@ -328,5 +302,5 @@ def resume(
         steps=steps,
         resumes={"session": session.name, "steps": [step.index for step in steps]},
     )
-    session = execute_on_arm(the_plan, arm, sensors, time, options)
+    session = execute_on_arm(the_plan, arm, sensors, options)
     return _judge(session, the_plan, options, filters, with_report, calibrations, tunings)

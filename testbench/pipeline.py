@@ -19,7 +19,8 @@ from testbench.estimation.filters.tuned import choose_tuned
 from testbench.evaluation import evaluate
 from testbench.exceptions import InputError, NotFoundError, SessionError
 from testbench.execution import execute
-from testbench.execution.executor import Progress
+from testbench.execution.options import RunOptions
+from testbench.execution.run_progress import Progress
 from testbench.formats.exporters import (
     TRUTH,
     Exported,
@@ -34,13 +35,14 @@ from testbench.planning.designed import DesignedProtocol, design_protocol
 from testbench.planning.experiment_design import Wanted
 from testbench.records.calibration_file import SUFFIXES, load_calibrations, save_calibration
 from testbench.records.calibration_result import CalibrationResult
-from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
+from testbench.records.layout import REPORT
 from testbench.records.plan import Plan
 from testbench.records.protocol import Protocol
 from testbench.records.robot import Robot
 from testbench.records.session import Session
+from testbench.records.session_lock import session_locked
 from testbench.records.tuning import load_tunings
 
 
@@ -104,10 +106,12 @@ def run(
     the_plan = make_plan(protocol, robot, filters, tunings)
     if planned is not None:
         planned(the_plan)
-    session = execute(the_plan, logs, seed, speed, clock, progress, keys=keys, say=say)
+    options = RunOptions(logs, seed, speed, clock, keys=keys, progress=progress, say=say)
+    session = execute(the_plan, options=options)
     return analyse(session, filters, with_report, the_plan, calibrations, tunings)
 
 
+@session_locked
 def analyse(
     session: Session,
     filters: Sequence[str | OrientationFilter] | None = None,
@@ -139,6 +143,7 @@ def analyse(
     return Result(the_plan, session, estimated, evaluated, path)
 
 
+@session_locked
 def load_or_estimate(
     session: Session,
     filters: Sequence[str | OrientationFilter] | None = None,
@@ -163,7 +168,7 @@ def load_or_estimate(
 
 def _stored_estimate(session: Session) -> Estimate | None:
     """The estimate on disk if it can be read and was made from this very recording."""
-    if not (session.path / ESTIMATE_FOLDER / "estimate.json").is_file():
+    if not Estimate.lies_in(session.path):
         return None
     try:
         stored = Estimate.load(session.path)
@@ -194,6 +199,7 @@ def _has_filters(stored: Estimate, filters: Sequence[str | OrientationFilter] | 
     )
 
 
+@session_locked
 def judge_again(
     session: Session,
     filters: Sequence[str | OrientationFilter] | None = None,
@@ -206,7 +212,7 @@ def judge_again(
     estimated = load_or_estimate(session, filters, calibrations, tunings)
     evaluated = evaluate(session, estimated)
     evaluated.save(session.path)
-    if (session.path / "report.html").is_file():
+    if (session.path / REPORT).is_file():
         from testbench.reporting.report import report
 
         report(session, estimated, evaluated)
@@ -355,6 +361,7 @@ def show(
     return written
 
 
+@session_locked
 def export(
     session: Session,
     name: str,

@@ -20,6 +20,7 @@ import yaml
 from hypothesis import settings
 
 from testbench import execute, plan
+from testbench.execution import RunOptions
 from testbench.pipeline import Result, analyse
 from testbench.records.shipped import shipped_folder
 
@@ -110,7 +111,9 @@ def run_protocol(tmp_path_factory: pytest.TempPathFactory) -> RunMaker:
 
     def run(protocol: str | Path, seed: int = 1, filters: list[str] | None = None) -> Result:
         the_plan = plan(protocol)
-        session = execute(the_plan, tmp_path_factory.mktemp("logs"), seed, clock=FakeClock())
+        session = execute(
+            the_plan, tmp_path_factory.mktemp("logs"), seed, RunOptions(clock=FakeClock())
+        )
         return analyse(session, filters, with_report=False, the_plan=the_plan)
 
     return run
@@ -146,7 +149,9 @@ sections:
   - name: moves
     steps:
       - {name: out, move_to_deg: {wrist_3_joint: 60, wrist_1_joint: -60}, dwell_s: 0.8}
-      - {name: wave, sweep: {wrist_3_joint: {sine: {amplitude_deg: 10, frequency_hz: 1, cycles: 1}}}, dwell_s: 0.4}
+      - name: wave
+        sweep: {wrist_3_joint: {sine: {amplitude_deg: 10, frequency_hz: 1, cycles: 1}}}
+        dwell_s: 0.4
 estimate: {filters: [device, vqf_6d], align: heading, calibrate: none}
 """
 

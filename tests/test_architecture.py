@@ -1,10 +1,15 @@
-"""The shape of the source: which way imports point, and who may read a clock or print."""
+"""The shape of the source: which way imports point, who may read a clock or print, and who knows
+the makers of arms.
+"""
 
 from __future__ import annotations
 
 import ast
+import io
+import re
 import subprocess
 import sys
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -38,6 +43,37 @@ EXPLICIT_RANDOM = {
     "SeedSequence",
     "default_rng",
 }
+
+# Makers of arms, their products, libraries and interfaces, as words of identifiers, strings and
+# comments.
+MAKERS = re.compile(
+    r"(?<![a-z])(?:ur(?:\d+e?)?|urscript|rtde|polyscope|dashboard|teach pendant|move[jl]|servo[jl]"
+    r"|universal[ -]?robots?|xarm(?:\d+)?|lite ?6|ufactory)(?![a-z])",
+    re.IGNORECASE,
+)
+DRIVING = {"drivers", "emulation"}
+"""Where an arm's maker is known."""
+NAMED = {
+    "cli/designing.py": {"ur3e": "the robot that ships as the default: a name in robots/"},
+    "estimation/joint_constraint.py": {"ur3e": "where a figure is from: a name in robots/"},
+    "model/chain_sensor.py": {"ur": "the cross product u x r"},
+    "model/dh_calibration.py": {
+        "ur3e": "a robot's table of DH parameters: data",
+        "ur5e": "a robot's table of DH parameters: data",
+        "ur10e": "a robot's table of DH parameters: data",
+        "universal robots": "who published these tables",
+    },
+    "model/dh_plausibility.py": {
+        "ur5e": "whose calibration a bound rests on",
+        "ur5": "whose calibration a bound rests on",
+        "universal robots": "who published a bound",
+        "ur": "the title of the document that a bound is from",
+    },
+    "planning/planner.py": {"ur3e": "whose reach a bound rests on"},
+    "records/arm_calibration.py": {"universal robots": "whose convention the numbers follow"},
+    "studies/__init__.py": {"ur3e": "what a published study was measured with"},
+}
+"""Exceptions, each with its reason: data and sources, nothing that a run depends on."""
 
 
 def part_of(module: Path) -> str:
@@ -100,6 +136,61 @@ def unseeded_generators(tree: ast.AST) -> Iterator[ast.Call]:
             and not node.keywords
         ):
             yield node
+
+
+def named_makers(source: str) -> Iterator[tuple[int, str]]:
+    """Makers of arms in identifiers, strings and comments, with their lines."""
+    tree = ast.parse(source)
+    words: list[tuple[int, str]] = []
+    for node in ast.walk(tree):
+        line = getattr(node, "lineno", 1)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            words.append((line, node.value))
+        for field in ("id", "attr", "name", "arg", "asname", "module"):
+            value = getattr(node, field, None)
+            if isinstance(value, str):
+                words.append((line, re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", value)))
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            words.append((token.start[0], token.string))
+    for line, text in words:
+        for word in MAKERS.findall(text.replace("_", " ")):
+            yield line, word.lower()
+
+
+def test_only_drivers_and_emulators_know_the_makers_of_arms() -> None:
+    found, used = [], set()
+    for module in MODULES:
+        name = str(module.relative_to(PACKAGE))
+        if part_of(module) not in DRIVING:
+            for line, word in named_makers(module.read_text(encoding="utf-8")):
+                used.add((name, word))
+                if word not in NAMED.get(name, {}):
+                    found.append(f"{name}:{line} {word}")
+    assert found == []
+    allowed = {(name, word) for name, words in NAMED.items() for word in words}
+    assert allowed <= used, "exceptions that nothing needs any more"
+
+
+@pytest.mark.parametrize(
+    ("source", "word"),
+    [
+        ("class UrArm: ...", "ur"),
+        ("def emulate_xarm(): ...", "xarm"),
+        ("if driver == 'ur': ...", "ur"),
+        ("fault = 'rtde_silence'", "rtde"),
+        ("import rtde_control", "rtde"),
+        ("x = 1  # as the dashboard says", "dashboard"),
+        ('"""Of a Universal Robots arm."""', "universal robots"),
+        ("def f(polyscope): ...", "polyscope"),
+        ("settings.XArmSettings", "xarm"),
+        ("'the xArm 6'", "xarm"),
+        ("our_purpose = 'a curve, four hours, urn'", None),
+        ("surface = 'dashboards'", None),
+    ],
+)
+def test_the_search_for_makers_finds_them(source: str, word: str | None) -> None:
+    assert {found for _, found in named_makers(source)} == ({word} if word else set())
 
 
 def test_imports_point_in_the_agreed_direction() -> None:

@@ -92,6 +92,7 @@ def plan(
     from testbench.exceptions import InputError
     from testbench.frames import NANOSECONDS
     from testbench.pipeline import make_plan
+    from testbench.records.replacing import stored_where_asked
 
     if out is not None and not out.parent.is_dir():
         raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
@@ -99,10 +100,8 @@ def plan(
     if not json:
         say_warnings(the_plan)
     if out is not None:
-        try:
+        with stored_where_asked(out):
             the_plan.save(out)
-        except OSError as error:
-            raise InputError(f"{out} cannot be written: {error.strerror}") from None
     rows = [
         [
             s.index,

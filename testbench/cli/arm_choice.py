@@ -3,27 +3,15 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from testbench.drivers.arms.catalogue import find_arm, ignored_options, refuse_missing
+
 if TYPE_CHECKING:
     from testbench.arm_pipeline import ArmSetup
     from testbench.estimation.filters import OrientationFilter
-
-TAKEN_BY = {
-    "--serial": ("ur", "xarm", "replay"),
-    "--dot": ("ur", "xarm", "replay"),
-    "--simulate-imus": ("ur", "xarm", "replay"),
-    "--kinematics": ("ur", "replay"),
-    "--host": ("ur", "xarm"),
-    "--confirm-motion": ("ur", "xarm"),
-    "--hazards-checked": ("ur", "xarm"),
-    "--log": ("replay",),
-    "--speed": ("sim",),
-}
-"""The arms that take notice of an option."""
 
 
 @dataclass
@@ -31,7 +19,7 @@ class ArmChoice:
     """What was asked for on the command line.
 
     Attributes:
-        arm: sim, ur, xarm or replay.
+        arm: Its name in the catalogue of arms.
         host: As the options.
         log: As the options.
         simulate_imus: As the options.
@@ -70,26 +58,21 @@ class ArmChoice:
     def setup(self) -> ArmSetup:
         """Arm and sensors."""
         from testbench.arm_pipeline import ArmSetup
-        from testbench.exceptions import InputError
         from testbench.records.arm_calibration import load_arm_calibration
 
-        if self.moves and not self.host:
-            raise InputError(f"--arm {self.arm} needs --host, the address of the controller")
-        if self.arm == "replay" and self.log is None:
-            raise InputError("--arm replay needs --log, a session, a Parquet or a CSV file")
-        log = self.log if self.arm == "replay" else None
+        refuse_missing(self.arm, self._given())
         number = (
             load_arm_calibration(self.kinematics).serial if self.kinematics is not None else None
         )
         return ArmSetup(
+            self.arm,
             self.host or "",
-            log,
+            self.log,
             self.simulate_imus,
             self.serial,
             self.dots,
             self.seed,
             number,
-            self.arm,
         )
 
     def refuse_ignored(self, resumed: bool = False) -> None:
@@ -105,7 +88,7 @@ class ArmChoice:
         """
         from testbench.exceptions import InputError
 
-        takers = list(self._ignored())
+        takers = list(ignored_options(self.arm, self._given()))
         if resumed and self.arm == "sim":
             kept = {
                 "--seed": self.seed != 0,
@@ -120,34 +103,26 @@ class ArmChoice:
         if takers:
             raise InputError("; ".join(f"{option} needs {needed}" for option, needed in takers))
 
-    def _ignored(self) -> Iterator[tuple[str, str]]:
-        """Options that were given and that the chosen arm ignores, each with what it needs."""
+    def _given(self) -> set[str]:
+        """The options that were given, of those that not every arm takes."""
         given = {
-            "--serial": bool(self.serial),
-            "--dot": bool(self.dots),
+            "--serial": self.serial,
+            "--dot": self.dots,
             "--simulate-imus": self.simulate_imus,
-            "--kinematics": self.kinematics is not None,
-            "--host": self.host is not None,
+            "--kinematics": self.kinematics,
+            "--host": self.host,
             "--confirm-motion": self.confirmed,
             "--hazards-checked": self.hazards_checked,
-            "--log": self.log is not None,
+            "--log": self.log,
             "--speed": self.speed != "fast",
+            "--seed": self.seed != 0,
         }
-        for option, arms in TAKEN_BY.items():
-            if given[option] and self.arm not in arms:
-                *others, last = arms
-                yield option, f"--arm {', '.join(others)} or {last}" if others else f"--arm {last}"
-        if self.arm != "sim" and self.simulate_imus:
-            for option in ("--serial", "--dot"):
-                if given[option]:
-                    yield option, "a run without --simulate-imus"
-        if self.arm != "sim" and self.seed != 0 and not self.simulate_imus:
-            yield "--seed", "simulated sensors: --simulate-imus"
+        return {option for option, value in given.items() if value}
 
     @property
     def moves(self) -> bool:
         """Whether anything real moves."""
-        return self.arm != "replay"
+        return find_arm(self.arm).commanded
 
     def resume_line(self, session: Path) -> str:
         """The command that goes on with a session, with the same arm and sensors; the hazards will

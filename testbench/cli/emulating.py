@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from inspect import Parameter, Signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from testbench.cli.output import say
+from testbench.emulation.catalogue import EMULATED, EmulatedArm
 
 if TYPE_CHECKING:
     from testbench.emulation.server import Server
@@ -44,72 +47,39 @@ AtOption = Annotated[
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the encoders' noise.")]
 
 
-@emulate.command("ur")
-def emulate_ur(
-    model: Annotated[str, typer.Option("--model", help="ur3e, ur5e or ur10e.")] = "ur3e",
-    address: AddressOption = "127.0.0.1",
-    token: TokenOption = None,
-    scenario: ScenarioOption = None,
-    polyscope: Annotated[
-        str | None, typer.Option("--polyscope", help="Version that the controller claims.")
-    ] = None,
-    at: AtOption = None,
-    local_control: Annotated[
-        bool, typer.Option("--local-control", help="Start out of remote control.")
-    ] = False,
-    seed: SeedOption = 0,
-) -> None:
-    """Emulate the controller of a Universal Robots arm until Ctrl-C; port 29998 takes faults."""
-    from testbench.emulation.ur.server import UrServer
-    from testbench.emulation.ur.setup import make_controller
+def _command(arm: EmulatedArm) -> Callable[..., None]:
+    """The function of a command whose options are those of every controller and the arm's own."""
 
-    controller = make_controller(model, polyscope, _angles(at), seed, scenario, local_control)
-    server = UrServer(controller, address, token)
-    say(
-        f"{model} emulated at {address}: dashboard 29999, scripts 30001 to 30003, RTDE 30004, "
-        "faults 29998; Ctrl-C ends it"
-    )
-    _run(server)
+    def serve(**given: Any) -> None:
+        given["at_deg"] = _angles(given.pop("at"))
+        server = arm.server(given)
+        say(f"{given['model']} emulated at {server.address}: {server.open_ports}; Ctrl-C ends it")
+        _run(server)
+
+    model = typer.Option("--model", help=f"{arm.models}.")
+    options: dict[str, tuple[Any, Any]] = {
+        "model": (Annotated[str, model], arm.model),
+        "address": (AddressOption, "127.0.0.1"),
+        "token": (TokenOption, None),
+        "scenario": (ScenarioOption, None),
+    }
+    for own in arm.options:
+        kind = str | None if own.default is None else type(own.default)
+        option = typer.Option(own.flag, help=own.help, min=own.least, max=own.most)
+        options[own.name] = (Annotated[kind, option], own.default)
+    options |= {"at": (AtOption, None), "seed": (SeedOption, 0)}
+    # typer reads the options of a command from the signature of its function.
+    parameters = [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+        for name, (annotation, default) in options.items()
+    ]
+    setattr(serve, "__signature__", Signature(parameters))  # noqa: B010 - unknown to mypy
+    serve.__doc__ = arm.help
+    return serve
 
 
-@emulate.command("xarm")
-def emulate_xarm(
-    model: Annotated[str, typer.Option("--model", help="xarm6.")] = "xarm6",
-    address: AddressOption = "127.0.0.1",
-    token: TokenOption = None,
-    scenario: ScenarioOption = None,
-    firmware: Annotated[
-        str | None, typer.Option("--firmware", help="Version that the controller claims.")
-    ] = None,
-    claims: Annotated[
-        str | None,
-        typer.Option(
-            "--claims", help="Arm that the controller says it drives: xarm5, xarm7, lite6, 850."
-        ),
-    ] = None,
-    command_port: Annotated[
-        int,
-        typer.Option(
-            "--command-port",
-            min=1,
-            max=65535,
-            help="Instead of 502, which needs a privileged user.",
-        ),
-    ] = 502,
-    at: AtOption = None,
-    seed: SeedOption = 0,
-) -> None:
-    """Emulate the controller of a UFACTORY xArm until Ctrl-C; port 29998 takes faults."""
-    from testbench.emulation.xarm.server import XArmServer
-    from testbench.emulation.xarm.setup import make_controller
-
-    controller = make_controller(model, firmware, _angles(at), seed, scenario, claims)
-    server = XArmServer(controller, address, token, command_port)
-    say(
-        f"{model} emulated at {address}: commands {command_port}, reports 30000 and 30002, faults "
-        "29998; Ctrl-C ends it"
-    )
-    _run(server)
+for _arm in EMULATED:
+    emulate.command(_arm.name)(_command(_arm))
 
 
 def _angles(at: str | None) -> list[float] | None:

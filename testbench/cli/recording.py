@@ -11,6 +11,7 @@ import typer
 from testbench.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
+    from testbench.execution.run_progress import Progress
     from testbench.records.session import Session
 
 
@@ -62,26 +63,34 @@ def record(
     ] = False,
 ) -> None:
     """Record IMUs alone, without an arm; Ctrl-C ends it."""
-    from testbench.clock import SystemClock
-    from testbench.execution.device_recorder import open_devices, record_devices, scan_devices
+    from testbench.execution.device_recorder import record_devices
+    from testbench.execution.devices import open_devices, scan_devices
+    from testbench.execution.options import RunOptions
 
     if scan:
         return _say_found(scan_devices(), json)
-    clock = SystemClock()
     devices = open_devices(
-        serial or [], dot or [], clock, dot_payload, dot_rate, synchronise_dots=dot_sync
+        serial or [], dot or [], None, dot_payload, dot_rate, synchronise_dots=dot_sync
     )
     if not json:
         length = "until Ctrl-C" if duration is None else f"for {duration:g} s"
         say(f"connecting {', '.join(devices.imus)}, then recording {length}")
-    progress = None if json or not sys.stderr.isatty() else _say_progress
-    session = record_devices(devices, logs, duration, name, clock, progress)
+    options = RunOptions()
+    if not json:
+        shown = _say_progress if sys.stderr.isatty() else None
+        options = RunOptions(progress=shown, say=_say_beside)
+    session = record_devices(devices, logs, duration, name, options)
     return _say_recorded(session, json)
 
 
-def _say_progress(time: float, counts: dict[str, int]) -> None:
-    listed = ", ".join(f"{name} {count}" for name, count in counts.items())
-    print(f"\r{time:7.1f} s, samples: {listed} ", end="", file=sys.stderr, flush=True)
+def _say_progress(progress: Progress) -> None:
+    listed = ", ".join(f"{name} {count}" for name, count in progress.samples.items())
+    print(f"\r{progress.time:7.1f} s, samples: {listed} ", end="", file=sys.stderr, flush=True)
+
+
+def _say_beside(line: str) -> None:
+    """A line that does not run into the progress."""
+    print(f"\n{line}" if sys.stderr.isatty() else line, file=sys.stderr)
 
 
 def _say_found(found: dict[str, list[Any]], json: bool) -> None:

@@ -8,6 +8,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -30,10 +31,11 @@ from testbench.cli.output import (
     say_warnings,
 )
 from testbench.cli.tuning import TunedOption
+from testbench.drivers.arms.catalogue import ARMS, SIM, refuse_other_maker
 
 if TYPE_CHECKING:
     from testbench.arm_pipeline import ArmSetup
-    from testbench.execution.arm_run import ArmRunOptions
+    from testbench.execution import RunOptions
     from testbench.pipeline import Result
     from testbench.records.plan import Plan, PlannedStep
 
@@ -45,13 +47,11 @@ class Speed(StrEnum):
     realtime = "realtime"
 
 
-class ArmDriver(StrEnum):
-    """Arms that can be driven."""
-
-    sim = "sim"
-    ur = "ur"
-    xarm = "xarm"
-    replay = "replay"
+if TYPE_CHECKING:
+    ArmName = str
+else:
+    ArmName = StrEnum("ArmName", {name: name for name in ARMS})
+ARM_HELP = "Which arm to drive: " + ", ".join(f"{arm.name} {arm.title}" for arm in ARMS.values())
 
 
 def run(
@@ -63,7 +63,7 @@ def run(
         ),
     ] = None,
     robot: RobotOption = None,
-    arm: Annotated[ArmDriver, typer.Option("--arm", help="Which arm to drive.")] = ArmDriver.sim,
+    arm: Annotated[ArmName, typer.Option("--arm", help=ARM_HELP)] = ArmName("sim"),
     host: Annotated[
         str | None, typer.Option("--host", help="Address of the arm's controller.")
     ] = None,
@@ -123,7 +123,7 @@ def run(
 
     names = parse_filters(filters)
     choice = ArmChoice(
-        arm.value,
+        str(arm),
         host,
         log,
         simulate_imus,
@@ -146,7 +146,7 @@ def run(
     choice.refuse_ignored()
     if protocol is None:
         raise InputError("name a protocol, or a session with --resume")
-    if arm is not ArmDriver.sim:
+    if arm != SIM.name:
         return _finish(run_real(protocol, robot, choice), json)
     with (
         progress_bar(not json) as progress,
@@ -188,7 +188,7 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
     Raises:
         InputError: The motion was not confirmed; nothing moved, nothing was connected.
     """
-    from testbench.arm_pipeline import calibrated_robot, refuse_other_maker, run_on_arm
+    from testbench.arm_pipeline import calibrated_robot, run_on_arm
     from testbench.pipeline import make_plan
 
     setup = choice.setup()
@@ -198,13 +198,11 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
         else robot
     )
     plan = make_plan(protocol, own, choice.filters, choice.tuned)
-    refuse_other_maker(plan.robot, choice.arm)
+    refuse_other_maker(choice.arm, plan.robot.name)
     if not choice.json:
         say_warnings(plan)
-    options = _options(choice)
-    if choice.moves:
-        options.checklist = approve(plan, choice, setup)
-    with _shown(choice, options):
+    checklist = approve(plan, choice, setup) if choice.moves else None
+    with _shown(choice, checklist) as options:
         return run_on_arm(
             plan,
             setup,
@@ -217,12 +215,17 @@ def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
 
 
 @contextmanager
-def _shown(choice: ArmChoice, options: ArmRunOptions) -> Iterator[None]:
-    """Show a run on a real arm."""
+def _shown(choice: ArmChoice, checklist: dict[str, Any] | None) -> Iterator[RunOptions]:
+    """The options of a run on a real arm, which show it."""
+    from testbench.execution import RunOptions
+
+    options = RunOptions(choice.logs, choice.seed, checklist=checklist)
     with progress_bar(not choice.json, "connecting") as display, _resumable(choice.resume_line):
         if display is not None:
-            options.progress, options.say = display, display.say
-        yield
+            options = replace(
+                options, keys=True, progress=display, say=display.say, notify=say_warning
+            )
+        yield options
 
 
 @contextmanager
@@ -243,15 +246,17 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
     """Go on with a session whose run broke off."""
     from testbench.arm_pipeline import prepare_resume, resume
     from testbench.exceptions import InputError
+    from testbench.records.arm_record import arm_record
     from testbench.records.session import Session
 
-    driver = Session(session).manifest.get("arm", {}).get("driver", "ur")
-    simulated = driver == "simulated"
-    if choice.arm == "sim" and not simulated:
+    arm = arm_record(Session(session).manifest)
+    simulated = arm is None or arm.simulated  # one without an arm is refused below
+    driver = SIM.name if arm is None or simulated else arm.driver
+    if choice.arm == SIM.name and not simulated:
         raise InputError(
             f"{session} was run on a real arm; say --arm {driver} and its options again"
         )
-    if choice.arm != ("sim" if simulated else driver):
+    if choice.arm != driver:
         own = (
             "on a simulated arm; leave --arm away"
             if simulated
@@ -263,16 +268,15 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
     prepared = prepare_resume(session, protocol, robot, choice.filters, choice.tuned)
     if not choice.json:
         say_note(prepared.note)
-    options = None if simulated else _options(choice)
-    if options is not None and choice.moves:
-        assert setup is not None
-        options.checklist = approve(prepared.plan, choice, setup, prepared.steps)
+    checklist = None
+    if setup is not None and choice.moves:
+        checklist = approve(prepared.plan, choice, setup, prepared.steps)
     with ExitStack() as stack:
-        progress = None
-        if options is None:
+        progress = options = None
+        if simulated:
             progress = stack.enter_context(progress_bar(not choice.json))
         else:
-            stack.enter_context(_shown(choice, options))
+            options = stack.enter_context(_shown(choice, checklist))
         return resume(
             session,
             setup,
@@ -284,14 +288,6 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
             tunings=choice.tuned,
             prepared=prepared,
         )
-
-
-def _options(choice: ArmChoice) -> ArmRunOptions:
-    from testbench.execution.arm_run import ArmRunOptions
-
-    return ArmRunOptions(
-        choice.logs, choice.seed, keys=not choice.json, notify=None if choice.json else say_warning
-    )
 
 
 def approve(

@@ -113,9 +113,11 @@ class Server(ABC):
 
     Attributes:
         faults: Those that the controller knows.
+        open_ports: What answers where, for a person.
     """
 
     faults: ClassVar[Mapping[str, FaultKind]]
+    open_ports: str
 
     def __init__(
         self,

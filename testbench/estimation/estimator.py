@@ -332,20 +332,18 @@ def prepare_sensor(
             "samples"
         )
     estimated = SensorEstimate(
-        time,
-        static,
-        {},
-        clock,
-        calibration,
-        {},
-        {},
-        quality.flagged,
-        quality.counts(),
-        remarks,
-        access.timing(description.get("rate_hz"), _rate_age(description)),
-        access.every,
-        axes,
-        None if stored is None else stored.summary(),
+        host_time_ns=time,
+        static=static,
+        orientation={},
+        flagged=quality.flagged,
+        clock=clock,
+        calibration=calibration,
+        quality=quality.counts(),
+        remarks=remarks,
+        timing=access.timing(description.get("rate_hz"), _rate_age(description)),
+        every=access.every,
+        axes=axes,
+        stored_calibration=None if stored is None else stored.summary(),
     )
     return PreparedSensor(
         session, access, truth, every, aligned_to, uniform, correct, mounting, estimated

@@ -12,8 +12,10 @@ import numpy as np
 from testbench.evaluation.judged import SETTLING_NS
 from testbench.frames import NANOSECONDS
 from testbench.model.truth import WIDEST_GAP_NS
+from testbench.records.arm_record import arm_record
+from testbench.records.layout import ARM, table_file
 from testbench.records.plan import PlannedStep
-from testbench.records.session import ARM, Session
+from testbench.records.session import Session
 from testbench.records.storage import read_parquet_batches
 
 DEPARTED_RAD = float(np.radians(0.05))
@@ -36,14 +38,13 @@ def arm_notes(session: Session) -> list[str]:
     if (
         session.robot is None
         or not session.has_protocol
-        or not (session.path / f"{ARM}.parquet").is_file()
+        or not (session.path / table_file(ARM)).is_file()
     ):
         return []
-    if (
-        _driver(session) == "simulated"
-    ):  # its arm and its commands have one clock, and no sample is missed
+    arm = arm_record(session.manifest)
+    if arm is None or arm.simulated:  # a model and its commands have one clock; no sample is missed
         return []
-    leads, steps, count, gap_ns = _look(session)
+    leads, steps, count, gap_ns = _look(session, arm.commanded)
     notes = _clock_notes(session)
     early = [lead for lead in leads if lead > LEAD_NS]
     if early:
@@ -62,11 +63,6 @@ def arm_notes(session: Session) -> list[str]:
             f"{WIDEST_GAP_NS / NANOSECONDS:g} s"
         )
     return notes
-
-
-def _driver(session: Session) -> str:
-    arm = session.manifest.get("arm")
-    return str(arm.get("driver")) if isinstance(arm, dict) else ""
 
 
 def _missed(manifest: dict[str, Any]) -> int:
@@ -96,20 +92,25 @@ def _clock_notes(session: Session) -> list[str]:
     return notes
 
 
-def _look(session: Session) -> tuple[list[int], int, int, int]:
+def _look(session: Session, commanded: bool) -> tuple[list[int], int, int, int]:
     """Go through the arm's recording once, in pieces.
+
+    Args:
+        session: The recording.
+        commanded: Whether the arm was told to move; the steps of a log are found by its motion, so
+            that this cannot precede them.
 
     Returns:
         By how much motions precede their commands [ns]; how many steps that could be seen of;
         number of samples; longest gap between them [ns].
     """
-    waits = _waits(session)
+    waits = _waits(session) if commanded else []
     assert session.robot is not None
     columns = [f"q_measured_{joint}_rad" for joint in session.robot.joint_names]
     rest: dict[int, np.ndarray] = {}
     departed: dict[int, int] = {}
     count, gap, last = 0, 0, np.zeros(0, dtype=np.int64)
-    for piece in read_parquet_batches(session.path / f"{ARM}.parquet", ["host_time_ns", *columns]):
+    for piece in read_parquet_batches(session.path / table_file(ARM), ["host_time_ns", *columns]):
         times = piece["host_time_ns"]
         q = np.column_stack([piece[column] for column in columns])
         gap = max(gap, int(np.diff(np.concatenate([last, times])).max(initial=0)))
@@ -125,11 +126,7 @@ def _look(session: Session) -> tuple[list[int], int, int, int]:
 
 
 def _waits(session: Session) -> list[tuple[int, int]]:
-    """From when to when the arm rests before a commanded motion [ns]; not of a log, whose steps are
-    found by its motion.
-    """
-    if _driver(session) == "replay":
-        return []
+    """From when to when the arm rests before a commanded motion [ns]."""
     steps: list[PlannedStep] = sorted(session.steps, key=lambda step: step.start_ns)
     waits = []
     for before, step in pairwise(steps):

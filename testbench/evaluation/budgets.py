@@ -247,9 +247,13 @@ def sensor_budgets(
     """Budgets of a sensor's total, heading and inclination errors.
 
     Args:
+        session: The recording.
+        estimate: Of the session.
+        name: Of the sensor.
         true: The truth at the estimate's instants.
-        judged: Which count, shape (n,).
-        steps: Judged steps of the protocol.
+        judged: Which samples count, shape (n,), bool.
+        steps: Evaluated steps of the protocol.
+        arm: What is known of the arm's truth; None without one.
     """
     sensor, aligned = estimate.sensors[name], session.analysis.estimate.align
     time = sensor.host_time_ns

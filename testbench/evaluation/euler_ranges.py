@@ -41,6 +41,8 @@ def euler_range_rows(
 
     Args:
         name: Of the sensor.
+        estimate: Orientations of the sensor.
+        truth: What the sensor went through.
         steps: Of the session.
         wanted: Euler sequence by section.
     """

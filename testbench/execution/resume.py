@@ -14,10 +14,11 @@ from typing import Any
 
 from testbench.exceptions import InputError, SessionError
 from testbench.execution.recovery import recover
+from testbench.records.layout import INCLUDED, PROTOCOL, ROBOT, URDF
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.robot import Robot, load_robot, robot_from_text
 from testbench.records.session import RunStatus, Session
-from testbench.records.session_writer import software_versions
+from testbench.records.session_writer import deciding_versions, software_versions
 from testbench.records.storage import plain_values
 
 MOST_LINES = 20
@@ -64,7 +65,7 @@ def refuse_other_robot(session: Session, robot: str | Path | None) -> None:
 
 def is_own_copy(session: Session, protocol: str | Path) -> bool:
     """Whether a protocol's file is the one that the session keeps."""
-    return Path(protocol).resolve() == (session.path / "protocol.yaml").resolve()
+    return Path(protocol).resolve() == (session.path / PROTOCOL).resolve()
 
 
 def refuse_edited_protocol(session: Session, plan: Plan) -> str:
@@ -95,7 +96,7 @@ def refuse_edited_protocol(session: Session, plan: Plan) -> str:
                 [f"{file} was edited since:\n{_difference(text, today)}"] if today != text else []
             )
     if found:
-        copy = session.path / "protocol.yaml"
+        copy = session.path / PROTOCOL
         found.append(
             f"to go on by the protocol that the session keeps, name it: --resume {session.path} "
             f"{copy}"
@@ -111,9 +112,9 @@ def stored_protocol(session: Session) -> Iterator[Path]:
     """
     name = Path(str(session.manifest["protocol"]["file"])).name
     with TemporaryDirectory(prefix="testbench-") as folder:
-        shutil.copy(session.path / "protocol.yaml", Path(folder) / name)
-        for included in session.path.glob("included_*"):
-            shutil.copy(included, Path(folder) / included.name.removeprefix("included_"))
+        shutil.copy(session.path / PROTOCOL, Path(folder) / name)
+        for included in session.path.glob(f"{INCLUDED}*"):
+            shutil.copy(included, Path(folder) / included.name.removeprefix(INCLUDED))
         yield Path(folder) / name
 
 
@@ -126,7 +127,7 @@ def stored_robot(session: Session) -> Robot:
     robot = session.robot
     if robot is None:
         raise SessionError(f"{session.path} has no robot.yaml")
-    return robot_from_text(session.path / "robot.yaml", robot.urdf)
+    return robot_from_text(session.path / ROBOT, robot.urdf)
 
 
 def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[str]:
@@ -143,21 +144,19 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
         Path(str(session.manifest["protocol"]["file"])).name,
         plan.protocol.document.file.name,
     )
-    stored = {named: session.path / "protocol.yaml"}
-    stored |= {
-        file.name.removeprefix("included_"): file for file in session.path.glob("included_*")
-    }
+    stored = {named: session.path / PROTOCOL}
+    stored |= {file.name.removeprefix(INCLUDED): file for file in session.path.glob(f"{INCLUDED}*")}
     for name, text in plan.protocol.texts().items():
         before = stored[name].read_text(encoding="utf-8") if name in stored else ""
         if before != text:
             found.append(f"the protocol's file {name} differs:\n{_difference(before, text)}")
     if named != own:
         found.append(f"the protocol's file is called {named}, that of the session {own}")
-    robot = (session.path / "robot.yaml").read_text(encoding="utf-8")
+    robot = (session.path / ROBOT).read_text(encoding="utf-8")
     today = _todays_robot(session) or plan.robot
     if robot != today.text:
         found.append(f"the robot file differs:\n{_difference(robot, today.text)}")
-    if (session.path / "robot.urdf").read_text(encoding="utf-8") != plan.robot.urdf.read_text(
+    if (session.path / URDF).read_text(encoding="utf-8") != plan.robot.urdf.read_text(
         encoding="utf-8"
     ):
         found.append("the robot's URDF differs")
@@ -169,7 +168,7 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
     software = session.manifest.get("software", {})
     changed = {
         key: (software.get(key), value)
-        for key, value in software_versions().items()
+        for key, value in deciding_versions(software_versions()).items()
         if software.get(key) != value
     }
     found += [

@@ -72,12 +72,26 @@ class AxisMap:
         return bool(np.linalg.det(self.matrix) > 0)
 
     def vectors(self, x_file: np.ndarray) -> np.ndarray:
-        """Vectors in the sensor frame, shape (n, 3) to (n, 3)."""
+        """Vectors in the sensor frame.
+
+        Args:
+            x_file: In the axes of the file, shape (n, 3), in any unit.
+
+        Returns:
+            Shape (n, 3), in the same unit.
+        """
         source = np.argmax(np.abs(self.matrix), axis=1)
         return x_file[:, source] * self.matrix[np.arange(3), source]
 
     def orientations(self, q_earth_from_file: np.ndarray) -> np.ndarray:
-        """q_earth_from_sensor, shape (n, 4) to (n, 4); the map must be a rotation."""
+        """Orientations of the sensor frame; the map must be a rotation.
+
+        Args:
+            q_earth_from_file: Of the axes of the file, shape (n, 4).
+
+        Returns:
+            q_earth_from_sensor, shape (n, 4).
+        """
         return rotation.multiply(q_earth_from_file, self.q_file_from_sensor)
 
     @property

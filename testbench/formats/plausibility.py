@@ -76,7 +76,7 @@ def gather(chunks: Iterable[ImuSamples], rate: float, most_chunks: int = MOST_CH
 
     Args:
         chunks: Samples in any units.
-        rate: [Hz].
+        rate: Samples a second [Hz].
         most_chunks: Give up after so many.
     """
     norms: list[np.ndarray] = []
@@ -123,15 +123,16 @@ def _turning(chunk: ImuSamples, rate: float) -> np.ndarray:
 
 
 def missed_by_factor(samples: ImuSamples, rate: float) -> tuple[np.ndarray, int]:
-    """How far the turns between rests miss the direction of gravity after them, with the gyroscope
-    taken so many times.
+    """How far rotations between rests miss the direction of gravity after them.
+
+    The gyroscope is taken so many times.
 
     Args:
         samples: In the units of a session.
-        rate: [Hz].
+        rate: Samples a second [Hz].
 
     Returns:
-        Median angle by each of `FACTORS`, shape (3,) [rad], and the number of turns that tilt
+        Median angle by each of `FACTORS`, shape (3,) [rad], and the number of rotations that tilt
         gravity enough to tell.
     """
     size = max(round(REST_WINDOW_S * rate), 4)

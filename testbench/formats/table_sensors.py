@@ -26,12 +26,12 @@ class Layout:
     """What a format knows of its tables beyond the titles of their columns.
 
     Attributes:
+        description: Of the sensor.
         units: By quantity, where the titles state none but the format does.
         time: Column of stamps, None for none.
-        time_unit: Column of stamps, None for none.
+        time_unit: Unit of the stamps.
         conjugate: The file's quaternion is q_sensor_from_earth.
         earth: What its earth's axes point to.
-        description: Of the sensor.
     """
 
     description: str

@@ -25,9 +25,9 @@ class AllanCurve:
 
     Attributes:
         tau: Averaging times, shape (k,) [s].
-        deviation: Shape (k,) [unit of the signal].
-        lower: 68.3 % confidence bounds, shape (k,).
-        upper: 68.3 % confidence bounds, shape (k,).
+        deviation: At each averaging time, shape (k,) [unit of the signal].
+        lower: Lower end of the 68.3 % confidence interval, shape (k,) [unit of the signal].
+        upper: Upper end of the 68.3 % confidence interval, shape (k,) [unit of the signal].
         edf: Equivalent degrees of freedom, shape (k,).
     """
 
@@ -40,8 +40,11 @@ class AllanCurve:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A noise coefficient with its standard uncertainty; `found` is False where it is lost among
-    the others.
+    """A noise coefficient and its standard uncertainty.
+
+    Attributes:
+        value: In the unit that `NoiseCoefficients` states.
+        sd: Standard uncertainty, same unit.
     """
 
     value: float
@@ -49,7 +52,7 @@ class Coefficient:
 
     @property
     def found(self) -> bool:
-        """Whether the value stands out of its uncertainty."""
+        """Whether the value stands out of its uncertainty: it is more than twice as large."""
         return self.value > 2 * self.sd
 
 
@@ -70,8 +73,15 @@ class NoiseCoefficients:
 
 
 def averaging_factors(count: int, per_decade: int = 10) -> np.ndarray:
-    """Whole averaging factors, evenly spaced in their logarithm, that a record of `count` samples
-    supports.
+    """Whole averaging factors, evenly spaced in their logarithm.
+
+    Args:
+        count: Samples of the record; the longest averages have `FEWEST_DIFFERENCES` independent
+            spans.
+        per_decade: Factors in each decade.
+
+    Returns:
+        Increasing, shape (k,).
     """
     largest = max(count // FEWEST_DIFFERENCES, 1)
     return np.unique(
@@ -87,9 +97,9 @@ def allan_deviation(
     """Overlapping Allan deviation of a rate-like signal.
 
     Args:
-        signal: Evenly sampled, shape (n,).
-        rate: [Hz].
-        factors: Averaging times in samples; ten a decade if None.
+        signal: Evenly sampled, shape (n,), in any unit.
+        rate: Samples a second [Hz].
+        factors: Averaging times in samples, shape (k,); ten a decade if None.
 
     Raises:
         ValueError: Fewer than 3 samples.
@@ -126,9 +136,7 @@ def _mean_square_of_second_differences(phase: np.ndarray, m: int) -> float:
 
 
 def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
-    """Noise coefficients of an Allan curve, none of them negative, each with its standard
-    uncertainty.
-    """
+    """Noise coefficients of an Allan curve, with their standard uncertainties; none is negative."""
     tau, variance = curve.tau, curve.deviation**2
     design = np.column_stack([3 / tau**2, 1 / tau, np.full(len(tau), FLICKER), tau / 3])
     expected = variance
@@ -191,8 +199,9 @@ def _nonnegative(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _smooth_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Slope of y over x about each point, over a decade: single points scatter too much to tell a
-    noise type.
+    """Slope of y over x about each point, over a decade, shapes (k,).
+
+    Single points scatter too much to tell a noise type.
     """
     if len(x) < 3:
         return np.full(len(x), -0.5)
@@ -203,8 +212,12 @@ def _smooth_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _edf(phases: int, m: int, slope: float) -> float:
-    """Equivalent degrees of freedom of the overlapping estimate (NIST SP 1065, table 5), by the
-    slope of the deviation.
+    """Equivalent degrees of freedom of the overlapping estimate (NIST SP 1065, table 5).
+
+    Args:
+        phases: Samples of the integrated signal.
+        m: Averaging factor.
+        slope: Of the logarithm of the deviation, which tells the noise type.
     """
     n = phases
     if (

@@ -1,5 +1,4 @@
-"""What a pose or a turn tells about the errors of a sensor: Fisher information of the linear
-measurement model.
+"""What a pose or a turn tells about a sensor's errors: Fisher information of the linear model.
 
 Accelerometer: reading = M f + b, 12 parameters, of poses whose force f the arm knows. Gyroscope:
 the integral of the readings over a turn = M phi + b T + G F, with phi the rotation vector, T the
@@ -28,11 +27,11 @@ class ObservationNoise:
     """How well one observation is known.
 
     Attributes:
-        force: Standard deviation of a pose's mean reading, its noise and what does not average out
+        force: Standard deviation of a pose's mean reading: noise, and what does not average out
             [m/s^2].
-        direction: Of the arm's orientation about each axis [rad].
+        direction: Standard deviation of the arm's orientation about each axis [rad].
         rate_density: White noise of the gyroscope, one-sided [rad/s/sqrt(Hz)].
-        in_run: Of the bias between one observation and the next [rad/s].
+        in_run: Standard deviation of the bias between one observation and the next [rad/s].
     """
 
     force: float
@@ -42,7 +41,7 @@ class ObservationNoise:
 
 
 def pose_information(force: np.ndarray, noise: ObservationNoise) -> np.ndarray:
-    """Information of poses about the accelerometer's 12 parameters, shape (m, 12, 12).
+    """Information of poses about the accelerometer's 12 parameters.
 
     The reading's noise is alike along all axes; the error of the known direction lies across it,
     and there counts for more.
@@ -50,6 +49,9 @@ def pose_information(force: np.ndarray, noise: ObservationNoise) -> np.ndarray:
     Args:
         force: Specific force in the sensor, shape (m, 3) [m/s^2].
         noise: Of the observations.
+
+    Returns:
+        One matrix for each pose, shape (m, 12, 12).
     """
     m = len(force)
     length = np.linalg.norm(force, axis=1)
@@ -67,12 +69,15 @@ def pose_information(force: np.ndarray, noise: ObservationNoise) -> np.ndarray:
 
 
 def rest_information(force: np.ndarray, dwell: float, noise: ObservationNoise) -> np.ndarray:
-    """Information of rests about the seven parameters of each axis of the gyroscope, shape (m, 7,
-    7).
+    """Information of rests about the seven parameters of each axis of the gyroscope.
 
     Args:
-        force: Shape (m, 3) [m/s^2].
+        force: Specific force in the sensor, shape (m, 3) [m/s^2].
         dwell: Length of each rest [s].
+        noise: Of the observations.
+
+    Returns:
+        One matrix for each rest, shape (m, 7, 7).
     """
     design = np.column_stack([np.zeros_like(force), np.ones(len(force)), force])
     variance = noise.rate_density**2 / (2 * dwell) + noise.in_run**2
@@ -82,13 +87,16 @@ def rest_information(force: np.ndarray, dwell: float, noise: ObservationNoise) -
 def turn_information(
     turn: np.ndarray, duration: np.ndarray, force: np.ndarray, noise: ObservationNoise
 ) -> np.ndarray:
-    """Information of turns about the seven parameters of each axis of the gyroscope, shape (m, 7,
-    7).
+    """Information of turns about the seven parameters of each axis of the gyroscope.
 
     Args:
         turn: Rotation vector in the sensor, shape (m, 3) [rad].
-        duration: Shape (m,) [s].
+        duration: Of each turn, shape (m,) [s].
         force: Mean specific force in the sensor over the turn, shape (m, 3) [m/s^2].
+        noise: Of the observations.
+
+    Returns:
+        One matrix for each turn, shape (m, 7, 7).
     """
     design = np.column_stack([turn, duration, force * duration[:, None]])
     variance = (
@@ -100,12 +108,15 @@ def turn_information(
 
 
 def predicted_sd(information: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Standard uncertainty of each parameter, shape (p,); infinite where the observations do not
-    tell it from others.
+    """Standard uncertainty of each parameter.
 
     Args:
-        information: Shape (p, p).
+        information: Sum over the observations, shape (p, p).
         size: Scale of each parameter, shape (p,), for the conditioning only.
+
+    Returns:
+        Shape (p,) [unit of the parameter]; infinite where the observations cannot separate it from
+        others.
     """
     scaled = information * np.outer(size, size)
     values, vectors = np.linalg.eigh(scaled)

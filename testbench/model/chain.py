@@ -1,9 +1,8 @@
-"""Kinematics of one frame of a chain of rotating joints, compiled: pose, angular velocity and
-classical acceleration.
+"""Kinematics of one frame of a chain of rotating joints, compiled.
 
-The recursions are those of a rigid body carried by rotating axes (Featherstone, Rigid Body Dynamics
-Algorithms, 2008, ch. 4), written in the world frame. Pinocchio, which gives the joints' placements,
-is the oracle of the tests.
+Pose, angular velocity and classical acceleration: the recursions of a rigid body carried by
+rotating axes (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 4), written in the world
+frame. Pinocchio, which gives the joints' placements, is the oracle of the tests.
 """
 
 from __future__ import annotations
@@ -27,20 +26,21 @@ def chain_motion(
     """Motion of the tip of a chain of k rotating joints.
 
     Args:
-        rotations: Placement of each joint in the previous one, shapes (k, 3, 3) and (k, 3) [m].
-        offsets: Placement of each joint in the previous one, shapes (k, 3, 3) and (k, 3) [m].
-        axes: Joint axes in the joint frames, shape (k, 3).
-        columns: Column of q of each joint, shape (k,).
-        tip_rotation: Placement of the frame in the last joint.
-        tip_offset: Placement of the frame in the last joint.
-        q: Joint angles, rates and accelerations, shape (n, m).
-        v: Joint angles, rates and accelerations, shape (n, m).
-        a: Joint angles, rates and accelerations, shape (n, m).
+        rotations: Rotation of each joint's frame in the previous one at zero angle, shape
+            (k, 3, 3).
+        offsets: Origin of each joint's frame in the previous one, shape (k, 3) [m].
+        axes: Joint axes in the joint frames, unit vectors, shape (k, 3).
+        columns: Column of q, v and a that belongs to each joint, shape (k,).
+        tip_rotation: Rotation of the tip's frame in the last joint's, shape (3, 3).
+        tip_offset: Origin of the tip's frame in the last joint's, shape (3,) [m].
+        q: Joint angles, shape (n, m) [rad].
+        v: Joint rates, shape (n, m) [rad/s].
+        a: Joint accelerations, shape (n, m) [rad/s^2].
 
     Returns:
-        Position (n, 3), rotation world from frame (n, 3, 3), linear velocity (n, 3), angular
-        velocity (n, 3), classical linear acceleration (n, 3), angular acceleration (n, 3): all in
-        the world frame.
+        Position (n, 3) [m], rotation world from tip (n, 3, 3), linear velocity (n, 3) [m/s],
+        angular velocity (n, 3) [rad/s], classical linear acceleration (n, 3) [m/s^2] and angular
+        acceleration (n, 3) [rad/s^2], all in the world frame.
     """
     n, k = q.shape[0], rotations.shape[0]
     position = np.empty((n, 3))

@@ -1,11 +1,10 @@
-"""What an inertial sensor on a chain of rotating joints reads, and how the reading changes with the
-joints; compiled.
+"""What an inertial sensor on a chain of rotating joints reads, and its derivatives; compiled.
 
 Angular rate and specific force in the sensor frame follow from the recursions of `chain`. Their
-derivatives are closed: seen from the body that carries joint k, a change of q_k turns all that lies
-beyond the joint rigidly about its axis. With o the joint, s the sensor, r = s - o, omega and alpha
-the motion of that body, and r', r'' the velocity and acceleration of s relative to it
-(Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 2 and 4, for the kinematics of moving
+derivatives by the joints are closed: seen from the body that carries joint k, a change of q_k turns
+all that lies beyond the joint rigidly about its axis. With o the joint, s the sensor, r = s - o,
+omega and alpha the motion of that body, and r', r'' the velocity and acceleration of s relative to
+it (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 2 and 4, for the kinematics of moving
 frames):
 
     d omega / d q_k = omega x u          (in the sensor's axes, which turn too)
@@ -46,30 +45,29 @@ def sensor_reading(  # noqa: C901 - one loop over the chain and one over its joi
 ) -> None:
     """Reading of an ideal sensor, and its derivatives by the joints that carry it.
 
+    The chain is that of `chain.chain_motion`; the arrays that hold it may be longer than it is.
+
     Args:
-        rotations: The chain, as for `chain.chain_motion`; of the arrays the first `count` entries
+        rotations: Rotation of each joint's frame in the previous one, shape (k, 3, 3) with k >=
             count.
-        offsets: The chain, as for `chain.chain_motion`; of the arrays the first `count` entries
-            count.
-        axes: The chain, as for `chain.chain_motion`; of the arrays the first `count` entries count.
-        columns: The chain, as for `chain.chain_motion`; of the arrays the first `count` entries
-            count.
-        tip_rotation: The chain, as for `chain.chain_motion`; of the arrays the first `count`
-            entries count.
-        tip_offset: The chain, as for `chain.chain_motion`; of the arrays the first `count` entries
-            count.
+        offsets: Origin of each joint's frame in the previous one, shape (k, 3) [m].
+        axes: Joint axes in the joint frames, unit vectors, shape (k, 3).
+        columns: Entry of q, v and a that belongs to each joint, shape (k,).
+        count: Joints of the chain.
+        tip_rotation: Rotation of the sensor in the last joint's frame, shape (3, 3).
+        tip_offset: Place of the sensor in the last joint's frame, shape (3,) [m].
         gravity: In the world, shape (3,) [m/s^2].
-        q: Joint angles, rates and accelerations, shape (m,).
-        v: Joint angles, rates and accelerations, shape (m,).
-        a: Joint angles, rates and accelerations, shape (m,).
-        reading: Filled with the angular rate [rad/s] and the specific force [m/s^2] in the sensor
-            frame, shape (6,).
-        by_q: Filled with the derivatives by q, v and a, shape (6, m). Columns of other joints are
-            left alone.
-        by_v: Filled with the derivatives by q, v and a, shape (6, m). Columns of other joints are
-            left alone.
-        by_a: Filled with the derivatives by q, v and a, shape (6, m). Columns of other joints are
-            left alone.
+        q: Joint angles, shape (m,) [rad].
+        v: Joint rates, shape (m,) [rad/s].
+        a: Joint accelerations, shape (m,) [rad/s^2].
+        reading: Filled with angular rate [rad/s] and specific force [m/s^2] in the sensor, shape
+            (6,).
+        by_q: Filled with the derivatives by q, shape (6, m); columns of other joints are left
+            alone.
+        by_v: Filled with the derivatives by v, shape (6, m); columns of other joints are left
+            alone.
+        by_a: Filled with the derivatives by a, shape (6, m); columns of other joints are left
+            alone.
     """
     R = np.eye(3)
     S, T = np.empty((3, 3)), np.empty((3, 3))

@@ -1,6 +1,4 @@
-"""Clearance between the bodies of an arm, and between the arm and the floor (Pinocchio with
-Coal).
-"""
+"""Clearance between the bodies of an arm, and between the arm and the floor (Pinocchio, Coal)."""
 
 from __future__ import annotations
 
@@ -17,8 +15,12 @@ FLOOR = "the floor"
 
 @dataclass(frozen=True)
 class NearestPair:
-    """The pair of bodies that is nearest to one another at one configuration; distance [m],
-    negative when they overlap.
+    """The two bodies that are nearest to one another at one configuration.
+
+    Attributes:
+        first: Name of one body.
+        second: Name of the other.
+        distance: Between them [m], negative where they overlap.
     """
 
     first: str
@@ -58,8 +60,10 @@ class CollisionModel:
         return len(self._pairs)
 
     def nearest(self, q: np.ndarray) -> NearestPair | None:
-        """The nearest pair at joint angles q, shape (n_joints,) [rad]; None when there is nothing
-        to check.
+        """The two bodies nearest to one another; None when there is nothing to check.
+
+        Args:
+            q: Joint angles in the robot's order, shape (n_joints,) [rad].
         """
         if not self._pairs:
             return None

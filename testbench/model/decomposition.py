@@ -1,5 +1,4 @@
-"""A joint's rotation q_proximal_from_distal as three angles, and back: every definition the bench
-knows.
+"""A joint's rotation q_proximal_from_distal as three angles, and back, by every known definition.
 
 Each says where its angles stop being defined (`margins`) and which other triples mean the same
 rotation (`alternatives`), which is what following an angle across the ends of its range needs.
@@ -33,26 +32,46 @@ class Decomposition(ABC):
 
     @abstractmethod
     def angles(self, q: np.ndarray) -> np.ndarray:
-        """Angles [rad] of q_proximal_from_distal, shape (n, 4) to (n, 3), each in its principal
-        range.
+        """The three angles of rotations, each in its principal range.
+
+        Args:
+            q: q_proximal_from_distal, shape (n, 4).
+
+        Returns:
+            Shape (n, 3) [rad].
         """
 
     @abstractmethod
     def rotation(self, angles: np.ndarray) -> np.ndarray:
-        """q_proximal_from_distal of angles [rad], shape (n, 3) to (n, 4); the inverse of
-        `angles`.
+        """The rotations of angles: the inverse of `angles`.
+
+        Args:
+            angles: Shape (n, 3) [rad].
+
+        Returns:
+            q_proximal_from_distal, shape (n, 4).
         """
 
     @abstractmethod
     def margins(self, angles: np.ndarray) -> np.ndarray:
-        """How far each angle is from where it stops being defined [rad], shape (n, 3); infinite for
-        one that always is.
+        """How far each angle is from where it stops being defined.
+
+        Args:
+            angles: Shape (n, 3) [rad].
+
+        Returns:
+            Shape (n, 3) [rad]; infinite for an angle that is always defined.
         """
 
     @abstractmethod
     def alternatives(self, angles: np.ndarray) -> np.ndarray:
-        """Other triples of the same rotation, but for whole turns of the periodic ones, shape (n,
-        3) to (k, n, 3).
+        """Other triples of the same rotations, but for whole turns of the periodic angles.
+
+        Args:
+            angles: Shape (n, 3) [rad].
+
+        Returns:
+            Shape (k, n, 3) [rad].
         """
 
 
@@ -93,8 +112,7 @@ class Euler(Decomposition):
 
 @dataclass(frozen=True)
 class SwingTwist(Decomposition):
-    """q = swing · twist: the twist [rad] about `axis` and the swing as a rotation vector across it
-    [rad].
+    """q = swing · twist: a twist about `axis` and a swing, a rotation vector across it [rad].
 
     The twist is the rotation about the axis nearest to q; it is written first, the swing along the
     two directions of `across`. Defined unless the swing is half a turn.
@@ -127,13 +145,12 @@ class SwingTwist(Decomposition):
 
 @dataclass(frozen=True)
 class Hinge(Decomposition):
-    """The angle [rad] of a hinge about `axis`, and what the hinge does not explain: how far the
-    distal segment's axis is tilted from the proximal one's, and which way (the azimuth about the
-    axis).
+    """The angle [rad] of a hinge about `axis`, and what the hinge does not explain.
 
-    The angle is that of the rotation about the axis nearest to q, which is the twist of
-    `SwingTwist`; Seel, Raisch & Schauer (Sensors 14, 2014) call for it once both segments' axes are
-    known. It is defined unless the tilt is half a turn.
+    The rest is how far the distal segment's axis is tilted from the proximal one's, and which way
+    (the azimuth about the axis). The angle is that of the rotation about the axis nearest to q,
+    which is the twist of `SwingTwist`; Seel, Raisch & Schauer (Sensors 14, 2014) call for it once
+    both segments' axes are known. It is defined unless the tilt is half a turn.
     """
 
     axis: tuple[float, float, float]
@@ -166,10 +183,10 @@ class Hinge(Decomposition):
 
 @dataclass(frozen=True)
 class AxisAngle(Decomposition):
-    """The whole angle in [0, pi] and its axis, as azimuth about z from x and elevation above the
-    x-y plane [rad].
+    """The whole angle in [0, pi] and its axis [rad].
 
-    The angle is always defined, the axis neither at no turn nor (its sign) at half a turn.
+    The axis is written as azimuth about z from x and elevation above the x-y plane. The angle is
+    always defined, the axis neither at no turn nor (its sign) at half a turn.
     """
 
     names = ("angle", "azimuth of the axis", "elevation of the axis")
@@ -235,8 +252,7 @@ def across(axis: tuple[float, float, float]) -> np.ndarray:
 
 
 def follow(decomposition: Decomposition, angles: np.ndarray) -> np.ndarray:
-    """The same rotations with angles that run on from sample to sample, through ±180 degrees and
-    through range ends.
+    """The same rotations with angles that run on from sample to sample, past ends of their ranges.
 
     Of all triples that mean a sample's rotation the nearest to the neighbour's is taken, forwards
     and backwards from the sample farthest from a singularity, which keeps its principal angles. In
@@ -245,7 +261,10 @@ def follow(decomposition: Decomposition, angles: np.ndarray) -> np.ndarray:
 
     Args:
         decomposition: Of the angles.
-        angles: Increasing in time, shape (n, 3) [rad]; rows that are not finite are passed over.
+        angles: In the order of time, shape (n, 3) [rad]; rows that are not finite are passed over.
+
+    Returns:
+        Shape (n, 3) [rad].
     """
     angles = np.array(angles, float)
     known = np.flatnonzero(np.isfinite(angles).all(axis=1))
@@ -263,8 +282,9 @@ def follow(decomposition: Decomposition, angles: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _nearest(choices: np.ndarray, periods: np.ndarray) -> np.ndarray:
-    """Of the triples choices[:, i], give or take whole periods, the nearest to the one taken
-    before; the first is kept.
+    """Of the triples choices[:, i], give or take whole periods, the nearest to the one before.
+
+    The first is kept.
     """
     count, n, _ = choices.shape
     taken = np.empty((n, 3))
@@ -287,9 +307,7 @@ def _nearest(choices: np.ndarray, periods: np.ndarray) -> np.ndarray:
 
 
 def _twist_and_swing(q: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Twist [rad] in [-pi, pi) about the axis, shape (n,), and the swing that goes before it, shape
-    (n, 4).
-    """
+    """Twist in [-pi, pi) about the axis, shape (n,) [rad], and swing before it, shape (n, 4)."""
     q = np.asarray(q, float)
     twist = rotation.wrap(2.0 * np.arctan2(q[:, 1:] @ axis, q[:, 0]))
     back = rotation.from_rotation_vector(-twist[:, None] * axis)

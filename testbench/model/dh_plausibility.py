@@ -1,5 +1,4 @@
-"""Whether an arm's DH corrections can be a factory calibration: judged by what they do to the
-flange, not one by one.
+"""Whether an arm's DH corrections can be a factory calibration, by what they do to the flange.
 
 Single corrections say little: along the nearly parallel axes of joints 2 to 4 those of d are large
 and cancel one another. The flange moves by little. Of two calibrations that owners made public,
@@ -30,8 +29,11 @@ CONFIGURATIONS = 500
 
 @dataclass(frozen=True)
 class Deviation:
-    """The farthest that the flange is from its nominal place [mm], and the most that it is turned
-    against it [deg].
+    """How far the flange is from where the nominal kinematics have it.
+
+    Attributes:
+        shift_mm: Largest distance.
+        turn_deg: Largest rotation.
     """
 
     shift_mm: float

@@ -1,6 +1,4 @@
-"""Earth frames of other people's filters, and the way between them and the bench's own, which is
-ENU (east, north, up).
-"""
+"""Earth frames of other filters, and the way between them and the bench's own, ENU."""
 
 from __future__ import annotations
 
@@ -18,14 +16,25 @@ Q_ENU_FROM = {
 
 
 def to_earth_frame(q_enu_from_sensor: np.ndarray, earth: str) -> np.ndarray:
-    """q_earth_from_sensor in "ENU", "NED" or "NWU", shape (..., 4); the axes of the sensor stay as
-    they are.
+    """Orientations against another earth frame; the axes of the sensor stay as they are.
+
+    Args:
+        q_enu_from_sensor: Shape (..., 4).
+        earth: "ENU", "NED" or "NWU".
+
+    Returns:
+        q_earth_from_sensor, shape (..., 4).
     """
     return rotation.multiply(rotation.conjugate(np.array(Q_ENU_FROM[earth])), q_enu_from_sensor)
 
 
 def to_ned(q_enu_from_sensor: np.ndarray) -> np.ndarray:
-    """q_ned_from_sensor (north, east, down) of what a filter of the bench reports, shape (...,
-    4).
+    """Orientations of a filter of the bench against north, east, down.
+
+    Args:
+        q_enu_from_sensor: Shape (..., 4).
+
+    Returns:
+        q_ned_from_sensor, shape (..., 4).
     """
     return to_earth_frame(q_enu_from_sensor, "NED")

@@ -27,10 +27,15 @@ class HeadingDrift:
 
 
 def yaw(q_world_from_frame: np.ndarray) -> np.ndarray:
-    """Yaw of the intrinsic ZYX sequence [rad], without jumps of a turn, shape (n, 4) to (n,); NaN
-    where q is not finite.
+    """Yaw of the intrinsic ZYX sequence, without jumps of a turn.
 
     It is the heading of the frame's x axis, and means nothing where that axis is vertical.
+
+    Args:
+        q_world_from_frame: In the order of time, shape (n, 4).
+
+    Returns:
+        Shape (n,) [rad]; NaN where q is not finite.
     """
     q = np.asarray(q_world_from_frame, float)
     w, x, y, z = np.moveaxis(q, -1, 0)
@@ -47,7 +52,7 @@ def heading_drift(
 
     Args:
         time_ns: Increasing, shape (n,).
-        q_world_from_frame: Shape (n, 4).
+        q_world_from_frame: Of the frame whose heading is looked at, shape (n, 4).
         q_true: The same by the truth, shape (n, 4); without it the heading is taken to be constant,
             as in a straight corridor.
         part: Fraction of the series at either end over which the error is averaged.
@@ -69,8 +74,14 @@ def heading_drift(
 
 
 def heading_error(q_estimated: np.ndarray, q_true: np.ndarray) -> np.ndarray:
-    """Heading of the error q_estimated conj(q_true) [rad], without jumps of a turn, shape (n, 4) to
-    (n,).
+    """Heading of the error q_estimated conj(q_true), without jumps of a turn.
+
+    Args:
+        q_estimated: In the order of time, shape (n, 4).
+        q_true: At the same instants, shape (n, 4).
+
+    Returns:
+        Shape (n,) [rad].
     """
     return unwrapped(
         rotation.heading_angle(rotation.multiply(q_estimated, rotation.conjugate(q_true)))

@@ -21,13 +21,13 @@ SHEET_TEMPERATURE = 25.0
 
 @dataclass(frozen=True)
 class TriadErrors:
-    """The errors one part was born with, or turned on with.
+    """The errors one part was made with, or turned on with.
 
     Attributes:
         matrix: Scale and cross-axis sensitivity, shape (3, 3).
-        bias: Shape (3,) [unit].
+        bias: At 25 deg C, shape (3,) [unit].
         g_matrix: Response of a gyroscope to specific force, shape (3, 3) [unit/(m/s^2)].
-        drift: Change of the bias with temperature, shape (3,) [unit/K]; the bias holds at 25 deg C.
+        drift: Change of the bias with temperature, shape (3,) [unit/K].
     """
 
     matrix: np.ndarray
@@ -37,7 +37,13 @@ class TriadErrors:
 
     @staticmethod
     def draw(triad: Triad, rng: np.random.Generator, thermal: np.random.Generator) -> TriadErrors:
-        """A part off the production line; `thermal` draws how it answers to temperature."""
+        """Errors of one part of the production.
+
+        Args:
+            triad: The data sheet, whose spreads are drawn from.
+            rng: For all errors but the drift.
+            thermal: For the drift with temperature.
+        """
         scale = triad.scale_sd * rng.standard_normal(3)
         cross = triad.cross_axis_sd * rng.standard_normal((3, 3))
         np.fill_diagonal(cross, scale)
@@ -54,7 +60,8 @@ class TriadModel:
     Args:
         triad: The data sheet.
         rate: Output rate [Hz].
-        seed: Of the run. labels: Name this triad; they select its random numbers.
+        seed: Of the run.
+        *labels: Name this triad; they select its random numbers.
     """
 
     def __init__(self, triad: Triad, rate: float, seed: int, *labels: str):
@@ -130,10 +137,10 @@ class TriadModel:
 
 
 def low_pass_coefficients(bandwidth: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """First-order low pass for an input that is linear between samples: exact delay 1 / (2 pi
-    bandwidth), also above the rate.
+    """First-order low pass for an input that is linear between samples.
 
-    Ramp-invariant discretisation (Franklin, Powell & Workman, Digital Control of Dynamic Systems,
+    Its delay is exactly 1 / (2 pi bandwidth), also where the bandwidth is above the rate:
+    ramp-invariant discretisation (Franklin, Powell & Workman, Digital Control of Dynamic Systems,
     1998, section 6.3).
 
     Args:
@@ -149,12 +156,15 @@ def low_pass_coefficients(bandwidth: float, rate: float) -> tuple[np.ndarray, np
 
 
 class DeviceOrientationModel:
-    """A vendor's on-board filter: the true orientation with slow errors, in an earth frame of its
-    own heading.
+    """A vendor's on-board filter: the true orientation with slow errors.
+
+    It reports against an earth frame of its own heading.
 
     Args:
         parameters: Sizes of the errors.
-        rate: Output rate [Hz]. seed, labels: As for TriadModel.
+        rate: Output rate [Hz].
+        seed: Of the run.
+        *labels: Name this filter; they select its random numbers.
     """
 
     def __init__(self, parameters: DeviceOrientation, rate: float, seed: int, *labels: str):
@@ -174,7 +184,14 @@ class DeviceOrientationModel:
         self._noise_sd = np.radians(parameters.noise_sd_deg)
 
     def measure(self, q_world_from_sensor: np.ndarray) -> np.ndarray:
-        """q_earth_from_sensor as the device reports it, shape (n, 4)."""
+        """What the device reports.
+
+        Args:
+            q_world_from_sensor: True orientations at the next n sampling instants, shape (n, 4).
+
+        Returns:
+            q_earth_from_sensor, shape (n, 4).
+        """
         n = len(q_world_from_sensor)
         error = self._sd * self._slow.draw(n) + self._noise_sd * self._noise.standard_normal((n, 3))
         q_earth_from_world = rotation.multiply(

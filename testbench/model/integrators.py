@@ -1,9 +1,8 @@
-"""Integrators of angular rate: from rates in the body to the orientation q_start_from_body, as
-compiled loops.
+"""Integrators of angular rate to the orientation q_start_from_body, as compiled loops.
 
 dq/dt = q (0, w) / 2 is linear in q and its rates are the body's own, so a step of every method here
-is a product on the right with a quaternion that hangs on the rates alone: q <- q s(h w_1, ..., h
-w_m), with the rate w_i at the fraction c_i of the step.
+is a product on the right with a quaternion that hangs on the rates alone: q <- q
+s(h w_1, ..., h w_m), with the rate w_i at the fraction c_i of the step.
 
 Euler, Heun and the classical Runge-Kutta method are those of Hairer, Norsett & Wanner, Solving
 Ordinary Differential Equations I, 1993, section II.1; their quaternion does not stay of unit
@@ -67,9 +66,7 @@ class Integrator:
 
     @property
     def best_stages(self) -> Stages:
-        """Measured rates inside a step where the method can use them and gains by them, else
-        interpolated ones.
-        """
+        """Measured rates where the method gains by them, else interpolated ones."""
         return (
             "measured" if self.order > 2 and set(self.nodes) == {0.0, 0.5, 1.0} else "interpolated"
         )
@@ -103,9 +100,12 @@ class Integrator:
         """Stage rates of a rate that is known at every instant.
 
         Args:
-            rate: From times (m,) [s] to rates (m, 3) [rad/s].
+            rate: Gives rates, shape (m, 3) [rad/s], at times, shape (m,) [s].
             times: Beginning of each step, shape (n,) [s].
-            step: [s].
+            step: Length of a step [s].
+
+        Returns:
+            Shape (n, len(nodes), 3) [rad/s].
         """
         at = times[:, None] + step * np.array(self.nodes)
         return rate(at.ravel()).reshape(len(times), len(self.nodes), 3)
@@ -116,11 +116,12 @@ class Integrator:
         """Stage rates from samples at a regular interval.
 
         Args:
-            rates: Shape (n, 3) [rad/s], n >= 2.
+            rates: Angular rate in the body, shape (n, 3) [rad/s], n >= 2.
             stages: Where the rates inside a step come from.
 
         Returns:
-            Stage rates, and how many intervals a step covers: 1, or 2 for `measured`.
+            Stage rates, shape (steps, len(nodes), 3) [rad/s], and how many intervals a step covers:
+            1, or 2 for `measured`.
 
         Raises:
             InputError: Steps of two intervals do not fit, or the method asks for rates that are no
@@ -155,7 +156,20 @@ class Integrator:
         start: np.ndarray | None = None,
         stages: Stages = "interpolated",
     ) -> np.ndarray:
-        """Orientation from samples of the rate; see `stages_from_samples` and `steps`."""
+        """Orientation from samples of the rate.
+
+        Args:
+            rates: Angular rate in the body at a regular interval, shape (n, 3) [rad/s].
+            interval: Between samples [s].
+            start: q_start_from_body before the first step, shape (4,); the identity if None.
+            stages: Where the rates inside a step come from.
+
+        Returns:
+            q_start_from_body, shape (steps + 1, 4), as `steps` gives it.
+
+        Raises:
+            InputError: As for `stages_from_samples`.
+        """
         stage_rates, covered = self.stages_from_samples(rates, stages)
         return self.steps(stage_rates, covered * interval, start)
 
@@ -219,12 +233,20 @@ def get_integrator(name: str) -> Integrator:
 
 
 def steps_as_printed(integrator: Integrator, stage_rates: np.ndarray, step: float) -> np.ndarray:
-    """What Botina & Vergara (Universidad del Cauca, 2018) print in eqs 2.33, 2.36 and 2.38, from
-    the identity; see `steps`.
+    """What Botina & Vergara (Universidad del Cauca, 2018) print in eqs 2.33, 2.36 and 2.38.
 
     They write dq/dt = f / 2 and then q <- (q + integral of f) / 2: the half, which belongs to the
     integral alone, stands before the bracket. So the length is halved with every step at rest. Only
     for showing what that does.
+
+    Args:
+        integrator: Euler's, Heun's or the classical Runge-Kutta method.
+        stage_rates: Angular rate in the body at the nodes of each step, shape (n, len(nodes), 3)
+            [rad/s].
+        step: Length of a step [s].
+
+    Returns:
+        From the identity, shape (n + 1, 4), of any length.
     """
     q = integrator.steps(2.0 * stage_rates, step)
     return np.asarray(q * 0.5 ** np.arange(len(q))[:, None])
@@ -232,7 +254,13 @@ def steps_as_printed(integrator: Integrator, stage_rates: np.ndarray, step: floa
 
 @njit(cache=True)
 def multiply_into(p: np.ndarray, q: np.ndarray, out: np.ndarray) -> None:
-    """Hamilton product p q, each of shape (4,); `out` may be either of them."""
+    """Hamilton product p q, for compiled loops.
+
+    Args:
+        p: Left factor, shape (4,).
+        q: Right factor, shape (4,).
+        out: The product, shape (4,); it may be p or q.
+    """
     w = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
     x = p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2]
     y = p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1]
@@ -308,7 +336,18 @@ def step_quaternion(scheme: int, w: np.ndarray, h: float, work: np.ndarray, s: n
 def run_steps(
     scheme: int, stages: np.ndarray, h: float, start: np.ndarray, renormalised: bool
 ) -> np.ndarray:
-    """Orientation after every step; see `Integrator.steps`."""
+    """Orientation after every step; the compiled loop of `Integrator.steps`.
+
+    Args:
+        scheme: EULER, HEUN, RK4, CG4 or MIDPOINT.
+        stages: Angular rate in the body at the nodes of each step, shape (n, stages, 3) [rad/s].
+        h: Length of a step [s].
+        start: q_start_from_body before the first step, shape (4,).
+        renormalised: Whether the quaternion is scaled back to unit length after every step.
+
+    Returns:
+        q_start_from_body, shape (n + 1, 4).
+    """
     n = stages.shape[0]
     result = np.empty((n + 1, 4))
     result[0] = start

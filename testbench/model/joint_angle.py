@@ -1,6 +1,4 @@
-"""Joint angles: the distal segment against the proximal one, by any definition that a protocol may
-name.
-"""
+"""Joint angles: the distal segment against the proximal one, by any definition of a protocol."""
 
 from __future__ import annotations
 
@@ -50,16 +48,20 @@ def segment_pose(sensor: Sensor) -> Pose:
 
 
 def segment_from_sensor(sensor: Sensor) -> np.ndarray:
-    """q_segment_from_sensor by the mounting and segment axes that the protocol states, shape
-    (4,).
-    """
+    """q_segment_from_sensor, shape (4,), by the mounting and axes that the protocol states."""
     link_from_segment, link_from_sensor = segment_pose(sensor), Pose.from_placement(sensor.mounting)
     return rotation.from_matrix(link_from_segment.R.T @ link_from_sensor.R)
 
 
 def segment_orientation(q_world_from_sensor: np.ndarray, sensor: Sensor) -> np.ndarray:
-    """q_world_from_segment = q_world_from_sensor conj(q_segment_from_sensor), shape (n, 4)
-    (reference eqs 2.1 to 2.4).
+    """q_world_from_segment = q_world_from_sensor conj(q_segment_from_sensor) (eqs 2.1 to 2.4).
+
+    Args:
+        q_world_from_sensor: Shape (n, 4).
+        sensor: Its mounting and segment, as the protocol states them.
+
+    Returns:
+        Shape (n, 4).
     """
     return rotation.multiply(q_world_from_sensor, rotation.conjugate(segment_from_sensor(sensor)))
 
@@ -67,8 +69,14 @@ def segment_orientation(q_world_from_sensor: np.ndarray, sensor: Sensor) -> np.n
 def joint_rotation(
     q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray
 ) -> np.ndarray:
-    """Quaternion difference q_proximal_from_distal = conj(q_world_from_proximal)
-    q_world_from_distal, (n, 4) (eq. 2.5).
+    """q_proximal_from_distal = conj(q_world_from_proximal) q_world_from_distal (eq. 2.5).
+
+    Args:
+        q_world_from_proximal: Of the proximal segment, shape (n, 4).
+        q_world_from_distal: Of the distal segment, shape (n, 4).
+
+    Returns:
+        Shape (n, 4).
     """
     return rotation.multiply(rotation.conjugate(q_world_from_proximal), q_world_from_distal)
 
@@ -78,15 +86,15 @@ def joint_angles(
     q_world_from_distal: np.ndarray,
     definition: str | FlexionAngle,
 ) -> np.ndarray:
-    """The three angles [rad] of the distal segment against the proximal one.
+    """The three angles of the distal segment against the proximal one.
 
     Args:
-        q_world_from_proximal: Of the segments, shape (n, 4).
-        q_world_from_distal: Of the segments, shape (n, 4).
+        q_world_from_proximal: Of the proximal segment, shape (n, 4).
+        q_world_from_distal: Of the distal segment, shape (n, 4).
         definition: An intrinsic Euler sequence such as "ZXZ", or what the protocol says.
 
     Returns:
-        Each sample by itself, in the principal ranges, shape (n, 3).
+        Each sample by itself, in the principal ranges, shape (n, 3) [rad].
     """
     return decomposition_of(definition).angles(
         joint_rotation(q_world_from_proximal, q_world_from_distal)
@@ -96,8 +104,15 @@ def joint_angles(
 def joint_angle_series(
     q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, definition: FlexionAngle
 ) -> np.ndarray:
-    """The three angles [rad] over time: as `joint_angles`, but followed from sample to sample where
-    the definition is `continuous`. Rows must be in the order of time, shape (n, 4) to (n, 3).
+    """The three angles over time, followed from sample to sample where the definition says so.
+
+    Args:
+        q_world_from_proximal: Of the proximal segment, in the order of time, shape (n, 4).
+        q_world_from_distal: Of the distal segment at the same instants, shape (n, 4).
+        definition: What the protocol says; a `continuous` one is followed.
+
+    Returns:
+        Shape (n, 3) [rad].
     """
     angles = joint_angles(q_world_from_proximal, q_world_from_distal, definition)
     return follow(decomposition_of(definition), angles) if definition.continuous else angles
@@ -114,23 +129,42 @@ def decomposition_of(definition: str | FlexionAngle) -> Decomposition:
 
 
 def flexion_of(definition: FlexionAngle, angles: np.ndarray) -> np.ndarray:
-    """The flexion among the three angles, with its sign, shape (n, 3) to (n,) [rad]."""
+    """The flexion among the three angles, with its sign.
+
+    Args:
+        definition: Says which of them it is.
+        angles: Shape (n, 3) [rad].
+
+    Returns:
+        Shape (n,) [rad].
+    """
     return np.asarray(definition.sign * angles[:, INDEX[definition.flexion]])
 
 
 def nearest_turn(angle: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """The angle, give or take whole turns, nearest to the reference [rad]: a sweep beyond 180
-    degrees stays one curve.
+    """The angles, give or take whole turns, nearest to a reference.
 
-    Where the reference is not finite the angle stays as it is.
+    So a sweep past 180 degrees stays one curve.
+
+    Args:
+        angle: Of any shape [rad].
+        reference: Of the same shape [rad]; where it is not finite the angle stays as it is.
+
+    Returns:
+        Of the same shape [rad].
     """
     turns = np.round((np.asarray(reference) - angle) / (2 * np.pi))
     return np.asarray(angle + 2 * np.pi * np.where(np.isfinite(turns), turns, 0.0))
 
 
 def unwrapped(angle: np.ndarray) -> np.ndarray:
-    """A series of angles [rad] without jumps of a turn, shape (n,); samples that are not finite are
-    passed over.
+    """A series of angles without jumps of a turn.
+
+    Args:
+        angle: In the order of time, shape (n,) [rad]; samples that are not finite are passed over.
+
+    Returns:
+        Shape (n,) [rad].
     """
     angle = np.array(angle, float)
     known = np.isfinite(angle)

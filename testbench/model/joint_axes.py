@@ -1,6 +1,4 @@
-"""The axes that a joint turns about, seen from the world: what they tell of the heading between its
-segments.
-"""
+"""The axes that a joint turns about, in the world: what they tell of its segments' heading."""
 
 from __future__ import annotations
 
@@ -13,8 +11,15 @@ from testbench.records.joint_definition import JointConstraint
 def axes_in_world(
     q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, constraint: JointConstraint
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Both axes as unit vectors in the world, shapes (n, 3), of the segments' orientations, shapes
-    (n, 4).
+    """Both axes of a joint as unit vectors in the world.
+
+    Args:
+        q_world_from_proximal: Of the proximal segment, shape (n, 4).
+        q_world_from_distal: Of the distal segment, shape (n, 4).
+        constraint: The axes in their segments.
+
+    Returns:
+        That of the proximal and that of the distal segment, each of shape (n, 3).
     """
     return (
         rotation.rotate(q_world_from_proximal, np.array(constraint.proximal_axis, float)),
@@ -25,17 +30,17 @@ def axes_in_world(
 def heading_terms(
     proximal: np.ndarray, distal: np.ndarray, constraint: JointConstraint
 ) -> np.ndarray:
-    """The constraint as a cos d + b sin d + c = 0 in the heading d, which turns the distal sensor's
-    world into the proximal's.
+    """The constraint as a cos d + b sin d + c = 0 in the heading d.
 
-    Two axes: their cosine less that of their angle (Laidig, Lehmann, Begin & Seel, EMBC 2019, eq.
-    4). One: the sine between its horizontal parts as both sensors see it, times the root of both
-    lengths, for a direction near the vertical has an uncertain heading (Laidig, Schauer & Seel,
-    ICORR 2017).
+    The heading turns the distal sensor's world into the proximal's. Two axes: their cosine less
+    that of their angle (Laidig, Lehmann, Begin & Seel, EMBC 2019, eq. 4). One: the sine between its
+    horizontal parts as both sensors see it, times the root of both lengths, for a direction near
+    the vertical has an uncertain heading (Laidig, Schauer & Seel, ICORR 2017).
 
     Args:
-        proximal: The axes in the world, shape (n, 3).
-        distal: The axes in the world, shape (n, 3).
+        proximal: Axis of the proximal segment in its sensor's world, shape (n, 3).
+        distal: Axis of the distal segment in its sensor's world, shape (n, 3).
+        constraint: One axis that both segments share, or two and the angle between them.
 
     Returns:
         a, b, c, shape (n, 3), scaled so that an axis that is wrong by e [rad] leaves about e.
@@ -52,7 +57,13 @@ def heading_terms(
 
 
 def heading_slope(terms: np.ndarray, heading: float | np.ndarray = 0.0) -> np.ndarray:
-    """Slope of each instant's constraint in the heading, shape (n,): about 1 where it tells it
-    best, and 0 where not at all.
+    """Slope of each instant's constraint in the heading.
+
+    Args:
+        terms: Of `heading_terms`, shape (n, 3).
+        heading: One for all instants, or shape (n,) [rad].
+
+    Returns:
+        Shape (n,): about 1 where the constraint tells the heading best, and 0 where not at all.
     """
     return np.asarray(terms[:, 1] * np.cos(heading) - terms[:, 0] * np.sin(heading))

@@ -19,8 +19,8 @@ class Smoothing:
     """How joint rates become accelerations: a cubic Savitzky-Golay filter.
 
     Attributes:
-        window: Samples.
-        interval: [s].
+        window: Its width [samples].
+        interval: Between samples [s].
     """
 
     window: int
@@ -28,7 +28,11 @@ class Smoothing:
 
     @staticmethod
     def of(time_ns: np.ndarray) -> Smoothing:
-        """What suits a recording at a regular interval, from its times, shape (n,)."""
+        """What suits a recording at a regular interval.
+
+        Args:
+            time_ns: Of its samples, increasing, shape (n,).
+        """
         return Smoothing.at(
             len(time_ns),
             float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else 0.0,
@@ -44,8 +48,13 @@ class Smoothing:
         )
 
     def acceleration(self, v_measured: np.ndarray) -> np.ndarray:
-        """Joint accelerations [rad/s^2] of measured rates [rad/s], shape (n, n_joints); zeros where
-        there are too few.
+        """Joint accelerations of measured rates.
+
+        Args:
+            v_measured: Shape (n, n_joints) [rad/s].
+
+        Returns:
+            Shape (n, n_joints) [rad/s^2]; zeros where there are too few samples.
         """
         if self.window == 0:
             return np.zeros_like(v_measured)
@@ -55,7 +64,5 @@ class Smoothing:
 
 
 def joint_acceleration(samples: ArmSamples) -> np.ndarray:
-    """Joint accelerations [rad/s^2], shape (n, n_joints), from measured rates at a regular
-    interval.
-    """
+    """Joint accelerations, shape (n, n_joints) [rad/s^2], of rates measured regularly."""
     return Smoothing.of(samples.host_time_ns).acceleration(samples.v_measured)

@@ -22,8 +22,11 @@ from testbench.records.strict import Placement
 
 @dataclass(frozen=True)
 class Pose:
-    """A rigid displacement: coordinates in `target` of a point given in `source` are R x +
-    position.
+    """A rigid displacement: a point x in `source` is R x + position in `target`.
+
+    Attributes:
+        R: Rotation target from source, shape (3, 3).
+        position: Origin of the source in the target, shape (3,) [m].
     """
 
     R: np.ndarray
@@ -78,8 +81,13 @@ class FrameMotion:
         return np.einsum("nji,nj->ni", self.R_world_from_frame, self.angular_velocity)
 
     def specific_force_in_frame(self, gravity: np.ndarray) -> np.ndarray:
-        """What an ideal accelerometer at the frame's origin reads, shape (n, 3) [m/s^2]; gravity in
-        the world, shape (3,).
+        """What an ideal accelerometer at the frame's origin reads.
+
+        Args:
+            gravity: In the world, shape (3,) [m/s^2].
+
+        Returns:
+            Shape (n, 3) [m/s^2].
         """
         return np.einsum("nji,nj->ni", self.R_world_from_frame, self.acceleration - gravity)
 
@@ -142,8 +150,10 @@ class Kinematics:
         return [(column, joint.idx_q, joint.nq == 2) for column, joint in joints]
 
     def configuration(self, q: np.ndarray) -> np.ndarray:
-        """Pinocchio's configuration vector of joint angles in the robot's order, shape (n_joints,)
-        to (nq,) [rad].
+        """Pinocchio's configuration vector, shape (nq,).
+
+        Args:
+            q: Joint angles in the robot's order, shape (n_joints,) [rad].
         """
         result = self.neutral.copy()
         for column, place, unlimited in self._places:
@@ -174,12 +184,9 @@ class Kinematics:
 
         Args:
             link: Name of the link in the URDF.
-            q: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order,
-                shape (n, n_joints); v and a are zero if None.
-            v: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order,
-                shape (n, n_joints); v and a are zero if None.
-            a: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2] in the robot's order,
-                shape (n, n_joints); v and a are zero if None.
+            q: Joint angles in the robot's order, shape (n, n_joints) [rad].
+            v: Joint rates, shape (n, n_joints) [rad/s]; zero if None.
+            a: Joint accelerations, shape (n, n_joints) [rad/s^2]; zero if None.
             offset: Pose of the wanted frame in the link; the link's own frame if None.
 
         Raises:
@@ -245,8 +252,11 @@ class Kinematics:
 
     @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
     def chain_to(self, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Pose]:
-        """Placements, axes and columns of the joints that carry a link, and the link's pose in the
-        last of them.
+        """The joints that carry a link, for `chain.chain_motion`.
+
+        Returns:
+            Rotations (k, 3, 3), offsets (k, 3) [m], axes (k, 3) and columns (k,) of the joints, and
+            the pose of the link in the last of them.
         """
         model = self.model
         frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
@@ -274,9 +284,7 @@ class Kinematics:
         return rotations, offsets, axes, columns, tip
 
     def _axis(self, joint: int) -> np.ndarray:
-        """Axis of a rotating joint in its own frame, shape (3,): the angular part of its motion
-        subspace.
-        """
+        """Axis of a rotating joint in its own frame, shape (3,): angular part of its subspace."""
         data = self.model.createData()
         pin.forwardKinematics(
             self.model, data, self.neutral, np.eye(self.model.nv)[self.model.joints[joint].idx_v]

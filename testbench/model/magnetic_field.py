@@ -1,6 +1,4 @@
-"""The magnetic field at a place in the world: that of the earth, of magnetised parts of the arm,
-and of iron about it.
-"""
+"""The magnetic field in the world: that of the earth, of magnetised parts of the arm, of iron."""
 
 from __future__ import annotations
 
@@ -22,7 +20,7 @@ def dipole_field(displacement: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
     Args:
         displacement: From the dipole to the point, shape (n, 3) [m].
-        moment: Shape (n, 3) or (3,) [A m^2], same frame.
+        moment: In the same frame, shape (n, 3) or (3,) [A m^2].
 
     Returns:
         Shape (n, 3) [uT].
@@ -38,8 +36,9 @@ def dipole_field(displacement: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
 
 def induced_moment(field: np.ndarray, radius: float) -> np.ndarray:
-    """Moment of a sphere of soft iron in a uniform field: 4 pi a^3 B / mu_0, as its permeability is
-    large (Jackson, eq. 5.115).
+    """Moment of a sphere of soft iron in a uniform field (Jackson, eq. 5.115).
+
+    It is 4 pi a^3 B / mu_0, as the iron's permeability is large.
 
     Args:
         field: Shape (3,) [uT].

@@ -1,9 +1,8 @@
-"""What misaligned segments and wrong sensor orientations do to a joint angle (Castellanos Alonso
-2023, eqs 2.18 to 2.26).
+"""What misaligned segments and wrong sensor orientations do to a joint angle.
 
 A joint's rotation is computed from the two sensors and a start pose in which the segments'
 orientations are taken as known. Errors enter in that pose (misalignment: the limb did not stand as
-assumed) or in the sensors at every instant.
+assumed) or in the sensors at every instant (Castellanos Alonso 2023, eqs 2.18 to 2.26).
 """
 
 from __future__ import annotations
@@ -26,17 +25,16 @@ LEAST_MARGIN = np.radians(0.01)
 def with_errors(
     q: np.ndarray, yaw: np.ndarray | float, pitch: np.ndarray | float, roll: np.ndarray | float
 ) -> np.ndarray:
-    """Errors about each axis of q = q_yaw(z) q_pitch(y) q_roll(x): q' = (q_ye q_y)(q_p q_pe)(q_r
-    q_re) (eq. 2.19).
+    """Errors about each axis of q = q_yaw(z) q_pitch(y) q_roll(x).
 
-    An error shares the axis of the angle it stands beside, so this adds the errors to the ZYX
-    angles of q.
+    They enter as q' = (q_ye q_y)(q_p q_pe)(q_r q_re) (eq. 2.19). An error shares the axis of the
+    angle it stands beside, so this adds the errors to the ZYX angles of q.
 
     Args:
         q: World from segment or sensor, shape (..., 4).
-        yaw: Errors [rad], broadcast to the shape of q.
-        pitch: Errors [rad], broadcast to the shape of q.
-        roll: Errors [rad], broadcast to the shape of q.
+        yaw: Error about z [rad], broadcast to the shape of q.
+        pitch: Error about y [rad], broadcast to the shape of q.
+        roll: Error about x [rad], broadcast to the shape of q.
 
     Returns:
         Shape (..., 4).
@@ -54,10 +52,9 @@ def joint_from_start_pose(
     q_world_from_segment_A0: np.ndarray,
     q_world_from_segment_F0: np.ndarray,
 ) -> np.ndarray:
-    """q_A_from_F of two sensors whose mounting comes from a start pose (0) with known segments (eqs
-    2.1 to 2.5).
+    """q_A_from_F of two sensors whose mounting comes from a start pose (0) with known segments.
 
-        q_A_from_F = conj(q_SA (conj(q_SA0) q_A0)) (q_SF (conj(q_SF0) q_F0))
+        q_A_from_F = conj(q_SA (conj(q_SA0) q_A0)) (q_SF (conj(q_SF0) q_F0))        (eqs 2.1 to 2.5)
 
     With errors in the segments of the start pose it is eq. 2.18 (misalignment), with errors in the
     two sensors eq. 2.21.
@@ -82,9 +79,16 @@ def joint_from_start_pose(
 
 
 def middle_angle_error(flexion: np.ndarray, misalignment: np.ndarray) -> np.ndarray:
-    """asin(sin f cos d) - f [rad]: a flexion f about the middle axis of a sequence of three
-    different axes, read by a proximal segment that is turned by d about the axis of one of the
-    others; f within ±90 degrees, shapes broadcast.
+    """asin(sin f cos d) - f: error of a flexion about the middle one of three different axes.
+
+    It is read by a proximal segment that is turned about the axis of one of the others.
+
+    Args:
+        flexion: f, within ±90 degrees [rad], of a shape that broadcasts with that of d.
+        misalignment: d [rad], of a shape that broadcasts with that of f.
+
+    Returns:
+        Of their common shape [rad].
     """
     return np.asarray(np.arcsin(np.sin(flexion) * np.cos(misalignment)) - flexion)
 
@@ -96,11 +100,10 @@ def misalignment_errors(
     misalignment: np.ndarray,
     flexion_about: AxisName = "Y",
 ) -> np.ndarray:
-    """Errors of all three angles when the proximal segment is misaligned and the distal one flexes,
-    by quaternions (eq. 2.18).
+    """Errors of all three angles when the proximal segment is misaligned and the distal one flexes.
 
-    The segments start level and agree; the proximal one is taken to be turned by the misalignment,
-    and stays where it is.
+    By quaternions (eq. 2.18). The segments start level and agree; the proximal one is taken to be
+    turned by the misalignment, and stays where it is.
 
     Args:
         definition: An Euler sequence, or any definition.
@@ -130,11 +133,20 @@ def sensor_errors(
     flexion_about: AxisName = "Y",
     which: Literal["proximal", "distal"] = "proximal",
 ) -> np.ndarray:
-    """Errors of all three angles when one sensor's orientation is wrong by yaw (Z), pitch (Y) or
-    roll (X) (eqs 2.19, 2.21).
+    """Errors of all three angles when one sensor's orientation is wrong by yaw, pitch or roll.
 
-    The start pose is free of errors. Arguments and result as for `misalignment_errors`, with the
-    sensor's error [rad].
+    The start pose is free of errors (eqs 2.19, 2.21).
+
+    Args:
+        definition: An Euler sequence, or any definition.
+        about: Axis of the error: Z for yaw, Y for pitch, X for roll.
+        flexion: Shape (f,) [rad].
+        error: Shape (d,) [rad].
+        flexion_about: Axis of the flexion in the segments.
+        which: The sensor that is wrong.
+
+    Returns:
+        As for `misalignment_errors`, shape (f, d, 3) [rad].
     """
     wrong, bent = _grid(flexion, error)
     level = np.tile(rotation.IDENTITY, (len(bent), 1))
@@ -151,8 +163,9 @@ def sensor_errors(
 
 
 def flexion_index(definition: str | FlexionAngle, flexion_about: AxisName = "Y") -> int:
-    """Which of the three angles is the flexion about an axis: what a definition says, or the place
-    of the axis in a sequence.
+    """Which of the three angles is the flexion about an axis.
+
+    It is what a definition says, or the place of the axis in a sequence.
 
     Raises:
         InputError: The axis stands not once in the sequence, so that no single angle is the
@@ -178,8 +191,9 @@ def _grid(flexion: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _angle_errors(
     definition: str | FlexionAngle, estimated: np.ndarray, true: np.ndarray
 ) -> np.ndarray:
-    """Shape (n, 3) [rad], with the sign of the definition; NaN where an angle of either is not
-    defined (eqs 2.24 to 2.26).
+    """Estimated less true angles, with the sign of the definition, shape (n, 3) [rad].
+
+    NaN where an angle of either is not defined (eqs 2.24 to 2.26).
     """
     decomposition = decomposition_of(definition)
     found, wanted = decomposition.angles(estimated), decomposition.angles(true)

@@ -1,5 +1,6 @@
-"""Random processes of inertial sensors, drawn in a stream: the same numbers come out however the
-stream is cut into pieces.
+"""Random processes of inertial sensors, drawn in a stream.
+
+The same numbers come out however the stream is cut into chunks.
 """
 
 from __future__ import annotations
@@ -11,8 +12,9 @@ from numba import njit
 
 
 def random_stream(seed: int, *labels: str) -> np.random.Generator:
-    """An independent generator for one purpose, named by labels: adding a purpose changes no
-    other's numbers.
+    """An independent generator for one purpose, named by labels.
+
+    Adding a purpose changes no other's numbers.
     """
     digest = hashlib.sha256("\0".join(labels).encode()).digest()
     key = tuple(int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4))
@@ -47,8 +49,8 @@ class GaussMarkov:
 
     Args:
         sd: Standard deviation, in any unit.
-        time_constant: [s].
-        interval: Sampling interval [s].
+        time_constant: Of the correlation [s].
+        interval: Between samples [s].
         columns: Independent copies.
         rng: Source of randomness.
     """
@@ -75,13 +77,13 @@ class GaussMarkov:
 
 
 class RandomWalk:
-    """Sum of white noise; sd grows with the square root of time.
+    """Sum of white noise; its standard deviation grows with the square root of time.
 
     Args:
         density: Standard deviation after one second, in any unit.
-        interval: Sampling interval [s].
-        columns: As above.
-        rng: As above.
+        interval: Between samples [s].
+        columns: Independent copies.
+        rng: Source of randomness.
     """
 
     def __init__(self, density: float, interval: float, columns: int, rng: np.random.Generator):

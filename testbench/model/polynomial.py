@@ -1,6 +1,4 @@
-"""Least-squares polynomials in one and two variables with what is commonly said of them: R², RMSE,
-confidence intervals.
-"""
+"""Least-squares polynomials in one and two variables, with R², RMSE and confidence intervals."""
 
 from __future__ import annotations
 
@@ -19,13 +17,11 @@ class PolynomialFit:
     Attributes:
         fit: Coefficients by name with covariance and residuals.
         exponents: Of each term, shape (p, variables).
-        r_squared: Part of the variance about the mean that is explained; the second allows for the
-            number of coefficients.
-        adjusted_r_squared: Part of the variance about the mean that is explained; the second allows
-            for the number of coefficients.
+        r_squared: Part of the variance about the mean that is explained.
+        adjusted_r_squared: The same, allowing for the number of coefficients.
         rmse: sqrt(SSE / (n - p)), in the unit of y.
-        centre: Each variable enters as (x - centre) / scale, shape (variables,).
-        scale: Each variable enters as (x - centre) / scale, shape (variables,).
+        centre: What is taken off each variable before it enters, shape (variables,).
+        scale: What each variable is then divided by, shape (variables,).
     """
 
     fit: Fit
@@ -46,7 +42,14 @@ class PolynomialFit:
         return self.value(name) - half, self.value(name) + half
 
     def at(self, *variables: np.ndarray) -> np.ndarray:
-        """The polynomial's values, of the variables' common shape."""
+        """The polynomial's values.
+
+        Args:
+            *variables: One or two, in their order, of any common shape.
+
+        Returns:
+            Of the variables' shape.
+        """
         normed = [
             (np.asarray(x, float) - m) / s
             for x, m, s in zip(variables, self.centre, self.scale, strict=True)
@@ -62,6 +65,10 @@ class PolynomialFit:
 
 def fit_quadratic(x: np.ndarray, y: np.ndarray) -> PolynomialFit:
     """Fit y = a x² + b x + c, by coefficients a, b, c.
+
+    Args:
+        x: Abscissae, shape (n,).
+        y: Values, shape (n,).
 
     Raises:
         InputError: Fewer than four points, or fewer than three different x.
@@ -80,16 +87,16 @@ def fit_quadratic(x: np.ndarray, y: np.ndarray) -> PolynomialFit:
 def fit_surface(
     x: np.ndarray, y: np.ndarray, z: np.ndarray, degrees: tuple[int, int]
 ) -> PolynomialFit:
-    """Fit z = Σ p_ij X^i Y^j with i up to degrees[0], j up to degrees[1] and i + j up to the larger
-    of both.
+    """Fit z = Σ p_ij X^i Y^j in X and Y up to some degrees, and i + j up to the larger of both.
 
     X and Y are x and y less their mean over the points, by their standard deviation (n - 1);
     coefficients are called p00, ...
 
     Args:
-        x: Of the points, shape (n,).
-        y: Of the points, shape (n,).
-        z: Of the points, shape (n,).
+        x: First variable, shape (n,).
+        y: Second variable, shape (n,).
+        z: Values, shape (n,).
+        degrees: The largest i and the largest j.
 
     Raises:
         InputError: The points are fewer than the coefficients or do not determine them.

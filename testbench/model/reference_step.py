@@ -14,8 +14,10 @@ SHORTEST_DWELL_NS = NANOSECONDS // 5
 
 
 def reference_step(steps: Sequence[PlannedStep]) -> PlannedStep | None:
-    """The first dwell of the reference section, or the first dwell of all where there is no such
-    section; None without any.
+    """The first dwell of the reference section, or of all where there is no such section.
+
+    Returns:
+        None where nothing dwells.
     """
     dwells = [
         step
@@ -28,15 +30,22 @@ def reference_step(steps: Sequence[PlannedStep]) -> PlannedStep | None:
 
 
 def aligning_part(step: PlannedStep) -> tuple[int, int]:
-    """Begin and end of the part of the dwell that is averaged, host time [ns]: its second half,
-    when filters have settled.
+    """Begin and end of the part of a dwell that is averaged, host time [ns].
+
+    It is the second half, when filters have settled.
     """
     return (step.settled_ns + step.end_ns) // 2, step.end_ns
 
 
 def before_judging(steps: Sequence[PlannedStep], time_ns: np.ndarray) -> np.ndarray:
-    """Samples before the first judged step, or all of a recording that has no such part, shape
-    (n,), bool.
+    """Samples before the first evaluated step, or all where no step is evaluated.
+
+    Args:
+        steps: Of the session.
+        time_ns: Host time of the samples, shape (n,).
+
+    Returns:
+        Shape (n,), bool.
     """
     judged = [step.start_ns for step in steps if step.role == "evaluation"]
     return (

@@ -16,7 +16,15 @@ GIMBAL_LOCK = 1e-7
 
 
 def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Hamilton product p q, shapes (..., 4)."""
+    """Hamilton product p q.
+
+    Args:
+        p: Left factor, shape (..., 4).
+        q: Right factor, shape (..., 4), broadcast against the left.
+
+    Returns:
+        Shape (..., 4).
+    """
     p, q = np.asarray(p, float), np.asarray(q, float)
     shape = np.broadcast_shapes(p.shape, q.shape)
     if p.ndim > 1 and q.ndim > 1 and p.shape != q.shape:
@@ -28,8 +36,11 @@ def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _products(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Row by row, shapes (n, 4) and (n, 4), where either may be a single row for all, shape (1,
-    4).
+    """Hamilton products row by row; either factor may be a single row for all.
+
+    Args:
+        p: Left factors, shape (n, 4) or (1, 4).
+        q: Right factors, shape (n, 4) or (1, 4).
     """
     n = max(len(p), len(q)) if len(p) and len(q) else 0
     products = np.empty((n, 4))
@@ -55,26 +66,53 @@ def product(
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
-    """Inverse of a unit quaternion, shape (..., 4)."""
+    """Inverse of unit quaternions.
+
+    Args:
+        q: Shape (..., 4).
+
+    Returns:
+        Shape (..., 4).
+    """
     return np.asarray(q, float) * np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def normalise(q: np.ndarray) -> np.ndarray:
-    """Scale to unit length, shape (..., 4)."""
+    """Quaternions scaled to unit length.
+
+    Args:
+        q: Shape (..., 4).
+
+    Returns:
+        Shape (..., 4).
+    """
     q = np.asarray(q, float)
     return q / lengths(q)[..., None]
 
 
 def lengths(v: np.ndarray) -> np.ndarray:
-    """Lengths of vectors of few parts, shape (..., k) to (...): as np.linalg.norm, in half its
-    time.
+    """Lengths of vectors of few parts: as np.linalg.norm, in half its time.
+
+    Args:
+        v: Shape (..., k).
+
+    Returns:
+        Shape (...).
     """
     v = np.asarray(v, float)
     return np.asarray(np.sqrt(np.einsum("...i,...i->...", v, v)))
 
 
 def rotate(q_target_from_source: np.ndarray, x_source: np.ndarray) -> np.ndarray:
-    """Coordinates of vectors in the target frame, shapes (..., 4) and (..., 3) to (..., 3)."""
+    """Coordinates of vectors in the target frame.
+
+    Args:
+        q_target_from_source: Shape (..., 4).
+        x_source: The vectors in the source frame, shape (..., 3), in any unit.
+
+    Returns:
+        Shape (..., 3), in the unit of the vectors.
+    """
     q = np.asarray(q_target_from_source, float)
     x = np.asarray(x_source, float)
     shape = np.broadcast_shapes(q.shape[:-1], x.shape[:-1])
@@ -105,7 +143,14 @@ def _rotated(q: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def to_matrix(q: np.ndarray) -> np.ndarray:
-    """Rotation matrices, shape (..., 4) to (..., 3, 3)."""
+    """Rotation matrices of quaternions.
+
+    Args:
+        q: Shape (..., 4).
+
+    Returns:
+        Shape (..., 3, 3).
+    """
     q = np.asarray(q, float)
     return _matrices(np.ascontiguousarray(q).reshape(-1, 4)).reshape(*q.shape[:-1], 3, 3)
 
@@ -137,7 +182,13 @@ def unit(w: float, x: float, y: float, z: float) -> tuple[float, float, float, f
 
 
 def from_matrix(matrix: np.ndarray) -> np.ndarray:
-    """Quaternions of rotation matrices, shape (..., 3, 3) to (..., 4), with w >= 0.
+    """Quaternions of rotation matrices, with w >= 0.
+
+    Args:
+        matrix: Shape (..., 3, 3).
+
+    Returns:
+        Shape (..., 4).
 
     Raises:
         ValueError: One is left-handed or singular; of one that is not quite orthogonal the nearest
@@ -197,15 +248,27 @@ def _quaternions(matrices: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
-    """The rotation R that maximises trace(R' matrix), shape (3, 3): the solution of Wahba's problem
-    (Markley 1988).
+    """The rotation R that maximises trace(R' matrix): Wahba's problem (Markley 1988).
+
+    Args:
+        matrix: Shape (3, 3).
+
+    Returns:
+        Shape (3, 3).
     """
     u, _, vt = np.linalg.svd(matrix)
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
 def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
-    """Quaternions of rotation vectors [rad], shape (..., 3) to (..., 4)."""
+    """Quaternions of rotation vectors.
+
+    Args:
+        vector: Shape (..., 3) [rad].
+
+    Returns:
+        Shape (..., 4).
+    """
     vector = np.asarray(vector, float)
     return _from_vectors(np.ascontiguousarray(vector).reshape(-1, 3)).reshape(*vector.shape[:-1], 4)
 
@@ -228,8 +291,13 @@ def _from_vectors(vector: np.ndarray) -> np.ndarray:
 
 
 def to_rotation_vector(q: np.ndarray) -> np.ndarray:
-    """Rotation vectors [rad] of length up to pi, shape (..., 4) to (..., 3); exact for small
-    angles.
+    """Rotation vectors of length up to pi, exact for small angles.
+
+    Args:
+        q: Shape (..., 4), of either sign.
+
+    Returns:
+        Shape (..., 3) [rad].
     """
     q = np.asarray(q, float)
     return _rotation_vectors(np.ascontiguousarray(q).reshape(-1, 4)).reshape(*q.shape[:-1], 3)
@@ -247,8 +315,14 @@ def _rotation_vectors(q: np.ndarray) -> np.ndarray:
 
 
 def turn_between(q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
-    """Rotation vectors [rad], in the outer frame, of q_to conj(q_from), shapes (n, 4) and (n, 4) to
-    (n, 3); one pass.
+    """Rotation vectors, in the outer frame, of q_to conj(q_from), in one pass.
+
+    Args:
+        q_from: Before, shape (n, 4).
+        q_to: After, shape (n, 4).
+
+    Returns:
+        Shape (n, 3) [rad].
     """
     return _turns(
         np.ascontiguousarray(q_from, dtype=float), np.ascontiguousarray(q_to, dtype=float)
@@ -285,7 +359,15 @@ def _vector(w: float, x: float, y: float, z: float) -> tuple[float, float, float
 
 
 def from_euler(sequence: str, angles: np.ndarray) -> np.ndarray:
-    """Quaternions of intrinsic Euler angles [rad], shape (..., 3) to (..., 4)."""
+    """Quaternions of intrinsic Euler angles.
+
+    Args:
+        sequence: Such as "ZXZ".
+        angles: Shape (..., 3) [rad].
+
+    Returns:
+        Shape (..., 4).
+    """
     angles = np.asarray(angles, float)
     axes = np.array(["XYZ".index(letter) for letter in sequence])
     q = _from_euler(axes, np.ascontiguousarray(angles).reshape(-1, 3))
@@ -311,11 +393,18 @@ def _from_euler(axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 
 def to_euler(sequence: str, q: np.ndarray) -> np.ndarray:
-    """Intrinsic Euler angles [rad], shape (..., 4) to (..., 3).
+    """Intrinsic Euler angles of rotations.
 
     The middle angle lies in [0, pi] for sequences such as ZXZ and in [-pi/2, pi/2] for sequences
     such as XYZ. In gimbal lock only the sum or difference of the outer angles exists; the third is
     then set to zero (see `gimbal_margin`).
+
+    Args:
+        sequence: Such as "ZXZ".
+        q: Shape (..., 4).
+
+    Returns:
+        Shape (..., 3) [rad].
     """
     q = np.asarray(q, float)
     axes = np.array(["XYZ".index(letter) for letter in sequence])
@@ -363,7 +452,15 @@ def _euler_angles(axes: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def gimbal_margin(sequence: str, angles: np.ndarray) -> np.ndarray:
-    """Distance of the middle angle from gimbal lock [rad], shape (..., 3) to (...)."""
+    """Distance of the middle angle from gimbal lock.
+
+    Args:
+        sequence: Such as "ZXZ".
+        angles: Shape (..., 3) [rad].
+
+    Returns:
+        Shape (...) [rad].
+    """
     middle = np.asarray(angles, float)[..., 1]
     if sequence[0] == sequence[2]:
         return np.minimum(np.abs(middle), np.abs(np.pi - np.abs(middle)))
@@ -371,29 +468,53 @@ def gimbal_margin(sequence: str, angles: np.ndarray) -> np.ndarray:
 
 
 def from_heading(angle: float | np.ndarray) -> np.ndarray:
-    """Rotation about the vertical (z) by an angle [rad], shape (...) to (..., 4)."""
+    """Rotations about the vertical (z).
+
+    Args:
+        angle: One, or of any shape (...) [rad].
+
+    Returns:
+        Shape (..., 4).
+    """
     half = np.asarray(angle, float) / 2
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
 
 
 def angle(q: np.ndarray) -> np.ndarray:
-    """Angle of a rotation [rad] in [0, pi], shape (..., 4) to (...); exact for small angles."""
+    """Angle of rotations in [0, pi], exact for small angles.
+
+    Args:
+        q: Shape (..., 4), of either sign.
+
+    Returns:
+        Shape (...) [rad].
+    """
     q = np.asarray(q, float)
     return np.asarray(2.0 * np.arctan2(lengths(q[..., 1:]), np.abs(q[..., 0])))
 
 
 def heading_angle(q_world_error: np.ndarray) -> np.ndarray:
-    """Signed angle [rad] in [-pi, pi) of the rotation about the vertical nearest to a rotation,
-    shape (..., 4) to (...).
+    """Signed angle in [-pi, pi) of the rotation about the vertical nearest to a rotation.
+
+    Args:
+        q_world_error: The rotation, in the world, shape (..., 4).
+
+    Returns:
+        Shape (...) [rad].
     """
     q = np.asarray(q_world_error, float)
     return np.asarray(wrap(2.0 * np.arctan2(q[..., 3], q[..., 0])))
 
 
 def inclination_angle(q_world_error: np.ndarray) -> np.ndarray:
-    """Angle [rad] that remains of a rotation once its heading is taken away (Laidig & Seel 2023,
-    VQF), (..., 4) to (...).
+    """Angle that remains of a rotation once its heading is taken away (Laidig & Seel 2023, VQF).
+
+    Args:
+        q_world_error: The rotation, in the world, shape (..., 4).
+
+    Returns:
+        Shape (...) [rad].
     """
     q = np.asarray(q_world_error, float)
     level, upright = q[..., 1] ** 2 + q[..., 2] ** 2, q[..., 0] ** 2 + q[..., 3] ** 2
@@ -401,13 +522,27 @@ def inclination_angle(q_world_error: np.ndarray) -> np.ndarray:
 
 
 def wrap(angle_rad: np.ndarray) -> np.ndarray:
-    """Angles [rad] brought into [-pi, pi)."""
+    """Angles brought into [-pi, pi).
+
+    Args:
+        angle_rad: Of any shape.
+
+    Returns:
+        Of the same shape [rad].
+    """
     return (np.asarray(angle_rad, float) + np.pi) % (2 * np.pi) - np.pi
 
 
 def mean(q: np.ndarray) -> np.ndarray:
-    """Mean of quaternions of either sign, shape (n, 4) to (4,): the largest eigenvector of sum q q'
-    (Markley et al. 2007).
+    """Mean of quaternions of either sign.
+
+    It is the largest eigenvector of sum q q' (Markley et al. 2007).
+
+    Args:
+        q: Shape (n, 4).
+
+    Returns:
+        Shape (4,), with w >= 0.
     """
     q = np.asarray(q, float)
     _, vectors = np.linalg.eigh(q.T @ q)
@@ -420,8 +555,8 @@ def interpolate(times: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
 
     Args:
         times: Increasing, shape (n,).
-        q: Shape (n, 4), of either sign.
-        at: Shape (m,), same unit as times.
+        q: At those times, shape (n, 4), of either sign.
+        at: Wanted times, shape (m,), same unit.
 
     Returns:
         Shape (m, 4).

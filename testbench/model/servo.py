@@ -1,6 +1,4 @@
-"""A joint that follows its reference as a second-order servo, solved exactly between control
-instants.
-"""
+"""A joint that follows its reference as a second-order servo, solved between control instants."""
 
 from __future__ import annotations
 
@@ -16,16 +14,16 @@ def servo_parameters(robot: Robot) -> tuple[float, float]:
 
 
 def servo_update(robot: Robot, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Exact discrete form of the servo for a reference that is linear between instants (Franklin et
-    al. 1998, section 6.3).
+    """Exact discrete form of the servo for a reference that is linear between instants.
+
+    x+ = Phi x + now u + following u+ for x = (angle, rate) (Franklin et al. 1998, section 6.3).
 
     Args:
         robot: Gives frequency and damping.
         period: Between instants [s].
 
     Returns:
-        Phi, now, following of the update x+ = Phi x + now u + following u+ for x = (angle, rate):
-        shapes (2, 2), (2,), (2,).
+        Phi, now and following: shapes (2, 2), (2,), (2,).
     """
     omega, damping = servo_parameters(robot)
     A = np.array([[0.0, 1.0], [-(omega**2), -2 * damping * omega]])

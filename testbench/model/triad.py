@@ -1,6 +1,4 @@
-"""TRIAD (Black 1964; Shuster & Oh 1981): an orthogonal triad from two vectors that do not lie in
-one line.
-"""
+"""TRIAD (Black 1964; Shuster & Oh 1981): an orthogonal triad from two vectors."""
 
 from __future__ import annotations
 
@@ -14,12 +12,11 @@ LEAST_SINE = 1e-6
 
 
 def triad(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """W = [w1 w2 w3] with w1 = b1, w2 = b1 × b2 / |b1 × b2|, w3 = b1 × w2, of the unit vectors b1
-    and b2.
+    """W = [w1 w2 w3] with w1 = b1, w2 = b1 × b2 / |b1 × b2| and w3 = b1 × w2, of unit vectors.
 
     Args:
-        first: Trusted wholly, such as gravity, shape (..., 3), of any length.
-        second: Such as the magnetic field, (..., 3).
+        first: b1, trusted wholly, such as gravity, shape (..., 3), of any length.
+        second: b2, such as the magnetic field, shape (..., 3), of any length.
 
     Returns:
         Its columns are w1, w2, w3, shape (..., 3, 3); with w3 = w1 × w2 it is a rotation.
@@ -41,17 +38,16 @@ def rotation_between_triads(
     first_distal: np.ndarray,
     second_distal: np.ndarray,
 ) -> np.ndarray:
-    """q_proximal_from_distal of two sensors that see the same two directions: TRIAD to TRIAD,
-    without any earth frame.
+    """q_proximal_from_distal of two sensors that see the same two directions, by TRIAD alone.
 
     With the triads as columns it is W_proximal W_distal' (Castellanos Alonso 2023 writes them as
     rows: W_A' W_F). It is the same as the difference of the two sensors' orientations by TRIAD.
 
     Args:
-        first_proximal: Gravity and field in each sensor, shape (..., 3).
-        second_proximal: Gravity and field in each sensor, shape (..., 3).
-        first_distal: Gravity and field in each sensor, shape (..., 3).
-        second_distal: Gravity and field in each sensor, shape (..., 3).
+        first_proximal: Gravity in the proximal sensor, shape (..., 3).
+        second_proximal: Field in the proximal sensor, shape (..., 3).
+        first_distal: Gravity in the distal sensor, shape (..., 3).
+        second_distal: Field in the distal sensor, shape (..., 3).
 
     Returns:
         Shape (..., 4).

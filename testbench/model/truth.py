@@ -19,7 +19,15 @@ WIDEST_GAP_NS = 200_000_000
 
 
 def truth_at(truth: Truth, time_ns: np.ndarray) -> np.ndarray:
-    """q_world_from_sensor at times, shape (n, 4); NaN before, after and in gaps of the truth."""
+    """q_world_from_sensor at other times than the truth's own.
+
+    Args:
+        truth: As recorded.
+        time_ns: Host time, shape (n,).
+
+    Returns:
+        Shape (n, 4); NaN before, after and in gaps of the truth.
+    """
     known = np.isfinite(truth.q_world_from_sensor).all(axis=1)
     result = np.full((len(time_ns), 4), np.nan)
     if known.sum() < 2:
@@ -36,8 +44,9 @@ def truth_at(truth: Truth, time_ns: np.ndarray) -> np.ndarray:
 
 
 def without_jumps(truth: Truth, fastest: Callable[[], float]) -> tuple[Truth, int]:
-    """The truth with its jumps blanked out: single orientations that leave and come back faster
-    than the sensor ever turned.
+    """The truth with its jumps blanked out.
+
+    A jump is a single orientation that leaves and comes back faster than the sensor ever turned.
 
     Args:
         truth: As recorded.

@@ -1,6 +1,4 @@
-"""What must hold of a timed motion before anything moves: joint limits, clearance, sensor
-ranges.
-"""
+"""What must hold of a timed motion before it starts: joint limits, clearance, sensor ranges."""
 
 from __future__ import annotations
 

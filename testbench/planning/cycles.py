@@ -1,6 +1,4 @@
-"""Whole cycles of periodic sweeps: how long one lasts where several joints move, and which are free
-of the fades.
-"""
+"""Whole cycles of periodic sweeps: how long one lasts, and which are free of the fades."""
 
 from __future__ import annotations
 
@@ -26,12 +24,14 @@ ROUNDING = 1e-6
 def planned_cycles(
     sweeps: Sequence[SineCommand | FourierCommand | TrapezoidCommand], motion_s: float
 ) -> PlannedCycles | None:
-    """The whole cycles of a sweep at full amplitude; None where there is not one, or no joint
-    moves.
+    """The whole cycles of a sweep at full amplitude.
 
     Args:
         sweeps: Of all joints of one step, which start together.
         motion_s: How long the sweep lasts.
+
+    Returns:
+        None where there is not one whole cycle, or no joint moves.
     """
     moving = [sweep for sweep in sweeps if _moves(sweep)]
     there_and_back = [sweep for sweep in moving if isinstance(sweep, TrapezoidCommand)]
@@ -50,11 +50,13 @@ def planned_cycles(
 
 
 def common_frequency(frequencies: Sequence[float]) -> float | None:
-    """The highest frequency of which all are whole multiples [Hz]; None where their ratios are no
-    fractions.
+    """The highest frequency of which all are whole multiples [Hz].
 
     Args:
         frequencies: At least one, above 0 [Hz].
+
+    Returns:
+        None where their ratios are no fractions.
     """
     lowest = min(frequencies)
     ratios = [

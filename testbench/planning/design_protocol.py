@@ -26,10 +26,10 @@ def protocol_text(
 
     Args:
         name: Of the protocol.
-        purpose: Of the protocol.
+        purpose: Of the protocol, as it is written there.
         robot: Its arm.
-        sensor_name: What is calibrated.
-        sensor: What is calibrated.
+        sensor_name: What the protocol calls the sensor.
+        sensor: The sensor that is calibrated.
         design: Poses and turns.
         notes: Lines of comment for the head of the file.
         via_home: Poses that are reached by way of home.

@@ -1,6 +1,4 @@
-"""A designed calibration from its wishes to its checked protocol file, with the gain over another
-protocol.
-"""
+"""A designed calibration: from wishes to a checked protocol file, with its gain over another."""
 
 from __future__ import annotations
 
@@ -28,6 +26,7 @@ from testbench.planning.planner import find_robot, plan
 from testbench.records.plan import Plan
 from testbench.records.protocol import Protocol, Sensor
 from testbench.records.protocol_file import load_protocol
+from testbench.records.replacing import stored_where_asked, write_text
 from testbench.records.robot import Robot, load_robot
 from testbench.records.strict import NAME_PATTERN
 
@@ -39,8 +38,14 @@ LEFT_OUT = (
 
 @dataclass(frozen=True)
 class PredictedRow:
-    """Predicted standard uncertainty by the protocol compared with and by the design; None where
-    undetermined.
+    """Standard uncertainty of one parameter as two protocols predict it.
+
+    Attributes:
+        parameter: Its name.
+        unit: Its unit.
+        compared: By the protocol compared with; None where it leaves the parameter undetermined.
+        designed: By the design; None where it leaves the parameter undetermined.
+        ratio: How many times smaller that of the design is; None where either is.
     """
 
     parameter: str
@@ -82,8 +87,18 @@ class _NoWay(Exception):
 def design_protocol(
     out: Path, robot_name: str, like: str, sensor_name: str | None, link: str | None, wanted: Wanted
 ) -> DesignedProtocol:
-    """Design, compare, check and write a calibration protocol; see
-    `pipeline.design_calibration`.
+    """Design, compare, check and write a calibration protocol.
+
+    Args:
+        out: File to write.
+        robot_name: Name or file of the arm.
+        like: Name or file of the protocol to compare with.
+        sensor_name: Its sensor that is calibrated; its only one if None.
+        link: That carries the sensor; the protocol's if None.
+        wanted: What to design.
+
+    Raises:
+        InputError: There is no such sensor, or no such design.
     """
     if out.suffix not in {".yaml", ".yml"}:
         raise InputError(f"{out}: a protocol is a .yaml file")
@@ -145,7 +160,8 @@ def design_protocol(
                 raise InputError(
                     f"no clear way was found: {found.error}; let other joints move with --joints"
                 ) from None
-    out.write_text(text(via_home), encoding="utf-8")
+    with stored_where_asked(out):
+        write_text(out, text(via_home), anew=True)
     rows = _rows(before.judged(q, [], dwell), design)
     return DesignedProtocol(checked, like, before.robot.name, rows, gain, sentence)
 
@@ -153,8 +169,9 @@ def design_protocol(
 def _compared(
     protocol: Protocol, robot: Robot, sensor: Sensor
 ) -> tuple[Designer, np.ndarray, float]:
-    """The static poses to compare with and their dwell [s]: on this arm if it can make them, else
-    on the protocol's own.
+    """The static poses to compare with, shape (n, n_joints) [rad], and their dwell [s].
+
+    They are on this arm if it can make them, else on the protocol's own.
     """
     own = find_robot(protocol, None)
     try:
@@ -201,12 +218,11 @@ def _gain(
     design: Design,
     wanted: Wanted,
 ) -> float | None:
-    """Ratio of the accelerometer's variances at as many visits and as much time at rest; None where
-    it is not determined.
+    """Ratio of the accelerometer's variances at as many visits and as much time at rest.
 
     What does not average out over a rest, in-run bias and the arm's direction, is drawn anew for
     each visit: a protocol of fewer poses is compared as if it came back to them until both have
-    paid as many visits.
+    paid as many visits. None where the ratio is not determined.
     """
     share = len(q) * dwell / len(design.q)
     before = pose_information(compared.force(q), compared.noise(share)).sum(axis=0) * (

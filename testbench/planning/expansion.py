@@ -1,6 +1,4 @@
-"""Unroll a protocol: loops, includes and expressions become a flat list of commands with
-numbers.
-"""
+"""Unroll a protocol: loops, includes and expressions become a flat list of commands."""
 
 from __future__ import annotations
 
@@ -32,7 +30,16 @@ _ANGLE: dict[str, float] = {"lowest": -LARGEST_ANGLE_DEG, "highest": LARGEST_ANG
 
 @dataclass(frozen=True)
 class SineCommand:
-    """Numbers of a sine sweep of one joint: [rad], [Hz], cycles, cycles, [rad]."""
+    """Numbers of a sine sweep of one joint.
+
+    Attributes:
+        joint: Index of the joint.
+        amplitude: Of the sine [rad].
+        frequency: Of the sine [Hz].
+        cycles: How many at full amplitude.
+        ramp_cycles: Length of the fade before and of that after them [cycles].
+        phase: At the beginning [rad].
+    """
 
     joint: int
     amplitude: float
@@ -44,8 +51,15 @@ class SineCommand:
 
 @dataclass(frozen=True)
 class FourierCommand:
-    """Numbers of a Fourier sweep of one joint: [rad], [rad], [Hz], cycles, cycles; the base
-    frequency first.
+    """Numbers of a Fourier sweep of one joint.
+
+    Attributes:
+        joint: Index of the joint.
+        amplitudes: Of the harmonics, that of the base frequency first [rad].
+        phases: Of the harmonics at the beginning [rad].
+        frequency: The base frequency [Hz].
+        cycles: How many of the base frequency at full amplitude.
+        ramp_cycles: Length of the fade before and of that after them [cycles].
     """
 
     joint: int
@@ -58,7 +72,15 @@ class FourierCommand:
 
 @dataclass(frozen=True)
 class TrapezoidCommand:
-    """Numbers of a trapezoid sweep of one joint: [rad], [rad/s], whole cycles, [s]."""
+    """Numbers of a trapezoid sweep of one joint.
+
+    Attributes:
+        joint: Index of the joint.
+        amplitude: Farthest from the middle [rad].
+        rate: Of the flanks [rad/s].
+        cycles: How many.
+        hold: Length of each plateau [s].
+    """
 
     joint: int
     amplitude: float
@@ -72,14 +94,17 @@ class Command:
     """One step with all its numbers.
 
     Attributes:
-        section: As in PlannedStep.
-        role: As in PlannedStep.
-        name: As in PlannedStep.
-        variables: As in PlannedStep.
-        target: Joint angles to move to [rad]; NaN where the joint stays; None for no move.
+        section: Name of its section.
+        role: Of its section.
+        name: Of the step, or empty.
+        variables: Values of the protocol's variables in this step, by name.
+        target: Joint angles to move to, shape (n_joints,) [rad]; NaN where a joint stays; None for
+            no move.
         sweeps: Motion of the joints that sweep.
-        dwell: [s].
-        motion: Scaling of the limits. where: (document, path) for error messages.
+        dwell: How long the arm then stands still [s].
+        motion: Scaling of the limits.
+        protocol: Its document, for error messages.
+        path: Its place in the document, for error messages.
     """
 
     section: str
@@ -120,8 +145,9 @@ def expand(protocol: Protocol, robot: Robot) -> list[Command]:
 def _expand_protocol(
     protocol: Protocol, robot: Robot, including: Section | None = None
 ) -> Iterator[Command]:
-    """The commands of a protocol; those of an included one bear the name, role and motion of the
-    section that includes it.
+    """The commands of a protocol.
+
+    Those of an included one bear the name, role and motion of the section that includes it.
     """
     values = {name: protocol.spec.values(name) for name in protocol.spec.variables}
     for i, section in enumerate(protocol.spec.sections):

@@ -1,5 +1,4 @@
-"""Design of a calibration: the poses and turns of an arm that leave the least uncertainty, written
-as a protocol.
+"""Design of a calibration: the poses and turns of an arm that leave the least uncertainty.
 
 Candidates are drawn within the joint limits and kept where the arm is clear of itself and the
 floor; those that tell most about the sensor are chosen (`optimal_design`) and put into an order of
@@ -59,8 +58,8 @@ class Turn:
     Attributes:
         pose: Index of the pose.
         joint: Index of the joint.
-        amplitude: Signed [rad].
-        rate: [rad/s].
+        amplitude: How far it turns, signed [rad].
+        rate: How fast [rad/s].
     """
 
     pose: int
@@ -77,8 +76,8 @@ class Design:
         q: Joint angles of the poses in their order, shape (n, n_joints) [rad].
         turns: At those poses.
         dwell: At each pose [s].
-        accelerometer: Predicted standard uncertainty by `ACCELEROMETER`.
-        gyroscope: By `GYROSCOPE_AXIS`.
+        accelerometer: Predicted standard uncertainty by the names of `ACCELEROMETER`.
+        gyroscope: Predicted standard uncertainty by the names of `GYROSCOPE_AXIS`.
     """
 
     q: np.ndarray
@@ -93,13 +92,13 @@ class Wanted:
     """What to design.
 
     Attributes:
-        poses: How many.
-        turns: How many.
+        poses: How many poses.
+        turns: How many turns.
         joints: Names of those that may move; the last three that carry the sensor if None.
         criterion: "D" or "A".
         dwell: At each pose [s].
         amplitude: Of a turn [rad].
-        speed: As a fraction of the joint's limit.
+        speed: Of a turn, as a fraction of the joint's limit.
         seed: Of the candidates.
     """
 
@@ -138,7 +137,7 @@ class Designer:
         self.offset = Pose.from_placement(sensor.mounting)
 
     def noise(self, dwell: float) -> ObservationNoise:
-        """Of observations with this sensor, each pose held so long [s]."""
+        """How well observations with this sensor are known, each pose held for a dwell [s]."""
         parameters = self.sensor.imu()
         acc, gyr = parameters.accelerometer.triad(), parameters.gyroscope.triad()
         mean = float(np.max(acc.noise_density)) / np.sqrt(2 * dwell)
@@ -186,9 +185,9 @@ class Designer:
         """The predicted uncertainty of poses and turns.
 
         Args:
-            q: Shape (n, n_joints) [rad].
+            q: Joint angles of the poses, shape (n, n_joints) [rad].
             turns: At those poses.
-            dwell: At each [s].
+            dwell: At each pose [s].
         """
         noise, force = self.noise(dwell), self.force(q)
         acc = predicted_sd(pose_information(force, noise).sum(axis=0), ACCELEROMETER_SIZE)
@@ -207,9 +206,7 @@ class Designer:
         )
 
     def poses_of(self, plan: Plan) -> tuple[np.ndarray, float]:
-        """The static calibration poses of a plan, shape (n, n_joints) [rad], and their shortest
-        dwell [s].
-        """
+        """The static calibration poses of a plan, shape (n, n_joints) [rad], and shortest dwell."""
         steps = [
             s
             for s in plan.steps
@@ -271,7 +268,14 @@ class Designer:
         return nearest is None or nearest.distance > 2 * self.margin
 
     def force(self, q: np.ndarray) -> np.ndarray:
-        """Specific force in the sensor at rest, shape (n, 3) [m/s^2]."""
+        """Specific force in the sensor at rest.
+
+        Args:
+            q: Joint angles of the poses, shape (n, n_joints) [rad].
+
+        Returns:
+            Shape (n, 3) [m/s^2].
+        """
         return self.kinematics.frame_motion(
             self.sensor.link, q, offset=self.offset
         ).specific_force_in_frame(self.robot.gravity)
@@ -329,8 +333,9 @@ class Designer:
         return np.array(rotation_vectors), np.array(durations), np.array(forces)
 
     def _order(self, q: np.ndarray) -> list[int]:
-        """A tour of little travel from home: nearest neighbour, then exchanges of two legs (Croes
-        1958).
+        """A tour of little travel from home.
+
+        By the nearest neighbour, then by exchanges of two legs (Croes 1958).
         """
         points = np.vstack([self.robot.home, q])
         time = np.max(np.abs(points[:, None] - points[None]) / self.robot.velocity_limits, axis=2)

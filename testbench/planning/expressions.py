@@ -1,6 +1,4 @@
-"""Arithmetic on a protocol's variables: + - * / ( ), a handful of functions, and nothing else.
-Never `eval`.
-"""
+"""Arithmetic on a protocol's variables: + - * / ( ) and a few functions; never `eval`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The range of each joint definition's true angle where it will be judged, beside what it is
-compared with.
-"""
+"""The range of each joint definition's true angle where it will be evaluated."""
 
 from __future__ import annotations
 
@@ -21,8 +19,9 @@ from testbench.records.trajectory import Trajectory
 def flexion_ranges(
     robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: list[PlannedStep]
 ) -> list[FlexionUse]:
-    """Of every definition of every joint: at the end of each judged pose, and all along each judged
-    sweep, as planned.
+    """Of every definition of every joint, the range of its angle as planned.
+
+    It is looked at at the end of each evaluated pose, and all along each evaluated sweep.
     """
     judged = [step for step in steps if step.role == "evaluation"]
     judged = judged or [step for step in steps if step.role != "calibration"] or steps

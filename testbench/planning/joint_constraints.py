@@ -26,8 +26,9 @@ LEAST_TOLD = 0.17
 def constraint_warnings(
     robot: Robot, protocol: Protocol, trajectory: Trajectory, steps: list[PlannedStep]
 ) -> list[str]:
-    """A sentence for each joint whose axes do not keep their angle as the arm moves, or stay too
-    near to the vertical.
+    """A sentence for each joint whose axes do not fit the motion.
+
+    They do not keep their angle as the arm moves, or stay too near to the vertical.
     """
     judged = [step for step in steps if step.role == "evaluation"]
     joints = {

@@ -64,8 +64,15 @@ class MotionBuilder:
         return start, settled, self.now_ns
 
     def move(self, target: np.ndarray, motion: Motion, speed: np.ndarray | None = None) -> None:
-        """Append a move to `target` [rad], rest to rest; `speed` [rad/s] replaces the scaled
-        velocity limits.
+        """Append a move from rest to rest.
+
+        Args:
+            target: Joint angles to reach, shape (n_joints,) [rad].
+            motion: Scaling of the limits.
+            speed: In place of the scaled limits of velocity, shape (n_joints,) [rad/s].
+
+        Raises:
+            PlanError: Ruckig finds no motion.
         """
         if np.array_equal(target, self.q):
             return
@@ -167,8 +174,9 @@ class MotionBuilder:
                 self.hold(sweep.hold)
 
     def _waves(self, sweeps: list[SineCommand | FourierCommand]) -> None:
-        """Sines and Fourier series under their fades; the longest decides the duration, the others
-        rest at their end.
+        """Sines and Fourier series under their fades.
+
+        The longest decides the duration, the others rest at their end.
         """
         durations = [(sweep.cycles + 2 * sweep.ramp_cycles) / sweep.frequency for sweep in sweeps]
         total_ns = round(max(durations) * NANOSECONDS)
@@ -192,8 +200,9 @@ class MotionBuilder:
 def _knots(
     sweeps: list[SineCommand | FourierCommand], durations: list[float], total_ns: int
 ) -> np.ndarray:
-    """Times of the knots within waves [ns], shape (n,): evenly between the ends of their fades,
-    where their jerk jumps.
+    """Times of the knots within waves, shape (n,) [ns].
+
+    They lie evenly between the ends of their fades, where their jerk jumps.
     """
     fastest = max(
         s.frequency * (1 if isinstance(s, SineCommand) else len(s.amplitudes)) for s in sweeps
@@ -227,12 +236,13 @@ def faded_sine(
     """Angle, rate and acceleration of a sine under a fade that starts and ends at rest.
 
     Args:
-        t: Shape (n,) [s], from 0 to duration.
+        t: From 0 to the duration, shape (n,) [s].
         sweep: The sine.
-        duration: [s].
+        duration: Of the sweep [s].
 
     Returns:
-        Offset from the centre [rad], [rad/s], [rad/s^2], each of shape (n,).
+        Offset from the centre [rad], its rate [rad/s] and acceleration [rad/s^2], each of shape
+        (n,).
     """
     w, dw, ddw = _fade(t, sweep.ramp_cycles / sweep.frequency, duration)
     omega = 2 * np.pi * sweep.frequency
@@ -246,8 +256,16 @@ def faded_sine(
 def faded_series(
     t: np.ndarray, sweep: FourierCommand, duration: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angle, rate and acceleration of a Fourier series under the same fade; arguments and result as
-    for `faded_sine`.
+    """Angle, rate and acceleration of a Fourier series under the fade of `faded_sine`.
+
+    Args:
+        t: From 0 to the duration, shape (n,) [s].
+        sweep: The series.
+        duration: Of the sweep [s].
+
+    Returns:
+        Offset from the centre [rad], its rate [rad/s] and acceleration [rad/s^2], each of shape
+        (n,).
     """
     w, dw, ddw = _fade(t, sweep.ramp_cycles / sweep.frequency, duration)
     omega = 2 * np.pi * sweep.frequency * np.arange(1, len(sweep.amplitudes) + 1)
@@ -258,8 +276,9 @@ def faded_series(
 
 
 def _fade(t: np.ndarray, ramp: float, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A quintic smoothstep up over `ramp` [s] and down again before `duration`, with its
-    derivatives, shapes (n,).
+    """A quintic smoothstep up over `ramp` [s] and down before `duration`, and two derivatives.
+
+    All of shape (n,).
     """
     rising = t <= duration / 2
     u = np.clip(np.where(rising, t, duration - t) / ramp, 0.0, 1.0)

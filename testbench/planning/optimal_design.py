@@ -1,5 +1,4 @@
-"""Choice of the observations that tell most: D- or A-optimal designs by greedy choice and exchange,
-from several starts.
+"""D- or A-optimal designs by greedy choice and exchange, from several starts.
 
 D maximises the determinant of the information, so the volume of the confidence ellipsoid is least;
 A minimises the sum of the variances in units of what is known beforehand (Fedorov, Theory of
@@ -53,8 +52,13 @@ def choose(
 
 
 def merit(information: np.ndarray, criterion: Criterion) -> float:
-    """Larger is better: the log determinant, or minus the log of the sum of variances; of shape (p,
-    p).
+    """How good a design is; larger is better.
+
+    By D the log of the determinant, by A minus the log of the sum of variances.
+
+    Args:
+        information: In units of what is known beforehand, shape (p, p).
+        criterion: "D" or "A".
     """
     return float(_merit(information[None], criterion)[0])
 
@@ -62,13 +66,14 @@ def merit(information: np.ndarray, criterion: Criterion) -> float:
 def efficiency(
     information: np.ndarray, reference: np.ndarray, size: np.ndarray, criterion: Criterion
 ) -> float:
-    """How many times more a design tells than another, per observation made so often: the ratio of
-    their variances.
+    """How many times more a design tells than another, per observation made so often.
+
+    It is the ratio of their variances.
 
     Args:
-        information: Shape (p, p), both of full rank.
-        reference: Shape (p, p), both of full rank.
-        size: Shape (p,).
+        information: Of the design, shape (p, p), of full rank.
+        reference: Of the other, shape (p, p), of full rank.
+        size: What is known of each parameter beforehand, a standard deviation, shape (p,).
         criterion: "D" or "A".
     """
     scale = np.outer(size, size)
@@ -88,9 +93,7 @@ def _greedy(scaled: np.ndarray, known: np.ndarray, count: int, criterion: Criter
 def _exchange(
     scaled: np.ndarray, known: np.ndarray, design: list[int], criterion: Criterion
 ) -> list[int]:
-    """Replace one observation at a time by the best there is, until none is better (Fedorov's
-    exchange).
-    """
+    """Replace one observation at a time by the best, until none is better (Fedorov's exchange)."""
     chosen = list(design)
     total = known + scaled[chosen].sum(axis=0)
     for _ in range(MOST_PASSES):

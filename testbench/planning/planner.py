@@ -152,9 +152,7 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
 
 
 def _check_tool(protocol: Protocol, robot: Robot) -> None:
-    """The weight on the flange must be one that the arm may carry, with its centre where a tool can
-    have it.
-    """
+    """The arm must be able to carry the tool, whose centre of mass must be possible."""
     tool, payload = protocol.spec.arm.tool, robot.spec.payload_kg
     if tool is None:
         return
@@ -174,9 +172,7 @@ def _check_tool(protocol: Protocol, robot: Robot) -> None:
 
 
 def _check_settling(protocol: Protocol, steps: list[PlannedStep]) -> None:
-    """What `settling_s` leaves out at either end of a step must leave something to judge of each
-    section of the chain.
-    """
+    """What `settling_s` leaves out of a step must leave something of each section of the chain."""
     chain = protocol.spec.estimate.chain
     if chain is None or chain.settling_s == 0:
         return

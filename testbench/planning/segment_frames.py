@@ -1,5 +1,6 @@
-"""Does the flexion of a joint definition follow what it is judged by? URDFs of one arm label their
-link axes differently.
+"""Does the flexion of a joint definition follow what it is compared with?
+
+URDFs of one arm label their link axes differently.
 """
 
 from __future__ import annotations
@@ -182,8 +183,13 @@ class _Read:
         ]
 
     def differs(self, what: str, true: np.ndarray, called: str, otherwise: str) -> list[str]:
-        """Whether the flexion is not the true one; `otherwise` says what to do where no other angle
-        or sign fits.
+        """Whether the flexion is not the true one.
+
+        Args:
+            what: What the flexion is called.
+            true: The true flexion, shape (n,) [rad].
+            called: What that is called.
+            otherwise: What to do where no other angle or sign fits.
         """
         d, angles = self.definition, self.angles
         choices = [angles]
@@ -220,9 +226,7 @@ def _differs(
     otherwise: str,
     others: list[tuple[str, np.ndarray]],
 ) -> list[str]:
-    """A sentence where an angle is off or does not follow, with the nearest of the others if that
-    fits.
-    """
+    """A sentence where an angle is off or does not follow, with another one that fits."""
     off, slope = _off_deg(read, true), _slope(read, true)
     if off <= MOST_SEQUENCE_ERROR_DEG and (slope is None or slope >= LEAST_SLOPE):
         return []
@@ -249,9 +253,7 @@ def _off_deg(read: np.ndarray, true: np.ndarray) -> float:
 
 
 def _slope(read: np.ndarray, true: np.ndarray) -> float | None:
-    """Change of an angle with the true one, by least squares; None where the true one hardly
-    changes.
-    """
+    """Change of an angle with the true one, by least squares; None where that hardly changes."""
     if np.ptp(true) < math.radians(LEAST_SPAN_DEG):
         return None
     centred = true - true.mean()

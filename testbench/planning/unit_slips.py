@@ -1,6 +1,4 @@
-"""Numbers that look as if another unit was meant: radians where degrees are, metres where
-millimetres are.
-"""
+"""Numbers that look as if another unit was meant: radians for degrees, metres for millimetres."""
 
 from __future__ import annotations
 
@@ -30,11 +28,10 @@ def unit_warnings(protocol: Protocol, commands: Sequence[Command]) -> list[str]:
 
 
 def _radians(commands: Sequence[Command]) -> list[str]:
-    """Poses, and variables called `..._deg`, whose angles stay within 2 pi degrees and are quarters
-    of pi.
+    """Poses and variables called `..._deg` whose angles are few and quarters of pi.
 
-    Where no pose of the protocol goes beyond 2 pi one such angle is enough; a variable is doubted
-    by its largest value.
+    All stay within 2 pi degrees. Where no pose of the protocol goes beyond 2 pi one such angle is
+    enough; a variable is doubted by its largest value.
     """
     moves = [command for command in commands if command.target is not None]
     angles = [

@@ -16,6 +16,7 @@ from pydantic import AfterValidator, Field
 from testbench.exceptions import InputError
 from testbench.records.calibration import MountingCalibration, TriadCalibration
 from testbench.records.fit import Fit
+from testbench.records.replacing import stored_where_asked, write_text
 from testbench.records.strict import Angles3, Name, StrictModel
 from testbench.records.yaml_file import load_yaml
 
@@ -162,15 +163,15 @@ class SensorCalibration:
     """The corrections of one sensor.
 
     Attributes:
-        sensor: As in the file.
-        device: As in the file.
-        session: As in the file.
-        fingerprint: As in the file.
-        software: As in the file.
+        sensor: Name of the sensor in the session that they were made from.
+        device: The part itself, as its maker numbers it, or None.
         calibrated: When, with its zone.
+        session: Name of the session that they were made from.
+        fingerprint: SHA-256 of that session's manifest.
+        software: Version that made them.
         temperature: Of the part [deg C], or None.
         triads: By "accelerometer", "gyroscope", "magnetometer"; those calibrated.
-        file: Where it was read from, or None.
+        file: Where they were read from, or None.
         mounting: Of the corrected triads, or None for as believed.
     """
 
@@ -192,10 +193,20 @@ class SensorCalibration:
         mag: np.ndarray | None,
         temperature: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Corrected angular rate [rad/s], specific force [m/s^2] and field [uT], shapes (n, 3).
+        """Corrected readings.
 
-        The response of the gyroscope to force is that to the corrected force. `temperature` is that
-        of the part, shape (n,) [deg C]; without it, drifts with temperature are left in.
+        The response of the gyroscope to force is that to the corrected force.
+
+        Args:
+            gyr: Angular rate as read, shape (n, 3) [rad/s].
+            acc: Specific force as read, shape (n, 3) [m/s^2].
+            mag: Field as read, shape (n, 3) [uT], or None.
+            temperature: Of the part, shape (n,) [deg C]; without it, drifts with temperature are
+                left in.
+
+        Returns:
+            Angular rate [rad/s], specific force [m/s^2] and field [uT] or None, each of shape
+            (n, 3).
         """
         accelerometer, gyroscope, magnetometer = (self.triads.get(triad) for triad in TRIADS)
         force = acc if accelerometer is None else accelerometer.apply(acc, temperature=temperature)
@@ -252,13 +263,8 @@ def save_calibration(file: Path, calibration: SensorCalibration) -> None:
             "remarks": list(mounting.remarks),
         }
     text = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
-    try:
-        with file.open("x", encoding="utf-8") as stream:
-            stream.write(text)
-    except FileExistsError:
-        raise InputError(f"{file} exists already; calibrations are kept, not replaced") from None
-    except OSError as error:
-        raise InputError(f"{file} cannot be written: {error.strerror}") from None
+    with stored_where_asked(file):
+        write_text(file, text, anew=True)
 
 
 def load_calibration(file: Path) -> SensorCalibration:
@@ -327,14 +333,15 @@ def load_calibration(file: Path) -> SensorCalibration:
 def find_calibration(
     calibrations: list[SensorCalibration], sensor: str, device: str | None, at: datetime | None
 ) -> SensorCalibration | None:
-    """The one nearest in time: of the same device where both name theirs, else of the same sensor
-    name; None without any.
+    """The calibration nearest in time, or None.
+
+    It is of the same device where both name theirs, else of the same sensor name.
 
     Args:
         calibrations: To choose from.
-        sensor: Of the session.
-        device: Of the session.
-        at: When it was recorded; None where nobody knows.
+        sensor: Name in the session.
+        device: The part itself, where the session names it.
+        at: When the session was recorded; None where nobody knows.
 
     Raises:
         InputError: Several fit, and without a date none is nearest.

@@ -16,12 +16,13 @@ class CalibrationPoses:
     """The rests that an accelerometer was calibrated from.
 
     Attributes:
-        start: Host times, shape (k,) [s].
-        end: Host times, shape (k,) [s].
-        raw: Mean readings, shape (k, 3) [m/s^2].
-        corrected: Mean readings, shape (k, 3) [m/s^2].
-        expected: By the arm, shape (k, 3) [m/s^2], or None.
-        sd: Of single readings before and after the correction, pooled over the rests, shape (2, 3).
+        start: Host times at which they begin, shape (k,) [s].
+        end: Host times at which they end, shape (k,) [s].
+        raw: Mean readings as read, shape (k, 3) [m/s^2].
+        corrected: Mean readings by the calibration, shape (k, 3) [m/s^2].
+        expected: Readings by the arm, shape (k, 3) [m/s^2], or None.
+        sd: Of single readings before and after the correction, pooled over the rests, shape (2, 3)
+            [m/s^2].
     """
 
     start: np.ndarray
@@ -37,15 +38,14 @@ class Agreement:
     """How far two ways to find rests agree.
 
     Attributes:
-        first: Their names.
-        second: Their names.
+        first: Name of the one way.
+        second: Name of the other.
         counts: Intervals of each.
         matched: Rests that both found.
         iou: Samples at rest by both over samples at rest by either; NaN where neither found any.
-        start_later_s: How much later the second has a rest begin and end, mean over matched ones
-            [s].
-        end_later_s: How much later the second has a rest begin and end, mean over matched ones [s].
-        border_abs_s: Mean size of those differences [s].
+        start_later_s: How much later a rest begins by the second, mean over matched ones.
+        end_later_s: How much later a rest ends by the second, mean over matched ones.
+        border_abs_s: Mean size of those differences.
     """
 
     first: str

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from testbench.records.session import PLAN, Session
+from testbench.records.layout import PLAN
+from testbench.records.session import Session
 
 MOST_NAMES = 12
 """Steps that are named; of more the number is said."""

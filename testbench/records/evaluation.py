@@ -4,22 +4,25 @@ docs/session_format.md.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, with_config
 
 from testbench.exceptions import SessionError
 from testbench.records.evaluation_rows import (
     Comparison,
     CycleRow,
-    ErrorSummary,
     FieldErrorRow,
     FieldFollowingRow,
     FieldRow,
     GyroscopeBiasRow,
+    Interval,
     JointSummary,
     OrientationSummary,
     OrientationSweepRow,
@@ -27,7 +30,10 @@ from testbench.records.evaluation_rows import (
     RankRow,
     TunedRow,
 )
-from testbench.records.replacing import replaced_folder
+from testbench.records.json_record import AS_WRITTEN, Number, read_record
+from testbench.records.layout import EVALUATION, EVALUATION_SUMMARY, table_file
+from testbench.records.replacing import replaced_folder, stored
+from testbench.records.session_lock import session_lock
 from testbench.records.storage import (
     plain_values,
     read_json,
@@ -35,10 +41,9 @@ from testbench.records.storage import (
     write_json,
     write_parquet,
 )
-from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
+from testbench.records.uncertainty import UncertaintyBudget
 
 SCHEMA_VERSION = 2
-FILE, FOLDER = "evaluation.json", "evaluation"
 
 
 class Outcome(StrEnum):
@@ -66,27 +71,37 @@ SEVERITY = [Outcome.PASS, Outcome.MARGINAL, Outcome.NOT_MEASURED, Outcome.FAIL]
 
 @dataclass(frozen=True)
 class JointRow:
-    """Errors of a flexion angle over one group of samples: all those at one commanded pose, or of
-    one sweep; degrees.
+    """Errors of a flexion angle over one group of samples: one commanded pose, or one sweep;
+    degrees.
 
     Attributes:
-        joint: What was computed.
-        filter: What was computed.
-        sequence: What was computed.
-        section: Of the protocol's step.
-        step: Of the protocol's step.
-        kind: Of the protocol's step.
-        misalignment_deg: Commanded, None where the protocol has no such variable.
-        flexion_deg: Commanded, None where the protocol has no such variable.
+        joint: Of the protocol.
+        filter: That gave the orientations.
+        sequence: Label of the joint's definition.
+        section: Name of the section.
+        step: Index of the step.
+        kind: Of the step: "move", "sweep" or "hold".
+        misalignment_deg: As commanded; None where the protocol has no such variable.
+        flexion_deg: As commanded, or None likewise.
         variables: All loop variables.
-        n: Samples. flexion_*: Error of the flexion angle. other_*: Mean absolute errors of the two
-            other Euler angles, in their order, against the same sequence of the true orientations;
-            None in gimbal lock.
-        flexion_p95_abs_error_deg: 95th percentile of magnitudes.
-        flexion_iqr_deg: Upper less lower quartile. Of sweeps alone, else None: flexion_correlation
-            of estimated and true flexion; amplitude_deg, frequency_hz of the true flexion;
-            latency_ms behind it, with its standard uncertainty. Of poses alone: convergence_s, None
-            where it did not settle.
+        n: Samples.
+        flexion_mean_error_deg: Mean of the signed errors of the flexion.
+        flexion_mean_abs_error_deg: Mean of their magnitudes.
+        flexion_sd_deg: Their standard deviation.
+        flexion_rmse_deg: Their root mean square.
+        flexion_max_abs_error_deg: The largest magnitude.
+        other_mean_abs_error_deg: Mean magnitudes of the errors of the two other angles, in their
+            order, against the same definition of the true orientations; None in gimbal lock.
+        flexion_median_error_deg: Median of the signed errors.
+        flexion_iqr_deg: Upper less lower quartile of the signed errors.
+        flexion_p95_abs_error_deg: 95th percentile of the magnitudes.
+        flexion_correlation: Of estimated and true flexion; None but for sweeps.
+        amplitude_deg: Of the true flexion; None but for sweeps.
+        frequency_hz: Of the true flexion, likewise.
+        latency_ms: Delay of the estimated flexion behind the true one; None but for sweeps.
+        latency_sd_ms: Standard uncertainty of the delay; None but for sweeps.
+        convergence_s: Until the error stays near its settled value; None where it did not settle,
+            and but for poses.
     """
 
     joint: str
@@ -99,11 +114,11 @@ class JointRow:
     flexion_deg: float | None
     variables: dict[str, float]
     n: int
-    flexion_mean_error_deg: float
-    flexion_mean_abs_error_deg: float
-    flexion_sd_deg: float
-    flexion_rmse_deg: float
-    flexion_max_abs_error_deg: float
+    flexion_mean_error_deg: Number
+    flexion_mean_abs_error_deg: Number
+    flexion_sd_deg: Number
+    flexion_rmse_deg: Number
+    flexion_max_abs_error_deg: Number
     other_mean_abs_error_deg: list[float | None]
     flexion_median_error_deg: float | None = None
     flexion_iqr_deg: float | None = None
@@ -123,10 +138,10 @@ class OrientationRow:
     sensor: str
     filter: str
     n: int
-    total_rmse_deg: float
-    heading_rmse_deg: float
-    inclination_rmse_deg: float
-    total_max_deg: float
+    total_rmse_deg: Number
+    heading_rmse_deg: Number
+    inclination_rmse_deg: Number
+    total_max_deg: Number
 
 
 @dataclass(frozen=True)
@@ -134,26 +149,34 @@ class NoiseRow:
     """One axis over the longest rest; every number in the unit that stands behind it.
 
     Attributes:
+        sensor: Its name.
         quantity: "acc", "gyr" or "mag".
-        samples: Of the rest.
-        span_s: Of the rest.
+        axis: "x", "y" or "z".
+        samples: In the rest.
+        span_s: Length of the rest.
         mean: Of the readings.
-        sd: Of the readings.
+        sd: Standard deviation of the readings.
+        unit: Of mean and standard deviation.
         noise_density: One-sided, as data sheets state it.
+        noise_density_sd: Its standard uncertainty.
+        noise_density_unit: Of both.
         random_walk: The same noise as angle or velocity random walk.
-        bias_instability: Of the Allan deviation; like the density with a standard uncertainty, and
-            None where lost among the others.
-        rate_random_walk: Of the Allan deviation; like the density with a standard uncertainty, and
-            None where lost among the others.
+        random_walk_unit: Of that.
+        bias_instability: By the Allan deviation; None where lost among the other noises.
+        bias_instability_sd: Its standard uncertainty.
+        bias_instability_unit: Of both.
+        rate_random_walk: By the Allan deviation; None where lost among the other noises.
+        rate_random_walk_sd: Its standard uncertainty.
+        rate_random_walk_unit: Of both.
     """
 
     sensor: str
     quantity: str
     axis: str
     samples: int
-    span_s: float
-    mean: float
-    sd: float
+    span_s: Number
+    mean: Number
+    sd: Number
     unit: str
     noise_density: float | None
     noise_density_sd: float | None
@@ -170,24 +193,23 @@ class NoiseRow:
 
 @dataclass(frozen=True)
 class EulerRangeRow:
-    """Over one section, how far each of a sensor's own Euler angles went: the limit tests of an
-    axis identification; degrees.
+    """How far each of a sensor's own Euler angles went over one section; degrees.
+
+    These are the limit tests of an axis identification.
 
     Attributes:
-        sensor: What was computed.
-        section: What was computed.
-        filter: What was computed.
-        sequence: What was computed.
-        true_deg: Largest less smallest of the three angles, the outer ones unwrapped between
+        sensor: Its name.
+        section: Name of the section.
+        filter: That gave the orientations.
+        sequence: Of the Euler angles.
+        true_deg: Largest less smallest of the three true angles, the outer ones unwrapped between
             passages of gimbal lock and on the circle across them; None for the outer ones of a
             section that was in gimbal lock.
-        estimated_deg: Largest less smallest of the three angles, the outer ones unwrapped between
-            passages of gimbal lock and on the circle across them; None for the outer ones of a
-            section that was in gimbal lock.
+        estimated_deg: The same of the estimated angles.
         locked_percent: Part of the samples in gimbal lock, where only the sum (or difference) of
             the outer angles is defined.
-        outer_true_deg: Range of that sum in a locked section, else None.
-        outer_estimated_deg: Range of that sum in a locked section, else None.
+        outer_true_deg: Range of that sum by the truth in a locked section, else None.
+        outer_estimated_deg: Range of that sum by the estimate in a locked section, else None.
     """
 
     sensor: str
@@ -196,7 +218,7 @@ class EulerRangeRow:
     sequence: str
     true_deg: list[float | None]
     estimated_deg: list[float | None]
-    locked_percent: float
+    locked_percent: Number
     outer_true_deg: float | None
     outer_estimated_deg: float | None
 
@@ -206,48 +228,50 @@ class ChainRow:
     """Errors of one joint of the arm by the chain filter, over one section; degrees and seconds.
 
     Attributes:
-        section: What was computed.
-        state: What was computed.
-        joint: What was computed.
+        section: Name of the section.
+        state: What the filter estimated.
+        joint: Of the arm, or all together.
         n: Samples.
         mean_error_deg: Signed; it hides what it averages.
-        largest_error_deg: By magnitude, signs kept.
-        smallest_error_deg: By magnitude, signs kept.
+        median_error_deg: Of the signed errors.
+        mean_abs_error_deg: Mean of the magnitudes.
+        rmse_deg: Root mean square of the errors.
         iqr_deg: Distance of the quartiles of the error.
         outliers_percent: Errors beyond the quartiles by 1.5 times that.
+        largest_error_deg: The error of largest magnitude, with its sign.
+        smallest_error_deg: The error of smallest magnitude, with its sign.
         relative_percent: Mean of |error| / |true angle| where that exceeds 1 deg; None where it
             never does.
         correlation: Of estimate and truth; None where the joint stands still.
-        rate_rmse_deg_s: Of the derivatives.
-        acceleration_rmse_deg_s2: Of the derivatives.
+        rate_rmse_deg_s: Of the joint's rate.
+        acceleration_rmse_deg_s2: Of the joint's acceleration.
         uncertainty_deg: RMS of the standard uncertainty stated.
         normalised_error: RMS of error over uncertainty, 1 where it is honest.
         covered_percent: Errors within 1.96 of it.
-        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean and for the columns of
-            magnitudes; None where they are not known.
-        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for the signed mean and for the
-            columns of magnitudes; None where they are not known.
+        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean; None where not known.
+        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for magnitudes; None where not
+            known.
     """
 
     section: str
     state: str
     joint: str
     n: int
-    mean_error_deg: float
-    median_error_deg: float
-    mean_abs_error_deg: float
-    rmse_deg: float
-    iqr_deg: float
-    outliers_percent: float
-    largest_error_deg: float
-    smallest_error_deg: float
+    mean_error_deg: Number
+    median_error_deg: Number
+    mean_abs_error_deg: Number
+    rmse_deg: Number
+    iqr_deg: Number
+    outliers_percent: Number
+    largest_error_deg: Number
+    smallest_error_deg: Number
     relative_percent: float | None
     correlation: float | None
-    rate_rmse_deg_s: float
-    acceleration_rmse_deg_s2: float
-    uncertainty_deg: float
-    normalised_error: float
-    covered_percent: float
+    rate_rmse_deg_s: Number
+    acceleration_rmse_deg_s2: Number
+    uncertainty_deg: Number
+    normalised_error: Number
+    covered_percent: Number
     expanded_uncertainty_deg: float | None = None
     expanded_uncertainty_magnitude_deg: float | None = None
 
@@ -258,14 +282,16 @@ class Metric:
 
     Attributes:
         name: E.g. elbow.flexion_mean_abs_error_deg.
-        filter: What it belongs to, where that applies.
-        sequence: What it belongs to, where that applies.
-        section: What it belongs to, where that applies.
-        lower: Limits, or None.
-        upper: Limits, or None.
+        value: None where it could not be measured.
+        unit: Of the value and its limits.
+        lower: The least that passes, or None.
+        upper: The most that passes, or None.
         outcome: None where no limit is stated.
         meaning: A sentence for people.
-        expanded_uncertainty: Of the truth it was judged by (k = 2), in the metric's unit; None
+        filter: That it belongs to, or None.
+        sequence: Label of the joint's definition that it belongs to, or None.
+        section: That it belongs to, or None.
+        expanded_uncertainty: Of the truth it was held against (k = 2), in the metric's unit; None
             where it is not known.
         ci95: 95 % confidence interval for another run of the same kind, or None.
         no_uncertainty: What its budget lacks, in words, so that no uncertainty is stated and it
@@ -283,15 +309,28 @@ class Metric:
     sequence: str | None = None
     section: str | None = None
     expanded_uncertainty: float | None = None
-    ci95: list[float] | None = None
+    ci95: Interval = None
     no_uncertainty: str | None = None
 
 
 @dataclass(frozen=True)
-class Evaluation:
-    """All results of a session.
+class ResultTables:
+    """Results of a sensor, of a joint or of all, by table; a further table is a further field here.
 
     Attributes:
+        joint_angle: Flexion errors by pose and sweep.
+        orientation: Orientation errors by sensor and filter.
+        notes: What a reader must know, as sentences.
+        noise: Of the sensors at rest.
+        euler_ranges: How far the sensors' own Euler angles went.
+        joint_summary: Flexion errors of whole sections, static and dynamic, with confidence.
+        orientation_summary: Orientation errors of the session, static and dynamic, with confidence.
+        orientation_sweeps: Orientation errors sweep by sweep.
+        ranking: Places of the filters.
+        comparisons: Pairs of filters, with the significance of their difference.
+        uncertainty: Budgets of the truth.
+        gyroscope_bias: What the calibration left.
+        tuned: Filters that ran with tuned parameters.
         series: Error signals for figures and the viewer, by table name and column; kept beside
             evaluation.json as Parquet. "orientation_<sensor>": host_time_ns, judged, and for each
             filter <filter>_total_rad, <filter>_heading_rad, <filter>_inclination_rad.
@@ -303,26 +342,16 @@ class Evaluation:
             "cycles": row (its place in `cycles`), cycle_percent, and estimated_rad, true_rad,
             error_rad with their standard deviations over the cycles, <name>_sd_rad; 101 rows for
             each.
-        joint_summary: Errors of whole sections and sessions, static and dynamic, with confidence.
-        orientation_summary: Errors of whole sections and sessions, static and dynamic, with
-            confidence.
-        ranking: Of the filters, with significance.
-        comparisons: Of the filters, with significance.
-        uncertainty: Budgets of the truth.
-        gyroscope_bias: What the calibration left.
-        tuned: Filters that ran with tuned parameters.
-        magnetic_field: How far the field was disturbed, and the heading errors there.
-        magnetic_errors: How far the field was disturbed, and the heading errors there.
-        magnetic_following: How much of its changes each filter follows.
+        chain: Errors of the arm's joints by the chain filter.
+        magnetic_field: How far the field was disturbed.
+        magnetic_errors: Heading errors by how far the field was disturbed.
         outliers: Filters far from all others.
+        magnetic_following: How much of the field's changes each filter follows.
         cycles: Average cycles of sweeps.
     """
 
-    session: str
-    joint_angle: list[JointRow]
-    orientation: list[OrientationRow]
-    metrics: list[Metric]
-    outcome: Outcome
+    joint_angle: list[JointRow] = field(default_factory=list)
+    orientation: list[OrientationRow] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     noise: list[NoiseRow] = field(default_factory=list)
     euler_ranges: list[EulerRangeRow] = field(default_factory=list)
@@ -342,6 +371,35 @@ class Evaluation:
     magnetic_following: list[FieldFollowingRow] = field(default_factory=list)
     cycles: list[CycleRow] = field(default_factory=list)
 
+    @staticmethod
+    def joined(parts: Iterable[ResultTables]) -> ResultTables:
+        """The rows and error signals of several parts, in their order."""
+        parts = list(parts)
+        series = {name: columns for part in parts for name, columns in part.series.items()}
+        rows: dict[str, list[Any]] = {
+            name: [row for part in parts for row in getattr(part, name)] for name in TABLES
+        }
+        return ResultTables(**rows, series=series)
+
+
+TABLES = tuple(own.name for own in fields(ResultTables) if own.name != "series")
+
+
+@with_config(AS_WRITTEN)
+@dataclass(frozen=True, kw_only=True)
+class Evaluation(ResultTables):
+    """All results of a session.
+
+    Attributes:
+        session: Its name.
+        metrics: What limits are put on, with its verdict.
+        outcome: Of all limits together.
+    """
+
+    session: str
+    metrics: list[Metric] = field(default_factory=list)
+    outcome: Outcome = Outcome.NOT_MEASURED
+
     @property
     def limited(self) -> bool:
         """Whether the protocol states a limit for anything."""
@@ -354,20 +412,26 @@ class Evaluation:
 
     def to_dict(self) -> dict[str, Any]:
         """The content of evaluation.json."""
-        data = asdict(replace(self, series={}))  # `asdict` would copy them
-        del data["series"]
-        result: dict[str, Any] = plain_values({"schema_version": SCHEMA_VERSION, **data})
+        result: dict[str, Any] = plain_values(self._document())
         return result
+
+    def _document(self) -> dict[str, Any]:
+        names = ("session", "outcome", "metrics", *TABLES)
+        return {"schema_version": SCHEMA_VERSION} | {name: getattr(self, name) for name in names}
 
     def save(self, session_folder: Path) -> None:
         """Write evaluation.json and the error signals, in place of earlier ones."""
-        with replaced_folder(session_folder / FOLDER, session_folder / FILE) as folder:
+        target, summary = session_folder / EVALUATION, session_folder / EVALUATION_SUMMARY
+        with (
+            session_lock(session_folder),
+            stored(target),
+            replaced_folder(target, summary) as folder,
+        ):
             for name, columns in self.series.items():
                 write_parquet(
-                    folder / f"{name}.parquet", columns, {"content": "errors against the truth"}
+                    folder / table_file(name), columns, {"content": "errors against the truth"}
                 )
-            write_json(folder / FILE, self.to_dict())
-        (session_folder / FOLDER / FILE).rename(session_folder / FILE)
+            write_json(folder / EVALUATION_SUMMARY, self._document())
 
     @staticmethod
     def load(session_folder: Path) -> Evaluation:
@@ -376,61 +440,24 @@ class Evaluation:
         Raises:
             SessionError: It is missing or damaged.
         """
-        data = read_json(session_folder / FILE)
-        if data.get("schema_version") != SCHEMA_VERSION:
-            raise SessionError(
-                f"{session_folder / FILE} has schema {data.get('schema_version')}; this version "
-                f"reads {SCHEMA_VERSION}: "
-                "run `testbench evaluate` again"
-            )
-        try:
-            return Evaluation._from_dict(data, session_folder)
-        except (KeyError, TypeError) as error:
-            file = session_folder / FILE
-            raise SessionError(
-                f"{file} was written by another version; run `testbench evaluate` again ({error})"
-            ) from None
+        with session_lock(session_folder):
+            return Evaluation._load(session_folder)
 
     @staticmethod
-    def _from_dict(data: dict[str, Any], session_folder: Path) -> Evaluation:
-        series = {
-            path.stem: read_parquet(path)
-            for path in sorted((session_folder / FOLDER).glob("*.parquet"))
-        }
-        return Evaluation(
-            data["session"],
-            [JointRow(**row) for row in data["joint_angle"]],
-            [OrientationRow(**row) for row in data["orientation"]],
-            [
-                Metric(**{**row, "outcome": row["outcome"] and Outcome(row["outcome"])})
-                for row in data["metrics"]
-            ],
-            Outcome(data["outcome"]),
-            data["notes"],
-            [NoiseRow(**row) for row in data["noise"]],
-            [EulerRangeRow(**row) for row in data["euler_ranges"]],
-            [
-                JointSummary(**{**row, "errors": ErrorSummary(**row["errors"])})
-                for row in data["joint_summary"]
-            ],
-            [
-                OrientationSummary(**{**row, "errors": ErrorSummary(**row["errors"])})
-                for row in data["orientation_summary"]
-            ],
-            [OrientationSweepRow(**row) for row in data["orientation_sweeps"]],
-            [RankRow(**row) for row in data["ranking"]],
-            [Comparison(**row) for row in data["comparisons"]],
-            [_budget(row) for row in data["uncertainty"]],
-            [GyroscopeBiasRow(**row) for row in data["gyroscope_bias"]],
-            [TunedRow(**row) for row in data.get("tuned", [])],
-            series,
-            [ChainRow(**row) for row in data["chain"]],
-            [FieldRow(**row) for row in data["magnetic_field"]],
-            [FieldErrorRow(**row) for row in data["magnetic_errors"]],
-            [OutlierRow(**row) for row in data["outliers"]],
-            [FieldFollowingRow(**row) for row in data.get("magnetic_following", [])],
-            [CycleRow(**row) for row in data.get("cycles", [])],
+    def _load(session_folder: Path) -> Evaluation:
+        found = read_record(
+            session_folder / EVALUATION_SUMMARY,
+            _as_written(),
+            SCHEMA_VERSION,
+            "run `testbench evaluate` again",
         )
+        tables = sorted((session_folder / EVALUATION).glob(table_file("*")))
+        return replace(found, series={path.stem: read_parquet(path) for path in tables})
+
+
+@cache
+def _as_written() -> TypeAdapter[Evaluation]:
+    return TypeAdapter(Evaluation)
 
 
 def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
@@ -440,7 +467,7 @@ def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
     Raises:
         SessionError: What was written of it is damaged.
     """
-    file = session_folder / FILE
+    file = session_folder / EVALUATION_SUMMARY
     if not file.is_file():
         return None
     data = read_json(file)
@@ -458,9 +485,3 @@ def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
 
 def _words(outcome: Outcome, limited: bool) -> str:
     return outcome.words if limited or outcome is not Outcome.NOT_MEASURED else NO_LIMITS
-
-
-def _budget(row: dict[str, Any]) -> UncertaintyBudget:
-    return UncertaintyBudget(
-        **{**row, "sources": [UncertaintySource(**source) for source in row["sources"]]}
-    )

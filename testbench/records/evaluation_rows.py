@@ -6,7 +6,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-Interval = list[float] | None
+from testbench.records.json_record import Number
+
+Interval = list[Number] | None
 """Lower and upper end of a 95 % confidence interval, or None where too few independent blocks were
 judged.
 """
@@ -16,38 +18,43 @@ judged.
 class ErrorSummary:
     """What a set of errors comes to; degrees.
 
+    For a joint every pose or sweep counts alike in the means and the RMS, for a sensor every
+    sample; median, quartiles, percentile and largest are of all samples together.
+
     Attributes:
         n: Samples.
-        steps: Poses or sweeps; 0 for a recording without a protocol. mean_error, mean_abs_error,
-            rmse: Every pose or sweep alike for a joint, every sample alike for a sensor.
-            median_error, iqr, p95_abs_error, max_abs_error: Of all samples together; the 95th
-            percentile and the largest are of magnitudes.
+        steps: Poses or sweeps; 0 for a recording without a protocol.
+        mean_error_deg: Of the signed errors.
+        mean_abs_error_deg: Of their magnitudes.
+        rmse_deg: Their root mean square.
+        median_error_deg: Of the signed errors.
+        iqr_deg: Upper less lower quartile of the signed errors.
+        p95_abs_error_deg: 95th percentile of the magnitudes.
+        max_abs_error_deg: The largest magnitude.
         correlation: Of estimated and true angle (Pearson); None where the true one hardly changes.
-            *_ci95: From a circular block bootstrap.
-        blocks: Independent blocks it rests on, and their length in poses, sweeps or equal runs of
-            samples.
-        block_length: Independent blocks it rests on, and their length in poses, sweeps or equal
-            runs of samples.
-        latency_ms: Delay behind the truth by least squares, and its standard uncertainty with that
-            of the clock; None without motion.
-        latency_sd_ms: Delay behind the truth by least squares, and its standard uncertainty with
-            that of the clock; None without motion.
+        mean_error_ci95_deg: 95 % confidence interval of the mean error, from a circular block
+            bootstrap.
+        mean_abs_error_ci95_deg: That of the mean magnitude.
+        rmse_ci95_deg: That of the root mean square.
+        blocks: Independent blocks that the intervals rest on.
+        block_length: Their length in poses, sweeps or equal runs of samples.
+        latency_ms: Delay behind the truth by least squares; None without motion.
+        latency_sd_ms: Its standard uncertainty, with that of the clock; None without motion.
         convergence_s: Time from the end of a move until the error stays near its settled value:
-            median and longest; None where no pose settled.
-        convergence_max_s: Time from the end of a move until the error stays near its settled value:
-            median and longest; None where no pose settled.
-        unsettled: Poses in which it did not.
+            median over the poses; None where none settled.
+        convergence_max_s: The longest of these times; None where no pose settled.
+        unsettled: Poses in which the error did not settle.
     """
 
     n: int
     steps: int
-    mean_error_deg: float
-    mean_abs_error_deg: float
-    rmse_deg: float
-    median_error_deg: float
-    iqr_deg: float
-    p95_abs_error_deg: float
-    max_abs_error_deg: float
+    mean_error_deg: Number
+    mean_abs_error_deg: Number
+    rmse_deg: Number
+    median_error_deg: Number
+    iqr_deg: Number
+    p95_abs_error_deg: Number
+    max_abs_error_deg: Number
     correlation: float | None = None
     mean_error_ci95_deg: Interval = None
     mean_abs_error_ci95_deg: Interval = None
@@ -63,8 +70,17 @@ class ErrorSummary:
 
 @dataclass(frozen=True)
 class JointSummary:
-    """Flexion errors of one joint, filter and Euler sequence in one section: `motion` is static,
-    dynamic or, of both, all.
+    """Flexion errors of one joint, filter and definition in one section.
+
+    Attributes:
+        joint: Of the protocol.
+        filter: That gave the orientations.
+        sequence: Label of the joint's definition.
+        section: Name of the section.
+        motion: "static", "dynamic" or, of both, "all".
+        errors: What they come to.
+        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean.
+        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for magnitudes and RMS.
     """
 
     joint: str
@@ -102,10 +118,18 @@ class OrientationSweepRow:
     """Orientation errors of one sensor and filter in one sweep; degrees.
 
     Attributes:
-        amplitude_deg: Of the sensor's true turning in the sweep: half the largest angle between two
-            orientations about the mean, and that of a sine of the same RMS angle and rate.
-        frequency_hz: Of the sensor's true turning in the sweep: half the largest angle between two
-            orientations about the mean, and that of a sine of the same RMS angle and rate.
+        sensor: Its name.
+        filter: That gave the orientations.
+        section: Name of the section.
+        step: Index of the step.
+        variables: All loop variables.
+        n: Samples.
+        total_rmse_deg: Of the whole error.
+        heading_rmse_deg: Of its part about the vertical.
+        inclination_rmse_deg: Of the rest.
+        amplitude_deg: Of the sensor's true rotation: half the largest angle between two
+            orientations about the mean.
+        frequency_hz: Of a sine of the same RMS angle and rate as the true rotation.
     """
 
     sensor: str
@@ -114,9 +138,9 @@ class OrientationSweepRow:
     step: int
     variables: dict[str, float]
     n: int
-    total_rmse_deg: float
-    heading_rmse_deg: float
-    inclination_rmse_deg: float
+    total_rmse_deg: Number
+    heading_rmse_deg: Number
+    inclination_rmse_deg: Number
     amplitude_deg: float | None
     frequency_hz: float | None
 
@@ -127,13 +151,15 @@ class Comparison:
 
     Attributes:
         owner: Joint or sensor.
-        section: Of a joint.
-        sequence: Of a joint.
+        section: Of a joint, else None.
+        sequence: Label of a joint's definition, else None.
         criterion: What is compared.
+        first: One filter.
+        second: The other.
         difference: Mean of the criterion by `first` less that by `second`; negative where `first`
             is better.
-        p: Of a paired test over blocks, alone and after Holm's correction.
-        p_holm: Of a paired test over blocks, alone and after Holm's correction.
+        p: Of a paired test over blocks, by itself.
+        p_holm: The same after Holm's correction for all pairs.
         blocks: Independent ones.
     """
 
@@ -143,9 +169,9 @@ class Comparison:
     criterion: str
     first: str
     second: str
-    difference: float
-    p: float
-    p_holm: float
+    difference: Number
+    p: Number
+    p_holm: Number
     blocks: int
 
 
@@ -154,9 +180,14 @@ class RankRow:
     """The place of a filter among those of a joint or sensor.
 
     Attributes:
+        owner: Joint or sensor.
+        section: Of a joint, else None.
+        sequence: Label of a joint's definition, else None.
+        criterion: What is compared.
+        filter: That has the place.
         value: Of the criterion [deg].
-        best_rank: Places that the comparisons leave open.
-        worst_rank: Places that the comparisons leave open.
+        best_rank: The best place that the comparisons leave open.
+        worst_rank: The worst place that the comparisons leave open.
         group: Letters; filters that share a letter were not shown to differ.
         no_difference: Those it was not shown to differ from.
     """
@@ -166,7 +197,7 @@ class RankRow:
     sequence: str | None
     criterion: str
     filter: str
-    value: float
+    value: Number
     best_rank: int
     worst_rank: int
     group: str
@@ -188,9 +219,9 @@ class GyroscopeBiasRow:
 
     sensor: str
     axis: str
-    estimated_deg_s: float
+    estimated_deg_s: Number
     estimated_sd_deg_s: float | None
-    error_deg_s: float
+    error_deg_s: Number
     error_sd_deg_s: float | None
     samples: int
 
@@ -218,31 +249,33 @@ class TunedRow:
 
 @dataclass(frozen=True)
 class FieldRow:
-    """The magnetic field at a sensor against that of the reference pose, seen in the world by the
-    true orientation.
+    """The magnetic field at a sensor against that of the reference pose, by the true orientation.
 
     Attributes:
+        sensor: Its name.
         motion: "all", "static" or "dynamic".
-        n: Judged samples.
-        norm_uT: Of the reference. norm_*_percent: Deviation of the norm. field_dip_*,
-            field_heading_*: Of the direction: the heading is what a compass errs by. rms and 95th
-            percentile of magnitudes.
-        dip_deg: Of the reference. norm_*_percent: Deviation of the norm. field_dip_*,
-            field_heading_*: Of the direction: the heading is what a compass errs by. rms and 95th
-            percentile of magnitudes.
+        n: Evaluated samples.
+        norm_uT: Length of the field in the reference pose.
+        dip_deg: Its angle below the horizontal.
+        norm_rms_percent: Deviation of the norm, RMS.
+        norm_p95_percent: Deviation of the norm, 95th percentile of magnitudes.
+        field_dip_rms_deg: Deviation of the dip, RMS.
+        field_dip_p95_deg: Deviation of the dip, 95th percentile of magnitudes.
+        field_heading_rms_deg: Deviation of the heading, by which a compass errs, RMS.
+        field_heading_p95_deg: Deviation of the heading, 95th percentile of magnitudes.
     """
 
     sensor: str
     motion: str
     n: int
-    norm_uT: float
-    dip_deg: float
-    norm_rms_percent: float
-    norm_p95_percent: float
-    field_dip_rms_deg: float
-    field_dip_p95_deg: float
-    field_heading_rms_deg: float
-    field_heading_p95_deg: float
+    norm_uT: Number
+    dip_deg: Number
+    norm_rms_percent: Number
+    norm_p95_percent: Number
+    field_dip_rms_deg: Number
+    field_dip_p95_deg: Number
+    field_heading_rms_deg: Number
+    field_heading_p95_deg: Number
 
 
 @dataclass(frozen=True)
@@ -250,21 +283,24 @@ class FieldErrorRow:
     """Heading error of a filter where the field was disturbed by so much.
 
     Attributes:
+        sensor: Its name.
+        filter: That gave the orientations.
         quantity: "heading" [deg], "norm" [%] or "dip" [deg] of the field.
-        low: Of the class; None: no upper end.
-        high: Of the class; None: no upper end.
-        mean: Disturbance in it.
+        low: Lower end of the class of disturbance.
+        high: Upper end of the class; None for no end.
+        mean: Disturbance in the class.
         n: Samples.
+        heading_rmse_deg: Of the filter.
     """
 
     sensor: str
     filter: str
     quantity: str
-    low: float
+    low: Number
     high: float | None
-    mean: float
+    mean: Number
     n: int
-    heading_rmse_deg: float
+    heading_rmse_deg: Number
 
 
 @dataclass(frozen=True)
@@ -286,7 +322,7 @@ class FieldFollowingRow:
     sensor: str
     filter: str
     n: int
-    field_change_deg: float
+    field_change_deg: Number
     followed: float | None
     followed_ci95: Interval
     blocks: int
@@ -294,16 +330,16 @@ class FieldFollowingRow:
 
 @dataclass(frozen=True)
 class OutlierRow:
-    """A filter whose error is far from that of all others: beyond the upper quartile by three
-    quartile ranges.
+    """A filter whose error is beyond the upper quartile of all others by three quartile ranges.
 
     Attributes:
         owner: Sensor or joint.
-        section: Of a joint.
-        sequence: Of a joint.
+        section: Of a joint, else None.
+        sequence: Label of a joint's definition, else None.
         motion: "all", "static" or "dynamic".
         quantity: "heading" or "inclination" (RMS, of a sensor), "flexion" (mean magnitude) or
             "total" (RMS, of a joint).
+        filter: That is far off.
         value_deg: Of this filter.
         fence_deg: Where the others end.
         known: What is known of this filter; empty if nothing.
@@ -315,8 +351,8 @@ class OutlierRow:
     motion: str
     quantity: str
     filter: str
-    value_deg: float
-    fence_deg: float
+    value_deg: Number
+    fence_deg: Number
     known: str
 
 
@@ -327,16 +363,21 @@ class CycleRow:
     Attributes:
         joint: Of the protocol, or of the arm where a chain filter estimates it.
         filter: Or state of the chain.
-        sequence: None for a chain.
-        section: Of the sweep.
-        step: Of the sweep.
-        variables: Of the sweep.
-        frequency_hz: Of its cycles.
-        cycles: Averaged.
-        left_out: For gaps. rom, true_rom: Range of motion, mean over the cycles. rom_error: Of the
-            former less the latter, with the standard deviation of a single cycle. mean_error:
-            Signed. rmse: Root mean square difference of the average cycles. error_sd, true_sd:
-            Standard deviation of error and true angle over the cycles, RMS over the cycle.
+        sequence: Label of the joint's definition; None for a chain.
+        section: Name of the sweep's section.
+        step: Index of the sweep's step.
+        variables: All loop variables.
+        frequency_hz: Of the sweep's cycles.
+        cycles: How many are averaged.
+        left_out: How many are not, for gaps.
+        rom_deg: Estimated range of motion, mean over the cycles.
+        true_rom_deg: True range of motion, mean over the cycles.
+        rom_error_deg: Estimated less true range of motion.
+        rom_error_sd_deg: Standard deviation of that of a single cycle.
+        mean_error_deg: Signed.
+        rmse_deg: Root mean square difference of the average cycles.
+        error_sd_deg: Standard deviation of the error over the cycles, RMS over the cycle.
+        true_sd_deg: Standard deviation of the true angle over the cycles, RMS over the cycle.
         cmc: Coefficient of multiple correlation; None where it is no real number.
     """
 
@@ -346,15 +387,15 @@ class CycleRow:
     section: str
     step: int
     variables: dict[str, float]
-    frequency_hz: float
+    frequency_hz: Number
     cycles: int
     left_out: int
-    rom_deg: float
-    true_rom_deg: float
-    rom_error_deg: float
-    rom_error_sd_deg: float
-    mean_error_deg: float
-    rmse_deg: float
-    error_sd_deg: float
-    true_sd_deg: float
+    rom_deg: Number
+    true_rom_deg: Number
+    rom_error_deg: Number
+    rom_error_sd_deg: Number
+    mean_error_deg: Number
+    rmse_deg: Number
+    error_sd_deg: Number
+    true_sd_deg: Number
     cmc: float | None

@@ -34,7 +34,14 @@ class Instants:
 
 
 def united(times: Iterable[np.ndarray]) -> np.ndarray:
-    """All of several columns of times, increasing, each once, shape (n,), int64."""
+    """All of several columns of times, increasing, each time once.
+
+    Args:
+        times: Columns, each of shape (k,) and increasing [ns].
+
+    Returns:
+        Shape (n,), int64.
+    """
     columns = list(times)
     if len(columns) == 1:
         return columns[0]

@@ -10,15 +10,16 @@ import numpy as np
 def overlapping(
     batches: Iterable[dict[str, np.ndarray]], size: int, margin: int
 ) -> Iterator[tuple[dict[str, np.ndarray], slice]]:
-    """A table in pieces of `size` rows with up to `margin` further ones at either end.
+    """A table in chunks of `size` rows with up to `margin` further ones at either end.
 
     Args:
-        batches: The table in any pieces, at least one.
-        size: Rows.
-        margin: Rows.
+        batches: The table in any chunks, at least one: columns by name, each of shape (k,) or
+            (k, m).
+        size: Rows of a chunk.
+        margin: Further rows before, and after it.
 
     Yields:
-        Columns with their margins, and the rows among them that are the piece itself.
+        Columns with their margins, and the rows among them that are the chunk itself.
     """
     held: dict[str, np.ndarray] = {}
     done = 0  # rows at the beginning of what is held that were given out already

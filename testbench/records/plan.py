@@ -63,10 +63,11 @@ class PlannedStep:
 
     Attributes:
         index: From 0.
-        section: Of the protocol.
-        role: Of the protocol.
+        section: Name of its section.
+        role: Role of its section.
         name: For people.
-        kind: "move" ends at rest in a pose, "sweep" is judged while it moves, "hold" does not move.
+        kind: "move" ends at rest in a pose, "sweep" is evaluated while it moves, "hold" does not
+            move.
         variables: Values of the loop variables, by name.
         start_ns: Motion begins.
         settled_ns: Motion ends and the dwell begins.
@@ -114,18 +115,18 @@ class SensorUse:
 
 @dataclass(frozen=True)
 class FlexionUse:
-    """The true angle of a joint definition where it will be judged, as planned; degrees.
+    """The true angle of a joint definition where it will be evaluated, as planned; degrees.
 
     Attributes:
-        joint: Which, in "poses" or "sweeps".
-        definition: Which, in "poses" or "sweeps".
-        kind: Which, in "poses" or "sweeps".
-        lowest_deg: Of the segments.
-        highest_deg: Of the segments.
-        arm: The arm's joint that it is judged by, with its range, or None.
-        arm_deg: The arm's joint that it is judged by, with its range, or None.
-        variable: The loop variable that commands it, with its range, or None.
-        commanded: The loop variable that commands it, with its range, or None.
+        joint: Of the protocol.
+        definition: Label of one of its definitions.
+        kind: Over the "poses" or the "sweeps".
+        lowest_deg: Smallest angle of the segments.
+        highest_deg: Largest angle of the segments.
+        arm: The arm's joint that it is compared with, or None.
+        arm_deg: Range of the arm's joint, or None.
+        variable: The loop variable that commands it, or None.
+        commanded: Range of that variable, or None.
     """
 
     joint: str
@@ -186,8 +187,8 @@ class Plan:
     """A checked motion.
 
     Attributes:
-        protocol: What it was made from.
-        robot: What it was made from.
+        protocol: What the arm shall do.
+        robot: The arm.
         trajectory: The reference the arm is to follow, starting at home at time 0.
         steps: In order of time.
         check: Limits, clearance and sensor ranges, as found.

@@ -38,9 +38,13 @@ def schema_text() -> str:
 
 
 def _tidy(part: dict[str, Any]) -> None:
-    """Drop the titles that only repeat a key, and refuse names that fit no pattern, as the bench
-    does.
+    """Drop what serves no editor, and refuse names that fit no pattern, as the bench does.
+
+    That are titles which only repeat a key, and the places where docstrings wrap.
     """
+    if "description" in part:
+        paragraphs = part["description"].split("\n\n")
+        part["description"] = "\n\n".join(" ".join(text.split()) for text in paragraphs)
     for entry in part.get("properties", {}).values():
         entry.pop("title", None)
         if "patternProperties" in entry:

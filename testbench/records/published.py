@@ -36,8 +36,8 @@ class FlexionErrors(StrictModel):
 
     Attributes:
         table: Number of the table.
-        sensor: As published.
-        method: As published.
+        sensor: Name of the sensor, as published.
+        method: Name of the method, as published.
         filters: Those of ours that the method is.
         sequence: Of the Euler angles.
         mean_abs_error_deg: One value for each commanded flexion, None where none is given.

@@ -19,8 +19,8 @@ class ServoErrors(StrictModel):
     """RMS errors of a rig of servos.
 
     Attributes:
-        table: As published.
-        unit: As published.
+        table: Number of the table.
+        unit: As printed, which may be none.
         joints: From the base on.
         states: By state of the filter, for each joint that of angle, rate and acceleration.
     """

@@ -18,12 +18,25 @@ def names(prefix: str, suffix: str = "", parts: tuple[str, ...] = AXES) -> list[
 
 
 def split(columns: list[str], array: np.ndarray) -> dict[str, np.ndarray]:
-    """The columns of an array, shape (n, k), by name."""
+    """The columns of an array by name.
+
+    Args:
+        columns: Their names.
+        array: Shape (n, k).
+
+    Returns:
+        Each of shape (n,).
+    """
     return {name: np.ascontiguousarray(array[:, i]) for i, name in enumerate(columns)}
 
 
 def join(table: dict[str, np.ndarray], columns: list[str]) -> np.ndarray:
-    """Columns of a table side by side, shape (n, k)."""
+    """Columns of a table side by side, shape (n, k).
+
+    Args:
+        table: Columns by name, each of shape (n,).
+        columns: Those wanted, k of them.
+    """
     return np.column_stack([table[name] for name in columns])
 
 
@@ -34,9 +47,9 @@ class ArmSamples:
     Attributes:
         joint_names: In the robot's order.
         host_time_ns: Shape (n,), int64.
-        q_sent: Commanded.
-        q_measured: reported by the encoders, shape (n, n_joints) [rad], [rad], [rad/s].
-        v_measured: reported by the encoders, shape (n, n_joints) [rad], [rad], [rad/s].
+        q_sent: Angles as commanded, shape (n, n_joints) [rad].
+        q_measured: Angles by the encoders, shape (n, n_joints) [rad].
+        v_measured: Rates by the encoders, shape (n, n_joints) [rad/s].
         extras: What else the arm reported, column name (with its unit) to array of shape (n,); kept
             on disk, read by nothing that computes.
     """
@@ -80,7 +93,12 @@ class ArmSamples:
 
     @staticmethod
     def from_columns(table: dict[str, np.ndarray], joint_names: list[str]) -> ArmSamples:
-        """From columns on disk."""
+        """Samples of columns on disk.
+
+        Args:
+            table: Columns by name, each of shape (n,).
+            joint_names: In the robot's order.
+        """
         sent, measured, rates = (join(table, group) for group in ArmSamples._groups(joint_names))
         return ArmSamples(joint_names, table["host_time_ns"], sent, measured, rates)
 
@@ -95,14 +113,14 @@ class ImuSamples:
     """What an IMU reported; every vector in the sensor frame.
 
     Attributes:
-        device_time_ns: The sensor's own clock.
-        host_time_ns: Arrival at the host. Both of shape (n,), int64.
+        device_time_ns: By the sensor's own clock, shape (n,), int64.
+        host_time_ns: Arrival at the host, shape (n,), int64.
         gyr: Angular rate, shape (n, 3) [rad/s].
         acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Shape (n, 3) [uT], or None.
+        mag: Magnetic field, shape (n, 3) [uT], or None.
         device_q: q_earth_from_sensor of the vendor's filter, shape (n, 4), or None.
         counter: Sample counter, shape (n,).
-        saturated: Whether an axis was at full scale, shape (n,).
+        saturated: Whether an axis was at full scale, shape (n,), bool.
         temperature: Of the part, shape (n,) [deg C], or None.
     """
 
@@ -176,7 +194,11 @@ class ImuSamples:
 
     @staticmethod
     def from_groups(arrays: Mapping[str, np.ndarray]) -> ImuSamples:
-        """From arrays by attribute; mag, device_q and temperature may be missing."""
+        """Samples of arrays by attribute.
+
+        Args:
+            arrays: Of the shapes of the attributes; mag, device_q and temperature may be missing.
+        """
         return ImuSamples(
             arrays["device_time_ns"],
             arrays["host_time_ns"],
@@ -191,7 +213,11 @@ class ImuSamples:
 
     @staticmethod
     def from_columns(table: dict[str, np.ndarray]) -> ImuSamples:
-        """From columns on disk."""
+        """Samples of columns on disk.
+
+        Args:
+            table: Columns by name, each of shape (n,).
+        """
         return ImuSamples(
             table["device_time_ns"],
             table["host_time_ns"],
@@ -252,7 +278,11 @@ class Truth:
 
     @staticmethod
     def from_columns(table: dict[str, np.ndarray]) -> Truth:
-        """From columns on disk."""
+        """A truth of columns on disk.
+
+        Args:
+            table: Columns by name, each of shape (n,).
+        """
         own = Truth.groups(table)
         return Truth(
             **{

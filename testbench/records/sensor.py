@@ -14,6 +14,7 @@ from pydantic import Field
 
 from testbench.exceptions import InputError, NotFoundError
 from testbench.frames import STANDARD_GRAVITY
+from testbench.records.replacing import stored_where_asked, write_text
 from testbench.records.strict import Angles3, StrictModel
 from testbench.records.yaml_file import load_yaml
 
@@ -28,19 +29,20 @@ class Triad:
     """Three orthogonal sensing axes in SI units; `unit` is m/s^2, rad/s or uT.
 
     Attributes:
+        unit: Of all that is stated in [unit].
         range: Full scale, +- [unit].
         resolution: One count [unit], 0 for none.
-        noise_density: Shape (3,) [unit/sqrt(Hz)].
+        noise_density: One-sided, shape (3,) [unit/sqrt(Hz)].
         bandwidth: First-order low pass [Hz], None for none.
-        bias_sd: [unit].
-        bias_instability: [unit].
-        bias_time_constant: [s].
-        bias_random_walk: [unit/sqrt(s)].
-        scale_sd: [1].
-        cross_axis_sd: [1].
-        nonlinearity: [1].
-        g_sensitivity_sd: [unit/(m/s^2)].
-        bias_drift_sd: Change of the bias with temperature [unit/K].
+        bias_sd: Standard deviation of the turn-on bias [unit].
+        bias_instability: Standard deviation of the in-run bias [unit].
+        bias_time_constant: Of the in-run bias [s].
+        bias_random_walk: Of the bias [unit/sqrt(s)].
+        scale_sd: Standard deviation of the scale factors [1].
+        cross_axis_sd: Standard deviation of the cross-axis factors [1].
+        nonlinearity: Cubic, at full scale [1].
+        g_sensitivity_sd: Standard deviation of the response of a gyroscope to force [unit/(m/s^2)].
+        bias_drift_sd: Standard deviation of the change of the bias with temperature [unit/K].
     """
 
     unit: str
@@ -297,13 +299,8 @@ def save_sensor(file: Path, parameters: ImuParameters) -> None:
     text = yaml.safe_dump(
         parameters.model_dump(exclude_defaults=True), sort_keys=False, allow_unicode=True, width=120
     )
-    try:
-        with file.open("x", encoding="utf-8") as stream:
-            stream.write(text)
-    except FileExistsError:
-        raise InputError(f"{file} exists already; nothing was written") from None
-    except OSError as error:
-        raise InputError(f"{file} cannot be written: {error.strerror}") from None
+    with stored_where_asked(file):
+        write_text(file, text, anew=True)
 
 
 def list_presets() -> list[str]:

@@ -22,17 +22,28 @@ import numpy as np
 from pydantic import ValidationError
 
 from testbench.exceptions import NotFoundError, SessionError
+from testbench.records.layout import (
+    ARM,
+    EVENTS,
+    JOURNALS,
+    MANIFEST,
+    ROBOT,
+    URDF,
+    imu_stream,
+    table_file,
+    truth_stream,
+)
 from testbench.records.near import MOST_THINNED, Instants, is_long, read_near
 from testbench.records.plan import PlannedCycles, PlannedStep
 from testbench.records.protocol import Analysis
 from testbench.records.robot import Robot, robot_from_text
 from testbench.records.samples import TRUTH_Q, TRUTH_RATE, ArmSamples, ImuSamples, Truth
+from testbench.records.sensor_file import SensorFile
 from testbench.records.storage import (
     ROWS_PER_GROUP,
     parquet_shape,
     read_json,
     read_parquet,
-    read_parquet_batches,
     read_stacked,
 )
 
@@ -52,7 +63,6 @@ MAPPINGS = (
 """Parts of a manifest that are mappings where they are there."""
 SENSOR_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_]{0,99}")
 """Files are named after sensors: nothing that could lead out of the session's folder."""
-MANIFEST, EVENTS, ARM, PLAN = "manifest.json", "events.jsonl", "arm", "plan.parquet"
 
 
 class RunStatus(StrEnum):
@@ -91,6 +101,7 @@ class Session:
     def __init__(self, path: str | Path):
         self.path = Path(path)
         self._near: Instants | None = None
+        self._sensors: dict[str, SensorFile] = {}
         if not (self.path / MANIFEST).is_file():
             what = "is a file; a session is a folder" if self.path.is_file() else "does not exist"
             what = "is not a session: it has no manifest.json" if self.path.is_dir() else what
@@ -219,7 +230,7 @@ class Session:
     @cached_property
     def robot(self) -> Robot | None:
         """The arm, or None for an imported recording without one."""
-        file, copy = self.path / "robot.yaml", self.path / "robot.urdf"
+        file, copy = self.path / ROBOT, self.path / URDF
         if not file.is_file():
             return None
         named = self.manifest.get("robot")
@@ -235,6 +246,19 @@ class Session:
         same = original.is_file() and copy.is_file() and original.read_bytes() == copy.read_bytes()
         return robot_from_text(file, original if same else copy)
 
+    def sensor(self, sensor: str) -> SensorFile:
+        """The raw samples of a sensor, opened the first time that they are asked for.
+
+        Raises:
+            NotFoundError: No such sensor.
+            SessionError: They are being recorded, were cut off, or are damaged.
+        """
+        self._check(sensor)
+        self._check_closed()
+        if sensor not in self._sensors:
+            self._sensors[sensor] = SensorFile(self.path / table_file(imu_stream(sensor)))
+        return self._sensors[sensor]
+
     def imu(
         self, sensor: str, begin: int = 0, end: int | None = None, every: int = 1
     ) -> ImuSamples:
@@ -242,46 +266,34 @@ class Session:
 
         Args:
             sensor: Its name.
-            begin: First sample, and the one after the last; to the end if None.
-            end: First sample, and the one after the last; to the end if None.
+            begin: First sample.
+            end: The one after the last; to the end if None.
             every: Only one sample of so many, the last of them.
 
         Raises:
             NotFoundError: No such sensor.
         """
-        path, names = self._samples(sensor)
-        return ImuSamples.from_groups(
-            read_stacked(path, ImuSamples.groups(names), begin, end, every)
-        )
+        return self.sensor(sensor).read(begin, end, every)
 
     def imu_batches(self, sensor: str, rows: int = ROWS_PER_GROUP) -> Iterator[ImuSamples]:
         """Raw samples of a sensor in pieces of at most so many, for recordings that do not fit in
         memory.
         """
-        path, _ = self._samples(sensor)
-        for columns in read_parquet_batches(path, rows=rows):
-            yield ImuSamples.from_columns(columns)
+        return self.sensor(sensor).batches(rows)
 
     def imu_columns(self, sensor: str) -> list[str]:
         """Names of the columns of a sensor's raw samples."""
-        return self._samples(sensor)[1]
+        return self.sensor(sensor).columns
 
     def imu_column(
         self, sensor: str, column: str, begin: int = 0, end: int | None = None
     ) -> np.ndarray:
         """One column of a sensor's raw samples, from sample `begin` to before `end`, shape (n,)."""
-        return read_stacked(self._samples(sensor)[0], {column: column}, begin, end)[column]
+        return self.sensor(sensor).column(column, begin, end)
 
     def sample_count(self, sensor: str) -> int:
         """How many samples of a sensor there are."""
-        return parquet_shape(self._samples(sensor)[0])[0]
-
-    def _samples(self, sensor: str) -> tuple[Path, list[str]]:
-        """File of a sensor's samples, and its columns."""
-        self._check(sensor)
-        self._check_closed()
-        path = self.path / f"imu_{sensor}.parquet"
-        return path, parquet_shape(path)[1]
+        return self.sensor(sensor).count
 
     def near(self, instants: Instants) -> Session:
         """The same session, of whose long truths and arm only those samples are read that lie
@@ -331,7 +343,7 @@ class Session:
 
     def _truth_file(self, sensor: str) -> Path | None:
         self._check(sensor)
-        file = self.path / f"truth_{sensor}.parquet"
+        file = self.path / table_file(truth_stream(sensor))
         if not file.is_file() and file.name in self.manifest.get("files", {}):
             raise SessionError(
                 f"{file} is missing, though the manifest lists it; the session is damaged"
@@ -340,7 +352,7 @@ class Session:
 
     def arm(self) -> ArmSamples | None:
         """What the arm reported, or None when there was none."""
-        file = self.path / f"{ARM}.parquet"
+        file = self.path / table_file(ARM)
         if not file.is_file() or self.robot is None:
             return None
         names = self.robot.joint_names
@@ -355,7 +367,7 @@ class Session:
         """When one joint of the arm was measured [ns], and its angles [rad], shape (n,) each; None
         where there is none.
         """
-        file = self.path / f"{ARM}.parquet"
+        file = self.path / table_file(ARM)
         if not file.is_file() or self.robot is None or joint not in self.robot.joint_names:
             return None
         columns = ["host_time_ns", f"q_measured_{joint}_rad"]
@@ -436,7 +448,7 @@ class Session:
     def _check_closed(self) -> None:
         if self.is_being_recorded:
             raise SessionError(f"{self.path} is still being recorded")
-        if any(self.path.glob("*.arrows")):
+        if any(self.path.glob(JOURNALS)):
             raise SessionError(
                 f"{self.path} was cut off while it was recorded; `testbench recover {self.path}` "
                 "makes it readable"

@@ -12,14 +12,17 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import datetime
+from errno import ELOOP
 from importlib.metadata import PackageNotFoundError, version
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
 from testbench.exceptions import SessionError, StorageError
+from testbench.records.layout import EVENTS, MANIFEST, journal_file, table_file
 from testbench.records.protocol import Analysis
-from testbench.records.replacing import disk_reason
-from testbench.records.session import EVENTS, MANIFEST, SCHEMA_VERSION, Event, RunStatus, Session
+from testbench.records.replacing import disk_reason, write_text
+from testbench.records.session import SCHEMA_VERSION, Event, RunStatus, Session
 from testbench.records.storage import (
     Columns,
     Journal,
@@ -29,17 +32,9 @@ from testbench.records.storage import (
     write_parquet,
 )
 
-RECORDED_PACKAGES = (
-    "imu-testbench",
-    "pin",
-    "ruckig",
-    "numpy",
-    "scipy",
-    "numba",
-    "vqf",
-    "imufusion",
-    "pyarrow",
-)
+DECIDING_PACKAGES = ("imu-testbench", "pin", "ruckig", "numpy", "scipy", "numba")
+"""They computed the plan and the raw files: a run is gone on with by the same ones only."""
+RECORDED_PACKAGES = (*DECIDING_PACKAGES, "vqf", "pyarrow")
 
 
 class SessionWriter:
@@ -110,7 +105,7 @@ class SessionWriter:
         writer = cls.__new__(cls)
         writer.path, writer._journals = path, {}
         writer.manifest = read_json(path / MANIFEST)
-        writer._events = (path / EVENTS).open("a", encoding="utf-8")
+        writer._events = _appended(path / EVENTS)
         try:
             fcntl.flock(writer._events, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -130,13 +125,13 @@ class SessionWriter:
 
     def add_text(self, name: str, text: str) -> None:
         """Keep a file verbatim."""
-        (self.path / name).write_text(text, encoding="utf-8")
+        write_text(self.path / name, text)
 
     def add_table(
         self, name: str, columns: Columns, notes: Mapping[str, str] | None = None
     ) -> None:
         """Write a whole table at once, as `<name>.parquet`."""
-        write_parquet(self.path / f"{name}.parquet", columns, notes)
+        write_parquet(self.path / table_file(name), columns, notes)
 
     def open_journal(
         self, name: str, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None
@@ -144,13 +139,13 @@ class SessionWriter:
         """Begin a stream that becomes `<name>.parquet` when the session is closed, or go on with
         one that became it.
         """
-        table = self.path / f"{name}.parquet"
+        table = self.path / table_file(name)
         if table.is_file():
             self._journals[name] = Journal.continued(
-                self.path / f"{name}.arrows", columns, table, notes
+                self.path / journal_file(name), columns, table, notes
             )
         else:
-            self._journals[name] = Journal(self.path / f"{name}.arrows", columns, notes)
+            self._journals[name] = Journal(self.path / journal_file(name), columns, notes)
 
     def rows(self, name: str) -> int:
         """How many samples a stream holds."""
@@ -188,7 +183,7 @@ class SessionWriter:
         for name, journal in self._journals.items():
             journal.close()
             if journal.path.exists():
-                compact(journal.path, self.path / f"{name}.parquet")
+                compact(journal.path, self.path / table_file(name))
 
     def close(self, status: RunStatus, **details: Any) -> None:
         """Finish the session: compact, hash the files, write the final manifest."""
@@ -206,9 +201,6 @@ class SessionWriter:
             journal.abandon()
         with suppress(OSError, ValueError):
             self._events.close()
-        for partial in self.path.glob("*.partial"):
-            with suppress(OSError):
-                partial.unlink()
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -242,8 +234,23 @@ def note_end(session: Session, event: Event) -> None:
     after it had said so.
     """
     if session.events[-1:] != [event]:
-        with (session.path / EVENTS).open("a", encoding="utf-8") as events:
+        with _appended(session.path / EVENTS) as events:
             events.write("\n" + event.to_json() + "\n")
+
+
+def _appended(events: Path) -> TextIOWrapper:
+    """A list of events, to go on with.
+
+    Raises:
+        SessionError: It is a symbolic link: what that leads to is no part of the session.
+    """
+    try:
+        opened = os.open(events, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    except OSError as error:
+        if error.errno != ELOOP:
+            raise
+        raise SessionError(f"{events} is a symbolic link, and is not written to") from None
+    return os.fdopen(opened, "a", encoding="utf-8")
 
 
 def file_hashes(folder: Path) -> dict[str, str]:
@@ -267,6 +274,12 @@ def software_versions() -> dict[str, str]:
             continue
     commit = source_commit()
     return versions | ({"git_commit": commit} if commit else {})
+
+
+def deciding_versions(software: Mapping[str, str]) -> dict[str, str]:
+    """Of the versions that a manifest states, those that a run can only be gone on with."""
+    wanted = ("python", "git_commit", *DECIDING_PACKAGES)
+    return {name: software[name] for name in wanted if name in software}
 
 
 def source_commit() -> str | None:

@@ -8,15 +8,18 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import fields, is_dataclass
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import orjson
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from testbench.exceptions import SessionError
+from testbench.records.replacing import replaced_file, write_text
 
 ROWS_PER_GROUP = 65_536
 LARGEST_JSON = 200_000_000
@@ -47,11 +50,10 @@ def to_table(columns: Columns, notes: Mapping[str, str] | None = None) -> pa.Tab
 
 
 def write_parquet(path: Path, columns: Columns, notes: Mapping[str, str] | None = None) -> None:
-    """Write a Parquet file in one step: under another name, synced, then renamed."""
-    partial = path.with_suffix(".partial")
+    """Write a Parquet file in one step."""
     table = to_table(columns, notes)
-    pq.write_table(table, partial, row_group_size=ROWS_PER_GROUP, **_encoding(table.schema))
-    replace_synced(partial, path)
+    with replaced_file(path) as partial:
+        pq.write_table(table, partial, row_group_size=ROWS_PER_GROUP, **_encoding(table.schema))
 
 
 def write_parquet_batches(
@@ -65,10 +67,8 @@ def write_parquet_batches(
     Returns:
         Number of rows.
     """
-    partial = path.with_suffix(".partial")
-    count = _write_pieces(partial, schema, batches)
-    replace_synced(partial, path)
-    return count
+    with replaced_file(path) as partial:
+        return _write_pieces(partial, schema, batches)
 
 
 def _write_pieces(
@@ -172,15 +172,16 @@ def read_stacked(
     end: int | None = None,
     every: int = 1,
 ) -> dict[str, np.ndarray]:
-    """Columns of a Parquet file side by side, read in pieces straight to their places: nothing is
-    in memory twice.
+    """Columns of a Parquet file side by side, read in chunks straight to their places.
+
+    Nothing is in memory twice.
 
     Args:
         path: The file.
         groups: By the name of the result, a column, or several that stand side by side in an array
             (n, k).
-        begin: First row, and the row after the last; to the end if None.
-        end: First row, and the row after the last; to the end if None.
+        begin: First row.
+        end: The row after the last; to the end if None.
         every: Only one row of so many, the last of them.
 
     Raises:
@@ -248,12 +249,18 @@ def last_value(path: Path, column: str) -> int | None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write readable JSON in one step; NaN becomes null, as JSON wants."""
-    partial = path.with_suffix(".partial")
-    partial.write_text(
-        json.dumps(plain_values(data), indent=2, allow_nan=False) + "\n", encoding="utf-8"
-    )
-    replace_synced(partial, path)
+    """Write readable JSON in one step; see `json_text`."""
+    write_text(path, json_text(data))
+
+
+def json_text(data: Any) -> str:
+    """Readable JSON of mappings, lists, dataclasses, arrays and numbers, one value a line; NaN
+    becomes null, as JSON wants.
+    """
+    try:
+        return orjson.dumps(data, default=_plain, option=_READABLE).decode() + "\n"
+    except orjson.JSONEncodeError:  # an integer beyond 64 bits, or a file's name that is no text
+        return json.dumps(_plain_tree(data), indent=2, allow_nan=False) + "\n"
 
 
 def read_json(path: Path) -> Any:
@@ -272,15 +279,6 @@ def read_json(path: Path) -> Any:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
-def replace_synced(partial: Path, path: Path) -> None:
-    """Bring a finished file to its name so that a power cut leaves the old or the new one,
-    whole.
-    """
-    with partial.open("rb+") as file:
-        os.fsync(file.fileno())
-    partial.replace(path)
-
-
 class Journal:
     """A stream of samples that survives a kill: an Arrow IPC stream, flushed at every append.
 
@@ -288,10 +286,15 @@ class Journal:
         path: File to create; its name ends in .arrows.
         columns: Name to dtype of each column.
         notes: Schema metadata.
+        claimed: The file exists, and is empty.
     """
 
     def __init__(
-        self, path: Path, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None
+        self,
+        path: Path,
+        columns: Mapping[str, Any],
+        notes: Mapping[str, str] | None = None,
+        claimed: bool = False,
     ):
         self.path, self.rows = path, 0
         metadata = {key: str(value) for key, value in (notes or {}).items()}
@@ -299,7 +302,7 @@ class Journal:
             [(name, pa.from_numpy_dtype(dtype)) for name, dtype in columns.items()],
             metadata=metadata,
         )
-        self._file = path.open("xb")
+        self._file = path.open("wb" if claimed else "xb")
         self._writer = pa.ipc.new_stream(self._file, self._schema)
         self._file.flush()
 
@@ -316,33 +319,30 @@ class Journal:
         A cut at any moment leaves the table or the journal, whole.
 
         Args:
-            path: As above.
-            columns: As above.
-            notes: As above.
+            path: Of the journal.
+            columns: Names and types.
             table: The Parquet file; it must have the same columns.
+            notes: By column, kept in the schema.
 
         Raises:
-            SessionError: It has others, or cannot be read.
+            SessionError: The table has others, or cannot be read.
             OSError: The journal cannot be written; the table is as it was.
         """
-        partial = path.with_suffix(".partial")
-        partial.unlink(missing_ok=True)
-        journal = cls(partial, columns, notes)
-        try:
-            if parquet_shape(table)[1] != journal._schema.names:
-                raise SessionError(
-                    f"{table} has other columns than the stream it is to be continued with"
-                )
-            for batch in read_parquet_batches(
-                table
-            ):  # in pieces: the memory does not grow with the recording
-                journal.append(batch)
-            journal.sync()
-        except BaseException:
-            journal.abandon()
-            partial.unlink(missing_ok=True)
-            raise
-        journal.path = partial.rename(path)
+        with replaced_file(path) as partial:
+            journal = cls(partial, columns, notes, claimed=True)
+            try:
+                if parquet_shape(table)[1] != journal._schema.names:
+                    raise SessionError(
+                        f"{table} has other columns than the stream it is to be continued with"
+                    )
+                # in chunks: the memory does not grow with the recording
+                for batch in read_parquet_batches(table):
+                    journal.append(batch)
+                journal.sync()
+            except BaseException:
+                journal.abandon()
+                raise
+        journal.path = path
         table.unlink()
         return journal
 
@@ -417,13 +417,12 @@ def compact(journal: Path, target: Path) -> int:
         SessionError: What was read back differs; the journal is kept.
     """
     schema, batches = journal_batches(journal)
-    partial = target.with_suffix(".partial")
-    count = _write_pieces(partial, schema, batches)
-    if not _same_rows(partial, schema, journal_batches(journal)[1]):
-        raise SessionError(
-            f"{target} differs from its journal {journal} after writing; the journal is kept"
-        )
-    replace_synced(partial, target)
+    with replaced_file(target) as partial:
+        count = _write_pieces(partial, schema, batches)
+        if not _same_rows(partial, schema, journal_batches(journal)[1]):
+            raise SessionError(
+                f"{target} differs from its journal {journal} after writing; the journal is kept"
+            )
     journal.unlink()
     return count
 
@@ -457,17 +456,34 @@ def _same_values(first: pa.Table, second: pa.Table) -> bool:
 
 
 def plain_values(value: Any) -> Any:
-    """The value with arrays, numpy numbers and NaN turned into what JSON knows; NaN becomes
-    null.
+    """The value as JSON knows it: of dataclasses, arrays and numbers of NumPy only mappings, lists
+    and numbers are left; NaN becomes null.
     """
+    return json.loads(json_text(value))
+
+
+_READABLE = orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS
+
+
+def _plain(value: Any) -> Any:
+    """What orjson does not know by itself."""
     if isinstance(value, Mapping):
-        return {str(key): plain_values(item) for key, item in value.items()}
+        return dict(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} has no place in JSON")
+
+
+def _plain_tree(value: Any) -> Any:
+    """The same without orjson."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _plain_tree(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain_values(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return plain_values(value.tolist())
-    if isinstance(value, np.generic):
-        return plain_values(value.item())
+        return [_plain_tree(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain_tree(value.tolist())
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter, with_config
 
-from testbench.exceptions import SessionError
-from testbench.records.storage import read_json, write_json
+from testbench.records.json_record import AS_WRITTEN, Array, read_record
+from testbench.records.replacing import stored
+from testbench.records.storage import plain_values, write_json
 
 SCHEMA_VERSION = 1
 FILE = "study.json"
@@ -17,6 +20,7 @@ FILE = "study.json"
 Value = float | str | None
 
 
+@with_config(ConfigDict(extra="ignore"))  # the ratio, which is written beside its values
 @dataclass(frozen=True)
 class StudyRow:
     """One row of ours, and the published one beside it.
@@ -93,11 +97,12 @@ class BoxNumbers:
     """A box plot in numbers.
 
     Attributes:
-        lower: Ends of the whiskers: the farthest values within 1.5 interquartile ranges of the box.
-        upper: Ends of the whiskers: the farthest values within 1.5 interquartile ranges of the box.
-        q1: Quartiles.
-        median: Quartiles.
-        q3: Quartiles.
+        lower: End of the lower whisker: the farthest value within 1.5 interquartile ranges of the
+            box.
+        q1: Lower quartile.
+        median: The middle quartile.
+        q3: Upper quartile.
+        upper: End of the upper whisker, as far as the lower may reach.
         outliers: Values beyond the whiskers, ascending.
     """
 
@@ -115,8 +120,12 @@ class BoxNumbers:
 
     @staticmethod
     def of(values: np.ndarray) -> BoxNumbers:
-        """Of a sample, shape (n,), n >= 1: quartiles as MATLAB's, the kth smallest value being the
-        (k - 1/2)/n quantile.
+        """The numbers of a sample.
+
+        Quartiles are MATLAB's: the kth smallest value is the (k - 1/2)/n quantile.
+
+        Args:
+            values: Shape (n,), n >= 1, in any unit.
         """
         ordered = np.sort(np.asarray(values, float))
         q1, median, q3 = np.quantile(ordered, [0.25, 0.5, 0.75], method="hazen").tolist()
@@ -154,28 +163,19 @@ class StudyCurve:
     """One line or one set of points of a figure.
 
     Attributes:
+        name: As the legend has it.
+        x: Abscissae, shape (n,); NaN where there is no value.
+        y: Ordinates, shape (n,); NaN where there is no value.
         kind: "theory", "fit" and "truth" are drawn as lines, "simulation" and "measurement" as
             points.
-        x: Shape (n,), NaN where there is no value.
-        y: Shape (n,), NaN where there is no value.
         group: Curves of one group have one colour; the curve's own name if empty.
     """
 
     name: str
-    x: np.ndarray
-    y: np.ndarray
+    x: Array
+    y: Array
     kind: CurveKind
     group: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON, which has no NaN."""
-        return {
-            "name": self.name,
-            "x": _numbers(self.x),
-            "y": _numbers(self.y),
-            "kind": self.kind,
-            "group": self.group,
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,8 +184,9 @@ class StudyCurves:
 
     Attributes:
         caption: What they show.
-        x_axis: Titles with units.
-        y_axis: Titles with units.
+        x_axis: Title of the abscissa with its unit.
+        y_axis: Title of the ordinate with its unit.
+        curves: Lines and sets of points.
         how: How to read it.
         logarithmic: The vertical axis, which has no place for zeros.
         plane: Both axes are places and have one scale, and points are joined.
@@ -201,10 +202,6 @@ class StudyCurves:
     plane: bool = False
     ordered: bool = False
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**vars(self), "curves": [curve.to_dict() for curve in self.curves]}
-
 
 @dataclass(frozen=True, eq=False)
 class StudySurface:
@@ -216,39 +213,31 @@ class StudySurface:
     x_axis: str
     y_axis: str
     z_axis: str
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
+    x: Array
+    y: Array
+    z: Array
     how: str = ""
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON, which has no NaN."""
-        return {
-            **vars(self),
-            "x": _numbers(self.x),
-            "y": _numbers(self.y),
-            "z": [_numbers(row) for row in self.z],
-        }
 
-
+@with_config(AS_WRITTEN)
 @dataclass(frozen=True)
 class StudyRecord:
     """A finished study.
 
     Attributes:
-        name: What was asked.
-        title: What was asked.
-        question: What was asked.
+        name: Of the study.
+        title: For people.
+        question: What was asked, in a sentence.
         source: The publication it stands beside, as cited.
         started_utc: ISO 8601.
         settings: What it was run with.
         sessions: Folders that its numbers come from.
         findings: The answer, in sentences.
-        tables: In order.
-        figures: In order.
-        curves: In order.
-        surfaces: In order.
+        tables: In their order.
+        figures: Box plots in their order.
         software: Versions.
+        curves: Figures of curves in their order.
+        surfaces: Figures of surfaces in their order.
         trace: Which numbers come from which session, where not all come from all.
     """
 
@@ -277,9 +266,7 @@ class StudyRecord:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; rows carry the ratio of their table's ratio column."""
-        data = {"schema_version": SCHEMA_VERSION, **asdict(replace(self, curves=(), surfaces=()))}
-        data["curves"] = [curves.to_dict() for curves in self.curves]
-        data["surfaces"] = [surface.to_dict() for surface in self.surfaces]
+        data: dict[str, Any] = plain_values({"schema_version": SCHEMA_VERSION} | vars(self))
         for table, plain in zip(self.tables, data["tables"], strict=True):
             for row, entry in zip(table.rows, plain["rows"], strict=True):
                 entry["ratio"] = (
@@ -288,8 +275,13 @@ class StudyRecord:
         return data
 
     def save(self, folder: Path) -> Path:
-        """Write study.json into a folder."""
-        write_json(folder / FILE, self.to_dict())
+        """Write study.json into a folder.
+
+        Raises:
+            StorageError: The disk does not take it.
+        """
+        with stored(folder / FILE, "the sessions of the study are as they were"):
+            write_json(folder / FILE, self.to_dict())
         return folder / FILE
 
     @staticmethod
@@ -299,64 +291,9 @@ class StudyRecord:
         Raises:
             SessionError: It is missing, damaged, or of another version.
         """
-        data = read_json(folder / FILE)
-        if not isinstance(data, dict) or data.pop("schema_version", None) != SCHEMA_VERSION:
-            raise SessionError(f"{folder / FILE} is no study of schema {SCHEMA_VERSION}")
-        try:
-            data["tables"] = tuple(_table(table) for table in data["tables"])
-            data["figures"] = tuple(_boxes(figure) for figure in data["figures"])
-            data["curves"] = tuple(_curves(curves) for curves in data.get("curves", ()))
-            data["surfaces"] = tuple(_surface(surface) for surface in data.get("surfaces", ()))
-            data["sessions"], data["findings"] = tuple(data["sessions"]), tuple(data["findings"])
-            return StudyRecord(**data)
-        except (KeyError, TypeError, ValueError) as error:
-            raise SessionError(f"{folder / FILE} is damaged: {error}") from None
+        return read_record(folder / FILE, _as_written(), SCHEMA_VERSION, "run the study again")
 
 
-def _table(data: dict[str, Any]) -> StudyTable:
-    rows = tuple(
-        StudyRow(row["label"], tuple(row["values"]), tuple(row["published"]), row["note"])
-        for row in data["rows"]
-    )
-    return StudyTable(
-        **{
-            **data,
-            "columns": tuple(data["columns"]),
-            "decimals": tuple(data["decimals"]),
-            "rows": rows,
-        }
-    )
-
-
-def _boxes(data: dict[str, Any]) -> StudyBoxes:
-    def read(boxes: dict[str, Any]) -> dict[str, BoxNumbers]:
-        return {
-            name: BoxNumbers(**{**box, "outliers": tuple(box["outliers"])})
-            for name, box in boxes.items()
-        }
-
-    return StudyBoxes(
-        **{**data, "boxes": read(data["boxes"]), "published": read(data["published"])}
-    )
-
-
-def _numbers(values: np.ndarray) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in values]
-
-
-def _array(values: list[Any]) -> np.ndarray:
-    return np.array(values, dtype=float)  # None becomes NaN
-
-
-def _curves(data: dict[str, Any]) -> StudyCurves:
-    curves = tuple(
-        StudyCurve(**{**curve, "x": _array(curve["x"]), "y": _array(curve["y"])})
-        for curve in data["curves"]
-    )
-    if unknown := {curve.kind for curve in curves} - set(get_args(CurveKind)):
-        raise ValueError(f"no kind of curve: {', '.join(sorted(unknown))}")
-    return StudyCurves(**{**data, "curves": curves})
-
-
-def _surface(data: dict[str, Any]) -> StudySurface:
-    return StudySurface(**{**data, **{name: _array(data[name]) for name in "xyz"}})
+@cache
+def _as_written() -> TypeAdapter[StudyRecord]:
+    return TypeAdapter(StudyRecord)

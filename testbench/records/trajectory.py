@@ -1,5 +1,4 @@
-"""A joint trajectory as knots with position, velocity and acceleration, joined by quintic
-polynomials.
+"""A joint trajectory: knots with position, velocity and acceleration, joined by quintics.
 
 Jerk-limited motion is a cubic between the switches of its jerk, and a quintic that meets value,
 slope and curvature at both ends of a cubic is that cubic: with knots at the switches nothing is
@@ -23,9 +22,9 @@ class Trajectory:
 
     Attributes:
         time_ns: Strictly increasing, shape (k,), int64.
-        q: Shape (k, n_joints) [rad], [rad/s], [rad/s^2].
-        v: Shape (k, n_joints) [rad], [rad/s], [rad/s^2].
-        a: Shape (k, n_joints) [rad], [rad/s], [rad/s^2].
+        q: Angles, shape (k, n_joints) [rad].
+        v: Rates, shape (k, n_joints) [rad/s].
+        a: Accelerations, shape (k, n_joints) [rad/s^2].
     """
 
     time_ns: np.ndarray
@@ -42,10 +41,10 @@ class Trajectory:
         """State at times, held at rest before the first and after the last knot.
 
         Args:
-            time_ns: Shape (n,), int64, increasing.
+            time_ns: Increasing, shape (n,), int64.
 
         Returns:
-            q, v, a, each of shape (n, n_joints).
+            Angles [rad], rates [rad/s] and accelerations [rad/s^2], each of shape (n, n_joints).
         """
         return hermite(
             self.time_ns, self.q, self.v, self.a, np.ascontiguousarray(time_ns, dtype=np.int64)
@@ -58,8 +57,14 @@ class Trajectory:
         return ~(still[1:] & still[:-1] & same)
 
     def sample_moving(self, interval_ns: int, size: int) -> Iterator[np.ndarray]:
-        """Times on a regular grid where the trajectory moves, with every knot, in pieces of `size`,
-        int64, but for the last.
+        """Times on a regular grid where the trajectory moves, with every knot.
+
+        Args:
+            interval_ns: Of the grid.
+            size: Of the chunks that they come in, but for the last.
+
+        Yields:
+            Shape (size,), int64 [ns].
         """
         first, last, moving = int(self.time_ns[0]), int(self.time_ns[-1]), self.moving()
         held = np.zeros(0, dtype=np.int64)
@@ -82,7 +87,18 @@ class Trajectory:
 def hermite(
     knots: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Quintic Hermite interpolation with its first and second derivatives; see `Trajectory.at`."""
+    """Quintic Hermite interpolation with its first and second derivatives, for `Trajectory.at`.
+
+    Args:
+        knots: Strictly increasing times, shape (k,), int64 [ns].
+        q: Angles at the knots, shape (k, m) [rad].
+        v: Rates at the knots, shape (k, m) [rad/s].
+        a: Accelerations at the knots, shape (k, m) [rad/s^2].
+        at: Increasing times, shape (n,), int64 [ns].
+
+    Returns:
+        Angles [rad], rates [rad/s] and accelerations [rad/s^2], each of shape (n, m).
+    """
     n, m, last = at.shape[0], q.shape[1], knots.shape[0] - 1
     qs = np.empty((n, m))
     vs = np.empty((n, m))

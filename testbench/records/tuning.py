@@ -13,8 +13,10 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from testbench.exceptions import InputError
+from testbench.records.layout import imu_stream, table_file
+from testbench.records.replacing import stored_where_asked, write_text
 from testbench.records.session import Session
-from testbench.records.storage import write_json
+from testbench.records.storage import json_text
 from testbench.records.strict import StrictModel
 from testbench.records.yaml_file import load_yaml
 
@@ -146,10 +148,8 @@ class Tuning(StrictModel):
             InputError: The file exists already, or cannot be written.
         """
         refuse_file(file)
-        try:
-            write_json(file, self.model_dump())
-        except OSError as error:
-            raise InputError(f"{file} cannot be written: {error.strerror}") from None
+        with stored_where_asked(file):
+            write_text(file, json_text(self.model_dump()), anew=True)
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,8 @@ class UsedTuning:
 
     Attributes:
         objective: What they were tuned for.
-        tuned_utc: When, and by which version of the bench.
-        software: When, and by which version of the bench.
+        tuned_utc: When.
+        software: Version of the bench that tuned them.
         tuned: Names of the parameters.
         tuned_on: Names of the sessions.
         on_this_session: Whether this recording was among them, under any name.
@@ -177,9 +177,9 @@ def describe(session: Session, role: Literal["tuning", "test"]) -> SessionTuning
     """A session by what tells it from others, not judged yet."""
     files = session.manifest.get("files", {})
     samples = {
-        name: str(files[f"imu_{name}.parquet"])
+        name: str(files[file])
         for name in session.sensor_names
-        if f"imu_{name}.parquet" in files
+        if (file := table_file(imu_stream(name))) in files
     }
     return SessionTuning(
         session=session.name,

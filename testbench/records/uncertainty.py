@@ -1,13 +1,13 @@
-"""Uncertainty budgets: how far the truth that errors are judged by may itself be off (JCGM
-100:2008).
-"""
+"""Uncertainty budgets: how far the truth behind an error may itself be off (JCGM 100:2008)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Literal
 
-Evaluation = Literal["A", "B"]
+from testbench.records.json_record import Number
+
+Kind = Literal["A", "B"]
 COVERAGE_FACTOR = 2.0
 """k of every expanded uncertainty; about 95 % for a normal distribution (JCGM 100:2008, 6.3.3)."""
 
@@ -20,9 +20,9 @@ class UncertaintySource:
         source: What may be off.
         kind: "A" from the recording's own scatter, "B" from elsewhere (JCGM 100:2008, 4.2 and 4.3).
         value: As its source states it.
-        unit: As its source states it.
-        distribution: What makes a standard uncertainty of it.
-        divisor: What makes a standard uncertainty of it.
+        unit: Of the value.
+        distribution: That the value is taken to have, such as "normal" or "rectangular".
+        divisor: What makes a standard uncertainty of the value.
         standard_uncertainty: value / divisor, in the same unit.
         sensitivity: Change of the mean error for a change of one unit of the source [deg/unit];
             smaller where it averages.
@@ -35,15 +35,15 @@ class UncertaintySource:
     """
 
     source: str
-    kind: Evaluation
-    value: float
+    kind: Kind
+    value: Number
     unit: str
     distribution: str
-    divisor: float
-    standard_uncertainty: float
-    sensitivity: float
-    contribution_deg: float
-    magnitude_deg: float
+    divisor: Number
+    standard_uncertainty: Number
+    sensitivity: Number
+    contribution_deg: Number
+    magnitude_deg: Number
     degrees_of_freedom: float | None
     why: str
 
@@ -55,18 +55,17 @@ class UncertaintyBudget:
     Attributes:
         owner: Joint of the protocol, joint of the arm, or sensor.
         quantity: "flexion", "angle" (of the arm's joint), "total", "heading" or "inclination".
-        section: Of a joint's poses or sweeps; None for a sensor, which is judged over the whole
+        section: Of a joint's poses or sweeps; None for a sensor, which is evaluated over the whole
             session.
         sources: The lines.
         complete: Whether every source is known; where not, nothing below is stated.
-        combined_deg: Combined standard uncertainties, of the signed mean and of magnitudes.
-        combined_magnitude_deg: Combined standard uncertainties, of the signed mean and of
-            magnitudes.
+        combined_deg: Combined standard uncertainty of the signed mean.
+        combined_magnitude_deg: Combined standard uncertainty of magnitudes.
         degrees_of_freedom: Effective, of the signed mean (Welch-Satterthwaite); None for infinitely
             many.
         coverage_factor: k.
-        expanded_deg: k times the combined ones.
-        expanded_magnitude_deg: k times the combined ones.
+        expanded_deg: k times the combined uncertainty of the signed mean.
+        expanded_magnitude_deg: k times the combined uncertainty of magnitudes.
         notes: What is missing, and what was assumed.
     """
 
@@ -78,7 +77,7 @@ class UncertaintyBudget:
     combined_deg: float | None
     combined_magnitude_deg: float | None
     degrees_of_freedom: float | None
-    coverage_factor: float
+    coverage_factor: Number
     expanded_deg: float | None
     expanded_magnitude_deg: float | None
     notes: list[str] = field(default_factory=list)

@@ -11,6 +11,7 @@ from testbench.records.calibration import MountingCalibration, TriadCalibration
 from testbench.records.calibration_result import CalibrationResult
 from testbench.records.fit import Fit
 from testbench.records.published import load_published
+from testbench.records.replacing import stored, write_text
 from testbench.reporting.figures import heat_map
 from testbench.reporting.page import Block, Figures, Section, Sentence, Tile
 from testbench.reporting.render import render_page
@@ -74,7 +75,8 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
         footer="Rows in italics are published values. All uncertainties are standard uncertainties "
         "unless a column says 95 %.",
     )
-    path.write_text(html, encoding="utf-8")
+    with stored(path, "the calibration is kept"):
+        write_text(path, html)
     return path
 
 

@@ -76,8 +76,9 @@ def error_curves(
     leave most of them flat.
 
     Args:
-        x_title: Of the axes.
-        y_title: Of the axes.
+        curves: What is drawn.
+        x_title: Of the abscissa.
+        y_title: Of the ordinate.
         logarithmic: The vertical axis in any case; zeros have no place on it.
         plane: Both axes are places, drawn to one scale.
     """
@@ -180,9 +181,13 @@ def heat_map(
     """Values over a grid.
 
     Args:
-        x: Shape (m,), (n,); words make cells of equal size.
-        y: Shape (m,), (n,); words make cells of equal size.
-        z: Shape (n, m), NaN where there is none.
+        title: Of the figure.
+        x: Columns, shape (m,); words make cells of equal size.
+        y: Rows, shape (n,); words make cells of equal size.
+        z: Values, shape (n, m), NaN where there is none.
+        x_title: Of the abscissa.
+        y_title: Of the ordinate.
+        z_title: Of the colours.
         z_max: Upper end of the colours; cells beyond it are crossed.
     """
     end = _rounded_up(z_max)

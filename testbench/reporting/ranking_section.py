@@ -152,6 +152,7 @@ def distribution_table(
     """How errors are spread, how late they are and how they settle.
 
     Args:
+        caption: What the table shows.
         names: Titles of the leading columns.
         rows: Their cells, and the errors.
         how: More to read it by.

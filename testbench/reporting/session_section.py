@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from testbench.frames import NANOSECONDS
+from testbench.records.arm_record import arm_record
 from testbench.records.evaluation import Evaluation, Metric
 from testbench.records.session import Session
 from testbench.records.strict import Placement
@@ -83,25 +84,21 @@ def facts(session: Session) -> list[tuple[str, str]]:
 
 def simulated_parts(session: Session) -> str:
     """What of a recording came from a model, in a few words; empty if nothing did."""
-    arm = _mapping(session.manifest.get("arm")).get("driver")
+    arm = arm_record(session.manifest)
     sensors = [
         _mapping(sensor).get("driver") == "simulated"
         for sensor in session.manifest["sensors"].values()
     ]
-    if arm == "simulated":
+    if arm is not None and arm.simulated:
         return (
             "models of the arm and of the sensors, not from real ones"
             if any(sensors)
-            else "a model of the arm"
+            else arm.provenance
         )
     if not any(sensors):
         return ""
     which = "models of the sensors" if all(sensors) else "models of some of the sensors"
-    moved = {
-        "ur": "which followed the motion that the controller of an arm reported",
-        "replay": "which followed a recorded motion",
-    }
-    return ", ".join([which, *([moved[arm]] if arm in moved else [])])
+    return which if arm is None else f"{which}, which followed {arm.provenance}"
 
 
 def _interruptions(session: Session) -> list[Sentence]:
@@ -453,7 +450,7 @@ def _repeatable(session: Session) -> str:
             "the same files, options and versions give the same session; the files themselves "
             "are not in it"
         )
-    if session.has_protocol and _mapping(session.manifest.get("arm")).get("driver") == "simulated":
+    if session.has_protocol and "arm" in session.simulated:
         return "the same plan, seed and versions give the same raw files, bit by bit"
     return (
         "what real devices measured cannot be measured again; the versions are of the software "

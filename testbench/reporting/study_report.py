@@ -9,6 +9,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from testbench.records.replacing import stored, write_text
 from testbench.records.study import (
     StudyBoxes,
     StudyCurves,
@@ -49,11 +50,15 @@ digits.
 
 
 def study_report(study: StudyRecord, folder: Path) -> Path:
-    """Write report.html into the study's folder, and return its path."""
+    """Write report.html into the study's folder, and return its path.
+
+    Raises:
+        StorageError: The disk does not take it; an earlier report stays.
+    """
     path = folder / FILE
-    partial = path.with_suffix(".partial")
-    partial.write_text(render_study(study, folder), encoding="utf-8")
-    partial.replace(path)
+    page = render_study(study, folder)
+    with stored(path, "the sessions of the study are as they were"):
+        write_text(path, page)
     return path
 
 
@@ -61,6 +66,7 @@ def render_study(study: StudyRecord, folder: Path | None = None) -> str:
     """The report as HTML.
 
     Args:
+        study: What is reported.
         folder: That it will lie in, for links to the sessions; without one they are named alone.
     """
     sections = [_answer(study)]

@@ -19,7 +19,7 @@ from testbench.estimation.filters import (
 from testbench.evaluation.judged import judged_steps, sound_truth
 from testbench.evaluation.objective import Objective
 from testbench.evaluation.orientation import sensor_errors
-from testbench.execution import execute
+from testbench.execution import RunOptions, execute
 from testbench.model import rotation
 from testbench.model.noise import random_stream
 from testbench.pipeline import analyse, make_plan
@@ -97,7 +97,7 @@ def run(bench: StudyBench) -> StudyRecord:
     sessions: list[Session] = []
     for seed in range(bench.seed, bench.seed + bench.parts):
         bench.say(f"part {len(sessions) + 1} of {bench.parts} on the arm")
-        sessions.append(execute(the_plan, bench.logs, seed, clock=bench.clock))
+        sessions.append(execute(the_plan, bench.logs, seed, RunOptions(clock=bench.clock)))
         analyse(
             sessions[-1], the_plan=the_plan
         )  # for its report; the study tunes and judges by itself

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbench.estimation.calibration.gyroscope import static_bias
-from testbench.execution import execute
+from testbench.execution import RunOptions, execute
 from testbench.model.imu import TriadErrors, TriadModel
 from testbench.pipeline import analyse, make_plan
 from testbench.records.calibration import TriadCalibration
@@ -60,7 +60,7 @@ def run(bench: StudyBench) -> StudyRecord:
     sessions = []
     for seed in range(bench.seed, bench.seed + bench.parts):
         bench.say(f"part {len(parts) + 1} of {bench.parts} on the gimbal")
-        session = execute(the_plan, bench.logs, seed, clock=bench.clock)
+        session = execute(the_plan, bench.logs, seed, RunOptions(clock=bench.clock))
         parts.append(read_part(session, analyse(session).estimate))
         sessions.append(str(session.path))
     bench.say("calibrations and tables")

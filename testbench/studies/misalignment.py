@@ -173,6 +173,8 @@ def fit_table(
 
     Args:
         magnitudes: Of the error, shape (f, d) [deg].
+        flexion_deg: Rows of the magnitudes, shape (f,).
+        misalignment_deg: Columns of the magnitudes, shape (d,).
         published: Fits on the same grid, or None.
     """
     theirs = {row.label: row for row in published.tables["misalignment"].rows} if published else {}

@@ -35,6 +35,9 @@ def session_curves(
     gave.
 
     Args:
+        session: The recording.
+        evaluation: Of the session.
+        joint: Of the protocol.
         flexions_deg: Those to show; three of those that the session commanded, the largest among
             them, if None.
 

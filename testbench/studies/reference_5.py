@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.clock import Clock
-from testbench.execution import execute
+from testbench.execution import RunOptions, execute
 from testbench.pipeline import analyse, make_plan
 from testbench.records.evaluation import ChainRow
 from testbench.records.protocol import Protocol
@@ -182,7 +182,7 @@ def reference_5(
         for i, seed in enumerate(each * part + k for part in seeds for k in range(each)):
             if say is not None and (each == 1 or i % each == 0):
                 say(f"running {name}, seed {seed}" + (f" to {seed + each - 1}" if each > 1 else ""))
-            session = execute(the_plan, logs, seed, clock=clock)
+            session = execute(the_plan, logs, seed, RunOptions(clock=clock))
             result = analyse(session, with_report=with_report and i < len(seeds), the_plan=the_plan)
             rows.extend(result.evaluation.chain)
             sessions[name].append(session.path)

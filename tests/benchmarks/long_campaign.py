@@ -38,19 +38,29 @@ sensors:
     segment: {{name: forearm, rotation_deg: {{XYZ: [90, 0, 0]}}}}
     mounting: {{rotation_deg: {{XYZ: [90, 90, 0]}}, position_mm: [0, 0, 10]}}
 joints:
-  elbow: {{proximal: arm, distal: forearm, sequence: ZXZ, flexion: second, reference_joint: wrist_3_joint}}
+  elbow:
+    proximal: arm
+    distal: forearm
+    sequence: ZXZ
+    flexion: second
+    reference_joint: wrist_3_joint
 variables:
   lap: {{start: 1, stop: {rounds}, step: 1}}
 sections:
   - name: reference
     role: reference
-    steps: [{{move_to_deg: [180, -90, -90, 0, 90, 0], dwell_s: 15}}, {{move_to_deg: [180, -90, -90, 0, 90, 35], dwell_s: 2}}]
+    steps:
+      - {{move_to_deg: [180, -90, -90, 0, 90, 0], dwell_s: 15}}
+      - {{move_to_deg: [180, -90, -90, 0, 90, 35], dwell_s: 2}}
   - name: sweeps
     for_each: [lap]
     steps: # a minute: ramps of a cycle at either end, and rests
-      - {{sweep: {{wrist_3_joint: {{sine: {{amplitude_deg: 30, frequency_hz: 0.25, cycles: 4}}}}}}, dwell_s: 2}}
-      - {{sweep: {{wrist_3_joint: {{sine: {{amplitude_deg: 20, frequency_hz: 0.5, cycles: 8}}}}}}, dwell_s: 2}}
-      - {{sweep: {{wrist_3_joint: {{sine: {{amplitude_deg: 10, frequency_hz: 1, cycles: 7}}}}}}, dwell_s: 3}}
+      - sweep: {{wrist_3_joint: {{sine: {{amplitude_deg: 30, frequency_hz: 0.25, cycles: 4}}}}}}
+        dwell_s: 2
+      - sweep: {{wrist_3_joint: {{sine: {{amplitude_deg: 20, frequency_hz: 0.5, cycles: 8}}}}}}
+        dwell_s: 2
+      - sweep: {{wrist_3_joint: {{sine: {{amplitude_deg: 10, frequency_hz: 1, cycles: 7}}}}}}
+        dwell_s: 3
 estimate: {{filters: [device, vqf_6d, vqf_9d], align: reference_pose, calibrate: none}}
 """
 
@@ -66,23 +76,28 @@ found = {}
 def tell(progress):
     print(progress.time / progress.duration, flush=True)
 if stage in {"plan", "run"}:
-    from testbench import execute
+    from testbench.execution import RunOptions, execute
     from testbench.pipeline import make_plan
     plan = make_plan(folder / "campaign.yaml")
     found = {"duration_s": plan.duration, "knots": len(plan.trajectory.time_ns)}
     if stage == "run":
-        execute(plan, folder / "logs", seed=1, progress=tell, session_name="campaign")
+        execute(plan, folder / "logs", 1, RunOptions(progress=tell, session_name="campaign"))
 elif stage == "resume":
-    from testbench import execute
+    from testbench.execution import RunOptions, execute
     from testbench.execution.executor import simulated_sensors
-    from testbench.execution.resume import open_for_resume, refuse_differences, stored_protocol, stored_robot
+    from testbench.execution.resume import (
+        open_for_resume,
+        refuse_differences,
+        stored_protocol,
+        stored_robot,
+    )
     from testbench.pipeline import make_plan
     session = open_for_resume(path)
     found = {"had_s": session.manifest["duration_s"]}
     with stored_protocol(session) as protocol:
         plan = make_plan(protocol, stored_robot(session))
         refuse_differences(session, plan, simulated_sensors(plan))
-        session = execute(plan, seed=1, resumed=session)
+        session = execute(plan, seed=1, options=RunOptions(resumed=session))
     found |= {"status": session.status, "duration_s": session.manifest["duration_s"]}
 else:
     from testbench.estimation import estimate
@@ -97,7 +112,8 @@ else:
     elif stage == "evaluate":
         made = evaluate(session, Estimate.load(path))
         made.save(path)
-        found = {"errors": {f"{r.sensor} {r.filter}": r.inclination_rmse_deg for r in made.orientation}}
+        rows = made.orientation
+        found = {"errors": {f"{r.sensor} {r.filter}": r.inclination_rmse_deg for r in rows}}
         found["rows"] = len(made.joint_angle)
     else:
         from testbench.records.evaluation import Evaluation

@@ -36,8 +36,10 @@ if stage == "import":
     from testbench.formats import import_recording
     from testbench.formats.options import Options
     files = sorted(folder.glob("sensor*.csv"))
-    session = import_recording("generic", files, path, SystemClock(), Options(str(folder / "map.yaml")))
-    found = {"duration_s": session.manifest["duration_s"], "samples": sum(session.manifest["samples"].values())}
+    options = Options(str(folder / "map.yaml"))
+    session = import_recording("generic", files, path, SystemClock(), options)
+    manifest = session.manifest
+    found = {"duration_s": manifest["duration_s"], "samples": sum(manifest["samples"].values())}
 else:
     from testbench.estimation import access, estimate
     from testbench.evaluation import evaluate
@@ -48,13 +50,16 @@ else:
     if stage == "estimate":
         made = estimate(session)
         made.save(path)
-        found = {"clock": [s.clock.offset_s for s in made.sensors.values()], "drift_ppm": [s.clock.drift_ppm for s in
-                 made.sensors.values()], "frames": [f.method for s in made.sensors.values() for f in s.frames.values()]}
+        sensors = made.sensors.values()
+        found = {"clock": [s.clock.offset_s for s in sensors],
+                 "drift_ppm": [s.clock.drift_ppm for s in sensors],
+                 "frames": [f.method for s in sensors for f in s.frames.values()]}
     elif stage == "evaluate":
         made = evaluate(session, Estimate.load(path))
         made.save(path)
-        found = {"errors": {f"{r.sensor} {r.filter}": r.inclination_rmse_deg for r in made.orientation},
-                 "samples": {r.sensor: r.n for r in made.orientation}, "noise": len(made.noise)}
+        rows = made.orientation
+        found = {"errors": {f"{r.sensor} {r.filter}": r.inclination_rmse_deg for r in rows},
+                 "samples": {r.sensor: r.n for r in rows}, "noise": len(made.noise)}
     else:
         from testbench.reporting.report import report
         found = {"report_mb": report(session).stat().st_size / 1e6}

@@ -15,8 +15,10 @@ from testbench.clock import SystemClock
 from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
-from testbench.drivers.imus.streamed import SessionTime
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.drivers.session_time import SessionTime
+from testbench.execution import RunOptions
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
 from testbench.pipeline import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import Session
@@ -57,7 +59,9 @@ sections:
   - name: poses
     role: reference
     for_each: [misalignment_deg, flexion_deg]
-    steps: [{move_to_deg: [misalignment_deg, 0, -90, 0, 90 - misalignment_deg, flexion_deg], dwell_s: 0.5}]
+    steps:
+      - move_to_deg: [misalignment_deg, 0, -90, 0, 90 - misalignment_deg, flexion_deg]
+        dwell_s: 0.5
   - name: sweep
     steps:
       - {move_to: home, dwell_s: 0.5}
@@ -73,7 +77,7 @@ def run(plan: Plan, address: str, logs: Path) -> Session:
         arm: SteppingArm = XArm(plan.robot, xarm_settings(plan, f"{address}:{COMMAND_PORT}"), time)
     else:
         arm = UrArm(plan.robot, ur_settings(plan, address), time)
-    return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), time, ArmRunOptions(logs))
+    return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), RunOptions(logs))
 
 
 def worst_pose(session: Session, plan: Plan) -> tuple[int, float]:

@@ -12,9 +12,9 @@ from typing import Any
 
 from testbench.clock import SystemClock
 from testbench.drivers.imus.bluetooth import BluetoothLoop
-from testbench.drivers.imus.streamed import SessionTime
 from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.drivers.imus.xsens_dot_payload import LONG_PAYLOAD
+from testbench.drivers.session_time import SessionTime
 
 G = 9.80665
 TICK_US = 16667  # 60 Hz, as real recordings of the DOT show

@@ -20,9 +20,7 @@ def test_wraps_are_resolved_even_across_a_gap_longer_than_a_turn() -> None:
         clock.accept(time_ns, 3 * S + passed + passed // 20_000)
 
 
-def test_a_stamp_that_contradicts_the_host_is_not_believed_and_a_restart_carries_on_by_the_host() -> (
-    None
-):
+def test_a_stamp_that_contradicts_the_host_is_not_believed_and_a_restart_goes_on_by_it() -> None:
     clock = DeviceClock(None)
     clock.accept(100 * S, 5 * S)
     assert clock.unwrap(101 * S, 6 * S) == 101 * S

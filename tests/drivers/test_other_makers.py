@@ -9,13 +9,12 @@ import socket
 import pytest
 from typer.testing import CliRunner
 
-from testbench.arm_pipeline import refuse_other_maker
 from testbench.cli.app import app
+from testbench.drivers.arms.catalogue import refuse_other_maker
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.exceptions import InputError
 from testbench.pipeline import make_plan
-from testbench.records.robot import load_robot
 
 
 @pytest.mark.parametrize(
@@ -57,12 +56,12 @@ def test_another_makers_arm_is_refused_by_name_before_anything_is_connected(
 
 def test_each_driver_takes_its_own_arms_and_a_replay_takes_all():
     for name in ("ur3e", "ur5e", "ur10e"):
-        refuse_other_maker(load_robot(name), "ur")
-    refuse_other_maker(load_robot("xarm6"), "xarm")
+        refuse_other_maker("ur", name)
+    refuse_other_maker("xarm", "xarm6")
     for name in ("ur3e", "xarm6", "panda"):
-        refuse_other_maker(load_robot(name), "replay")
+        refuse_other_maker("replay", name)
     with pytest.raises(InputError, match="the plan is for panda, which no driver is for"):
-        refuse_other_maker(load_robot("panda"), "ur")
+        refuse_other_maker("ur", "panda")
 
 
 def test_the_drivers_themselves_refuse_too():

@@ -26,7 +26,7 @@ def test_every_fault_in_motion_has_its_advice(arm, client):
     assert (
         {"disconnect", "protective_stop", "tracking_error"}
         <= told - BEFORE_A_SESSION
-        <= set(arm.remedies)
+        <= set(arm.entry.remedies)
     )
 
 

@@ -16,7 +16,7 @@ import pytest
 from testbench.clock import SystemClock
 from testbench.drivers.imus.line_format import LineFormat
 from testbench.drivers.imus.serial_line import LONGEST_LINE, SerialImu, open_serial_port
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
 from testbench.records.samples import ImuSamples
 from tests.drivers.board_lines import line, make_format

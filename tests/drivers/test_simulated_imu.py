@@ -243,7 +243,7 @@ def test_a_mounting_error_is_felt_by_the_sensor_and_unknown_to_the_truth(quick_p
     lever = np.abs(felt_crooked.acc - felt.acc @ turn)
     assert 0.01 < lever.max() < 5  # and it sits further out
     for bench in (straight, crooked):
-        bench.truth = kinematic_truth(bench.kinematics, bench.arm_samples, bench.sensor)  # type: ignore[attr-defined]
+        bench.truth = kinematic_truth(bench.kinematics, bench.arm_samples, bench.sensor)
     np.testing.assert_array_equal(
         straight.truth.q_world_from_sensor,
         crooked.truth.q_world_from_sensor,  # type: ignore[attr-defined]

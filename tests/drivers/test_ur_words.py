@@ -41,7 +41,7 @@ def test_where_the_arm_is_nobody_knows_after_a_silence():
         ArmFault, match="the controller sent no data for 120 ms of a motion"
     ) as caught:
         worker(0.12)._compare(sent(9, 6, 8))
-    assert caught.value.kind == "rtde_silence"
+    assert caught.value.kind == "report_silence"
 
 
 def client(running: bool = False) -> UrClient:
@@ -57,7 +57,7 @@ def answer_after(seconds: float) -> bool:
     return True
 
 
-def test_a_program_that_ended_while_the_controller_kept_the_client_waiting_was_not_stopped_by_anybody():
+def test_a_program_that_ended_while_the_controller_kept_the_client_waiting_was_stopped_by_nobody():
     slow = client()
     slow._command("", answer_after, 0.25)
     with pytest.raises(

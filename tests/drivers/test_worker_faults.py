@@ -81,11 +81,11 @@ def test_a_fault_has_the_time_at_which_it_was_found():
     the_plan = plan("quick")
     arm = UrArm(the_plan.robot, ur_settings(the_plan, "nowhere"))
     arm._origin_ns = 1_000_000_000
-    arm._fail(("fault", "rtde_silence", "no data", 6_500_000_000))
+    arm._fail(("fault", "report_silence", "no data", 6_500_000_000))
     (event,) = arm.events()
     assert (event.host_time_ns, event.details) == (
         5_500_000_000,
-        {"fault": "rtde_silence", "message": "no data"},
+        {"fault": "report_silence", "message": "no data"},
     )
 
 

@@ -11,21 +11,20 @@ from typing import Any
 
 import pytest
 
-from testbench.clock import SystemClock
-from testbench.drivers.imus import xsens_dot_sync
+from testbench.drivers.imus import xsens_dot_messages, xsens_dot_sync
 from testbench.drivers.imus.bluetooth import BluetoothLoop
 from testbench.drivers.imus.xsens_dot import XsensDot
-from testbench.drivers.imus.xsens_dot_sync import (
+from testbench.drivers.imus.xsens_dot_messages import (
     GET_STATUS,
     MESSAGE_NOTIFICATION,
     STOP,
     message,
     parse,
     start_message,
-    synchronise,
 )
+from testbench.drivers.imus.xsens_dot_sync import synchronise
 from testbench.exceptions import DriverError, InputError
-from testbench.execution.device_recorder import open_devices
+from testbench.execution.devices import open_devices
 from tests.drivers.fake_dots import Bench, FakeClient, FakeDot, FakeScanner, events_of
 
 ROOT, OTHER, THIRD = "D4:22:CD:AA:BB:CC", "D4:22:CD:00:00:02", "D4:22:CD:00:00:03"
@@ -199,7 +198,7 @@ def test_an_old_firmware_that_does_not_answer_is_named(
 ) -> None:
     own = bench(SyncDot(ROOT), SyncDot(OTHER))
     own.dots[1].mute = True
-    monkeypatch.setattr(xsens_dot_sync, "ANSWER_S", 0.05)
+    monkeypatch.setattr(xsens_dot_messages, "ANSWER_S", 0.05)
     with pytest.raises(DriverError, match=f"Xsens DOT {OTHER}: it does not answer"):
         synchronise(connected(own), 0.01)
     assert own.dots[0].log == []  # nothing was begun
@@ -210,9 +209,7 @@ def test_devices_are_synchronised_before_any_of_them_streams(
 ) -> None:
     own = bench(SyncDot(ROOT), SyncDot(OTHER))
     monkeypatch.setattr(xsens_dot_sync, "LISTEN_S", 0.01)
-    devices = open_devices(
-        [], [ROOT, OTHER], SystemClock(), bluetooth=own.loop, synchronise_dots=True
-    )
+    devices = open_devices([], [ROOT, OTHER], bluetooth=own.loop, synchronise_dots=True)
     devices.kickoff()
     assert [dot.log for dot in own.dots] == [["sync CC", "disconnect", "start 26"]] * 2
     devices.close()
@@ -221,4 +218,4 @@ def test_devices_are_synchronised_before_any_of_them_streams(
 
 def test_a_single_sensor_has_nobody_to_be_synchronised_with(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="several DOTs together; there is one"):
-        open_devices([], [ROOT], SystemClock(), synchronise_dots=True)
+        open_devices([], [ROOT], synchronise_dots=True)

@@ -93,7 +93,7 @@ def test_stopping_decelerates_as_asked_and_ends_at_rest(robot):
     assert joints.steady
 
 
-def test_a_jump_of_the_servo_target_never_exceeds_the_acceleration_limits_and_trips_at_the_speed_limit(
+def test_a_jump_of_the_servo_target_keeps_the_acceleration_limits_and_trips_at_the_speed_limit(
     robot,
 ):
     joints = Joints(robot, robot.home)

@@ -29,7 +29,7 @@ def copied(recorded, tmp_path):
     """A copy, as if of a real arm, that may be changed."""
     path = tmp_path / "copy"
     shutil.copytree(recorded.path, path)
-    changed_manifest(path, driver="ur")
+    changed_manifest(path, driver="ur", commanded=True)
     return path
 
 
@@ -65,7 +65,7 @@ def test_an_arm_that_lags_its_commands_is_none_of_this(copied):
 
 def test_a_log_is_not_asked_for_its_commands(copied):
     shifted(copied, -SECOND // 4)
-    changed_manifest(copied, driver="replay")
+    changed_manifest(copied, driver="replay", commanded=False)
     assert arm_notes(Session(copied)) == []
 
 

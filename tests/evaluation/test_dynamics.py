@@ -109,7 +109,7 @@ def test_the_settling_time_is_when_a_decaying_error_enters_the_band():
     assert found == pytest.approx(tau * np.log(size / CONVERGENCE_BAND), abs=2 / RATE)
 
 
-def test_an_error_that_is_settled_from_the_start_takes_no_time_and_one_that_never_is_takes_for_ever():
+def test_an_error_settled_from_the_start_takes_no_time_and_one_that_never_is_takes_for_ever():
     steps = [dwell(2.0, 6.0), dwell(8.0, 12.0), dwell(30.0, 31.0)]
     error = np.where(T < 7, 0.01, np.radians(2) * np.maximum(T - 7, 0))  # a drift that does not end
     found = convergence_times(TIME_NS, error, steps)

@@ -26,20 +26,33 @@ name: short_passage
 purpose: Swings to the bench and back, then a minute beside it
 robot: ur3e
 sensors:
-  arm: {preset: xsens_dot, link: forearm_link, segment: {name: upper_arm}, mounting: {position_mm: [-100, 0, 60]}}
-  forearm: {preset: xsens_dot, link: wrist_3_link, segment: {name: forearm}, mounting: {position_mm: [0, 0, 10]}}
+  arm:
+    preset: xsens_dot
+    link: forearm_link
+    segment: {name: upper_arm}
+    mounting: {position_mm: [-100, 0, 60]}
+  forearm:
+    preset: xsens_dot
+    link: wrist_3_link
+    segment: {name: forearm}
+    mounting: {position_mm: [0, 0, 10]}
 joints:
   wrist: {proximal: arm, distal: forearm, sequence: ZXZ, flexion: second}
 variables: {frequency_hz: [0.3, 0.35, 0.4, 0.45]}
 sections:
-  - {name: reference, role: reference, steps: [{move_to_deg: [0, -67.5, -90, -112.5, 90, 0], dwell_s: 15}]}
+  - name: reference
+    role: reference
+    steps: [{move_to_deg: [0, -67.5, -90, -112.5, 90, 0], dwell_s: 15}]
   - name: passes
     for_each: [frequency_hz]
     steps:
       - sweep:
-          shoulder_pan_joint: {sine: {amplitude_deg: 40, frequency_hz: frequency_hz / 2, cycles: 1, ramp_cycles: 0.5}}
-          shoulder_lift_joint: {sine: {amplitude_deg: 22.5, frequency_hz: frequency_hz, cycles: 2, ramp_cycles: 1}}
-          wrist_1_joint: {sine: {amplitude_deg: -22.5, frequency_hz: frequency_hz, cycles: 2, ramp_cycles: 1}}
+          shoulder_pan_joint:
+            sine: {amplitude_deg: 40, frequency_hz: frequency_hz / 2, cycles: 1, ramp_cycles: 0.5}
+          shoulder_lift_joint:
+            sine: {amplitude_deg: 22.5, frequency_hz: frequency_hz, cycles: 2, ramp_cycles: 1}
+          wrist_1_joint:
+            sine: {amplitude_deg: -22.5, frequency_hz: frequency_hz, cycles: 2, ramp_cycles: 1}
   - {name: stay, steps: [{move_to_deg: [0, -45, -90, -135, 90, 0], dwell_s: 60}]}
 estimate: {filters: [ecompass, triad, vqf_9d], align: reference_pose, calibrate: none}
 """

@@ -9,8 +9,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
 
 import numpy as np
 import pandas as pd
@@ -20,13 +18,14 @@ import pytest
 from testbench import execute, plan
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.exceptions import DriverError, NotFoundError, RunInterrupted, SessionError
-from testbench.execution import truth
-from testbench.execution.executor import Progress
+from testbench.execution import RunOptions, truth
 from testbench.execution.recovery import recover
+from testbench.execution.run_progress import Progress
 from testbench.model.joint_motion import Smoothing
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus, Session, list_sessions
 from testbench.records.storage import journal_batches, read_parquet
+from tests.system.crashes import SEED, killed_at
 
 RAW = ["arm.parquet", "imu_hand.parquet", "truth_hand.parquet", "plan.parquet"]
 
@@ -132,7 +131,9 @@ def test_the_truth_is_made_of_measured_angles_and_is_not_the_plan(quick):
 def test_the_same_seed_writes_the_same_bytes_and_another_one_other_noise(
     tiny_plan, tmp_path, clock
 ):
-    first, again, other = (execute(tiny_plan, tmp_path, seed, clock=clock) for seed in (5, 5, 6))
+    first, again, other = (
+        execute(tiny_plan, tmp_path, seed, RunOptions(clock=clock)) for seed in (5, 5, 6)
+    )
     for name in RAW:
         assert (first.path / name).read_bytes() == (again.path / name).read_bytes(), name
     assert (first.path / "events.jsonl").read_bytes() == (again.path / "events.jsonl").read_bytes()
@@ -145,10 +146,10 @@ def test_the_same_seed_writes_the_same_bytes_and_another_one_other_noise(
 def test_a_run_in_real_time_writes_the_bytes_of_a_fast_one_and_keeps_its_rhythm(
     tiny_plan, tmp_path, clock, seed
 ):
-    fast = execute(tiny_plan, tmp_path, seed, clock=clock)
+    fast = execute(tiny_plan, tmp_path, seed, RunOptions(clock=clock))
     assert clock.slept == []
     started = clock.now_ns
-    slow = execute(tiny_plan, tmp_path, seed, "realtime", clock=clock)
+    slow = execute(tiny_plan, tmp_path, seed, RunOptions(speed="realtime", clock=clock))
     for name in RAW:
         assert (fast.path / name).read_bytes() == (slow.path / name).read_bytes(), name
     assert (clock.now_ns - started) / 1e9 == pytest.approx(tiny_plan.duration + 1, abs=0.1)
@@ -182,14 +183,16 @@ def test_the_steps_read_back_are_the_steps_planned(quick):
 
 
 def test_a_second_run_in_the_same_second_gets_a_folder_of_its_own(tiny_plan, tmp_path, clock):
-    names = [execute(tiny_plan, tmp_path, clock=clock).name for _ in range(3)]
+    names = [execute(tiny_plan, tmp_path, options=RunOptions(clock=clock)).name for _ in range(3)]
     assert names == ["20260102T030405Z_tiny", "20260102T030405Z_tiny_2", "20260102T030405Z_tiny_3"]
     assert [session.name for session in list_sessions(tmp_path)] == names
 
 
 def test_progress_counts_up_to_the_end(tiny_plan, tmp_path, clock):
     seen: list[Progress] = []
-    execute(tiny_plan, tmp_path, speed="realtime", clock=clock, progress=seen.append)
+    execute(
+        tiny_plan, tmp_path, options=RunOptions(speed="realtime", clock=clock, progress=seen.append)
+    )
     assert [p.time for p in seen] == sorted(p.time for p in seen)
     assert seen[-1].time == pytest.approx(seen[-1].duration)
     assert {p.step for p in seen} == {step.name for step in tiny_plan.steps}
@@ -207,7 +210,7 @@ def test_a_sensor_that_fails_is_a_bench_error_and_the_session_keeps_what_was_rec
 
     monkeypatch.setattr(SimulatedImu, "read", failing)
     with pytest.raises(DriverError, match="connection was lost"):
-        execute(tiny_plan, tmp_path, speed="realtime", clock=clock)
+        execute(tiny_plan, tmp_path, options=RunOptions(speed="realtime", clock=clock))
     (session,) = list_sessions(tmp_path)
     assert session.status is RunStatus.ERROR
     assert "connection was lost" in session.manifest["message"]
@@ -222,7 +225,7 @@ def test_a_bug_in_a_driver_closes_the_session_too(tiny_plan, tmp_path, clock, mo
 
     monkeypatch.setattr(SimulatedImu, "read", broken)
     with pytest.raises(ZeroDivisionError):
-        execute(tiny_plan, tmp_path, clock=clock)
+        execute(tiny_plan, tmp_path, options=RunOptions(clock=clock))
     (session,) = list_sessions(tmp_path)
     assert session.status is RunStatus.ERROR
 
@@ -234,7 +237,11 @@ def test_the_operators_stop_keeps_the_recording_up_to_rest(tiny_plan, tmp_path, 
 
     before = signal.getsignal(signal.SIGINT)  # a shell's background job ignores it
     with pytest.raises(RunInterrupted, match="interrupted by the operator") as caught:
-        execute(tiny_plan, tmp_path, speed="realtime", clock=clock, progress=stop_at_half)
+        execute(
+            tiny_plan,
+            tmp_path,
+            options=RunOptions(speed="realtime", clock=clock, progress=stop_at_half),
+        )
     session = caught.value.session
     assert caught.value.exit_code == 130
     whole = f"{len(session.steps)} of {len(tiny_plan.steps)} steps are whole"
@@ -284,46 +291,25 @@ def test_a_session_of_a_newer_schema_is_refused(tmp_path):
         Session(tmp_path)
 
 
-KILLED = """\
-import os, signal, sys
-from testbench import execute, plan
-
-def kill(progress):
-    print(progress.time, flush=True)
-    if progress.time > 1.5:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-execute(plan(sys.argv[1]), sys.argv[2], seed=3, speed="realtime", progress=kill, session_name="killed")
-"""
-
-
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory, tiny_plan):
-    """The logs folder of a run in real time that was killed after 1.6 s, and how far it had come
-    [s].
-    """
-    logs = tmp_path_factory.mktemp("killed")
-    done = subprocess.run(
-        [sys.executable, "-c", KILLED, str(tiny_plan.protocol.document.file), str(logs)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == -9, done.stderr
-    return logs, float(done.stdout.split()[-1])
+    """The folder of a run in real time that was killed after 1.6 s, and how far it had come [s]."""
+    protocol = tiny_plan.protocol.document.file
+    return killed_at(protocol, tmp_path_factory.mktemp("killed"), 1.6)
 
 
 def test_a_killed_run_leaves_all_but_its_last_second_in_readable_journals(killed):
-    logs, reached = killed
+    folder, reached = killed
+    assert reached > 1.4
     for name in ("arm", "imu_hand"):
-        _, batches = journal_batches(logs / "killed" / f"{name}.arrows")
+        _, batches = journal_batches(folder / f"{name}.arrows")
         last = max(batch["host_time_ns"].to_numpy()[-1] for batch in batches) / 1e9
         assert last > reached - 1
-    assert Session(logs / "killed").status is RunStatus.RUNNING
+    assert Session(folder).status is RunStatus.RUNNING
 
 
 def test_reading_a_killed_run_says_how_to_recover_it(killed):
-    session = Session(killed[0] / "killed")
+    session = Session(killed[0])
     with pytest.raises(SessionError, match="recover"):
         session.imu("hand")
 
@@ -331,12 +317,12 @@ def test_reading_a_killed_run_says_how_to_recover_it(killed):
 def test_a_recovered_run_equals_the_beginning_of_an_undisturbed_one(
     killed, tiny_plan, tmp_path, clock
 ):
-    shutil.copytree(killed[0] / "killed", tmp_path / "killed")
+    shutil.copytree(killed[0], tmp_path / "killed")
     session = recover(Session(tmp_path / "killed"))
     assert session.status is RunStatus.ABORTED
     assert "recovered" in session.manifest["message"]
     assert not list(session.path.glob("*.arrows"))
-    whole = execute(tiny_plan, tmp_path, seed=3, clock=clock)
+    whole = execute(tiny_plan, tmp_path, SEED, RunOptions(clock=clock))
     for found, expected in ((session.imu("hand"), whole.imu("hand")), (session.arm(), whole.arm())):
         n = len(found.host_time_ns)
         assert 0 < n < len(expected.host_time_ns)

@@ -27,7 +27,10 @@ MAPPING = """\
 description: a table
 text: {skip_lines: 5}
 time: {column: SampleTimeFine, unit: us, wraps_bits: 32}
-sensors: {imu: {acc: {columns: [Acc_X, Acc_Y, Acc_Z], unit: m/s^2}, gyr: {columns: [Gyr_X, Gyr_Y, Gyr_Z], unit: deg/s}}}
+sensors:
+  imu:
+    acc: {columns: [Acc_X, Acc_Y, Acc_Z], unit: m/s^2}
+    gyr: {columns: [Gyr_X, Gyr_Y, Gyr_Z], unit: deg/s}
 """
 
 

@@ -27,7 +27,8 @@ from testbench.formats.options import Options
 class Clock:
     def utc(self): return datetime(2026, 1, 1, tzinfo=UTC)
 begun = time.perf_counter()
-session = import_recording("generic", [Path(sys.argv[1])], Path(sys.argv[2]), Clock(), Options(sys.argv[3]))
+file, folder, options = Path(sys.argv[1]), Path(sys.argv[2]), Options(sys.argv[3])
+session = import_recording("generic", [file], folder, Clock(), options)
 took = time.perf_counter() - begun
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 print(session.manifest["samples"]["imu"], session.manifest["duration_s"] / took, peak)

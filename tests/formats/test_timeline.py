@@ -70,7 +70,7 @@ def test_microseconds_of_32_bits_go_on_after_71_minutes() -> None:
 
 @pytest.mark.parametrize(("unit", "factor"), [("s", 1e9), ("ms", 1e6), ("us", 1e3)])
 def test_units_of_time_become_nanoseconds(unit: str, factor: float) -> None:
-    assert list(StampedTime("t", unit)({"t": np.array([0.0, 1.5])}, 2)) == [0, round(1.5 * factor)]  # type: ignore[arg-type]
+    assert list(StampedTime("t", unit)({"t": np.array([0.0, 1.5])}, 2)) == [0, round(1.5 * factor)]
 
 
 def test_nanoseconds_since_1970_keep_every_digit() -> None:

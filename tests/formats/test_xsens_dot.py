@@ -15,8 +15,8 @@ from testbench.pipeline import analyse
 from testbench.records.session import Session
 
 ABOVE = (
-    "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nSyncStatus:,{sync}\nOutputRate:,{rate}Hz\nStartTime: "
-    ",now\n\n"
+    "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nSyncStatus:,{sync}\nOutputRate:,{rate}Hz\n"
+    "StartTime: ,now\n\n"
 )
 UP = np.array([0.0, 0.0, 9.80665])
 

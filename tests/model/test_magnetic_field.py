@@ -36,7 +36,7 @@ def arm() -> Robot:
 def link_pose(robot: Robot, link: str, q: np.ndarray) -> np.ndarray:
     """Pose of a link in the base, shape (4, 4), by the URDF's own numbers multiplied out."""
     tree = ElementTree.parse(robot.urdf)
-    parent = {joint.find("child").get("link"): joint for joint in tree.iter("joint")}  # type: ignore[union-attr]
+    parent = {joint.find("child").get("link"): joint for joint in tree.iter("joint")}
     pose = np.eye(4)
     while link in parent:
         joint = parent[link]
@@ -44,15 +44,15 @@ def link_pose(robot: Robot, link: str, q: np.ndarray) -> np.ndarray:
         origin = joint.find("origin")
         step[:3, :3] = Rotation.from_euler(
             "xyz", [float(v) for v in origin.get("rpy").split()]
-        ).as_matrix()  # type: ignore[union-attr]
-        step[:3, 3] = [float(v) for v in origin.get("xyz").split()]  # type: ignore[union-attr]
+        ).as_matrix()
+        step[:3, 3] = [float(v) for v in origin.get("xyz").split()]
         if joint.get("name") in robot.joint_names:
-            axis = np.array([float(v) for v in joint.find("axis").get("xyz").split()])  # type: ignore[union-attr]
+            axis = np.array([float(v) for v in joint.find("axis").get("xyz").split()])
             step[:3, :3] @= Rotation.from_rotvec(
                 q[robot.joint_names.index(joint.get("name"))] * axis
             ).as_matrix()
         pose = step @ pose
-        link = joint.find("parent").get("link")  # type: ignore[union-attr]
+        link = joint.find("parent").get("link")
     return pose
 
 
@@ -131,16 +131,16 @@ def test_the_joints_of_the_ur3e_are_magnetic_by_the_rule_that_its_file_states(ar
         joint.find("parent").get("link"): joint
         for joint in tree.iter("joint")
         if joint.get("name") in arm.joint_names
-    }  # type: ignore[union-attr]
+    }
     joints = [dipole for dipole in arm.spec.magnetism.dipoles if dipole.name.startswith("joint")]
     assert [dipole.link for dipole in joints] == [
         next(link for link, joint in next_joint.items() if joint.get("name") == name)
         for name in arm.joint_names
     ]
     for dipole in joints:
-        mass = float(inertial[dipole.link].find("mass").get("value"))  # type: ignore[union-attr]
-        centre = [float(v) for v in inertial[dipole.link].find("origin").get("xyz").split()]  # type: ignore[union-attr]
-        turn = [float(v) for v in next_joint[dipole.link].find("origin").get("rpy").split()]  # type: ignore[union-attr]
+        mass = float(inertial[dipole.link].find("mass").get("value"))
+        centre = [float(v) for v in inertial[dipole.link].find("origin").get("xyz").split()]
+        turn = [float(v) for v in next_joint[dipole.link].find("origin").get("rpy").split()]
         axis = Rotation.from_euler("xyz", turn).as_matrix()[:, 2]
         np.testing.assert_allclose(dipole.position_mm, 1000 * np.array(centre), atol=0.1)
         np.testing.assert_allclose(dipole.moment_A_m2, 0.025 * mass * axis, atol=6e-4)

@@ -81,7 +81,13 @@ sections:
     steps:
       - sweep:
           wrist_3_joint: {sine: {amplitude_deg: a_deg, frequency_hz: f_hz, cycles: 3}}
-          wrist_2_joint: {sine: {amplitude_deg: 10, frequency_hz: 2 * f_hz, cycles: 2, ramp_cycles: 0.5, phase_deg: 90}}
+          wrist_2_joint:
+            sine:
+              amplitude_deg: 10
+              frequency_hz: 2 * f_hz
+              cycles: 2
+              ramp_cycles: 0.5
+              phase_deg: 90
       - sweep: {elbow_joint: {trapezoid: {amplitude_deg: -20, rate_deg_s: 10, hold_s: 0.5}}}
 """
     together, alone = commands(tmp_path, text)

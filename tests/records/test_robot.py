@@ -33,7 +33,8 @@ VENDOR_ORDER = [
 ONE_JOINT = """<robot name="one">
   <link name="a"/><link name="b"/>
   <joint name="swing" type="revolute">
-    <parent link="a"/><child link="b"/><axis xyz="0 0 1"/><limit lower="-1" upper="2" velocity="3" effort="1"/>
+    <parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="2" velocity="3" effort="1"/>
   </joint>
 </robot>
 """

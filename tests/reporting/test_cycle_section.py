@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.records.evaluation import Evaluation, Outcome
+from testbench.records.evaluation import Evaluation
 from testbench.records.evaluation_rows import CycleRow
 from testbench.reporting.cycle_section import MOST_FILTERS, MOST_SHOWN, TRUE, cycle_blocks
 from testbench.reporting.page import Figures, Section
@@ -20,7 +20,8 @@ from testbench.reporting.tables import Table
 
 CHROMIUM = shutil.which("chromium")
 OPEN = """
-const page = document.documentElement.dataset, count = () => document.querySelectorAll(".figure.js-plotly-plot").length;
+const page = document.documentElement.dataset;
+const count = () => document.querySelectorAll(".figure.js-plotly-plot").length;
 const waiting = setInterval(() => {
   if (page.drawn !== "all") return;
   if (page.before) page.after = count();
@@ -70,9 +71,7 @@ def judged(rows):
         "estimated_sd_rad": sd,
     }
     table |= {"true_rad": true, "true_sd_rad": 0 * sd, "error_rad": error, "error_sd_rad": sd}
-    return Evaluation(
-        "s", [], [], [], Outcome.NOT_MEASURED, series={"cycles": table}, cycles=list(rows)
-    )
+    return Evaluation(session="s", series={"cycles": table}, cycles=list(rows))
 
 
 def blocks_of(rows):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,27 +12,12 @@ from testbench.exceptions import InputError
 from testbench.records.study import StudyRecord
 from testbench.studies import STUDIES
 from testbench.studies.folder import new_folder
-
-
-def call(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    program = (
-        "import sys; sys.path.insert(0, "
-        f"{str(Path(__file__).resolve().parents[2])!r})\nfrom testbench.cli import "
-        "main\nmain()"
-    )
-    return subprocess.run(
-        [sys.executable, "-c", program, *arguments],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+from tests.processes import bench
 
 
 def test_studies_are_listed(tmp_path):
-    assert "gimvebo" in call("study", "--list", cwd=tmp_path).stdout
-    listed = json.loads(call("study", "--list", "--json", cwd=tmp_path).stdout)
+    assert "gimvebo" in bench("study", "--list", cwd=tmp_path).stdout
+    listed = json.loads(bench("study", "--list", "--json", cwd=tmp_path).stdout)
     assert {"gimvebo", "misalignment", "reference-1", "reference-3", "reference-4"} <= {
         e["name"] for e in listed["studies"]
     }
@@ -42,26 +25,29 @@ def test_studies_are_listed(tmp_path):
 
 def test_an_unknown_study_is_refused_before_anything_runs(tmp_path):
     for arguments in (["study", "bode"], ["study"]):
-        result = call(*arguments, cwd=tmp_path)
+        result = bench(*arguments, cwd=tmp_path)
         assert result.returncode == 2
         assert "known: " in result.stderr and "gimvebo" in result.stderr
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
-def test_a_study_keeps_its_sessions_its_tables_and_its_report(tmp_path):
-    result = call(
-        "study", "gimvebo", "--logs", "kept", "--seed", "2", "--parts", "1", "--json", cwd=tmp_path
+def test_a_study_keeps_its_sessions_its_tables_and_its_report(own_swing, tmp_path):
+    result = bench(
+        *("study", "reference-4", "--logs", "kept", "--seed", "2", "--parts", "1", "--json"),
+        *("--protocol", own_swing),
+        cwd=tmp_path,
     )
     assert result.returncode == 0, result.stderr
     said = json.loads(result.stdout)
     folder = tmp_path / said["study"]
     record = StudyRecord.load(folder)
     assert (folder / "report.html").is_file() and record.settings["seed"] == 2
-    assert said["tables"][2]["rows"][0]["ratio"] < 0.05
+    (cycles,) = (table for table in said["tables"] if table["key"] == "cycles")
+    assert {tuple(row["values"][:3]) for row in cycles["rows"]} == {(5, 5, 0), (9, 9, 0)}
+    assert [table["key"] for table in said["tables"]] == [table.key for table in record.tables]
     (session,) = record.sessions
     assert (tmp_path / session / "evaluation.json").is_file()
-    sessions = json.loads(call("sessions", "--logs", "kept", "--json", cwd=tmp_path).stdout)[
+    sessions = json.loads(bench("sessions", "--logs", "kept", "--json", cwd=tmp_path).stdout)[
         "sessions"
     ]
     assert [entry["session"] for entry in sessions] == [
@@ -70,7 +56,7 @@ def test_a_study_keeps_its_sessions_its_tables_and_its_report(tmp_path):
 
 
 def test_reproduce_takes_no_name(tmp_path):
-    result = call("study", "gimvebo", "--reproduce", cwd=tmp_path)
+    result = bench("study", "gimvebo", "--reproduce", cwd=tmp_path)
     assert result.returncode == 2
     assert "--reproduce takes no name" in result.stderr
     assert list(tmp_path.iterdir()) == []

@@ -19,7 +19,8 @@ from testbench.evaluation import evaluate
 from testbench.evaluation.objective import Objective
 from testbench.exceptions import FileProblems, InputError, NotFoundError, SessionError
 from testbench.model import rotation
-from testbench.records.session import MANIFEST, Session
+from testbench.records.layout import MANIFEST
+from testbench.records.session import Session
 from testbench.records.tuning import load_tunings
 from testbench.studies.parameter_space import Effort
 from testbench.studies.tuning import Sessions, SessionTrials, tune

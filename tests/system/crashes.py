@@ -4,38 +4,28 @@ one.
 
 from __future__ import annotations
 
-import os
 import random
-import shlex
 import signal
-import subprocess
-import sys
 import time
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
+from testbench import execute, plan
 from testbench.arm_pipeline import resume
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.pipeline import analyse
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
 from testbench.records.storage import read_parquet
+from tests.processes import FORKS, forked, virtual_time
 
-ROOT = Path(__file__).resolve().parents[2]
-
-RUN = """\
-import sys
-from testbench import execute, plan
-
-def tell(progress):
-    print(progress.time, flush=True)
-
-the_plan = plan(sys.argv[1])
-print("ready", flush=True)
-execute(the_plan, sys.argv[2], seed=5, speed=sys.argv[3], progress=tell, session_name="run")
-"""
+SEED = 5
 
 
 @dataclass
@@ -54,39 +44,97 @@ class Outcome:
         return max(self.reached - self.recorded, 0.0)
 
 
-def undisturbed(protocol: Path, logs: Path) -> tuple[Session, Evaluation]:
-    """The same run without a kill, and its evaluation."""
-    command = [sys.executable, "-c", RUN, str(protocol), str(logs), "fast"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, timeout=120)
-    assert done.returncode == 0, done.stderr.decode()
-    session = Session(logs / "run")
-    return session, analyse(session, with_report=False).evaluation
+@dataclass
+class Undisturbed:
+    """The same run without a kill, its evaluation, and how long it took at each speed [s]."""
+
+    session: Session
+    evaluation: Evaluation
+    took: dict[str, float]
+
+
+def undisturbed(protocol: Path, logs: Path) -> Undisturbed:
+    """Run a protocol to its end, at either speed."""
+    took = {}
+    for speed in ("realtime", "fast"):
+        process, said = started(protocol, logs / speed, speed)
+        begin = time.perf_counter()
+        process.join()
+        took[speed] = time.perf_counter() - begin
+        assert process.exitcode == 0 and told(said) > 0
+    session = Session(logs / "fast" / "run")
+    return Undisturbed(session, analyse(session, with_report=False).evaluation, took)
+
+
+def started(
+    protocol: Path, logs: Path, speed: str, struck_s: float | None = None
+) -> tuple[BaseProcess, Connection]:
+    """A run on virtual time in a process of its own that has made its plan, and what it tells of
+    its progress; killed at a time of the run, if there is one.
+    """
+    said, tell = FORKS.Pipe(duplex=False)
+    process = forked(_run, protocol, logs, speed, tell, struck_s)
+    tell.close()
+    assert said.recv() == "planned"
+    return process, said
+
+
+def _run(
+    protocol: Path,
+    logs: Path,
+    speed: Literal["fast", "realtime"],
+    tell: Connection,
+    struck_s: float | None,
+) -> None:
+    the_plan = plan(protocol)
+    tell.send("planned")
+    with virtual_time(struck_s, signal.SIGKILL):
+        execute(
+            the_plan,
+            logs,
+            seed=SEED,
+            options=RunOptions(
+                speed=speed, progress=lambda progress: tell.send(progress.time), session_name="run"
+            ),
+        )
+
+
+def told(said: Connection) -> float:
+    """How far a process that is gone said that it had come [s]."""
+    reached = 0.0
+    try:
+        while True:
+            reached = said.recv()
+    except (EOFError, OSError):
+        return reached
+
+
+def killed_at(protocol: Path, logs: Path, struck_s: float) -> tuple[Path, float]:
+    """The folder of a session whose run was killed at a time of its own [s], and how far it said
+    it had come [s].
+    """
+    process, said = started(protocol, logs, "realtime", struck_s)
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
+    return logs / "run", told(said)
 
 
 def killed(protocol: Path, logs: Path, speed: str, after_s: float) -> float:
     """Kill a run some time after its plan was made; how far it said it had come [s]."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", RUN, str(protocol), str(logs), speed],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline().strip() == "ready"
-    time.sleep(after_s)
-    os.kill(process.pid, signal.SIGKILL)
-    said, _ = process.communicate()
-    return float(said.split()[-1]) if said.split() else 0.0
+    process, said = started(protocol, logs, speed)
+    process.join(after_s)
+    process.kill()
+    process.join()
+    return told(said)
 
 
-def crash(
-    protocol: Path, logs: Path, speed: str, after_s: float, whole: Session, expected: Evaluation
-) -> Outcome:
-    """One kill, recovery, resumption, and the comparison."""
-    reached = killed(protocol, logs, speed, after_s)
-    if not (
-        logs / "run" / "manifest.json"
-    ).is_file():  # killed before the folder became a session: nothing had been recorded
+def crash(protocol: Path, logs: Path, speed: str, part: float, whole: Undisturbed) -> Outcome:
+    """One kill after a part of the time that an undisturbed run takes, recovery, resumption, and
+    the comparison.
+    """
+    reached = killed(protocol, logs, speed, part * whole.took[speed])
+    if not (logs / "run" / "manifest.json").is_file():
+        # killed before the folder became a session: nothing had been recorded
         return Outcome(reached, reached, True, True, True, was_session=False)
     session = recover(Session(logs / "run"))
     recorded = float(session.manifest.get("duration_s") or 0.0)
@@ -97,13 +145,15 @@ def crash(
     evaluation = analyse(finished, with_report=False).evaluation
     names = [
         "arm",
-        *(f"imu_{name}" for name in whole.sensor_names),
-        *(f"truth_{name}" for name in whole.sensor_names),
+        *(f"imu_{name}" for name in whole.session.sensor_names),
+        *(f"truth_{name}" for name in whole.session.sensor_names),
     ]
     same = all(
-        _equal(whole.path / f"{name}.parquet", finished.path / f"{name}.parquet") for name in names
+        _equal(whole.session.path / f"{name}.parquet", finished.path / f"{name}.parquet")
+        for name in names
     )
-    return Outcome(reached, recorded, True, same, comparable(evaluation) == comparable(expected))
+    same_evaluation = comparable(evaluation) == comparable(whole.evaluation)
+    return Outcome(reached, recorded, True, same, same_evaluation)
 
 
 def _equal(first: Path, second: Path) -> bool:
@@ -121,36 +171,10 @@ def comparable(evaluation: Evaluation) -> str:
     return repr(data)
 
 
-def moments(count: int, longest_s: float, seed: int = 0) -> list[tuple[str, float]]:
-    """Random moments; every other run in real time, where the kill hits the recording, the others
-    fast, where it hits the writing of the session.
+def moments(count: int, seed: int = 0) -> list[tuple[str, float]]:
+    """Random moments, as parts of the time that a run takes; every other run writes second by
+    second, where the kill hits the recording, the others as fast as they can, where it hits the
+    writing of the session.
     """
     rng = random.Random(seed)
-    begin = (
-        0.4,
-        0.2,
-    )  # imports and compiled code are loaded before, when there is nothing to lose yet
-    return [
-        ("realtime", rng.uniform(begin[0], longest_s))
-        if i % 2
-        else ("fast", rng.uniform(begin[1], 2.5))
-        for i in range(count)
-    ]
-
-
-def on_a_small_disk(
-    command: list[str], folder: Path, size_kb: int
-) -> subprocess.CompletedProcess[str]:
-    """Run a command with a folder on a file system of its own that is soon full (in a mount
-    namespace of its own).
-    """
-    folder.mkdir()
-    mount = f"mount -t tmpfs -o size={size_kb}k tmpfs {folder}"
-    script = f"{mount} && {shlex.join(command)}; code=$?; cp -r {folder} {folder}_kept; exit $code"
-    return subprocess.run(
-        ["unshare", "--mount", "sh", "-c", script],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=100,
-    )
+    return [("realtime" if i % 2 else "fast", rng.uniform(0.25, 1.1)) for i in range(count)]

@@ -20,8 +20,7 @@ from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
 from testbench.evaluation.judged import judged_steps, window
-from testbench.execution import execute
-from testbench.execution.executor import TAIL_NS
+from testbench.execution import RunOptions, execute
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
 from testbench.model.kinematics import Kinematics, Pose
@@ -33,7 +32,7 @@ from testbench.records.session import Session
 FILTER = "vqf_6d"
 PROTOCOL = """\
 name: known_truth
-purpose: Poses and a sweep of an arm whose joint zeros are off by what its file says of their uncertainty
+purpose: Poses and a sweep of an arm whose joint zeros are off as its file says they may be
 robot: ur3e
 sensors:
   arm:
@@ -47,8 +46,14 @@ sensors:
     segment: {name: forearm, rotation_deg: {XYZ: [90, 0, 0]}}
     mounting: {rotation_deg: {XYZ: [90, 90, 0]}, position_mm: [0, 0, 10]}
 joints:
-  by_joint: {proximal: arm, distal: forearm, sequence: ZXZ, flexion: second, reference_joint: wrist_3_joint}
-  by_frames: {proximal: arm, distal: forearm, sequence: YXZ, flexion: second, sign: -1} # several joints of the arm enter
+  by_joint:
+    proximal: arm
+    distal: forearm
+    sequence: ZXZ
+    flexion: second
+    reference_joint: wrist_3_joint
+  by_frames: # several joints of the arm enter
+    {proximal: arm, distal: forearm, sequence: YXZ, flexion: second, sign: -1}
 variables: {flexion_deg: [15, 30, 45, 60]}
 motion: {speed: 0.8, acceleration: 0.8, jerk: 0.8}
 environment: {joint_errors: true}
@@ -60,7 +65,9 @@ sections:
     for_each: [flexion_deg]
     steps: [{move_to_deg: [195, -90, -90, 0, 75, flexion_deg], dwell_s: 0.6}]
   - name: sweep
-    steps: [{sweep: {wrist_3_joint: {sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}}, dwell_s: 0.4}]
+    steps:
+      - sweep: {wrist_3_joint: {sine: {amplitude_deg: 20, frequency_hz: 0.5, cycles: 2}}}
+        dwell_s: 0.4
 estimate: {filters: [vqf_6d], align: reference_pose, calibrate: none}
 """
 PLACES = [
@@ -97,7 +104,7 @@ def cases(seeds: Iterable[int], joint_errors: bool = True) -> list[Case]:
         file.write_text(text, encoding="utf-8")
         the_plan = plan(file)
         for seed in seeds:
-            session = execute(the_plan, folder, seed, session_name=f"seed_{seed}")
+            session = execute(the_plan, folder, seed, RunOptions(session_name=f"seed_{seed}"))
             result += judged_cases(the_plan, session, evaluate(session, estimate(session)), seed)
     return result
 
@@ -159,7 +166,7 @@ def as_it_moved(the_plan: Plan, seed: int) -> SimulatedArm:
 
 
 def end_ns(the_plan: Plan) -> int:
-    return int(the_plan.trajectory.time_ns[-1]) + TAIL_NS
+    return int(the_plan.trajectory.time_ns[-1]) + SimulatedArm.tail_ns
 
 
 def actual_flexion(

@@ -6,8 +6,8 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
+from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,13 +18,15 @@ from testbench import execute, plan
 from testbench.arm_pipeline import resume
 from testbench.cli.app import app
 from testbench.exceptions import InputError, RunInterrupted, SessionError
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.pipeline import analyse
 from testbench.records.sensor import load_preset
 from testbench.records.session import RunStatus, Session, list_sessions
 from testbench.records.shipped import shipped_folder
 from testbench.records.storage import read_parquet
-from tests.system.crashes import ROOT, comparable, crash, moments, on_a_small_disk, undisturbed
+from tests.processes import NO_DISK, bench, small_disk, virtual_time
+from tests.system.crashes import comparable, crash, moments, undisturbed
 
 
 @pytest.fixture(scope="module")
@@ -33,11 +35,11 @@ def whole(tiny, tmp_path_factory):
     return undisturbed(tiny, tmp_path_factory.mktemp("whole"))
 
 
-@pytest.mark.parametrize(("speed", "after_s"), moments(8, 5.0))
+@pytest.mark.parametrize(("speed", "part"), moments(8))
 def test_a_kill_at_any_moment_loses_at_most_a_second_and_the_resumed_run_is_the_undisturbed_one(
-    tiny, tmp_path, whole, speed, after_s
+    tiny, tmp_path, whole, speed, part
 ):
-    outcome = crash(tiny, tmp_path, speed, after_s, *whole)
+    outcome = crash(tiny, tmp_path, speed, part, whole)
     assert outcome.opened
     assert outcome.lost <= 1.0
     assert outcome.same_files
@@ -56,7 +58,12 @@ def broken_off(tiny_plan, logs, clock, at_s: float) -> Session:
             raise Stop
 
     with pytest.raises(Stop):
-        execute(tiny_plan, logs, 5, "realtime", clock=clock, progress=fail, session_name="broken")
+        execute(
+            tiny_plan,
+            logs,
+            5,
+            RunOptions(speed="realtime", clock=clock, progress=fail, session_name="broken"),
+        )
     return Session(logs / "broken")
 
 
@@ -78,7 +85,7 @@ def test_a_run_may_break_off_and_be_resumed_more_than_once(tiny_plan, tmp_path, 
     result = resume(session.path, with_report=False, clock=clock)
     assert result.session.status is RunStatus.COMPLETED
     assert len(result.session.manifest["resumed"]) == 2
-    assert comparable(result.evaluation) == comparable(whole[1])
+    assert comparable(result.evaluation) == comparable(whole.evaluation)
     names = [event.event for event in result.session.events]
     assert names.count("run_resumed") == 2 and names[-1] == "run_completed"
 
@@ -91,7 +98,7 @@ def test_a_run_with_a_preset_file_and_a_thermometer_is_resumed(tiny, tmp_path, c
     text = tiny.read_text(encoding="utf-8").replace("preset: xsens_dot", "preset: warm.yaml")
     (tmp_path / "tiny.yaml").write_text(text, encoding="utf-8")
     warm_plan = plan(tmp_path / "tiny.yaml")
-    whole = execute(warm_plan, tmp_path, 5, clock=clock, session_name="whole")
+    whole = execute(warm_plan, tmp_path, 5, RunOptions(clock=clock, session_name="whole"))
     session = broken_off(warm_plan, tmp_path, clock, 2.0)
     (tmp_path / "warm.yaml").unlink()  # the session has its own copy
     resumed = resume(session.path, with_report=False, clock=clock).session
@@ -113,7 +120,9 @@ def test_a_journal_that_was_cut_off_before_its_first_row_is_recovered_with_its_c
         "{clock:", "{thermometer: {noise_sd_deg_c: 0.1}, clock:"
     )
     (tmp_path / "tiny.yaml").write_text(warm, encoding="utf-8")
-    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, clock=clock, session_name="cut")
+    session = execute(
+        plan(tmp_path / "tiny.yaml"), tmp_path, 5, RunOptions(clock=clock, session_name="cut")
+    )
     expected = session.imu_columns("hand")
     (session.path / "imu_hand.parquet").unlink()
     (session.path / "imu_hand.arrows").write_bytes(b"")
@@ -133,10 +142,13 @@ def test_an_interrupted_run_is_resumed_without_the_stop_that_the_arm_made(
 
     with pytest.raises(RunInterrupted):
         execute(
-            tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=stop, session_name="broken"
+            tiny_plan,
+            tmp_path,
+            5,
+            RunOptions(speed="realtime", clock=clock, progress=stop, session_name="broken"),
         )
     result = resume(tmp_path / "broken", with_report=False, clock=clock)
-    assert comparable(result.evaluation) == comparable(whole[1])
+    assert comparable(result.evaluation) == comparable(whole.evaluation)
 
 
 def test_a_pause_lets_virtual_time_stand_still_and_changes_nothing_else(
@@ -157,10 +169,14 @@ def test_a_pause_lets_virtual_time_stand_still_and_changes_nothing_else(
             os.kill(os.getpid(), signal.SIGUSR2)
 
     clock.sleep = sleep
-    session = execute(tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=pause)
+    session = execute(
+        tiny_plan, tmp_path, 5, RunOptions(speed="realtime", clock=clock, progress=pause)
+    )
     names = [event.event for event in session.events]
     assert "paused" in names and "resumed" in names
-    assert comparable(analyse(session, with_report=False).evaluation) == comparable(whole[1])
+    assert comparable(analyse(session, with_report=False).evaluation) == comparable(
+        whole.evaluation
+    )
 
 
 def test_a_completed_run_or_a_recording_is_not_resumed(tiny_plan, tmp_path, clock, quick):
@@ -202,6 +218,16 @@ def test_nothing_is_resumed_that_is_no_longer_the_same(tiny_plan, tmp_path, cloc
     assert Session(session.path).status is RunStatus.ERROR
 
 
+def test_a_package_that_computed_no_raw_file_decides_nothing(tiny_plan, tmp_path, clock):
+    session = broken_off(tiny_plan, tmp_path, clock, 1.0)
+    manifest = json.loads((session.path / "manifest.json").read_text())
+    assert "imufusion" not in manifest["software"]
+    manifest["software"] |= {"vqf": "1.0", "pyarrow": "1.0", "imufusion": "1.3.3"}
+    (session.path / "manifest.json").write_text(json.dumps(manifest))
+    resumed = resume(session.path, with_report=False, clock=clock)
+    assert resumed.session.status is RunStatus.COMPLETED
+
+
 def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_own_file(
     tiny, tmp_path, clock
 ):
@@ -219,22 +245,21 @@ def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_
     assert resume(session.path, with_report=False).session.status is RunStatus.COMPLETED
 
 
+@contextmanager
+def on_virtual_time_and_a_small_disk(folder, size_kb):
+    with virtual_time(), small_disk(folder, size_kb):
+        yield
+
+
 @pytest.mark.parametrize("size_kb", [250, 320, 400])
 def test_a_full_disk_stops_the_run_and_what_was_recorded_is_readable(tiny, tmp_path, size_kb):
-    command = [
-        sys.executable,
-        "-m",
-        "testbench",
-        "run",
-        str(tiny),
-        "--logs",
-        str(tmp_path / "disk"),
-        "--no-report",
-        "--json",
-    ]
-    done = on_a_small_disk([*command, "--speed", "realtime"], tmp_path / "disk", size_kb)
-    if "unshare" in done.stderr or "mount:" in done.stderr:
-        pytest.skip("this machine does not let tests mount a file system")
+    disk = tmp_path / "disk"
+    done = bench(
+        *("run", tiny, "--logs", disk, "--no-report", "--json", "--speed", "realtime"),
+        around=partial(on_virtual_time_and_a_small_disk, disk, size_kb),
+    )
+    if NO_DISK in done.stderr:
+        pytest.skip(NO_DISK)
     assert done.returncode == 3, done.stderr
     assert "there is no room left on the disk" in done.stderr
     assert "Traceback" not in done.stderr
@@ -249,8 +274,7 @@ def test_sessions_are_listed_with_what_became_of_them(tiny_plan, tmp_path, clock
     broken_off(tiny_plan, tmp_path, clock, 1.0)
     (tmp_path / "damaged").mkdir()
     (tmp_path / "damaged" / "manifest.json").write_text("{")
-    command = [sys.executable, "-m", "testbench", "sessions", "--logs", str(tmp_path), "--json"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = bench("sessions", "--logs", tmp_path, "--json")
     assert done.returncode == 0, done.stderr
     listed = {entry["session"]: entry for entry in json.loads(done.stdout)["sessions"]}
     assert listed["broken"]["status"] == "error" and listed["broken"]["damage"] is None
@@ -276,20 +300,11 @@ def test_sessions_are_listed_though_one_has_a_broken_evaluation(
 
 def test_a_broken_off_run_is_resumed_on_the_command_line(tiny_plan, tmp_path, clock):
     session = broken_off(tiny_plan, tmp_path, clock, 2.0)
-    command = [
-        sys.executable,
-        "-m",
-        "testbench",
-        "run",
-        "--resume",
-        str(session.path),
-        "--no-report",
-        "--json",
-    ]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    command = ("run", "--resume", session.path, "--no-report", "--json")
+    done = bench(*command)
     assert done.returncode == 0, done.stderr
     assert Session(session.path).status is RunStatus.COMPLETED
-    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    again = bench(*command)
     assert again.returncode == 2
     assert "was completed" in again.stderr
 

@@ -23,12 +23,13 @@ from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.simulated import SimulatedImu
-from testbench.drivers.imus.streamed import SessionTime
-from testbench.execution import executor
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import open_devices
+from testbench.drivers.session_time import SessionTime
+from testbench.execution import RunOptions, sensors
+from testbench.execution.devices import open_devices
+from testbench.execution.executor import execute_on_arm
 from testbench.execution.guards import GuardTripped
 from testbench.execution.resume import missing_steps
+from testbench.execution.sensors import Sensors
 from testbench.frames import NANOSECONDS
 from testbench.pipeline import analyse, make_plan
 from testbench.records.samples import ImuSamples
@@ -80,7 +81,9 @@ class Listening(FakeClock):
 def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     (folder / "tiny.yaml").write_text(guarded(TINY, "stop", 0.5), encoding="utf-8")
-    session = execute(plan(folder / "tiny.yaml"), folder, 5, "realtime", clock=FakeClock())
+    session = execute(
+        plan(folder / "tiny.yaml"), folder, 5, RunOptions(speed="realtime", clock=FakeClock())
+    )
     return session, analyse(session, with_report=False).evaluation
 
 
@@ -88,9 +91,11 @@ def undisturbed(tmp_path_factory):
 def test_a_sensor_that_is_heard_again_leaves_a_gap_in_a_run_that_is_judged_without_it(
     action, tmp_path, monkeypatch, undisturbed
 ):
-    monkeypatch.setattr(executor, "SimulatedImu", Silent)
+    monkeypatch.setattr(sensors, "SimulatedImu", Silent)
     (tmp_path / "tiny.yaml").write_text(guarded(TINY, action, 0.5), encoding="utf-8")
-    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, "realtime", clock=Listening())
+    session = execute(
+        plan(tmp_path / "tiny.yaml"), tmp_path, 5, RunOptions(speed="realtime", clock=Listening())
+    )
     assert session.status is RunStatus.COMPLETED
     guard = next(event for event in session.events if event.event == "guard")
     assert (guard.details["guard"], guard.details["subject"], guard.details["action"]) == (
@@ -118,15 +123,13 @@ def test_a_run_that_silence_stopped_is_resumed_to_the_undisturbed_one(
 ):
     (tmp_path / "tiny.yaml").write_text(guarded(TINY, "stop", 0.5), encoding="utf-8")
     with monkeypatch.context() as silence:
-        silence.setattr(executor, "SimulatedImu", Silent)
+        silence.setattr(sensors, "SimulatedImu", Silent)
         with pytest.raises(GuardTripped, match="imu silence of hand") as caught:
             execute(
                 plan(tmp_path / "tiny.yaml"),
                 tmp_path,
                 5,
-                "realtime",
-                clock=FakeClock(),
-                session_name="stopped",
+                RunOptions(speed="realtime", clock=FakeClock(), session_name="stopped"),
             )
     assert caught.value.exit_code == 3
     session = Session(tmp_path / "stopped")
@@ -228,13 +231,13 @@ def drive(robot: EmulatedUr, board: Board, action: str, logs: Path, **options) -
     protocol = logs / "short.yaml"
     protocol.write_text(guarded(SHORT, action, 0.4), encoding="utf-8")
     the_plan, time_ = make_plan(protocol), SessionTime(SystemClock())
-    devices = open_devices([f"hand={board.link}:mpu6050_plain"], [], SystemClock(), time=time_)
+    devices = open_devices([f"hand={board.link}:mpu6050_plain"], [], time_)
     settings = replace(
         ur_settings(the_plan, robot.address), watchdog=1.5, arm_silence=1.5
     )  # this machine may be busy
     arm = UrArm(the_plan.robot, settings, time_)
     return execute_on_arm(
-        the_plan, arm, Sensors.live(the_plan, devices), time_, ArmRunOptions(logs, **options)
+        the_plan, arm, Sensors.live(the_plan, devices), RunOptions(logs, **options)
     )
 
 

@@ -36,7 +36,12 @@ joints:
     proximal: arm
     distal: forearm
     sequence: ZXZ
-    constraint: {proximal_axis: [0, 1, 0], distal_axis: [0, 0, 1], angle_deg: 90, axes_sd_deg: 1, drift_deg: 10}
+    constraint:
+      proximal_axis: [0, 1, 0]
+      distal_axis: [0, 0, 1]
+      angle_deg: 90
+      axes_sd_deg: 1
+      drift_deg: 10
 sections:
   - name: reference
     role: reference

@@ -2,8 +2,6 @@
 2, nothing left behind.
 """
 
-import os
-import subprocess
 import sys
 import time
 
@@ -16,6 +14,7 @@ from testbench.exceptions import BenchError
 from testbench.planning.expansion import expand
 from testbench.records.protocol_file import load_protocol
 from testbench.records.robot import load_robot
+from tests.processes import bench as bench_process
 from tests.system.protocol_faults import FAULTS, VALID, WHOLE_FILES
 
 ROBOT = load_robot("ur3e")
@@ -168,24 +167,7 @@ def test_a_loop_without_end_in_sight_is_refused_quickly(bench):
 def test_a_fault_is_refused_in_a_process_of_its_own_too(tmp_path):
     file = tmp_path / "wave.yaml"
     file.write_text(VALID.replace("dwell_s: rest_s", "dwell_s: [1]", 1))
-    command = [
-        sys.executable,
-        "-m",
-        "testbench",
-        "run",
-        str(file),
-        "--logs",
-        str(tmp_path / "logs"),
-    ]
-    result = subprocess.run(
-        command,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        env=os.environ | {"PYTHONPATH": ""},
-    )
+    result = bench_process("run", file, "--logs", tmp_path / "logs", cwd=tmp_path)
     assert result.returncode == 2
     assert result.stdout == ""
     assert result.stderr.lstrip("\n") == (

@@ -19,11 +19,14 @@ from testbench import execute, plan
 from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
 from testbench.drivers.arms.replay import ReplayArm
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import open_devices, record_devices
-from testbench.execution.executor import Progress
+from testbench.execution import RunOptions
+from testbench.execution.device_recorder import record_devices
+from testbench.execution.devices import open_devices
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.run_progress import Progress
+from testbench.execution.sensors import Sensors
 from testbench.formats import import_recording
 from testbench.formats.imu_tk import COUNTS_PER_M_S2
 from testbench.formats.options import Options
@@ -104,7 +107,10 @@ def imports(folder: Path) -> Iterator[Session]:
     ) -> Session:
         return import_recording(name, files, folder / f"session_{name}", clock, options, truth)
 
-    above = "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nFilterProfile:,General\nOutputRate:,60Hz\nStartTime:,now\n\n"
+    above = (
+        "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nFilterProfile:,General\n"
+        "OutputRate:,60Hz\nStartTime:,now\n\n"
+    )
     dot = (
         {"PacketCounter": np.arange(400), "SampleTimeFine": 16667 * np.arange(400)}
         | xyz("Acc_{}", UP)
@@ -163,7 +169,6 @@ def recordings(folder: Path) -> Iterator[Session]:
         devices = open_devices(
             [f"{board.port}:mpu6050_plain"],
             [bench.dots[0].address],
-            SystemClock(),
             bluetooth=bench.loop,
         )
         yield record_devices(devices, folder, duration_s=0.6)
@@ -179,7 +184,11 @@ def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator
         raise DriverError("told to fail")
 
     with pytest.raises(DriverError, match="told to fail"):
-        execute(the_plan, folder, clock=FakeClock(), progress=fail, session_name="broken")
+        execute(
+            the_plan,
+            folder,
+            options=RunOptions(clock=FakeClock(), progress=fail, session_name="broken"),
+        )
     broken = resume(folder / "broken", with_report=False, clock=FakeClock()).session
     yield broken
     text = tiny.read_text(encoding="utf-8")
@@ -189,10 +198,10 @@ def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator
     with live_devices() as (board, bench):
         time = SessionTime(SystemClock())
         named = [f"board={board.port}:mpu6050_plain"], [f"dot={bench.dots[0].address}"]
-        devices = open_devices(*named, SystemClock(), bluetooth=bench.loop, time=time)
+        devices = open_devices(*named, time, bluetooth=bench.loop)
         moved = plan(folder / "two.yaml")
         arm = ReplayArm(moved.robot, broken.path, time)
-        yield execute_on_arm(moved, arm, Sensors.live(moved, devices), time, ArmRunOptions(folder))
+        yield execute_on_arm(moved, arm, Sensors.live(moved, devices), RunOptions(folder))
     yield drive_ur(
         short_plan, ur, folder, checklist={"by": "a test"}, resumes={"session": "none", "steps": []}
     )

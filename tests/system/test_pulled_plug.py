@@ -9,10 +9,10 @@ import itertools
 import json
 import os
 import shutil
-import subprocess
-import sys
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +22,17 @@ import pytest
 from testbench import estimate, evaluate, execute, plan
 from testbench.arm_pipeline import resume
 from testbench.exceptions import SessionError, StorageError
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
+from testbench.pipeline import analyse
+from testbench.planning import planner
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import RunStatus, Session
 from testbench.reporting.report import report
 from tests.conftest import FakeClock
-from tests.system.crashes import ROOT, comparable, killed, on_a_small_disk
+from tests.processes import NO_DISK, bench, small_disk
+from tests.system.crashes import comparable, killed_at
 
 # A process that is gone closes no files; here they are closed when they are collected.
 pytestmark = pytest.mark.filterwarnings(
@@ -94,10 +98,9 @@ def raw(session: Session) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def cut_off(tiny, tmp_path_factory) -> Path:
     """A session whose run was killed, with its journals."""
-    logs = tmp_path_factory.mktemp("cut_off")
-    killed(tiny, logs, "realtime", 3.0)
-    assert list((logs / "run").glob("*.arrows"))
-    return logs / "run"
+    folder, _ = killed_at(tiny, tmp_path_factory.mktemp("cut_off"), 3.0)
+    assert list(folder.glob("*.arrows"))
+    return folder
 
 
 def test_a_recovery_that_is_cut_off_anywhere_is_made_good_by_the_next(
@@ -115,7 +118,9 @@ def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(
 ):
     def again(path: Path) -> Session:
         session = recover(Session(path))
-        return execute(plan(tiny), seed=5, speed="fast", clock=FakeClock(), resumed=session)
+        return execute(
+            plan(tiny), seed=5, options=RunOptions(speed="fast", clock=FakeClock(), resumed=session)
+        )
 
     shutil.copytree(cut_off, tmp_path / "run")
     whole = again(tmp_path / "run")
@@ -134,7 +139,9 @@ def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(
 @pytest.fixture(scope="module")
 def judged(tiny, tmp_path_factory) -> Path:
     """A session with an estimate and an evaluation by one filter, and a report."""
-    session = execute(plan(tiny), tmp_path_factory.mktemp("judged"), 5, clock=FakeClock())
+    session = execute(
+        plan(tiny), tmp_path_factory.mktemp("judged"), 5, RunOptions(clock=FakeClock())
+    )
     made = estimate(session, ["vqf_6d"])
     made.save(session.path)
     evaluate(session, made).save(session.path)
@@ -163,7 +170,7 @@ def test_an_estimate_that_is_cut_off_leaves_the_old_one_or_none(judged, tmp_path
             )
         by["vqf_6d"].save(copy)  # whatever was left lying does no harm
         assert list(Estimate.load(copy).filter_parameters) == ["vqf_6d"]
-        assert not list(copy.glob("*.new")) and not list(copy.glob("*.old"))
+        assert not list(copy.glob("*.partial"))
     assert found == {"vqf_6d", "none", "madgwick_imu"}
 
 
@@ -190,27 +197,60 @@ def test_a_report_that_is_cut_off_leaves_the_old_one(judged, tmp_path, monkeypat
         assert (copy / "report.html").read_bytes() == before
 
 
+def test_nothing_that_is_derived_is_written_through_a_link(judged, tmp_path):
+    session, home = tmp_path / "stranger", tmp_path / "home"
+    shutil.copytree(judged, session)
+    home.mkdir()
+    planted = [
+        *("report.html", "report.partial", "evaluation.json", "evaluation.partial"),
+        *("manifest.partial", "estimate.partial"),
+    ]
+    for name in planted:
+        (home / name).write_text("precious")
+        (session / name).unlink(missing_ok=True)
+        (session / name).symlink_to(home / name)
+    for name in ("estimate", "evaluation"):
+        (home / name).mkdir()
+        (home / name / "notes").write_text("precious")
+        shutil.rmtree(session / name)
+        (session / name).symlink_to(home / name)
+    analyse(Session(session), ["vqf_6d"])
+    assert Evaluation.load(session).orientation and (session / "report.html").stat().st_size > 1000
+    for name in planted:
+        assert (home / name).read_text() == "precious"
+    for name in ("estimate", "evaluation"):
+        assert [path.name for path in (home / name).iterdir()] == ["notes"]
+        assert not (session / name).is_symlink()
+
+
+def test_events_that_are_a_link_are_not_written_to(cut_off, tmp_path):
+    shutil.copytree(cut_off, tmp_path / "run")
+    (tmp_path / "diary").write_bytes((tmp_path / "run" / "events.jsonl").read_bytes())
+    (tmp_path / "run" / "events.jsonl").unlink()
+    (tmp_path / "run" / "events.jsonl").symlink_to(tmp_path / "diary")
+    before = (tmp_path / "diary").read_bytes()
+    with pytest.raises(SessionError, match=r"events\.jsonl is a symbolic link"):
+        recover(Session(tmp_path / "run"))
+    assert (tmp_path / "diary").read_bytes() == before
+
+
 @pytest.mark.parametrize("stage", ["estimate", "evaluate", "report"])
 def test_a_full_disk_leaves_the_session_and_what_was_derived_before(stage, judged, tmp_path):
     size = sum(file.stat().st_size for file in judged.rglob("*") if file.is_file()) // 1024
-    words = shutil.which("env") or "env"
-    copied = (
-        f"cp -r {judged} {tmp_path}/disk/session && head -c 100M /dev/zero > {tmp_path}/disk/filler"
+    disk = tmp_path / "disk"
+    done = bench(
+        *(stage, disk / judged.name, "--json"),
+        around=partial(small_disk, disk, size + 200, judged),
     )
-    command = (
-        f"{copied}; {words} PYTHONPATH={ROOT} {sys.executable} -m testbench {stage} "
-        f"{tmp_path}/disk/session --json"
-    )
-    done = on_a_small_disk(["sh", "-c", command], tmp_path / "disk", size + 200)
-    if "unshare" in done.stderr or "mount:" in done.stderr:
-        pytest.skip("this machine does not let tests mount a file system")
+    if NO_DISK in done.stderr:
+        pytest.skip(NO_DISK)
     assert done.returncode == 3, done.stderr
     said = json.loads(done.stderr.splitlines()[-1])
     assert (
         "there is no room left on the disk; the recording is as it was" in said["error"]["message"]
     )
     assert "Traceback" not in done.stderr
-    kept = tmp_path / "disk_kept" / "session"
+    kept = tmp_path / "disk_kept" / judged.name
     for file in (file for file in judged.rglob("*") if file.is_file()):
         assert (kept / file.relative_to(judged)).read_bytes() == file.read_bytes(), file.name
     assert {path.name for path in kept.iterdir()} == {path.name for path in judged.iterdir()}
@@ -222,16 +262,14 @@ def test_a_full_disk_leaves_the_session_and_what_was_derived_before(stage, judge
 def test_a_full_disk_in_recovery_or_resumption_says_which_session_and_what_to_do(
     command, cut_off, tmp_path
 ):
-    session = f"{tmp_path}/disk/run"
-    copied = f"cp -r {cut_off} {session} && head -c 100M /dev/zero > {tmp_path}/disk/filler"
-    words = (
-        f"{shutil.which('env') or 'env'} PYTHONPATH={ROOT} {sys.executable} -m testbench "
-        f"{command.format(session)}"
-    )
     size = sum(file.stat().st_size for file in cut_off.rglob("*") if file.is_file()) // 1024
-    done = on_a_small_disk(["sh", "-c", f"{copied}; {words}"], tmp_path / "disk", size + 100)
-    if "unshare" in done.stderr or "mount:" in done.stderr:
-        pytest.skip("this machine does not let tests mount a file system")
+    session = tmp_path / "disk" / "run"
+    done = bench(
+        *command.format(session).split(),
+        around=partial(small_disk, session.parent, size + 100, cut_off),
+    )
+    if NO_DISK in done.stderr:
+        pytest.skip(NO_DISK)
     assert done.returncode == 3, done.stderr
     assert done.stderr.splitlines()[-1] == (
         f"error: {session} cannot be written: there is no room left on the disk; nothing of the "
@@ -272,10 +310,14 @@ def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(
             StorageError,
             match=r"new cannot be written: there is no room .*; nothing was recorded; make room",
         ):
-            execute(plan(tiny), tmp_path, clock=FakeClock(), session_name="new")
+            execute(plan(tiny), tmp_path, options=RunOptions(clock=FakeClock(), session_name="new"))
         return
     with pytest.raises(StorageError, match=r"make room, then `testbench run --resume .*run`"):
-        execute(plan(tiny), seed=5, speed="fast", clock=FakeClock(), resumed=recovered)
+        execute(
+            plan(tiny),
+            seed=5,
+            options=RunOptions(speed="fast", clock=FakeClock(), resumed=recovered),
+        )
     monkeypatch.undo()
     after = raw(Session(tmp_path / "run"))
     assert {name: after[name] for name in before if name != "manifest.json"} == {
@@ -287,20 +329,14 @@ def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(
     )
 
 
+@contextmanager
+def killed_while_it_is_checked() -> Iterator[None]:
+    """Planning that comes to the check of the motion, and no farther."""
+    planner.check_plan = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+    yield
+
+
 def test_a_kill_while_it_is_planned_leaves_nothing(tiny, tmp_path):
-    run = [
-        sys.executable,
-        "-m",
-        "testbench",
-        "run",
-        str(tiny),
-        "--logs",
-        str(tmp_path / "logs"),
-        "--no-report",
-    ]
-    process = subprocess.Popen(run, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    with pytest.raises(subprocess.TimeoutExpired):
-        process.wait(0.5)
-    process.kill()
-    process.wait()
+    run = ("run", tiny, "--logs", tmp_path / "logs", "--no-report")
+    assert bench(*run, around=killed_while_it_is_checked).returncode == -signal.SIGKILL
     assert not (tmp_path / "logs").exists()

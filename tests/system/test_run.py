@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
-import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,23 +16,15 @@ from testbench.cli.output import in_ranges
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
 from testbench.records.session import RunStatus, Session
-from testbench.records.storage import journal_batches
-
-BENCH = [sys.executable, "-m", "testbench"]
-
-
-def bench(*arguments: object, timeout: float = 120) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*BENCH, *map(str, arguments)], capture_output=True, text=True, timeout=timeout
-    )
+from tests.processes import bench, virtual_time
 
 
 @pytest.fixture(scope="module")
 def run(tiny, tmp_path_factory):
-    """The tiny protocol, run once from the command line: what it printed."""
-    return bench(
-        "run", tiny, "--logs", tmp_path_factory.mktemp("logs"), "--no-report", "--seed", 4, "--json"
-    )
+    """The tiny protocol, run once from the command line of a shell: what it printed."""
+    words = ["run", tiny, "--logs", tmp_path_factory.mktemp("logs"), "--seed", "4"]
+    command = [sys.executable, "-m", "testbench", *words, "--no-report", "--json"]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
 
 
 def test_a_run_ends_with_one_json_object_that_names_session_outcome_and_report(run):
@@ -65,44 +56,18 @@ def test_the_command_line_writes_the_bytes_that_the_library_writes(run, tiny, tm
         assert (session.path / name).read_bytes() == (same.path / name).read_bytes(), name
 
 
-def wait_for(folder: Path, process: subprocess.Popen[str], seconds: float) -> Path:
-    """The session that a process in real time is writing, once it holds this many seconds of the
-    arm.
-    """
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline:
-        assert process.poll() is None, process.communicate()
-        for journal in folder.glob("*/arm.arrows"):
-            try:
-                batches = list(journal_batches(journal)[1])
-            except Exception:  # not even the schema is there yet
-                continue
-            if batches and batches[-1]["host_time_ns"][-1].as_py() > seconds * 1e9:
-                return journal.parent
-        time.sleep(0.05)
-    raise AssertionError("the run did not get under way")
-
-
 @pytest.fixture(scope="module")
 def interrupted(tiny, tmp_path_factory):
     """The tiny protocol in real time, ended by Ctrl-C during its first move: exit code, what was
     printed, session.
     """
     logs = tmp_path_factory.mktemp("logs")
-    process = subprocess.Popen(
-        [*BENCH, "run", str(tiny), "--speed", "realtime", "--logs", str(logs), "--no-report"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "NO_COLOR": "1"},
+    done = bench(
+        *("run", tiny, "--speed", "realtime", "--logs", logs, "--no-report"),
+        around=partial(virtual_time, 1.3, signal.SIGINT),
     )
-    try:
-        folder = wait_for(logs, process, 1.3)
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    return process.returncode, out + err, Session(folder)
+    (folder,) = logs.iterdir()
+    return done.returncode, done.stdout + done.stderr, Session(folder)
 
 
 def test_ctrl_c_ends_with_130_a_sentence_and_no_traceback(interrupted):
@@ -134,17 +99,12 @@ def test_an_interrupted_session_is_estimated_and_evaluated_like_any_other(interr
 
 
 def test_a_session_killed_in_the_middle_is_recovered_from_the_command_line(tiny, tmp_path):
-    process = subprocess.Popen(
-        [*BENCH, "run", str(tiny), "--speed", "realtime", "--logs", str(tmp_path), "--no-report"],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        text=True,
+    killed = bench(
+        *("run", tiny, "--speed", "realtime", "--logs", tmp_path, "--no-report"),
+        around=partial(virtual_time, 2.5, signal.SIGKILL),
     )
-    try:
-        folder = wait_for(tmp_path, process, 1.5)
-    finally:
-        process.kill()
-        process.wait()
+    assert killed.returncode == -signal.SIGKILL
+    (folder,) = tmp_path.iterdir()
     refused = bench("evaluate", folder)
     assert (
         refused.returncode == 2

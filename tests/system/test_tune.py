@@ -29,7 +29,10 @@ from testbench.estimation.filters.madgwick import MadgwickMarg
 
 class Own(MadgwickMarg):
     name, source = "own", "made up"
-    PARAMETERS = (Parameter("gain", 0.35, "rad/s", "beta by another name", "made up", 0.01, 1.0), *MadgwickMarg.PARAMETERS[1:])
+    PARAMETERS = (
+        Parameter("gain", 0.35, "rad/s", "beta by another name", "made up", 0.01, 1.0),
+        *MadgwickMarg.PARAMETERS[1:],
+    )
 """
 
 

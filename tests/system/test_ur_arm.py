@@ -173,13 +173,13 @@ FAULTS = [
     ("fault emergency_stop", "emergency_stop"),
     ("fault power_off", "power_off"),
     ("fault disconnect", "disconnect"),
-    ("fault rtde_silence", "rtde_silence"),
+    ("fault rtde_silence", "report_silence"),
     ("fault slider 0.3", "speed_slider"),
     ("fault program_stop", "program_stopped"),
     ("fault slow_response 4", "slow_response"),
 ]
 MAY_BE_SEEN_AS = {
-    "disconnect": {"disconnect", "rtde_silence", "refused", "driver"},
+    "disconnect": {"disconnect", "report_silence", "refused", "driver"},
     "program_stopped": {"program_stopped", "refused"},
     "slow_response": {
         "slow_response",

@@ -17,7 +17,7 @@ import pytest
 
 from testbench.arm_pipeline import ArmSetup, prepare_resume, resume
 from testbench.exceptions import DriverError, InputError, RunInterrupted
-from testbench.execution.arm_run import ArmRunOptions
+from testbench.execution import RunOptions
 from testbench.pipeline import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
@@ -83,8 +83,8 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
     assert lines[4].startswith("3 steps of 4, reference and calibration once more,")
     assert ur3e.control("status") == before
     seen: list[str] = []
-    setup = ArmSetup(host=ur3e.address, simulate_imus=True, seed=1)
-    options = ArmRunOptions(
+    setup = ArmSetup("ur", host=ur3e.address, simulate_imus=True, seed=1)
+    options = RunOptions(
         tmp_path, 1, progress=lambda progress: progress.doing or seen.append(progress.step)
     )
     result = resume(broken.path, setup, options, with_report=False)
@@ -122,8 +122,8 @@ def test_a_changed_protocol_is_not_resumed_and_the_difference_shown(stopped, tmp
     with pytest.raises(InputError, match=r"short\.yaml differs") as caught:
         resume(
             stopped.path,
-            ArmSetup(host="127.99.99.99", simulate_imus=True, seed=1),
-            ArmRunOptions(tmp_path, 1),
+            ArmSetup("ur", host="127.99.99.99", simulate_imus=True, seed=1),
+            RunOptions(tmp_path, 1),
             changed,
         )
     assert "dwell_s: 0.6" in str(caught.value)

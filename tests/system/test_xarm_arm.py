@@ -20,11 +20,13 @@ from testbench.cli.app import app
 from testbench.clock import SystemClock
 from testbench.drivers.arms.remedies import XARM_REMEDIES
 from testbench.drivers.arms.xarm import XArm, xarm_settings
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.session_time import SessionTime
 from testbench.emulation.xarm.server import XArmServer
 from testbench.emulation.xarm.setup import make_controller
 from testbench.exceptions import ArmRefused, DriverError, InputError
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.execution import RunOptions
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
 from testbench.pipeline import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
@@ -62,8 +64,10 @@ estimate: {{filters: [device], align: heading, calibrate: none}}
 """
 POSES = """
       {name: first, move_to_deg: {joint6: 25, joint5: 75}, dwell_s: 0.3},
-      {name: second, move_to_deg: {joint1: 10, joint2: 5, joint3: -95, joint4: -15, joint6: 10}, dwell_s: 0.3},
-      {name: wave, sweep: {joint6: {sine: {amplitude_deg: 5, frequency_hz: 1.2, cycles: 1}}}, dwell_s: 0.2}"""
+      {name: second, dwell_s: 0.3,
+       move_to_deg: {joint1: 10, joint2: 5, joint3: -95, joint4: -15, joint6: 10}},
+      {name: wave, dwell_s: 0.2,
+       sweep: {joint6: {sine: {amplitude_deg: 5, frequency_hz: 1.2, cycles: 1}}}}"""
 MOVES = """
       {name: out, move_to_deg: {joint6: 30}, dwell_s: 0.05},
       {name: back, move_to: home, dwell_s: 0.05}"""
@@ -106,8 +110,7 @@ def drive(plan: Plan, address: str, logs: Path, **options) -> Session:
         plan,
         the_arm(plan, address, time_),
         Sensors.simulated(plan, 1),
-        time_,
-        ArmRunOptions(logs, **options),
+        RunOptions(logs, **options),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from testbench.drivers.arms.controller_clock import ControllerClock
-from testbench.drivers.arms.link import LinkSettings
+from testbench.drivers.arms.settings import LinkSettings
 
 SMOOTHING = 0.1
 """Weight of the newest sample in the smoothed angles that decide whether a pose is reached:

@@ -12,20 +12,15 @@ import socket
 import subprocess
 import sys
 import time
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
-import numpy as np
-
+from testbench.drivers.arms.client import ArmClient
+from testbench.drivers.arms.entry import ArmEntry
+from testbench.drivers.arms.settings import LinkSettings
 from testbench.exceptions import DriverError
-
-if TYPE_CHECKING:
-    from testbench.drivers.arms.client import ArmClient
 
 ANSWER_S = 20.0
 """The process must answer a request for connection within this time [s]; the client allows 5 s for
@@ -38,83 +33,17 @@ and killed [s].
 Message = tuple[Any, ...]
 
 
-@dataclass(frozen=True)
-class Motion:
-    """One step as the process is told of it.
-
-    Attributes:
-        index: Of the step; -1 for the approach.
-        kind: "move" (the controller plans it), "stream" (target by target) or "hold".
-        target: Joint angles at its end, shape (n,) [rad].
-        speed: Of the leading joint [rad/s], [rad/s^2].
-        acceleration: Of the leading joint [rad/s], [rad/s^2].
-        path: Targets at the streaming rate, shape (k, n) [rad], or None.
-        dwell: [s].
-        duration: As planned [s].
-    """
-
-    index: int
-    kind: str
-    target: np.ndarray
-    speed: float = 0.0
-    acceleration: float = 0.0
-    path: np.ndarray | None = None
-    dwell: float = 0.0
-    duration: float = 0.0
-
-
-@dataclass(frozen=True)
-class LinkSettings(ABC):
-    """How the process drives the arm.
-
-    Attributes:
-        host: Address of the controller.
-        joints: How many.
-        control_hz: Rates of streaming and of recording [Hz].
-        record_hz: Rates of streaming and of recording [Hz].
-        tracking: Largest error of following [rad].
-        settled: Largest error of a pose that counts as reached [rad].
-        host_silence: The arm stops when the bench, or the controller's data, are silent for so long
-            [s].
-        arm_silence: The arm stops when the bench, or the controller's data, are silent for so long
-            [s].
-        mass: Tool [kg], [m].
-        centre: Tool [kg], [m].
-        orphaned: What becomes of an arm whose driving process is gone, for a person to read.
-        remedies: What a person does then, by the word for the cause.
-        joint_names: For messages.
-    """
-
-    host: str
-    joints: int = 6
-    control_hz: float = 500.0
-    record_hz: float = 125.0
-    tracking: float = float(np.radians(5.0))
-    settled: float = float(np.radians(0.01))
-    host_silence: float = 3.0
-    arm_silence: float = 0.5
-    mass: float | None = None
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    joint_names: tuple[str, ...] = ()
-    orphaned: ClassVar[str]
-    remedies: ClassVar[Mapping[str, str]]
-
-    @abstractmethod
-    def client(self) -> ArmClient:
-        """The client library that takes these settings, in the process that drives the arm; nothing
-        is connected.
-        """
-
-
 class Link:
     """The process that drives the arm, seen from the bench.
 
     Args:
-        settings: What it is to do.
+        client: The client library that it drives the arm through, made there of the settings.
+        settings: How it is to drive.
+        entry: Of the arm, for what a person does after a fault.
     """
 
-    def __init__(self, settings: LinkSettings):
-        self.settings = settings
+    def __init__(self, client: type[ArmClient], settings: LinkSettings, entry: ArmEntry):
+        self.settings, self.entry = settings, entry
         ours, theirs = socket.socketpair()
         path_of_this = [str(Path(__file__).resolve().parents[3]), os.environ.get("PYTHONPATH", "")]
         self._process = subprocess.Popen(
@@ -130,7 +59,7 @@ class Link:
         self._connection = Connection(os.dup(ours.fileno()))
         ours.close()
         self._heard = time.monotonic()
-        self.tell("settings", settings)
+        self.tell("settings", client, settings)
 
     def tell(self, *message: Any) -> None:
         """Send something.
@@ -201,8 +130,9 @@ class Link:
                 return message, before
             if message[0] == "fault":
                 error = DriverError(str(message[2]))
-                if message[1] in self.settings.remedies:
-                    error.add_note(f"what to do: {self.settings.remedies[message[1]]}")
+                remedy = self.entry.remedy(str(message[1]))
+                if remedy is not None:
+                    error.add_note(f"what to do: {remedy}")
                 raise error
             before.append(message)
         self.kill()

@@ -16,7 +16,6 @@ def _common(where: str) -> dict[str, str]:
         "they were",
         "silence": "see that the controller has booted, and that no firewall holds its data back; "
         "then try again",
-        "rtde_silence": network,
         "report_silence": network,
         "slow_response": "see what keeps controller, network or this machine busy, and try again",
         "host_silence": "see what keeps this machine busy (its disk, its memory), and try again",

@@ -7,7 +7,6 @@ what was planned, is the truth.
 
 from __future__ import annotations
 
-import re
 from abc import abstractmethod
 from typing import Any, ClassVar
 
@@ -15,11 +14,14 @@ import numpy as np
 
 from testbench.clock import SystemClock
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.arms.link import Link, LinkSettings, Message, Motion
+from testbench.drivers.arms.client import ArmClient
+from testbench.drivers.arms.link import Link, Message
+from testbench.drivers.arms.settings import LinkSettings, Motion
 from testbench.drivers.arms.straight_path import StraightPaths
-from testbench.drivers.imus.streamed import SessionTime
-from testbench.exceptions import ArmRefused, DriverError, InputError
+from testbench.drivers.session_time import SessionTime
+from testbench.exceptions import ArmRefused, DriverError
 from testbench.frames import NANOSECONDS
+from testbench.model.truth import WIDEST_GAP_NS
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples
@@ -32,6 +34,10 @@ APPROACH_RAD_S, APPROACH_RAD_S2 = float(np.radians(15.0)), float(np.radians(30.0
 APPROACH_S = 120.0
 SLOWEST = (0.01, 0.05)
 """Least speed [rad/s] and acceleration [rad/s^2] that a controller is asked for."""
+MISSED_SHARE = 0.05
+"""A larger share of the controller's samples that did not come is said at the end; a smaller one is
+in the evaluation.
+"""
 
 
 class RemoteArm(SteppingArm):
@@ -47,17 +53,13 @@ class RemoteArm(SteppingArm):
         InputError: The plan is for an arm that the driver is not for.
 
     Attributes:
-        driver: Its name on the command line.
-        models: A regular expression of the robots that it drives.
-        family: What people call them.
+        client: The client library that drives it.
         joint_columns: Columns that samples have for every joint, with {} for its name.
         columns: Their other columns, and the type of each.
         told: Keys of what the controller says of itself that the manifest keeps.
     """
 
-    driver: ClassVar[str]
-    models: ClassVar[str]
-    family: ClassVar[str]
+    client: ClassVar[type[ArmClient]]
     joint_columns: ClassVar[tuple[str, ...]]
     columns: ClassVar[dict[str, Any]]
     told: ClassVar[tuple[str, ...]]
@@ -69,7 +71,7 @@ class RemoteArm(SteppingArm):
         time: SessionTime | None = None,
         serial: str | None = None,
     ):
-        self.refuse_other(robot)
+        self.entry.refuse_other(robot.name)
         self.robot, self.settings, self.time = robot, settings, time or SessionTime(SystemClock())
         self.clock, self.serial = self.time.clock, serial
         each = {
@@ -86,26 +88,10 @@ class RemoteArm(SteppingArm):
         self._events: list[Event] = []
         self._origin_ns = 0
         self._last_ns = 0
+        self._received = self._widest_gap_ns = 0
         self._fault: str | None = None
         self._finished = self._stopped = False
         self.streamed_moves = 0
-
-    @classmethod
-    def drives(cls, robot: Robot) -> bool:
-        """Whether this driver is for arms of that name."""
-        return re.fullmatch(cls.models, robot.name) is not None
-
-    @classmethod
-    def refuse_other(cls, robot: Robot) -> None:
-        """Refuse an arm of another maker, by its name.
-
-        Raises:
-            InputError: The driver is for others.
-        """
-        if not cls.drives(robot):
-            raise InputError(
-                f"--arm {cls.driver} drives {cls.family}; the plan is for {robot.name}"
-            )
 
     @property
     def finished(self) -> bool:
@@ -119,7 +105,7 @@ class RemoteArm(SteppingArm):
                 does not take over.
             DriverError: There is no controller at the address, or it does not answer.
         """
-        self._link = Link(self.settings)
+        self._link = Link(self.client, self.settings, self.entry)
         try:
             (_, info), _ = self._link.wait_for("info")
         except BaseException:
@@ -286,10 +272,13 @@ class RemoteArm(SteppingArm):
                 self.columns
             )
         self._batches = []
-        kept = np.zeros(len(host), dtype=bool)
+        kept, before = np.zeros(len(host), dtype=bool), self._last_ns
         for i, time in enumerate(host):  # never back in time, whatever the clocks do
             if time > self._last_ns:
                 kept[i], self._last_ns = True, int(time)
+        gaps = np.diff(host[kept], prepend=[before] if self._received else [])
+        self._widest_gap_ns = max(self._widest_gap_ns, int(gaps.max(initial=0)))
+        self._received += int(kept.sum())
         extras: dict[str, np.ndarray] = {"controller_time_ns": controller[kept].astype(np.int64)}
         for column, values in zip(self.joint_columns, others, strict=False):
             extras |= {column.format(joint): values[kept][:, i] for i, joint in enumerate(joints)}
@@ -303,9 +292,10 @@ class RemoteArm(SteppingArm):
         events, self._events = self._events, []
         return events
 
-    def pause(self) -> None:
+    def pause(self) -> bool:
         if self._link is not None:
             self._link.tell("pause")
+        return False
 
     def resume(self) -> None:
         if self._link is not None:
@@ -341,8 +331,7 @@ class RemoteArm(SteppingArm):
             self._link = None
 
     def describe(self) -> dict[str, Any]:
-        return {
-            "driver": self.driver,
+        return super().describe() | {
             "host": self.settings.host,
             **{key: self.info[key] for key in self.told if key in self.info},
             "tool": self._tool(),
@@ -351,6 +340,16 @@ class RemoteArm(SteppingArm):
             "streamed_moves": self.streamed_moves,
             "timing": self.timing,
         }
+
+    def afterwards(self) -> list[str]:
+        """How much the controller's data lack, where it is much."""
+        missed = self.timing.get("samples_missed", 0)
+        due = missed + self._received
+        if not missed or (missed <= MISSED_SHARE * due and self._widest_gap_ns <= WIDEST_GAP_NS):
+            return []
+        share, gap = 100 * missed / due, self._widest_gap_ns / NANOSECONDS
+        what = f"{missed} of {due} ({share:.2g} %) of the controller's samples did not come"
+        return [f"warning: {what}, the longest gap is {gap:.2g} s"]
 
     def _tool(self) -> dict[str, Any] | None:
         """The weight that the controller was told of, or None where it was left as it was."""

@@ -14,9 +14,12 @@ from typing import Any
 import numpy as np
 
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.imus.streamed import SessionTime
+from testbench.drivers.arms.catalogue import REPLAY
+from testbench.drivers.arms.entry import WantedArm
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.frames import NANOSECONDS
+from testbench.records.layout import ARM, table_file
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples
@@ -38,6 +41,8 @@ class ReplayArm(SteppingArm):
         log: A session's folder, a Parquet or a CSV file.
         time: Of the session.
     """
+
+    entry = REPLAY
 
     def __init__(self, robot: Robot, log: Path, time: SessionTime):
         self.robot, self.log, self.time = robot, log, time
@@ -136,9 +141,10 @@ class ReplayArm(SteppingArm):
             Event(event.host_time_ns + self._shift_ns, event.event, event.details) for event in due
         ] + told
 
-    def pause(self) -> None:
+    def pause(self) -> bool:
         self._held_ns = self.time.now_ns() - self._shift_ns
         self._told.append(Event(self.time.now_ns(), "paused", {}))
+        return True
 
     def resume(self) -> None:
         if self._held_ns is not None:
@@ -152,13 +158,24 @@ class ReplayArm(SteppingArm):
         """Nothing to let go of."""
 
     def describe(self) -> dict[str, Any]:
-        return {"driver": "replay", "log": self.log.name}
+        return super().describe() | {"log": self.log.name}
+
+
+def replay_arm(plan: Plan, wanted: WantedArm, time: SessionTime) -> ReplayArm:
+    """The recorded motion for a plan; it is not read yet.
+
+    Raises:
+        InputError: There is none.
+    """
+    if wanted.log is None:
+        raise InputError("a replay needs a recorded motion")
+    return ReplayArm(plan.robot, wanted.log, time)
 
 
 def _read_log(path: Path) -> dict[str, np.ndarray]:
     if path.is_dir():
         Session(path)
-        return read_parquet(path / "arm.parquet")
+        return read_parquet(path / table_file(ARM))
     if not path.is_file():
         raise InputError(f"the log {path} does not exist")
     if path.suffix == ".parquet":

@@ -8,9 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from testbench.drivers.arms.remedies import UR_REMEDIES
+from testbench.drivers.arms.catalogue import UR
+from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.arms.remote import RemoteArm, common_settings
-from testbench.drivers.arms.ur_client import UrSettings
+from testbench.drivers.arms.ur_client import UrClient, UrSettings
+from testbench.drivers.session_time import SessionTime
 from testbench.records.plan import Plan
 
 
@@ -18,16 +20,14 @@ class UrArm(RemoteArm):
     """An arm of the e-series.
 
     Args:
-        robot: As for `RemoteArm`.
-        settings: As for `RemoteArm`.
-        time: As for `RemoteArm`.
-        serial: As for `RemoteArm`.
+        robot: What the plan is for.
+        settings: Address, rates, limits.
+        time: Of the session; a new one if None.
+        serial: Number that the arm must have; any if None.
     """
 
-    driver: ClassVar[str] = "ur"
-    models: ClassVar[str] = r"ur\d+e"
-    family: ClassVar[str] = "e-series arms such as ur3e"
-    remedies = UR_REMEDIES
+    entry = UR
+    client = UrClient
     joint_columns: ClassVar[tuple[str, ...]] = ("current_{}_A", "temperature_{}_degC")
     columns: ClassVar[dict[str, Any]] = {
         "robot_mode": np.int64,
@@ -41,6 +41,11 @@ class UrArm(RemoteArm):
         if model.upper().removesuffix("E") == expected:
             return None
         return f"the plan is for a {self.robot.name}, the controller calls its arm {model}"
+
+
+def ur_arm(plan: Plan, wanted: WantedArm, time: SessionTime) -> UrArm:
+    """An arm for a plan; nothing is connected."""
+    return UrArm(plan.robot, ur_settings(plan, wanted.host), time, wanted.serial)
 
 
 def ur_settings(plan: Plan, host: str) -> UrSettings:

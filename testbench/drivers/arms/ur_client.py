@@ -11,7 +11,7 @@ import math
 import re
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from threading import Thread
@@ -21,8 +21,7 @@ import numpy as np
 
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, ControllerLock
-from testbench.drivers.arms.link import LinkSettings
-from testbench.drivers.arms.remedies import UR_REMEDIES
+from testbench.drivers.arms.settings import LinkSettings
 from testbench.drivers.arms.ur_greeting import DASHBOARD_PORT, greet_dashboard
 
 SECONDARY_PORT = 30002
@@ -84,10 +83,6 @@ class UrSettings(LinkSettings):
     watchdog: float = 0.5
     least_slider: float = 0.99
     orphaned: ClassVar[str] = "the controller's watchdog stops the arm"
-    remedies: ClassVar[Mapping[str, str]] = UR_REMEDIES
-
-    def client(self) -> UrClient:
-        return UrClient(self)
 
 
 class UrClient(ArmClient):
@@ -312,7 +307,7 @@ class UrClient(ArmClient):
             raise ArmFault("disconnect", "the connection to the controller was lost")
         if self.silent_for > settings.arm_silence:
             raise ArmFault(
-                "rtde_silence", f"the controller sent no data for {settings.arm_silence:g} s"
+                "report_silence", f"the controller sent no data for {settings.arm_silence:g} s"
             )
         if self.slider < settings.least_slider - 0.005:
             raise ArmFault(
@@ -436,7 +431,7 @@ class UrClient(ArmClient):
             raise self._program_ended()
         if self.silent_for > IN_TOUCH_S:
             raise ArmFault(
-                "rtde_silence", f"the controller sent no data for {1000 * self.silent_for:.0f} ms"
+                "report_silence", f"the controller sent no data for {1000 * self.silent_for:.0f} ms"
             )
 
     def _in_touch(self) -> bool:

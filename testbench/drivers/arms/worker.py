@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
-from testbench.drivers.arms.link import LinkSettings, Motion
 from testbench.drivers.arms.onset import LEAD_S, Onset
+from testbench.drivers.arms.settings import LinkSettings, Motion
 
 SENT_KEPT_S = 0.4
 """Targets sent within this time are compared with what is reached: longer than lookahead and servo
@@ -337,7 +337,7 @@ class Worker:
         silence = self.client.silent_for
         if silence > STALE_S:  # where the arm is nobody knows: it may well be where it was sent
             raise ArmFault(
-                "rtde_silence",
+                "report_silence",
                 f"the controller sent no data for {1000 * silence:.0f} ms of a motion",
             )
         joint = self._joint(errors[nearest])
@@ -387,16 +387,16 @@ def main(descriptor: int) -> None:
     with suppress(OSError):  # where the system lets it; the loop sleeps nearly all of its time
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
     connection = Connection(descriptor)
-    _, settings = connection.recv()
-    client: ArmClient = settings.client()
+    _, kind, settings = connection.recv()
+    client: ArmClient = kind(settings)
     try:
         _serve(connection, client, settings)
     finally:
         client.close()
     os._exit(
         0
-        # the destructors of UR's client library would wait half a second each for connections that
-        # are closed by now
+        # the destructors of client libraries may wait half a second each for connections that are
+        # closed by now
     )
 
 

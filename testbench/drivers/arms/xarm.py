@@ -11,9 +11,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from testbench.drivers.arms.remedies import XARM_REMEDIES
+from testbench.drivers.arms.catalogue import XARM
+from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.arms.remote import RemoteArm, common_settings
-from testbench.drivers.arms.xarm_client import CONTROL_PORT, XArmSettings, stop_at_once
+from testbench.drivers.arms.xarm_client import (
+    CONTROL_PORT,
+    XArmClient,
+    XArmSettings,
+    stop_at_once,
+)
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import InputError
 from testbench.records.plan import Plan
 
@@ -25,22 +32,14 @@ class XArm(RemoteArm):
     """An xArm.
 
     Args:
-        robot: As for `RemoteArm`.
-        settings: As for `RemoteArm`.
-        time: As for `RemoteArm`.
-        serial: As for `RemoteArm`.
+        robot: What the plan is for.
+        settings: Address, rates, limits.
+        time: Of the session; a new one if None.
+        serial: Number that the arm must have; any if None.
     """
 
-    driver: ClassVar[str] = "xarm"
-    models: ClassVar[str] = "|".join(KINDS)
-    family: ClassVar[str] = ", ".join(KINDS)
-    notice = (
-        "the xArm driver is UNVERIFIED ON HARDWARE: it was tested against an emulated controller "
-        "only, and this controller has "
-        "no watchdog that stops the arm when the bench is cut off; keep a hand on the emergency "
-        "stop"
-    )
-    remedies = XARM_REMEDIES
+    entry = XARM
+    client = XArmClient
     joint_columns: ClassVar[tuple[str, ...]] = ("current_{}_A", "temperature_{}_degC")
     columns: ClassVar[dict[str, Any]] = {
         "state": np.int64,
@@ -64,6 +63,11 @@ class XArm(RemoteArm):
 
     def describe(self) -> dict[str, Any]:
         return super().describe() | {"unverified_on_hardware": True}
+
+
+def xarm_arm(plan: Plan, wanted: WantedArm, time: SessionTime) -> XArm:
+    """An arm for a plan; nothing is connected."""
+    return XArm(plan.robot, xarm_settings(plan, wanted.host), time, wanted.serial)
 
 
 def xarm_settings(plan: Plan, host: str) -> XArmSettings:

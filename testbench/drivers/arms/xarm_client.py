@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -25,8 +25,7 @@ import numpy as np
 
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, ControllerLock
-from testbench.drivers.arms.link import LinkSettings
-from testbench.drivers.arms.remedies import XARM_REMEDIES
+from testbench.drivers.arms.settings import LinkSettings
 
 CONTROL_PORT, REPORT_PORT = 502, 30000
 REPORT = np.dtype(
@@ -82,10 +81,6 @@ class XArmSettings(LinkSettings):
     control_port: int = CONTROL_PORT
     answer: float = 0.5
     orphaned: ClassVar[str] = "the bench tells the controller to stop"
-    remedies: ClassVar[Mapping[str, str]] = XARM_REMEDIES
-
-    def client(self) -> XArmClient:
-        return XArmClient(self)
 
 
 def stop_at_once(host: str, port: int, timeout: float = 0.5) -> None:

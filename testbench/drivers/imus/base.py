@@ -24,6 +24,27 @@ class Imu(ABC):
     has_orientation: bool
     has_temperature: bool = False
 
+    def connect(self) -> None:  # noqa: B027 - nothing to do for a device on a wire
+        """Make the link to the device where that takes long, so that all can then begin together;
+        it does not record yet.
+        """
+
+    def trial(self) -> Imu | None:
+        """The same device once more, to hear whether it delivers before anything depends on it;
+        must be stopped before this one begins. None where connecting shows that.
+        """
+        return None
+
+    def wait_for_sample(self, name: str) -> None:  # noqa: B027 - only trials wait
+        """Wait until a trial has delivered a sample.
+
+        Args:
+            name: Of the sensor, for the message.
+
+        Raises:
+            DriverError: None came; says what came instead.
+        """
+
     @abstractmethod
     def kickoff(self) -> None:
         """Begin to record."""
@@ -51,3 +72,9 @@ class Imu(ABC):
         default.
         """
         return []
+
+    def statistics(self) -> dict[str, int]:
+        """What the device counted so far: samples, and events by their kinds; nothing by
+        default.
+        """
+        return {}

@@ -13,7 +13,8 @@ from typing import Any, Protocol
 from testbench.drivers.imus.device_clock import DeviceClock, SampleCounter
 from testbench.drivers.imus.line_format import TIME_UNITS, CounterColumn, LineFormat, TimeColumn
 from testbench.drivers.imus.line_parser import Line, LineParser, MalformedLine
-from testbench.drivers.imus.streamed import QUEUE_S, SessionTime, StreamedImu
+from testbench.drivers.imus.streamed import QUEUE_S, StreamedImu
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
 

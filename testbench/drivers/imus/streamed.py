@@ -1,5 +1,5 @@
-"""What every live sensor shares: the session's time, a bounded queue that never blocks the device,
-and notices of faults.
+"""What every live sensor shares: a bounded queue that never blocks the device, and notices of
+faults.
 
 A live sensor has a thread of its own that reads the device and puts samples into the queue; the
 recorder takes them out.
@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from testbench.clock import Clock
 from testbench.drivers.imus.base import Imu
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
 from testbench.records.samples import ImuSamples
@@ -25,31 +25,6 @@ QUEUE_S = 10.0
 """The queue holds this much of a device's output [s]: longer than any disk takes to sync."""
 TALLY_NS = NANOSECONDS
 """Faults of one kind within this time of the first become one event [ns]."""
-
-
-class SessionTime:
-    """Nanoseconds since the session began, the same for all its devices.
-
-    Args:
-        clock: Gives the monotonic time.
-    """
-
-    def __init__(self, clock: Clock):
-        self.clock = clock
-        self._origin_ns: int | None = None
-
-    def start(self) -> None:
-        """Time 0 is now; a second call does nothing."""
-        if self._origin_ns is None:
-            self._origin_ns = self.clock.monotonic_ns()
-
-    def now_ns(self) -> int:
-        """Time since the start [ns], 0 before it."""
-        return 0 if self._origin_ns is None else self.clock.monotonic_ns() - self._origin_ns
-
-    def wait_until(self, host_time_ns: int) -> None:
-        """Sleep until a time; returns at once when it has passed."""
-        self.clock.sleep((host_time_ns - self.now_ns()) / NANOSECONDS)
 
 
 @dataclass

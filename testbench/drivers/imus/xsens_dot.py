@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 
 from testbench.drivers.imus.bluetooth import SCAN_S, BluetoothLoop, describe_error, find_dots
 from testbench.drivers.imus.device_clock import DeviceClock, SampleCounter
-from testbench.drivers.imus.streamed import QUEUE_S, SessionTime, StreamedImu
+from testbench.drivers.imus.streamed import QUEUE_S, StreamedImu
+from testbench.drivers.imus.xsens_dot_messages import STOP, STOP_RESULT, ask, message
 from testbench.drivers.imus.xsens_dot_payload import (
     BATTERY,
     DEVICE_CONTROL,
@@ -31,7 +32,7 @@ from testbench.drivers.imus.xsens_dot_payload import (
     read,
     set_rate_command,
 )
-from testbench.drivers.imus.xsens_dot_sync import STOP, STOP_RESULT, ask, message
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.frames import NANOSECONDS
 

@@ -10,10 +10,11 @@ Numbers and order follow the script text inside the client (ur_rtde 1.6.5, MIT).
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-if TYPE_CHECKING:
-    from testbench.emulation.ur.controller import Controller
+from testbench.emulation.faults import Faults
+from testbench.emulation.joints import Joints
+from testbench.emulation.ur.state import Registers
 
 READY, DONE = 1, 2
 MOVE_J, SPEED_J, SERVO_J, SPEED_STOP, SERVO_STOP, SET_PAYLOAD, WATCHDOG_KICK = (
@@ -39,6 +40,24 @@ STREAMING = {6, 9, 10, 11, 24, 25, 26, 27, 38, 58, 66, 67, 68, 69, 70, 71}
 """Commands after which the script is ready at once."""
 
 _OFFSET = re.compile(r"reg_offset_int\s*=\s*#[^\n]*\n\s*(\d+)")
+
+
+class Machine(Protocol):
+    """What the script reads and moves of the controller that runs it."""
+
+    registers: Registers
+    joints: Joints
+    faults: Faults
+    heard_until: float
+    payload: float
+    payload_cog: list[float]
+
+    @property
+    def time(self) -> float:
+        """Time since the controller was started [s]."""
+
+    def protective_stop(self, why: str) -> None:
+        """Stop hard."""
 
 
 def is_control_script(text: str) -> bool:
@@ -69,13 +88,13 @@ class ControlScript:
         if register == self.offset:
             self._last_input = now
 
-    def begin(self, controller: Controller) -> None:
+    def begin(self, controller: Machine) -> None:
         """The script's first lines."""
         self._last_input = controller.time
         self._signal(controller, READY)
         self._progress(controller, -1)
 
-    def tick(self, controller: Controller) -> str | None:
+    def tick(self, controller: Machine) -> str | None:
         """Run for one control period.
 
         Returns:
@@ -112,7 +131,7 @@ class ControlScript:
             self._waiting = True  # a command that moves nothing is done at the next instant
         return ended
 
-    def _process(self, controller: Controller, command: int) -> str | None:
+    def _process(self, controller: Machine, command: int) -> str | None:
         joints, first = controller.joints, self.offset
         value = controller.registers.input_double
         if command == MOVE_J:
@@ -151,15 +170,15 @@ class ControlScript:
             return f"command {command} is not emulated"
         return None
 
-    def _begin_asynchronous(self, controller: Controller) -> None:
+    def _begin_asynchronous(self, controller: Machine) -> None:
         if controller.registers.input_int[self.offset + 1] == 1:
             self._asynchronous = True
             self._progress(controller, 0)
 
-    def _signal(self, controller: Controller, value: int) -> None:
+    def _signal(self, controller: Machine, value: int) -> None:
         controller.registers.output_int[self.offset] = value
 
-    def _progress(self, controller: Controller, value: int) -> None:
+    def _progress(self, controller: Machine, value: int) -> None:
         """Progress of an asynchronous operation in output integer register 2, in the script's own
         coding.
         """

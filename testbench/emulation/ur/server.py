@@ -79,6 +79,7 @@ class UrServer(Server):
     """
 
     faults: ClassVar[Mapping[str, FaultKind]] = FAULTS
+    open_ports = "dashboard 29999, scripts 30001 to 30003, RTDE 30004, faults 29998"
 
     def __init__(
         self, controller: Controller, address: str = "127.0.0.1", token: str | None = None

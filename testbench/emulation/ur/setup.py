@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 from testbench.emulation.faults import load_scenario
 from testbench.emulation.setup import emulated_robot, start_angles
 from testbench.emulation.ur.controller import Controller, Identity
 from testbench.emulation.ur.faults import UrScenario
+from testbench.emulation.ur.server import UrServer
 from testbench.exceptions import InputError
 
 DASHBOARD_MODELS = {"ur3e": "UR3", "ur5e": "UR5", "ur10e": "UR10"}
@@ -44,3 +46,30 @@ def make_controller(
     controller = Controller(robot, identity, start_angles(robot, q_deg), seed, faults)
     controller.remote_control = not local_control
     return controller
+
+
+def make_server(
+    model: str,
+    address: str,
+    token: str | None,
+    at_deg: list[float] | None,
+    seed: int,
+    scenario: Path | None,
+    **own: Any,
+) -> UrServer:
+    """A server that listens.
+
+    Args:
+        model: As for `make_controller`.
+        address: To listen on, as for `UrServer`.
+        token: What clients must say first, as for `UrServer`.
+        at_deg: Joint angles at the start [deg]; home if None.
+        seed: Of the encoders' noise.
+        scenario: File of faults to come; none if None.
+        own: The other arguments of `make_controller`.
+
+    Raises:
+        InputError: As for `make_controller` and `UrServer`.
+    """
+    controller = make_controller(model, q_deg=at_deg, seed=seed, scenario=scenario, **own)
+    return UrServer(controller, address, token)

@@ -73,6 +73,7 @@ class XArmServer(Server):
                 "for reports"
             )
         self._xarm = controller
+        self.open_ports = f"commands {command_port}, reports 30000 and 30002, faults 29998"
         super().__init__(controller, {command_port: COMMANDS, **REPORT_PORTS}, address, token)
 
     def connection(self, sock: socket.socket, kind: str) -> Connection:

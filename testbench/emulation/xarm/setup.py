@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 from testbench.emulation.faults import load_scenario
 from testbench.emulation.setup import emulated_robot, start_angles
 from testbench.emulation.xarm.controller import KINDS, Controller, Identity
 from testbench.emulation.xarm.faults import XArmScenario
+from testbench.emulation.xarm.server import XArmServer
 from testbench.exceptions import InputError
 
 
@@ -42,3 +44,31 @@ def make_controller(
     identity = Identity(claims or model, **({"firmware": firmware} if firmware else {}))
     faults = load_scenario(scenario, XArmScenario) if scenario else None
     return Controller(robot, identity, start_angles(robot, q_deg), seed, faults)
+
+
+def make_server(
+    model: str,
+    address: str,
+    token: str | None,
+    at_deg: list[float] | None,
+    seed: int,
+    scenario: Path | None,
+    **own: Any,
+) -> XArmServer:
+    """A server that listens.
+
+    Args:
+        model: As for `make_controller`.
+        address: To listen on, as for `XArmServer`.
+        token: What clients must say first, as for `XArmServer`.
+        at_deg: Joint angles at the start [deg]; home if None.
+        seed: Of the encoders' noise.
+        scenario: File of faults to come; none if None.
+        own: The other arguments of `make_controller`, and `command_port`, as for `XArmServer`.
+
+    Raises:
+        InputError: As for `make_controller` and `XArmServer`.
+    """
+    command_port = own.pop("command_port")
+    controller = make_controller(model, q_deg=at_deg, seed=seed, scenario=scenario, **own)
+    return XArmServer(controller, address, token, command_port)

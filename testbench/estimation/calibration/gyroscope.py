@@ -511,11 +511,18 @@ def validated(
     stages: Stages | None = None,
 ) -> TriadCalibration:
     """The calibration with the errors of gravity's direction on turns that it was not made from."""
-    errors = np.degrees(gravity_direction_errors(calibration, held_out, integrator, stages))
-    figures = {
-        "gravity_direction_median_deg": float(np.median(errors)),
-        "gravity_direction_rms_deg": float(np.sqrt(np.mean(errors**2))),
-        "gravity_direction_max_deg": float(errors.max()),
-        "held_out_turns": float(len(errors)),
-    }
+    figures = turn_figures(gravity_direction_errors(calibration, held_out, integrator, stages))
     return replace(calibration, validation={**calibration.validation, **figures})
+
+
+def turn_figures(errors: np.ndarray) -> dict[str, float]:
+    """Errors of gravity's direction on turns held out, shape (m,) [rad], as figures of a
+    validation.
+    """
+    error_deg = np.degrees(errors)
+    return {
+        "gravity_direction_median_deg": float(np.median(error_deg)),
+        "gravity_direction_rms_deg": float(np.sqrt(np.mean(error_deg**2))),
+        "gravity_direction_max_deg": float(np.max(error_deg)),
+        "held_out_turns": float(len(error_deg)),
+    }

@@ -137,10 +137,11 @@ def turns_between_rests(
     """Cut a recording at its rests, with the direction of gravity by the accelerometer in each.
 
     Args:
-        gyr: Raw, shape (n, 3) [rad/s], at a regular interval [s].
-        rests: Begin and end (exclusive) of each rest, as rows of `gyr`. force: Mean calibrated
-            specific force in each rest, shape (m, 3) [m/s^2].
-        up_sd: Standard uncertainty of its direction about each axis [rad].
+        gyr: Raw, at a regular interval, shape (n, 3) [rad/s].
+        interval: Between samples [s].
+        rests: Begin and end (exclusive) of each rest, as rows of `gyr`, m of them.
+        acc: Mean calibrated specific force in each rest, shape (m, 3) [m/s^2].
+        up_sd: Standard uncertainty of the force's direction about each axis [rad].
         margin: Samples by which a turn reaches into the rests at its ends, at most half of each.
 
     Raises:

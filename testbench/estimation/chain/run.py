@@ -109,6 +109,9 @@ def run_filter(
     """Filter samples from the start state on.
 
     Args:
+        sensors: The chain and what sits on it.
+        settings: State, noise and start of the filter.
+        samples: What the sensors read.
         keep: Whether to keep states and covariances.
     """
     x, P = start_state(sensors, settings, samples.mean, samples.counts)

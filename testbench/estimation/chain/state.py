@@ -49,8 +49,9 @@ def joint_motion(
     depend on.
 
     Args:
-        x: The state.
+        x: The state, shape (n,).
         indices: As `state_indices` gives them, shape (m, k).
+        harmonics: Of the Fourier series; 0 for the kinematic state.
         motion: Filled with q, v and a, shape (3, m).
         slopes: Filled with their derivatives, shape (3, m, k).
     """
@@ -239,10 +240,14 @@ def drive(
     Navigation, 2001, eq 6.2.3-7).
 
     Args:
+        P: Covariance of the state, shape (n, n); added to.
+        m: Joints.
+        harmonics: Of the Fourier series; 0 for the kinematic state.
         jerk: Power spectral density of the white jerk of each joint, shape (m,) [rad^2/s^5];
             kinematic state only.
         confined: As for `transition`.
         walk: Growth of the variance of each state, shape (n,) [unit^2/s].
+        dt: Time that passes [s].
     """
     if harmonics == 0:
         f = np.empty((3, 3))

@@ -37,8 +37,13 @@ def complementary(
     them, so that the field never tilts. The part is 1 - exp(-dt / tau).
 
     Args:
-        p: tau of the accelerometer [s], its gate [m/s^2], tau of the magnetometer [s], its gate.
-        state: begin, q, field of reference.
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Parameters, shape (k,): tau of the accelerometer [s], its gate [m/s^2], tau of the
+            magnetometer [s], its gate.
+        state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, field of reference.
         use_mag: Whether to use the magnetometer.
     """
     n = gyr.shape[0]

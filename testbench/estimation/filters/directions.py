@@ -25,8 +25,12 @@ def tilts(
     """The least rotation that turns each specific force upwards.
 
     Args:
-        p: None.
-        state: started, q, unused.
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Unused, shape (0,).
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q, unused.
     """
     out = np.empty((acc.shape[0], 4))
     if state[0] == 0.0:
@@ -53,8 +57,13 @@ def triads(
     """TRIAD: the first vector is met exactly, the second as well as that allows.
 
     Args:
-        p: Empty, or whether the field is the first vector.
-        state: started, q, cosine and sine of the dip.
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Parameters, shape (k,): empty, or whether the field is the first vector.
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q, cosine and sine of
+            the dip.
     """
     field_first = p.shape[0] > 0 and p[0] > 0.5
     out = np.empty((acc.shape[0], 4))
@@ -115,8 +124,13 @@ def quests(
     adjugate of K - lambda, which has no singular angle.
 
     Args:
-        p: Weight of the field, that of gravity being the rest of 1.
-        state: started, q, cosine and sine of the dip.
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Parameters, shape (k,): weight of the field, that of gravity being the rest of 1.
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q, cosine and sine of
+            the dip.
     """
     wm = p[0]
     wa = 1.0 - wm

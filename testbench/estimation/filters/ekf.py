@@ -113,10 +113,14 @@ def ekf(
     """Quaternion EKF: rates as input, directions of gravity and field as measurements.
 
     Args:
-        p: Standard deviations of rate [rad/s] and direction of force, gate [m/s^2], that of
-            direction of field, gate.
-        state: started, q, covariance (16), direction of the field in the earth frame (north, up),
-            field of reference.
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Parameters, shape (k,): standard deviations of rate [rad/s] and direction of force, gate
+            [m/s^2], that of direction of field, gate.
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q, covariance (16),
+            direction of the field in the earth frame (north, up), field of reference.
         use_mag: Whether to use the magnetometer.
     """
     n = gyr.shape[0]

@@ -158,10 +158,16 @@ def error_state(
         z = [g - (acc - a); m - mag] = [[g x, -k g x, I, 0], [m x, -k m x, 0, -I]] x
 
     Args:
-        p: Variances of accelerometer, gyroscope, offset drift, linear acceleration, decay of that;
-            of magnetometer, disturbance, decay of that, and strength of the field [uT].
-        state: started, q, offset, acceleration, diagonal of Q (turn, offset, acceleration,
-            disturbance), its turn-offset part, field (north, up).
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Parameters, shape (k,): variances of accelerometer, gyroscope, offset drift, linear
+            acceleration, decay of that; of magnetometer, disturbance, decay of that, and strength
+            of the field [uT].
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q, offset,
+            acceleration, diagonal of Q (turn, offset, acceleration, disturbance), its turn-offset
+            part, field (north, up).
         use_mag: Whether to use the magnetometer.
     """
     n = gyr.shape[0]

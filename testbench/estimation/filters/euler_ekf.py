@@ -138,8 +138,14 @@ def euler_ekf(
     angle.
 
     Args:
-        p: Process noise [rad] or [rad/sqrt(s)], sd of roll and of pitch [rad], gate [m/s^2].
-        state: started, roll, pitch, yaw, P (9).
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Parameters, shape (k,): process noise [rad] or [rad/sqrt(s)], sd of roll and of pitch
+            [rad], gate [m/s^2].
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, roll, pitch, yaw, P
+            (9).
         simple: Whether each angle is the integral of its own axis (eq. 4.7) instead of eqs 4.4 to
             4.6.
         printed: With the errors of the publication.

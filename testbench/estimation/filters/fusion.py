@@ -85,10 +85,15 @@ def fusion(
     step a sample.
 
     Args:
-        p: gain, threshold of the vertical [deg], longest time to reject [s], range of the gyroscope
-            [deg/s], and with a magnetometer threshold of the heading [deg].
-        state: begin, q, time since the start [s], rejected and borne times of the vertical and of
-            the heading [s].
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Parameters, shape (k,): gain, threshold of the vertical [deg], longest time to reject
+            [s], range of the gyroscope [deg/s], and with a magnetometer threshold of the heading
+            [deg].
+        state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, time since the start
+            [s], rejected and borne times of the vertical and of the heading [s].
         use_mag: Whether to use the magnetometer; without one the heading is held at zero while
             starting up.
     """

@@ -21,8 +21,12 @@ def integrate(
     """Q <- q exp(rate dt / 2); the first sample's specific force, if there is one, gives the start.
 
     Args:
-        p: None.
-        state: started, q.
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Unused, shape (0,).
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q.
     """
     n = gyr.shape[0]
     out = np.empty((n, 4))

@@ -48,8 +48,14 @@ def madgwick(
     function of a q that is off the unit sphere, and its gradient is what is scaled to one.
 
     Args:
-        p: beta, zeta, gate of the accelerometer [m/s^2], gate of the magnetometer.
-        state: begin, q, bias, field of reference.
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Parameters, shape (k,): beta, zeta, gate of the accelerometer [m/s^2], gate of the
+            magnetometer.
+        state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, bias, field of
+            reference.
         use_mag: Whether to use the magnetometer.
         as_printed: zeta as in the "zeta" form without a bias state.
     """

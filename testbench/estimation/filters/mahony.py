@@ -38,8 +38,14 @@ def mahony(
     explicit Euler step a sample.
 
     Args:
-        p: kp, ki, gate of the accelerometer [m/s^2], gate of the magnetometer.
-        state: begin, q, bias, field of reference.
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Parameters, shape (k,): kp, ki, gate of the accelerometer [m/s^2], gate of the
+            magnetometer.
+        state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, bias, field of
+            reference.
         use_mag: Whether to use the magnetometer.
     """
     kp, ki = p[0], p[1]

@@ -110,11 +110,15 @@ def mekf(
     error and the bias.
 
     Args:
-        p: Noise density [rad/s/sqrt(Hz)], bias walk [rad/s^2/sqrt(Hz)], first sd of the bias
-            [rad/s], sd of the force [m/s^2], its gate [m/s^2], sd of the field's direction, its
-            gate.
-        state: begin, q, bias, covariance (36), direction of the field (north, up), field of
-            reference.
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT].
+        dt: Interval before each sample, shape (n,) [s].
+        p: Parameters, shape (k,): noise density [rad/s/sqrt(Hz)], bias walk [rad/s^2/sqrt(Hz)],
+            first sd of the bias [rad/s], sd of the force [m/s^2], its gate [m/s^2], sd of the
+            field's direction, its gate.
+        state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, bias, covariance
+            (36), direction of the field (north, up), field of reference.
         use_mag: Whether to use the magnetometer.
     """
     n = gyr.shape[0]

@@ -154,7 +154,11 @@ def _estimated_sensors(
 
 
 def stride(time_ns: np.ndarray) -> slice:
-    """Rows that bring regular samples down to about RATE; never up."""
+    """Rows that bring regular samples down to about RATE; never up.
+
+    Args:
+        time_ns: Increasing, shape (n,).
+    """
     if len(time_ns) < 2:
         return slice(None)
     interval = float(np.median(np.diff(time_ns))) / NANOSECONDS

@@ -58,8 +58,8 @@ class Stream:
     """Messages of one channel.
 
     Attributes:
-        topic: Of the channel.
-        kind: Of the channel.
+        topic: Name of the channel.
+        kind: Type of its messages.
         time_ns: Host times, increasing, shape (n,).
         rows: Bytes of the messages of a slice, given their stamps [ns]: shape (n, length), uint8.
         latched: Whether late subscribers shall receive the last one.

@@ -41,12 +41,19 @@ def write_text(
 
 
 def data_rate(time_ns: np.ndarray) -> float:
-    """Median rate of instants [Hz]; 0 for fewer than two."""
+    """Median rate of instants [Hz]; 0 for fewer than two.
+
+    Args:
+        time_ns: Increasing, shape (n,).
+    """
     return NANOSECONDS / float(np.median(np.diff(time_ns))) if len(time_ns) > 1 else 0.0
 
 
 def overlap(times: dict[str, np.ndarray]) -> slice:
     """Rows of the first series that lie between the first and the last instant of every series.
+
+    Args:
+        times: By name of the series, its instants, increasing, of shape (n,) each [ns].
 
     Raises:
         InputError: There are none.
@@ -64,8 +71,12 @@ def overlap(times: dict[str, np.ndarray]) -> slice:
 
 
 def gap_notes(times: dict[str, np.ndarray], begin: int, end: int) -> list[str]:
-    """A sentence for each series with gaps between two instants, across which its values are
-    interpolated.
+    """A sentence for each series with gaps, across which its values are interpolated.
+
+    Args:
+        times: By name of the series, its instants, increasing, of shape (n,) each [ns].
+        begin: Where the looked-at part begins [ns].
+        end: Where it ends [ns].
     """
     notes = []
     for name, time in times.items():

@@ -144,11 +144,17 @@ class ExportSource:
         return time[rows], q[rows]
 
     def orientation_at(self, sensor: str, time_ns: np.ndarray) -> np.ndarray:
-        """q_world_from_sensor by the chosen filter at times, shape (n,) to (n, 4); NaN where it is
-        unknown.
+        """q_world_from_sensor by the chosen filter.
 
         The filter's own instants give its own values; between them it is interpolated, across no
         gap of more than 0.2 s.
+
+        Args:
+            sensor: Its name.
+            time_ns: Host time, shape (n,).
+
+        Returns:
+            Shape (n, 4); NaN where it is unknown.
         """
         return interpolated(*self.orientation(sensor), time_ns)
 
@@ -179,8 +185,14 @@ class ExportSource:
         return time, self.true_angles(joint, time)
 
     def true_angles(self, joint: str, time_ns: np.ndarray) -> dict[str, np.ndarray]:
-        """Euler angles of the segments' true orientations by sequence, shape (n, 3) [rad]; NaN
-        where the truth is unknown.
+        """The three angles of the segments' true orientations, by definition of the joint.
+
+        Args:
+            joint: Of the protocol.
+            time_ns: Host time, shape (n,).
+
+        Returns:
+            By label of the definition, shape (n, 3) [rad]; NaN where the truth is unknown.
         """
         definition = self.session.analysis.joints[joint]
         q = []
@@ -201,8 +213,14 @@ class ExportSource:
 
 
 def true_orientation(truth: Truth | None, time_ns: np.ndarray) -> np.ndarray:
-    """True q_world_from_sensor at times, shape (n, 4); NaN before, after and in gaps of the
-    truth.
+    """True q_world_from_sensor.
+
+    Args:
+        truth: None where there is none.
+        time_ns: Host time, shape (n,).
+
+    Returns:
+        Shape (n, 4); NaN before, after and in gaps of the truth.
     """
     if truth is None:
         return np.full((len(time_ns), 4), np.nan)
@@ -212,13 +230,15 @@ def true_orientation(truth: Truth | None, time_ns: np.ndarray) -> np.ndarray:
 
 
 def interpolated(times: np.ndarray, q: np.ndarray, time_ns: np.ndarray) -> np.ndarray:
-    """Orientations at times, shape (n,) to (n, 4); NaN before the first, after the last and in
-    gaps.
+    """Orientations at other times.
 
     Args:
         times: Increasing, shape (m,) [ns].
-        q: Shape (m, 4).
-        time_ns: Shape (n,).
+        q: At those times, shape (m, 4).
+        time_ns: Wanted times, shape (n,).
+
+    Returns:
+        Shape (n, 4); NaN before the first, after the last and in gaps.
     """
     result = np.full((len(time_ns), 4), np.nan)
     if len(times) < 2:
@@ -237,7 +257,14 @@ def interpolated(times: np.ndarray, q: np.ndarray, time_ns: np.ndarray) -> np.nd
 
 
 def increasing(time_ns: np.ndarray) -> np.ndarray:
-    """Rows of instants that are later than all before them, shape (n,) to (m,)."""
+    """Rows of instants that are later than all before them.
+
+    Args:
+        time_ns: In any order, shape (n,).
+
+    Returns:
+        Shape (m,).
+    """
     if not len(time_ns):
         return np.zeros(0, dtype=np.int64)
     latest = np.maximum.accumulate(time_ns)

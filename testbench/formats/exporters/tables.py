@@ -52,7 +52,11 @@ def all_tables(source: ExportSource) -> dict[str, Table]:
 
 
 def timed(host_time_ns: np.ndarray) -> Table:
-    """The two columns every table begins with: seconds, and the same instants in nanoseconds."""
+    """The two columns every table begins with: seconds, and the same instants in nanoseconds.
+
+    Args:
+        host_time_ns: Shape (n,).
+    """
     return {"time_s": host_time_ns / NANOSECONDS, "host_time_ns": host_time_ns}
 
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import os
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from testbench.exceptions import InputError
-from testbench.records.session import EVENTS, MANIFEST, Session
-from testbench.records.storage import plain_values
+from testbench.records.layout import DERIVED, EVENTS, MANIFEST
+from testbench.records.replacing import replaced_file, replaced_folder, stored_where_asked
+from testbench.records.session import Session
+from testbench.records.storage import json_text
 
 INDEX = "export.json"
 """File of an exported folder that says what its tables are; a folder without it is never
@@ -25,8 +25,8 @@ def check_target(path: Path, name: str, suffix: str, session: Session, force: bo
 
     Args:
         path: File or folder to be written.
-        name: Of the format; a folder of tables has no suffix.
-        suffix: Of the format; a folder of tables has no suffix.
+        name: Of the format.
+        suffix: Of the format's files; empty for a folder of tables.
         session: The recording.
         force: Whether an earlier export may be replaced.
 
@@ -61,9 +61,7 @@ def check_target(path: Path, name: str, suffix: str, session: Session, force: bo
 def _spare_the_recording(path: Path, session: Session) -> None:
     """Refuse the session's folder, one that holds it, and its raw and derived files."""
     folder, wanted = session.path.resolve(), path.resolve()
-    own = {MANIFEST, EVENTS, "estimate", "evaluation", "evaluation.json", "report.html"} | set(
-        session.manifest.get("files", {})
-    )
+    own = {MANIFEST, EVENTS, *DERIVED} | set(session.manifest.get("files", {}))
     if wanted == folder or wanted in folder.parents:
         raise InputError(f"{path} holds the session itself; name another place")
     if folder in wanted.parents and wanted.relative_to(folder).parts[0] in own:
@@ -74,46 +72,17 @@ def _spare_the_recording(path: Path, session: Session) -> None:
 def written_whole(path: Path, is_folder: bool) -> Iterator[Path]:
     """A place to write to, beside `path`, that takes its name when everything went well and else is
     removed.
+
+    Raises:
+        InputError: The place cannot be written to.
+        StorageError: The disk is full.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    _remove(partial)
-    try:
-        if is_folder:
-            partial.mkdir()
-        yield partial
-        for file in (
-            [file for file in partial.rglob("*") if file.is_file()] if is_folder else [partial]
-        ):
-            with file.open("rb+") as opened:
-                os.fsync(opened.fileno())
-        _bring(partial, path)
-    finally:
-        _remove(partial)
-
-
-def _bring(partial: Path, path: Path) -> None:
-    """Give a finished file or folder its name; the folder that had it goes once the new one
-    stands.
-    """
-    if not partial.is_dir() or not path.exists():
-        partial.replace(path)
-        return
-    old = path.with_name(f".{path.name}.{os.getpid()}.old")
-    path.rename(old)
-    partial.rename(path)
-    _remove(old)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+    with stored_where_asked(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replaced_folder(path) if is_folder else replaced_file(path) as partial:
+            yield partial
 
 
 def write_index(folder: Path, content: dict[str, Any]) -> None:
     """Write the file that says what the tables of an exported folder are."""
-    (folder / INDEX).write_text(
-        json.dumps(plain_values(content), indent=2, allow_nan=False) + "\n", encoding="utf-8"
-    )
+    (folder / INDEX).write_text(json_text(content), encoding="utf-8")

@@ -24,9 +24,9 @@ class Quantities:
     """What the columns of a chunk mean, in the units of a session and in the sensor frame.
 
     Attributes:
-        gyr: Shape (n, 3), or None where the file has none: NaN then.
-        acc: Shape (n, 3), or None where the file has none: NaN then.
-        mag: Shape (n, 3), or None.
+        gyr: Angular rate, shape (n, 3) [rad/s], or None where the file has none: NaN then.
+        acc: Specific force, shape (n, 3) [m/s^2], or None where the file has none: NaN then.
+        mag: Magnetic field, shape (n, 3) [uT], or None.
         device_q: q_earth_from_sensor, shape (n, 4), or None.
         saturated: Shape (n,), bool, or None where the file does not tell.
         temperature: Of the part, shape (n,) [deg C], or None.
@@ -167,11 +167,16 @@ def stack(columns: Columns, names: list[str], factor: float = 1.0) -> np.ndarray
 
 
 def specific_force(q_earth_from_sensor: np.ndarray, free_acceleration: np.ndarray) -> np.ndarray:
-    """Specific force in the sensor, shape (n, 3) [m/s^2], from the vendor's acceleration in the
-    earth without gravity.
+    """Specific force in the sensor from the vendor's acceleration in the earth without gravity.
 
-    Vendors write quaternions to a few digits; they are brought to unit length first. NaN where
-    there is none.
+    Vendors write quaternions to a few digits; they are brought to unit length first.
+
+    Args:
+        q_earth_from_sensor: As the vendor has it, shape (n, 4).
+        free_acceleration: In the earth, shape (n, 3) [m/s^2].
+
+    Returns:
+        Shape (n, 3) [m/s^2]; NaN where there is no orientation.
     """
     return rotation.rotate(
         rotation.conjugate(_unit(q_earth_from_sensor)), free_acceleration + GRAVITY_UP
@@ -179,8 +184,14 @@ def specific_force(q_earth_from_sensor: np.ndarray, free_acceleration: np.ndarra
 
 
 def increment_rate(dq: np.ndarray, rate: float) -> np.ndarray:
-    """Angular rate, shape (n, 3) [rad/s], of orientation increments over one output interval, shape
-    (n, 4).
+    """Angular rate of orientation increments.
+
+    Args:
+        dq: Over one output interval each, shape (n, 4).
+        rate: Of the output [Hz].
+
+    Returns:
+        Shape (n, 3) [rad/s].
     """
     q = _unit(dq)
     known = np.isfinite(q).all(axis=1)

@@ -28,6 +28,8 @@ def layout(
     """The blueprint of a session.
 
     Args:
+        session: What is looked at.
+        evaluation: Its errors, None without.
         columns: Axes that stand side by side for one sensor.
         reach: Size of what the arm does [m], None without an arm.
         magnetometers: Sensors that have one.

@@ -18,11 +18,8 @@ from testbench.estimation.calibration.gyroscope import (
     static_bias,
     validated,
 )
-from testbench.estimation.calibration.gyroscope_methods import (
-    GYROSCOPE_METHODS,
-    get_gyroscope_method,
-)
 from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.methods import METHODS, get_method
 from testbench.estimation.calibration.rate_table import correlation_time, rate_table
 from testbench.estimation.calibration.turn_integration import TurnIntegration
 from testbench.estimation.calibration.turns import (
@@ -105,8 +102,8 @@ def test_attitude_and_rate_table_are_exact_on_ideal_data_with_a_response_to_forc
 def test_known_errors_are_recovered_within_their_stated_uncertainty(method, wandering):
     rng = np.random.default_rng(6)
     gyroscope = Gyroscope.draw(rng, NOISE, g=0.0 if method == "gravity_turns" else 0.1)
-    found = get_gyroscope_method(method).function(record(gyroscope, wandering, rng, up_sd=2e-4))
-    assert np.abs(errors_in_sd(found, gyroscope)).max() < 4
+    found = get_method(method).function(record(gyroscope, wandering, rng, up_sd=2e-4))
+    assert np.abs(errors_in_sd(found, gyroscope)).max() < 4 and found.method == method
     (fit,) = found.fits
     assert (fit.sd > 0).all() and np.isfinite(fit.condition)
     assert (fit.sd[:3] < 0.002).all()
@@ -123,7 +120,7 @@ def test_the_stated_intervals_cover_in_a_thousand_calibrations(method, wandering
     for _ in range(1000):
         gyroscope = Gyroscope.draw(rng, NOISE, g=0.0 if method == "gravity_turns" else 0.1)
         in_run = 0.0 if method == "rate_table" else IN_RUN
-        found = get_gyroscope_method(method).function(
+        found = get_method(method).function(
             record(gyroscope, wandering, rng, rest_s=1.0, up_sd=2e-4, in_run=in_run)
         )
         (fit,), known = found.fits, truths(gyroscope)
@@ -214,7 +211,7 @@ def test_methods_without_what_they_need_say_what_it_is(ideal):
         ("rate_table", "rate"),
     ):
         with pytest.raises(InputError, match=missing):
-            get_gyroscope_method(name).function(nothing)
+            get_method(name).function(nothing)
     forceless = [
         Turn(t.gyr, t.interval, t.up_before, t.up_after, t.q_world_from_sensor, t.rate)
         for t in recording.turns
@@ -225,12 +222,10 @@ def test_methods_without_what_they_need_say_what_it_is(ideal):
         ("rate_table", {}),
     ):
         with pytest.raises(InputError, match="force is known"):
-            get_gyroscope_method(name).function(
-                GyroscopeRecording(recording.rests, forceless), **options
-            )
-    with pytest.raises(NotFoundError, match="known: static_bias"):
-        get_gyroscope_method("six_position")
-    assert all(method.source and method.needs for method in GYROSCOPE_METHODS.values())
+            get_method(name).function(GyroscopeRecording(recording.rests, forceless), **options)
+    with pytest.raises(NotFoundError, match="known: attitude_aided"):
+        get_method("seven_position")
+    assert all(method.source and method.needs for method in METHODS.values())
 
 
 def test_turns_that_do_not_fit_together_are_refused():

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from testbench.exceptions import InputError, NotFoundError
+from testbench.exceptions import InputError, NotFoundError, StorageError
 from testbench.formats.exporters import EXPORTS, ExportSource, prepare_export, write_export
 from testbench.pipeline import export
 from testbench.records.session import Session
 from testbench.reporting.viewer import save_recording
+from tests.processes import bench
 from tests.reporting.test_viewer import chunks_of
 
 FILES = [name for name, kind in EXPORTS.items() if kind.suffix]
@@ -21,11 +21,6 @@ FILES = [name for name, kind in EXPORTS.items() if kind.suffix]
 
 def everything(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
-
-
-def bench(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "testbench", "export", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
 @pytest.mark.parametrize("name", EXPORTS)
@@ -76,7 +71,7 @@ def test_an_export_that_fails_half_way_leaves_nothing(name, source, tmp_path):
         (partial / "table" if kind.is_folder else partial).write_text("half")
         raise OSError(28, "No space left on device")
 
-    with pytest.raises(InputError, match=r"out.* cannot be written: No space left on device"):
+    with pytest.raises(StorageError, match=r"out.* cannot be written: there is no room left"):
         write_export(name, source, path, failing)
     assert everything(tmp_path) == []
 
@@ -193,7 +188,9 @@ def test_rrd_is_what_the_viewer_saves(quick, own_session, tmp_path):
 
 def test_the_command_prints_one_json_object_and_refuses_with_exit_code_2(own_session, tmp_path):
     out = tmp_path / "out.mot"
-    done = bench(own_session.path, "--to", "mot", "--out", out, "--filter", "vqf_6d", "--json")
+    done = bench(
+        "export", own_session.path, "--to", "mot", "--out", out, "--filter", "vqf_6d", "--json"
+    )
     assert done.returncode == 0, done.stderr
     printed = json.loads(done.stdout)
     assert printed == {
@@ -203,7 +200,7 @@ def test_the_command_prints_one_json_object_and_refuses_with_exit_code_2(own_ses
         "filters": ["vqf_6d"],
         "notes": [],
     }
-    refused = bench(own_session.path, "--to", "mot", "--out", out)
+    refused = bench("export", own_session.path, "--to", "mot", "--out", out)
     assert refused.returncode == 2
     assert (
         refused.stderr.startswith("error: ")

@@ -1,0 +1,312 @@
+"""What the source promises and no linter looks at: `python -m tests.house [room]` prints what is
+broken, rule by rule, and how often in each room.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDERS = ("testbench", "tests", "examples")
+COLUMNS = 100
+MOST_ARGUMENTS = 7
+SECTIONS = ("Args", "Attributes", "Raises")
+HEADINGS = (*SECTIONS, "Returns", "Yields", "Note", "Notes", "Example", "Examples", "References")
+ARRAYS = {"ndarray", "NDArray", "ArrayLike"}
+
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+Bases = dict[str, ast.ClassDef]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One place where a rule is broken."""
+
+    rule: str
+    file: Path
+    line: int
+    text: str
+
+    @property
+    def room(self) -> str:
+        """The part of the package that the file belongs to, or the folder beside the package."""
+        parts = self.file.relative_to(ROOT).with_suffix("").parts
+        return parts[0] if parts[0] != "testbench" else parts[1] if len(parts) > 1 else "testbench"
+
+    def __str__(self) -> str:
+        return f"{self.file.relative_to(ROOT)}:{self.line}: {self.text}"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One entry of a section of a docstring, such as `rate: Samples a second [Hz].`"""
+
+    section: str
+    name: str
+    text: str
+
+
+def files(*folders: str) -> list[Path]:
+    """All Python files in some folders of the repository."""
+    return sorted(file for folder in folders for file in (ROOT / folder).rglob("*.py"))
+
+
+def findings() -> list[Finding]:
+    """Everything that is broken, rule by rule."""
+    found = [finding for file in files(*FOLDERS) for finding in long_lines(file)]
+    package = {file: ast.parse(file.read_text(encoding="utf-8")) for file in files("testbench")}
+    found += circles(package)
+    bases = classes(package.values())
+    for file, tree in package.items():
+        found += many_arguments(file, tree)
+        found += shapeless(file, tree, bases)
+        found += run_on_entries(file, tree)
+    return found
+
+
+def classes(trees: Iterable[ast.AST]) -> Bases:
+    """All classes by name."""
+    nodes = (node for tree in trees for node in ast.walk(tree))
+    return {node.name: node for node in nodes if isinstance(node, ast.ClassDef)}
+
+
+def long_lines(file: Path) -> Iterator[Finding]:
+    """Lines that do not fit on the page."""
+    for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+        if len(line) > COLUMNS:
+            yield Finding("columns", file, number, f"{len(line)} columns")
+
+
+def many_arguments(file: Path, tree: ast.AST) -> Iterator[Finding]:
+    """Functions outside of the command line with more than seven arguments."""
+    if file.is_relative_to(ROOT / "testbench" / "cli"):
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, Function) and len(arguments(node)) > MOST_ARGUMENTS:
+            text = f"{node.name} takes {len(arguments(node))} arguments"
+            yield Finding("arguments", file, node.lineno, text)
+
+
+def arguments(function: Function) -> list[ast.arg]:
+    """What a caller gives: `self` and `cls` are left out, `*args` is one argument."""
+    given = function.args
+    own = [*given.posonlyargs, *given.args]
+    if own and own[0].arg in {"self", "cls"}:
+        own = own[1:]
+    return [*own, *given.kwonlyargs, *(arg for arg in (given.vararg, given.kwarg) if arg)]
+
+
+def circles(package: dict[Path, ast.Module]) -> Iterator[Finding]:
+    """Modules that import one another, be it by way of others, for types only or in a function."""
+    modules = {module_name(file): file for file in package}
+    imports = {
+        name: sorted(imported(package[file], modules.keys()) - {name})
+        for name, file in modules.items()
+    }
+    for circle in connected(imports):
+        text = "import one another: " + ", ".join(circle)
+        yield Finding("circles", modules[circle[0]], 1, text)
+
+
+def module_name(file: Path) -> str:
+    """The dotted name of a module or, for an `__init__.py`, of its package."""
+    parts = file.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imported(tree: ast.AST, modules: set[str]) -> set[str]:
+    """The modules that any import statement of a module names."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= inner if inner <= modules else inner | {node.module}
+    return found & modules
+
+
+def connected(arrows: dict[str, list[str]]) -> list[list[str]]:
+    """Groups of more than one node in which each can be reached from each, in order of name.
+
+    Args:
+        arrows: From each node to those that it points to.
+    """
+
+    def reached(start: str) -> set[str]:
+        found: set[str] = set()
+        todo = list(arrows[start])
+        while todo:
+            node = todo.pop()
+            if node not in found:
+                found.add(node)
+                todo += arrows[node]
+        return found
+
+    reach = {node: reached(node) for node in arrows}
+    groups = {
+        tuple(sorted(other for other in reach[node] if node in reach[other]))
+        for node in arrows
+        if node in reach[node]
+    }
+    return [list(group) for group in sorted(groups)]
+
+
+def shapeless(file: Path, tree: ast.Module, bases: Bases) -> Iterator[Finding]:
+    """Array arguments of public functions whose entry in the docstring states no shape."""
+    for owner, function in public_functions(tree.body):
+        own = described(owner, function, bases)
+        entries = {e.name.lstrip("*"): e.text for e in own if e.section == "Args"}
+        for arg in arguments(function):
+            if is_array(arg.annotation) and "shape" not in entries.get(arg.arg, "").lower():
+                name = f"{owner.name}.{function.name}" if owner else function.name
+                yield Finding("shapes", file, arg.lineno, f"{name}: {arg.arg} has no shape")
+
+
+def public_functions(body: list[ast.stmt]) -> Iterator[tuple[ast.ClassDef | None, Function]]:
+    """Functions, and methods with their classes, whose names do not begin with an underscore; the
+    constructor of a public class is one of them.
+    """
+    for node in body:
+        if isinstance(node, Function) and not node.name.startswith("_"):
+            yield None, node
+        elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            for inner in node.body:
+                if isinstance(inner, Function) and (
+                    inner.name == "__init__" or not inner.name.startswith("_")
+                ):
+                    yield node, inner
+
+
+def described(owner: ast.ClassDef | None, function: Function, bases: Bases) -> list[Entry]:
+    """The entries that describe a function: its own, for a constructor also those of its class,
+    for a method without any those of the method that it stands in for.
+    """
+    entries = list(docstring_entries(function))
+    if owner is None:
+        return entries
+    if function.name == "__init__":
+        return [*entries, *docstring_entries(owner)]
+    todo = [owner]
+    while not entries and todo:
+        above = [
+            bases[name] for node in todo for name in map(last_name, node.bases) if name in bases
+        ]
+        methods = [m for node in above for m in node.body if isinstance(m, Function)]
+        entries = [e for m in methods if m.name == function.name for e in docstring_entries(m)]
+        todo = above
+    return entries
+
+
+def last_name(node: ast.expr) -> str:
+    """`Filter` of `Filter`, `base.Filter` and `Filter[State]`."""
+    match node:
+        case ast.Name(name) | ast.Attribute(attr=name):
+            return name
+        case ast.Subscript(inner):
+            return last_name(inner)
+    return ""
+
+
+def is_array(annotation: ast.AST | None) -> bool:
+    """Whether an annotation names an array, or a collection of arrays; a callable is none."""
+    match annotation:
+        case None | ast.Subscript(ast.Name("Callable" | "Literal")):
+            return False
+        case ast.Subscript(ast.Name("Annotated"), ast.Tuple([inner, *_])):
+            return is_array(inner)
+        case ast.Constant(str(text)):
+            return is_array(ast.parse(text, mode="eval").body)
+        case ast.Name(name) | ast.Attribute(attr=name):
+            return name in ARRAYS
+    return any(is_array(node) for node in ast.iter_child_nodes(annotation))
+
+
+def run_on_entries(file: Path, tree: ast.Module) -> Iterator[Finding]:
+    """Entries of docstrings that speak of several names, hold further entries, or say the same as
+    the one before.
+    """
+    for node in ast.walk(tree):
+        if isinstance(node, Function | ast.ClassDef):
+            names, before = own_names(node), Entry("", "", "")
+            for entry in docstring_entries(node):
+                text = run_on(entry, names)
+                if (entry.section, entry.text) == (before.section, before.text):
+                    text = f"says the same of {before.name} and {entry.name}"
+                if text:
+                    yield Finding("entries", file, node.lineno, f"{node.name}: {text}")
+                before = entry
+
+
+def run_on(entry: Entry, names: set[str]) -> str:
+    """What is wrong with an entry; empty if nothing is.
+
+    Args:
+        entry: As it stands in the docstring.
+        names: Arguments or attributes that have entries of their own.
+    """
+    if not re.fullmatch(r"\*{0,2}[\w.]+( \([^)]*\))?", entry.name):
+        return f"no entry of one name: '{entry.name or entry.text[:40]}'"
+    for inside in re.findall(r"[.;,] ((?:[\w*]+, )*[\w*]+): ", entry.text):
+        if any(name in names or re.search(r"[_*]", name) for name in inside.split(", ")):
+            return f"the entry of {entry.name} goes on with {inside}"
+    return ""
+
+
+def own_names(node: Function | ast.ClassDef) -> set[str]:
+    """The arguments of a function, or what is assigned to in a class."""
+    if isinstance(node, Function):
+        return {arg.arg for arg in arguments(node)}
+    return {
+        child.target.id
+        for child in node.body
+        if isinstance(child, ast.AnnAssign) and isinstance(child.target, ast.Name)
+    }
+
+
+def docstring_entries(node: Function | ast.ClassDef) -> Iterator[Entry]:
+    """The entries of a docstring in the style of Google; a line that begins none where one should
+    is an entry without a name.
+    """
+    lines = inspect.cleandoc(ast.get_docstring(node, clean=False) or "").splitlines()
+    section, found = "", []
+    for line in [*lines, "Note:"]:
+        if line.rstrip(":") in HEADINGS and line.endswith(":"):
+            yield from found
+            section, found = line.rstrip(":"), []
+        elif section in SECTIONS and line.strip():
+            if len(line) - len(line.lstrip()) <= 4:
+                name, colon, text = line.strip().partition(":")
+                found.append(Entry(section, *((name, text) if colon else ("", name))))
+            else:
+                last = found.pop() if found else Entry(section, "", "")
+                found.append(Entry(section, last.name, f"{last.text} {line.strip()}"))
+
+
+def counts(found: list[Finding]) -> dict[str, Counter[str]]:
+    """How often each rule is broken in each room."""
+    rules: dict[str, Counter[str]] = {}
+    for finding in found:
+        rules.setdefault(finding.rule, Counter())[finding.room] += 1
+    return rules
+
+
+def main(rooms: list[str]) -> bool:
+    """Print what is broken, in some rooms or everywhere; whether nothing is."""
+    found = [finding for finding in findings() if not rooms or finding.room in rooms]
+    for finding in found:
+        print(f"{finding.rule:9s} {finding}")
+    for rule, of_room in counts(found).items():
+        print(f"{rule}: {of_room.total()}", dict(sorted(of_room.items())))
+    return not found
+
+
+if __name__ == "__main__":
+    sys.exit(not main(sys.argv[1:]))
