@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
+from testbench.exceptions import SessionError
+from testbench.records.plan import judged_steps, stored_steps
 from testbench.records.session import PLAN, Session
 
 MOST_NAMES = 12
@@ -54,17 +52,8 @@ def earlier_steps(session: Session) -> EarlierSteps | None:
     if not isinstance(resumes, dict) or not isinstance(wanted, list):
         return None
     try:
-        notes = pq.read_schema(session.path / PLAN).metadata or {}
-        steps = [
-            (int(step["index"]), str(step["role"]), str(step["name"]))
-            for step in json.loads(notes[b"steps"])
-        ]
-    except (OSError, pa.ArrowException, ValueError, KeyError, TypeError):
+        judged = judged_steps(stored_steps(session.path / PLAN))
+    except SessionError:
         return None
-    judged = (
-        [step for step in steps if step[1] == "evaluation"]
-        or [step for step in steps if step[1] != "calibration"]
-        or steps
-    )
-    names = [name for index, _, name in judged if index not in wanted]
+    names = [step.name for step in judged if step.index not in wanted]
     return EarlierSteps(str(resumes.get("session")), names, len(judged))
