@@ -16,7 +16,7 @@ from testbench.evaluation.field_following import following_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
-from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.left_out import left_out_notes
 from testbench.evaluation.magnetic import field_deviation, field_error_rows, field_rows
 from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
@@ -36,7 +36,7 @@ from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome, 
 from testbench.records.evaluation_rows import TunedRow
 from testbench.records.layout import joint_table, magnetic_table, orientation_table
 from testbench.records.near import Instants, united
-from testbench.records.plan import PlannedStep
+from testbench.records.plan import PlannedStep, judged_steps
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import RunStatus, Session
 

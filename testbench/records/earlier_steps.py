@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
+from testbench.exceptions import SessionError
 from testbench.records.layout import PLAN
+from testbench.records.plan import judged_steps, stored_steps
 from testbench.records.session import Session
 
 MOST_NAMES = 12
@@ -54,17 +52,8 @@ def earlier_steps(session: Session) -> EarlierSteps | None:
     if resumes is None or resumes.steps is None:
         return None
     try:
-        notes = pq.read_schema(session.path / PLAN).metadata or {}
-        steps = [
-            (int(step["index"]), str(step["role"]), str(step["name"]))
-            for step in json.loads(notes[b"steps"])
-        ]
-    except (OSError, pa.ArrowException, ValueError, KeyError, TypeError):
+        judged = judged_steps(stored_steps(session.path / PLAN))
+    except SessionError:
         return None
-    judged = (
-        [step for step in steps if step[1] == "evaluation"]
-        or [step for step in steps if step[1] != "calibration"]
-        or steps
-    )
-    names = [name for index, _, name in judged if index not in resumes.steps]
+    names = [step.name for step in judged if step.index not in resumes.steps]
     return EarlierSteps(resumes.session, names, len(judged))
