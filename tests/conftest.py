@@ -20,6 +20,7 @@ import yaml
 from hypothesis import settings
 
 from testbench import execute, plan
+from testbench.execution import RunOptions
 from testbench.pipeline.analyse import Result, analyse
 from testbench.records.shipped import shipped_folder
 from tests.asking import analysis
@@ -111,7 +112,9 @@ def run_protocol(tmp_path_factory: pytest.TempPathFactory) -> RunMaker:
 
     def run(protocol: str | Path, seed: int = 1, filters: list[str] | None = None) -> Result:
         the_plan = plan(protocol)
-        session = execute(the_plan, tmp_path_factory.mktemp("logs"), seed, clock=FakeClock())
+        session = execute(
+            the_plan, tmp_path_factory.mktemp("logs"), seed, RunOptions(clock=FakeClock())
+        )
         return analyse(session, analysis(*(filters or ())), the_plan)
 
     return run

@@ -311,7 +311,6 @@ def sessions(
 ) -> None:
     """List the recorded sessions with their status."""
     from testbench.exceptions import SessionError
-    from testbench.records.earlier_steps import resumed_from
     from testbench.records.evaluation import stored_verdict
     from testbench.records.session import damaged_sessions, list_sessions
 
@@ -323,18 +322,18 @@ def sessions(
             outcome = "-" if verdict is None else str(verdict[0]) if json else verdict[1]
         except SessionError as error:
             outcome, causes[session.name] = "damaged", str(error)
-        duration = session.manifest.get("duration_s")
+        duration = session.manifest.duration_s
         rows.append(
             [
                 session.name,
-                session.manifest.get("kind"),
+                session.manifest.kind,
                 "cut off"
                 if session.status == "running" and not session.is_being_recorded
                 else str(session.status),
                 outcome,
                 duration,
-                session.manifest.get("started_utc"),
-                resumed_from(session).get("session"),
+                session.manifest.started_utc,
+                None if session.manifest.resumes is None else session.manifest.resumes.session,
             ]
         )
     damaged = damaged_sessions(logs)
@@ -372,9 +371,9 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
 
     opened = _open(session)
     recovered = make_readable(opened)
-    message = recovered.manifest.get("message") or "nothing to recover"
+    message = recovered.manifest.message or "nothing to recover"
     if opened.status != "running":
-        before = opened.manifest.get("message")
+        before = opened.manifest.message
         message = f"nothing to recover; it was closed as {opened.status}" + (
             f" before: {before}" if before else ""
         )
@@ -391,7 +390,7 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
     say(f"{recovered.path}: {message}")
     if missing:
         say(
-            f"missing: {len(missing)} of {recovered.manifest['plan']['check']['steps']} steps: "
+            f"missing: {len(missing)} of {recovered.manifest.plan.check.steps} steps: "
             f"{in_ranges(missing)}"
         )
         say(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from testbench.exceptions import BenchError
-    from testbench.execution.executor import Progress as RunProgress
+    from testbench.execution.run_progress import Progress as RunProgress
     from testbench.records.evaluation import ChainRow, Evaluation, NoiseRow
     from testbench.records.plan import Plan
 

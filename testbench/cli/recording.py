@@ -12,6 +12,7 @@ from testbench.cli.options import JsonOption, LogsOption
 from testbench.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
+    from testbench.execution.run_progress import Progress
     from testbench.records.session import Session
 
 
@@ -76,14 +77,19 @@ def record(
         dot_rate_hz=dot_rate,
         dot_sync=dot_sync,
     )
-    counted = _say_progress if sys.stderr.isatty() else None
-    watcher = Watcher() if json else Watcher(say=say, counted=counted)
+    shown = _say_progress if sys.stderr.isatty() else None
+    watcher = Watcher() if json else Watcher(notify=say, progress=shown, say=_say_beside)
     return _say_recorded(record_devices(asked, watcher), json)
 
 
-def _say_progress(time: float, counts: dict[str, int]) -> None:
-    listed = ", ".join(f"{name} {count}" for name, count in counts.items())
-    print(f"\r{time:7.1f} s, samples: {listed} ", end="", file=sys.stderr, flush=True)
+def _say_progress(progress: Progress) -> None:
+    listed = ", ".join(f"{name} {count}" for name, count in progress.samples.items())
+    print(f"\r{progress.time:7.1f} s, samples: {listed} ", end="", file=sys.stderr, flush=True)
+
+
+def _say_beside(line: str) -> None:
+    """A line that does not run into the progress."""
+    print(f"\n{line}" if sys.stderr.isatty() else line, file=sys.stderr)
 
 
 def _say_found(found: dict[str, list[Any]], json: bool) -> None:
@@ -105,17 +111,14 @@ def _say_found(found: dict[str, list[Any]], json: bool) -> None:
 
 
 def _say_recorded(session: Session, json: bool) -> None:
-    statistics = {
-        name: sensor["statistics"] for name, sensor in session.manifest["sensors"].items()
-    }
+    statistics = {name: sensor.statistics for name, sensor in session.manifest.sensors.items()}
     if json:
-        keys = ("duration_s", "notes")
-        summary = {key: session.manifest[key] for key in keys}
         return say_json(
             {
                 "session": str(session.path),
                 "status": session.status,
-                **summary,
+                "duration_s": session.manifest.duration_s,
+                "notes": session.manifest.notes,
                 "sensors": statistics,
             }
         )
@@ -140,7 +143,7 @@ def _say_recorded(session: Session, json: bool) -> None:
         "malformed packets",
         "reconnects",
     ]
-    say_table(f"Recorded, {session.manifest['duration_s']:.1f} s", columns, rows)
-    for note in session.manifest["notes"]:
+    say_table(f"Recorded, {session.manifest.duration_s or 0.0:.1f} s", columns, rows)
+    for note in session.manifest.notes:
         say(f"note: {note}")
     return say(f"session: {session.path}")

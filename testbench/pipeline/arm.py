@@ -14,8 +14,8 @@ from testbench.drivers.arms.catalogue import SIM
 from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import InputError
-from testbench.execution.arm_run import Sensors
-from testbench.execution.device_recorder import open_devices
+from testbench.execution.devices import open_devices
+from testbench.execution.sensors import Sensors
 from testbench.pipeline.request import RunRequest
 from testbench.pipeline.watcher import Consent
 from testbench.records.arm_calibration import load_arm_calibration
@@ -80,9 +80,7 @@ def _kept(asked: RunRequest) -> Iterator[tuple[str, str]]:
             yield option, "a new run: a simulated session goes on as it began"
 
 
-def make_arm(
-    plan: Plan, asked: RunRequest, clock: Clock
-) -> tuple[SteppingArm, Sensors, SessionTime]:
+def make_arm(plan: Plan, asked: RunRequest, clock: Clock) -> tuple[SteppingArm, Sensors]:
     """The arm and the sensors of a run that is not simulated; nothing is connected yet.
 
     Raises:
@@ -100,7 +98,7 @@ def make_arm(
         wanted.driver, plan, WantedArm(wanted.host, log, number, asked.seed), time
     )
     if wanted.simulate_imus:
-        return arm, Sensors.simulated(plan, asked.seed), time
+        return arm, Sensors.simulated(plan, asked.seed)
     if not wanted.serial and not wanted.dots:
         if not arm.entry.commanded:
             arm.connect()  # what is wrong with the log is said first
@@ -108,8 +106,8 @@ def make_arm(
             "name the sensors on the arm with --serial or --dot, or simulate them with "
             "--simulate-imus"
         )
-    devices = open_devices(list(wanted.serial), list(wanted.dots), clock, time=time)
-    return arm, Sensors.live(plan, devices), time
+    devices = open_devices(list(wanted.serial), list(wanted.dots), time)
+    return arm, Sensors.live(plan, devices)
 
 
 def look_at_arm(
@@ -130,7 +128,7 @@ def look_at_arm(
         InputError: As for `make_arm`, or the arm must not be driven.
         DriverError: A live sensor delivers nothing, or there is no controller that answers.
     """
-    arm, sensors, _ = make_arm(plan, asked, clock)
+    arm, sensors = make_arm(plan, asked, clock)
     try:
         sensors.listen()
         arm.connect()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from testbench.execution.device_recorder import open_devices, record_devices, scan_devices
+from testbench.drivers.session_time import SessionTime
+from testbench.execution.device_recorder import record_devices
+from testbench.execution.devices import open_devices, scan_devices
+from testbench.execution.options import RunOptions
 from testbench.pipeline.request import RecordRequest
 from testbench.pipeline.watcher import Watcher
 from testbench.records.session import Session
@@ -25,16 +28,15 @@ def record(asked: RecordRequest, watcher: Watcher | None = None) -> Session:
     devices = open_devices(
         list(asked.serial),
         list(asked.dots),
-        watcher.clock,
+        SessionTime(watcher.clock),
         asked.dot_payload,
         asked.dot_rate_hz,
         synchronise_dots=asked.dot_sync,
     )
     length = "until Ctrl-C" if asked.duration_s is None else f"for {asked.duration_s:g} s"
-    watcher.say(f"connecting {', '.join(devices.imus)}, then recording {length}")
-    return record_devices(
-        devices, asked.logs, asked.duration_s, asked.name, watcher.clock, watcher.counted
-    )
+    watcher.notify(f"connecting {', '.join(devices.imus)}, then recording {length}")
+    options = RunOptions(clock=watcher.clock, progress=watcher.progress, say=watcher.say)
+    return record_devices(devices, asked.logs, asked.duration_s, asked.name, options)
 
 
 __all__ = ["record", "scan_devices"]

@@ -19,7 +19,6 @@ from testbench.execution.resume import (
 from testbench.pipeline.analyse import LoadedAnalysis
 from testbench.pipeline.prepared import Prepared, checked_plan
 from testbench.pipeline.request import RunRequest
-from testbench.records.arm_record import arm_record
 from testbench.records.session import Session
 
 
@@ -29,7 +28,7 @@ def refuse_other_arm(asked: RunRequest) -> None:
     Raises:
         InputError: It was; says which arm to name.
     """
-    arm = arm_record(Session(Path(str(asked.resume))).manifest)
+    arm = Session(Path(str(asked.resume))).manifest.arm.record
     if arm is None:
         return  # no run: another refusal says so
     driver = SIM.name if arm.simulated else arm.driver
@@ -71,5 +70,5 @@ def prepare_resume(asked: RunRequest, analysis: LoadedAnalysis) -> Prepared:
     note = (
         f"resuming by {protocol}" if protocol is not None else refuse_edited_protocol(session, plan)
     )
-    refuse_differences(session, plan, session.manifest["sensors"])
+    refuse_differences(session, plan, session.manifest.content["sensors"])
     return Prepared(plan, analysis, session, missing_steps(session, plan), note)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from testbench.drivers.arms.catalogue import SIM, refuse_other_maker
-from testbench.exceptions import BenchError
-from testbench.execution import execute
-from testbench.execution.arm_run import ArmRunOptions, execute_on_arm
-from testbench.execution.executor import Progress, simulated_sensors
+from testbench.exceptions import BenchError, SessionError
+from testbench.execution import RunOptions, execute
+from testbench.execution.executor import execute_on_arm, simulated_sensors
 from testbench.execution.resume import refuse_differences
+from testbench.execution.run_progress import Progress
 from testbench.pipeline.analyse import Result, analyse, load_analysis
 from testbench.pipeline.approval import approve
 from testbench.pipeline.arm import make_arm, moves, refuse_arm
@@ -85,22 +83,17 @@ def prepare(asked: Request, consent: Consent | None = None) -> Prepared:
 
 def _record_simulated(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:
     """Record the simulated arm; a session that broke off is completed as it began."""
-    resumed, seed, speed = prepared.resumed, asked.seed, asked.speed
-    if resumed is not None:
-        refuse_differences(resumed, prepared.plan, simulated_sensors(prepared.plan))
-        seed, speed = resumed.manifest["seed"], resumed.manifest["arm"]["speed"]
-    with nullcontext() if resumed is None else session_lock(resumed.path):
-        return execute(
-            prepared.plan,
-            asked.logs,
-            seed,
-            speed,
-            watcher.clock,
-            watcher.progress,
-            resumed=resumed,
-            keys=watcher.keys,
-            say=watcher.say,
-        )
+    options = _options(asked, watcher)
+    resumed = prepared.resumed
+    if resumed is None:
+        return execute(prepared.plan, options=options)
+    refuse_differences(resumed, prepared.plan, simulated_sensors(prepared.plan))
+    seed, speed = resumed.manifest.seed, resumed.manifest.arm.speed
+    if seed is None:
+        raise SessionError(f"{resumed.path} does not say by which seed it was begun")
+    with session_lock(resumed.path):
+        again = replace(options, seed=seed, speed=speed, resumed=resumed)
+        return execute(prepared.plan, options=again)
 
 
 def _record_on_arm(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:
@@ -108,25 +101,31 @@ def _record_on_arm(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> S
     checklist = approve(prepared, asked, watcher) if moves(asked) else None
     if watcher.progress is not None:
         watcher.progress(_doing("connecting"))
-    arm, sensors, time = make_arm(prepared.plan, asked, watcher.clock)
+    arm, sensors = make_arm(prepared.plan, asked, watcher.clock)
     resumes: dict[str, Any] | None = None
     if prepared.resumed is not None:
         today = {name: imu.describe() for name, imu in sensors.imus.items()}
         refuse_differences(prepared.resumed, prepared.plan, today)
         steps = prepared.steps or []
         resumes = {"session": prepared.resumed.name, "steps": [step.index for step in steps]}
-    options = ArmRunOptions(
-        Path(asked.logs),
+    options = replace(
+        _options(asked, watcher), steps=prepared.steps, checklist=checklist, resumes=resumes
+    )
+    return execute_on_arm(prepared.plan, arm, sensors, options)
+
+
+def _options(asked: RunRequest, watcher: Watcher) -> RunOptions:
+    """What any run takes of a request, and who looks on."""
+    return RunOptions(
+        asked.logs,
         asked.seed,
-        prepared.steps,
-        checklist,
-        resumes,
+        asked.speed,
+        watcher.clock,
         keys=watcher.keys,
         progress=watcher.progress,
         notify=watcher.notify,
         say=watcher.say,
     )
-    return execute_on_arm(prepared.plan, arm, sensors, time, options)
 
 
 def _doing(what: str) -> Progress:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from testbench.clock import Clock, SystemClock
 
 if TYPE_CHECKING:
-    from testbench.execution.executor import Progress
+    from testbench.execution.run_progress import Progress
     from testbench.pipeline.prepared import Prepared
 
 
@@ -48,10 +48,9 @@ class Watcher:
         clock: Source of dates and of the rhythm.
         prepared: Told what will be done, before anything is: what it raises stops the run.
         motion: Told the whole motion of a real arm, before a person is asked to allow it.
-        progress: Told how far a run is, after every chunk of time.
-        counted: Told how many samples devices alone have given: time [s], and counts by sensor.
+        progress: Told after every reading how far a run is.
         say: Told, a line at a time, what a person beside the arm must know.
-        notify: Told what a person must know of the arm, once it is connected.
+        notify: Told what a person must know of the arm, once it is connected, or which devices are.
         keys: Listen to the keyboard: p pauses, r resumes, q stops.
         consent: What a person allows.
     """
@@ -60,8 +59,7 @@ class Watcher:
     prepared: Callable[[Prepared], None] = _nothing
     motion: Callable[[Prepared], None] = _nothing
     progress: Callable[[Progress], None] | None = None
-    counted: Callable[[float, dict[str, int]], None] | None = None
     say: Callable[[str], None] = _nothing
-    notify: Callable[[str], None] | None = None
+    notify: Callable[[str], None] = _nothing
     keys: bool = False
     consent: Consent = Consent()

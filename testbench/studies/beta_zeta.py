@@ -16,7 +16,7 @@ from testbench.estimation.filters import (
     UniformSamples,
     get_filter,
 )
-from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.objective import Objective
 from testbench.evaluation.orientation import sensor_errors
 from testbench.model import rotation
@@ -24,7 +24,7 @@ from testbench.model.noise import random_stream
 from testbench.pipeline.parameter_space import Effort
 from testbench.pipeline.run import prepare
 from testbench.pipeline.tune import SearchWanted, Sessions, SessionTrials, find_parameters
-from testbench.records.plan import PlannedStep
+from testbench.records.plan import PlannedStep, judged_steps
 from testbench.records.published import PublishedTable, load_published_tables
 from testbench.records.session import Session
 from testbench.records.session_writer import software_versions

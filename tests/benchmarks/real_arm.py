@@ -16,7 +16,9 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.drivers.session_time import SessionTime
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.execution import RunOptions
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
 from testbench.pipeline.prepared import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import Session
@@ -76,7 +78,7 @@ def run(plan: Plan, address: str, logs: Path) -> Session:
         arm: SteppingArm = XArm(plan.robot, xarm_settings(plan, f"{address}:{COMMAND_PORT}"), time)
     else:
         arm = UrArm(plan.robot, ur_settings(plan, address), time)
-    return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), time, ArmRunOptions(logs))
+    return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), RunOptions(logs))
 
 
 def worst_pose(session: Session, plan: Plan) -> tuple[int, float]:
@@ -118,7 +120,7 @@ def show_figures(title: str, poses: tuple[Session, Plan], sweep: tuple[Session, 
     """Print the figures of an arm; whether every pose was within a hundredth of a degree."""
     count, worst = worst_pose(*poses)
     lag, rms, largest = following(*sweep)
-    arm = sweep[0].manifest["arm"]
+    arm = sweep[0].manifest.content["arm"]
     timing = arm["timing"]
     rows: list[list[str | Text]] = [
         [Text("static poses"), str(count)],

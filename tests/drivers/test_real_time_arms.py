@@ -15,8 +15,10 @@ from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.following import ReportedMotion
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import Devices
+from testbench.execution import RunOptions
+from testbench.execution.devices import Devices
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
 from testbench.pipeline.arm import make_arm
 from testbench.pipeline.request import ArmRequest, RunRequest
 from testbench.records.robot import Robot, load_robot
@@ -111,8 +113,7 @@ def replay(the_plan, log, logs):
         the_plan,
         ReplayArm(the_plan.robot, log, time),
         Sensors.simulated(the_plan, 1),
-        time,
-        ArmRunOptions(logs),
+        RunOptions(logs),
     )
 
 
@@ -120,7 +121,7 @@ def test_a_recorded_session_drives_the_bench_as_if_live(recorded, tiny, tmp_path
     the_plan = plan(tiny)
     session = replay(the_plan, recorded.path, tmp_path)
     assert session.status is RunStatus.COMPLETED
-    assert session.manifest["arm"]["driver"] == "replay"
+    assert session.manifest.arm.driver == "replay"
     np.testing.assert_allclose(
         session.arm().q_measured, recorded.arm().q_measured[: len(session.arm().q_measured)]
     )
@@ -199,5 +200,5 @@ def test_a_sensor_that_delivers_nothing_ends_the_run_before_the_arm_is_even_conn
     monkeypatch.setattr(arm, "connect", lambda: pytest.fail("the arm was connected"))
     sensors = Sensors(dict(Sensors.simulated(the_plan, 1).imus), MuteDevices({}, time))
     with pytest.raises(DriverError, match="delivers no sample"):
-        execute_on_arm(the_plan, arm, sensors, time, ArmRunOptions(tmp_path / "logs"))
+        execute_on_arm(the_plan, arm, sensors, RunOptions(tmp_path / "logs"))
     assert not (tmp_path / "logs").exists()

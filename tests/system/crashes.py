@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 
 from testbench import execute, plan
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.pipeline.analyse import analyse
 from testbench.pipeline.run import run
@@ -93,9 +94,9 @@ def _run(
             the_plan,
             logs,
             seed=SEED,
-            speed=speed,
-            progress=lambda progress: tell.send(progress.time),
-            session_name="run",
+            options=RunOptions(
+                speed=speed, progress=lambda progress: tell.send(progress.time), session_name="run"
+            ),
         )
 
 
@@ -137,7 +138,7 @@ def crash(protocol: Path, logs: Path, speed: str, part: float, whole: Undisturbe
         # killed before the folder became a session: nothing had been recorded
         return Outcome(reached, reached, True, True, True, was_session=False)
     session = recover(Session(logs / "run"))
-    recorded = float(session.manifest.get("duration_s") or 0.0)
+    recorded = float(session.manifest.duration_s or 0.0)
     _ = session.events, session.steps
     finished = session
     if session.status != "completed":

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from testbench import execute, plan
 from testbench.cli.app import app
 from testbench.exceptions import InputError, RunInterrupted, SessionError
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.pipeline.analyse import analyse
 from testbench.pipeline.run import run
@@ -59,7 +60,12 @@ def broken_off(tiny_plan, logs, clock, at_s: float) -> Session:
             raise Stop
 
     with pytest.raises(Stop):
-        execute(tiny_plan, logs, 5, "realtime", clock=clock, progress=fail, session_name="broken")
+        execute(
+            tiny_plan,
+            logs,
+            5,
+            RunOptions(speed="realtime", clock=clock, progress=fail, session_name="broken"),
+        )
     return Session(logs / "broken")
 
 
@@ -80,7 +86,7 @@ def test_a_run_may_break_off_and_be_resumed_more_than_once(tiny_plan, tmp_path, 
     assert Session(session.path).status is RunStatus.ERROR
     result = run(going_on(session.path), Watcher(clock=clock))
     assert result.session.status is RunStatus.COMPLETED
-    assert len(result.session.manifest["resumed"]) == 2
+    assert len(result.session.manifest.resumed) == 2
     assert comparable(result.evaluation) == comparable(whole.evaluation)
     names = [event.event for event in result.session.events]
     assert names.count("run_resumed") == 2 and names[-1] == "run_completed"
@@ -94,11 +100,11 @@ def test_a_run_with_a_preset_file_and_a_thermometer_is_resumed(tiny, tmp_path, c
     text = tiny.read_text(encoding="utf-8").replace("preset: xsens_dot", "preset: warm.yaml")
     (tmp_path / "tiny.yaml").write_text(text, encoding="utf-8")
     warm_plan = plan(tmp_path / "tiny.yaml")
-    whole = execute(warm_plan, tmp_path, 5, clock=clock, session_name="whole")
+    whole = execute(warm_plan, tmp_path, 5, RunOptions(clock=clock, session_name="whole"))
     session = broken_off(warm_plan, tmp_path, clock, 2.0)
     (tmp_path / "warm.yaml").unlink()  # the session has its own copy
     resumed = run(going_on(session.path), Watcher(clock=clock)).session
-    assert resumed.manifest["sensors"]["hand"]["temperature"] is True
+    assert resumed.manifest.sensors["hand"].temperature is True
     assert "temperature_deg_c" in resumed.imu_columns("hand")
     for name in ("arm", "imu_hand", "truth_hand"):
         before, after = (
@@ -116,11 +122,13 @@ def test_a_journal_that_was_cut_off_before_its_first_row_is_recovered_with_its_c
         "{clock:", "{thermometer: {noise_sd_deg_c: 0.1}, clock:"
     )
     (tmp_path / "tiny.yaml").write_text(warm, encoding="utf-8")
-    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, clock=clock, session_name="cut")
+    session = execute(
+        plan(tmp_path / "tiny.yaml"), tmp_path, 5, RunOptions(clock=clock, session_name="cut")
+    )
     expected = session.imu_columns("hand")
     (session.path / "imu_hand.parquet").unlink()
     (session.path / "imu_hand.arrows").write_bytes(b"")
-    manifest = session.manifest | {"status": "running"}
+    manifest = session.manifest.content | {"status": "running"}
     (session.path / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     recovered = recover(Session(session.path))
     assert recovered.imu_columns("hand") == expected and "temperature_deg_c" in expected
@@ -136,7 +144,10 @@ def test_an_interrupted_run_is_resumed_without_the_stop_that_the_arm_made(
 
     with pytest.raises(RunInterrupted):
         execute(
-            tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=stop, session_name="broken"
+            tiny_plan,
+            tmp_path,
+            5,
+            RunOptions(speed="realtime", clock=clock, progress=stop, session_name="broken"),
         )
     result = run(going_on(tmp_path / "broken"), Watcher(clock))
     assert comparable(result.evaluation) == comparable(whole.evaluation)
@@ -160,7 +171,9 @@ def test_a_pause_lets_virtual_time_stand_still_and_changes_nothing_else(
             os.kill(os.getpid(), signal.SIGUSR2)
 
     clock.sleep = sleep
-    session = execute(tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=pause)
+    session = execute(
+        tiny_plan, tmp_path, 5, RunOptions(speed="realtime", clock=clock, progress=pause)
+    )
     names = [event.event for event in session.events]
     assert "paused" in names and "resumed" in names
     assert comparable(analyse(session, analysis()).evaluation) == comparable(whole.evaluation)

@@ -23,11 +23,12 @@ from testbench.clock import SystemClock
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.drivers.session_time import SessionTime
-from testbench.execution import executor
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import open_devices
+from testbench.execution import RunOptions, sensors
+from testbench.execution.devices import open_devices
+from testbench.execution.executor import execute_on_arm
 from testbench.execution.guards import GuardTripped
 from testbench.execution.resume import missing_steps
+from testbench.execution.sensors import Sensors
 from testbench.frames import NANOSECONDS
 from testbench.pipeline.analyse import analyse
 from testbench.pipeline.prepared import make_plan
@@ -83,7 +84,9 @@ class Listening(FakeClock):
 def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     (folder / "tiny.yaml").write_text(guarded(TINY, "stop", 0.5), encoding="utf-8")
-    session = execute(plan(folder / "tiny.yaml"), folder, 5, "realtime", clock=FakeClock())
+    session = execute(
+        plan(folder / "tiny.yaml"), folder, 5, RunOptions(speed="realtime", clock=FakeClock())
+    )
     return session, analyse(session, analysis()).evaluation
 
 
@@ -91,9 +94,11 @@ def undisturbed(tmp_path_factory):
 def test_a_sensor_that_is_heard_again_leaves_a_gap_in_a_run_that_is_judged_without_it(
     action, tmp_path, monkeypatch, undisturbed
 ):
-    monkeypatch.setattr(executor, "SimulatedImu", Silent)
+    monkeypatch.setattr(sensors, "SimulatedImu", Silent)
     (tmp_path / "tiny.yaml").write_text(guarded(TINY, action, 0.5), encoding="utf-8")
-    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, "realtime", clock=Listening())
+    session = execute(
+        plan(tmp_path / "tiny.yaml"), tmp_path, 5, RunOptions(speed="realtime", clock=Listening())
+    )
     assert session.status is RunStatus.COMPLETED
     guard = next(event for event in session.events if event.event == "guard")
     assert (guard.details["guard"], guard.details["subject"], guard.details["action"]) == (
@@ -121,15 +126,13 @@ def test_a_run_that_silence_stopped_is_resumed_to_the_undisturbed_one(
 ):
     (tmp_path / "tiny.yaml").write_text(guarded(TINY, "stop", 0.5), encoding="utf-8")
     with monkeypatch.context() as silence:
-        silence.setattr(executor, "SimulatedImu", Silent)
+        silence.setattr(sensors, "SimulatedImu", Silent)
         with pytest.raises(GuardTripped, match="imu silence of hand") as caught:
             execute(
                 plan(tmp_path / "tiny.yaml"),
                 tmp_path,
                 5,
-                "realtime",
-                clock=FakeClock(),
-                session_name="stopped",
+                RunOptions(speed="realtime", clock=FakeClock(), session_name="stopped"),
             )
     assert caught.value.exit_code == 3
     session = Session(tmp_path / "stopped")
@@ -231,13 +234,13 @@ def drive(robot: EmulatedUr, board: Board, action: str, logs: Path, **options) -
     protocol = logs / "short.yaml"
     protocol.write_text(guarded(SHORT, action, 0.4), encoding="utf-8")
     the_plan, time_ = make_plan(run_of(protocol)), SessionTime(SystemClock())
-    devices = open_devices([f"hand={board.link}:mpu6050_plain"], [], SystemClock(), time=time_)
+    devices = open_devices([f"hand={board.link}:mpu6050_plain"], [], time_)
     settings = replace(
         ur_settings(the_plan, robot.address), watchdog=1.5, arm_silence=1.5
     )  # this machine may be busy
     arm = UrArm(the_plan.robot, settings, time_)
     return execute_on_arm(
-        the_plan, arm, Sensors.live(the_plan, devices), time_, ArmRunOptions(logs, **options)
+        the_plan, arm, Sensors.live(the_plan, devices), RunOptions(logs, **options)
     )
 
 
@@ -288,9 +291,7 @@ def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_know
         assert caught.value.exit_code == 3
         ur3e.wait_until("at rest", 5)
     (session,) = list_sessions(tmp_path)
-    assert (
-        session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest["message"]
-    )
+    assert session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest.message
     assert not list(session.path.glob("*.arrows"))
     assert len(session.imu("hand")) > 20 and named(session, "guard", "run_error") == [
         "guard",

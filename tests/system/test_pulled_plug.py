@@ -21,6 +21,7 @@ import pytest
 
 from testbench import estimate, evaluate, execute, plan
 from testbench.exceptions import SessionError, StorageError
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.pipeline.analyse import analyse
 from testbench.pipeline.run import run
@@ -119,7 +120,9 @@ def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(
 ):
     def again(path: Path) -> Session:
         session = recover(Session(path))
-        return execute(plan(tiny), seed=5, speed="fast", clock=FakeClock(), resumed=session)
+        return execute(
+            plan(tiny), seed=5, options=RunOptions(speed="fast", clock=FakeClock(), resumed=session)
+        )
 
     shutil.copytree(cut_off, tmp_path / "run")
     whole = again(tmp_path / "run")
@@ -138,7 +141,9 @@ def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(
 @pytest.fixture(scope="module")
 def judged(tiny, tmp_path_factory) -> Path:
     """A session with an estimate and an evaluation by one filter, and a report."""
-    session = execute(plan(tiny), tmp_path_factory.mktemp("judged"), 5, clock=FakeClock())
+    session = execute(
+        plan(tiny), tmp_path_factory.mktemp("judged"), 5, RunOptions(clock=FakeClock())
+    )
     made = estimate(session, ["vqf_6d"])
     made.save(session.path)
     evaluate(session, made).save(session.path)
@@ -307,10 +312,14 @@ def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(
             StorageError,
             match=r"new cannot be written: there is no room .*; nothing was recorded; make room",
         ):
-            execute(plan(tiny), tmp_path, clock=FakeClock(), session_name="new")
+            execute(plan(tiny), tmp_path, options=RunOptions(clock=FakeClock(), session_name="new"))
         return
     with pytest.raises(StorageError, match=r"make room, then `testbench run --resume .*run`"):
-        execute(plan(tiny), seed=5, speed="fast", clock=FakeClock(), resumed=recovered)
+        execute(
+            plan(tiny),
+            seed=5,
+            options=RunOptions(speed="fast", clock=FakeClock(), resumed=recovered),
+        )
     monkeypatch.undo()
     after = raw(Session(tmp_path / "run"))
     assert {name: after[name] for name in before if name != "manifest.json"} == {

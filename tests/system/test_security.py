@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from testbench.exceptions import BenchError, ExpressionError, FileProblems, SessionError
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.planning.expressions import evaluate_expression
 from testbench.records.protocol_file import load_protocol
@@ -123,7 +124,7 @@ def test_every_string_of_a_report_is_escaped(tmp_path, altered_protocol, clock):
         content["sections"][0]["steps"][0]["name"] = "<img src=x onerror=alert(2)>"
 
     path: Path = altered_protocol("quick", poison)
-    session = execute(plan(path), tmp_path, 1, clock=clock)
+    session = execute(plan(path), tmp_path, 1, RunOptions(clock=clock))
     report = analyse(session, analysis("device", report=True)).report
     html = report.read_text()
     assert "<script>alert(1)" not in html

@@ -24,7 +24,9 @@ from testbench.drivers.session_time import SessionTime
 from testbench.emulation.xarm.server import XArmServer
 from testbench.emulation.xarm.setup import make_controller
 from testbench.exceptions import ArmRefused, DriverError, InputError
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.execution import RunOptions
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
 from testbench.pipeline.prepared import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
@@ -109,8 +111,7 @@ def drive(plan: Plan, address: str, logs: Path, **options) -> Session:
         plan,
         the_arm(plan, address, time_),
         Sensors.simulated(plan, 1),
-        time_,
-        ArmRunOptions(logs, **options),
+        RunOptions(logs, **options),
     )
 
 
@@ -149,7 +150,7 @@ def test_a_sweep_is_followed_with_nothing_but_lag(done, poses_plan):
 
 
 def test_the_session_says_that_the_driver_is_unverified_and_so_did_the_connection(done, told):
-    arm = done.manifest["arm"]
+    arm = done.manifest.content["arm"]
     assert done.status is RunStatus.COMPLETED
     assert arm["driver"] == "xarm" and arm["model"] == "xArm 6" and arm["firmware"] == "2.5.0"
     assert arm["unverified_on_hardware"] is True
