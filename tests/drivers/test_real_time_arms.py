@@ -23,6 +23,7 @@ from testbench.execution.sensors import Sensors
 from testbench.records.robot import Robot, load_robot
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus
+from tests.conftest import FakeClock
 
 SECOND = 1_000_000_000
 
@@ -107,7 +108,7 @@ def recorded(run_protocol, tiny):
 
 
 def replay(the_plan, log, logs):
-    time = SessionTime(SystemClock())
+    time = SessionTime(FakeClock())
     return execute_on_arm(
         the_plan,
         ReplayArm(the_plan.robot, log, time),
