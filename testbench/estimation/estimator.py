@@ -34,7 +34,6 @@ from testbench.model.truth import truth_at
 from testbench.records.calibration_file import SensorCalibration, find_calibration
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, SensorEstimate
 from testbench.records.manifest import SensorRecord
-from testbench.records.near import Instants
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import Session
 from testbench.records.tuning import Tuning
@@ -282,13 +281,14 @@ def prepare_sensor(
         )
     settings, stored = session.analysis.estimate, _stored(session, name, calibrations or [])
     access = open_samples(session, name, None if stored is None else _corrector(stored))
-    samples, (truth, thinned) = access.samples, session.thinned_truth(name)
+    samples, known = access.samples, session.truth_file(name)
+    truth = None if known is None else known.thinned()
     description = session.manifest.sensors[name]
     rate_delay = description.rate_delay_s or 0.0
     clock = fit_clock(samples, truth, rate_delay) if settings.align_clock else ClockFit()
     time = clock.to_host(samples.device_time_ns)
-    if thinned:
-        truth = session.near(Instants({name: time}, time)).truth(name)
+    if known is not None and known.is_long:
+        truth = known.near(time)
     uniform, rows = access.regular(clock)
     static = detect_static(uniform.turning(), uniform.interval, rows)[rows]
     quality = access.quality(clock, static)
