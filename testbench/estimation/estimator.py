@@ -15,7 +15,7 @@ from testbench.estimation.axes import remarks_on as axes_remarks
 from testbench.estimation.calibration.static_poses import fit_static_poses
 from testbench.estimation.chain.session import ChainRecording, estimate_chain
 from testbench.estimation.filters import OrientationFilter, UniformSamples
-from testbench.estimation.filters.tuned import choose_tuned
+from testbench.estimation.filters.tuned import Parameters, choose_tuned
 from testbench.estimation.frame_alignment import (
     apply_frames,
     fit_frames,
@@ -51,24 +51,29 @@ def estimate(
     filters: Sequence[str | OrientationFilter] | None = None,
     calibrations: list[SensorCalibration] | None = None,
     tunings: Sequence[Tuning] = (),
+    parameters: Parameters | None = None,
 ) -> Estimate:
     """Compute what the sensors, filters and joint angles say.
 
     Args:
         session: A recording.
         filters: Those to run, by name (with the parameters that the protocol gives them) or as they
-            are; those of the protocol, and those that were tuned, if None.
+            are; those of the protocol, and those that were tuned or set, if None.
         calibrations: To correct the raw samples with first; each sensor takes its own that is
             nearest in time.
-        tunings: Whose parameters to use in place of all others, at most one a filter.
+        tunings: Whose parameters to use in place of the protocol's, at most one a filter.
+        parameters: Single ones to set, by filter and name, whatever protocol or tuning say.
 
     Raises:
         NotFoundError: An unknown filter or parameter.
-        InputError: A parameter's value is not allowed, or a tuned filter is not among those to run.
+        InputError: A parameter's value is not allowed, or a filter that was tuned or set is not
+            among those to run.
         SessionError: The session holds no samples.
     """
     settings = session.analysis.estimate
-    chosen = choose_tuned(filters, settings.filters, settings.filter_parameters, tunings)
+    chosen = choose_tuned(
+        filters, settings.filters, settings.filter_parameters, tunings, parameters
+    )
     _check_calibrations(session, calibrations or [])
     run = RunFacts.of(session)
     sensors = {
@@ -85,10 +90,20 @@ def estimate(
         else ([], [])
     )
     used = {kind.name: kind.parameters for kind in chosen}
-    tuned = {tuning.filter: tuning.used_on(session) for tuning in tunings}
+    given = {name: list(own) for name, own in (parameters or {}).items()}
+    tuned = {tuning.filter: tuning.used_on(session, given.get(tuning.filter)) for tuning in tunings}
     known = {kind.name: kind.behaviour for kind in chosen if kind.behaviour}
     return Estimate(
-        session.name, session.fingerprint, sensors, joints, used, tuned, chain, chain_remarks, known
+        session.name,
+        session.fingerprint,
+        sensors,
+        joints,
+        used,
+        {name: entry for name, entry in tuned.items() if entry.tuned},
+        chain,
+        chain_remarks,
+        known,
+        given,
     )
 
 

@@ -16,7 +16,7 @@ from testbench.evaluation.field_following import following_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
-from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.left_out import left_out_notes
 from testbench.evaluation.magnetic import field_deviation, field_error_rows, field_rows
 from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
@@ -36,7 +36,7 @@ from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome, 
 from testbench.records.evaluation_rows import TunedRow
 from testbench.records.layout import joint_table, magnetic_table, orientation_table
 from testbench.records.near import Instants, united
-from testbench.records.plan import PlannedStep
+from testbench.records.plan import PlannedStep, judged_steps
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import RunStatus, Session
 
@@ -104,7 +104,8 @@ def _bench_tables(session: Session, estimate: Estimate) -> ResultTables:
     if earlier is not None:
         notes.append(f"this session {earlier.sentence}")
     tuned = _tuned_rows(estimate)
-    return ResultTables(notes=notes + arm_notes(session) + tuning_notes(tuned), tuned=tuned)
+    notes += arm_notes(session) + tuning_notes(tuned) + _set_notes(estimate)
+    return ResultTables(notes=notes, tuned=tuned)
 
 
 def _verdict_notes(metrics: list[Metric]) -> list[str]:
@@ -248,6 +249,16 @@ def _tuned_rows(estimate: Estimate) -> list[TunedRow]:
         )
         for key, used in estimate.tuned.items()
     ]
+
+
+def _set_notes(estimate: Estimate) -> list[str]:
+    """Which parameters a person set for this estimate, in sentences."""
+    notes = []
+    for key, names in estimate.set_parameters.items():
+        values = estimate.filter_parameters[key]
+        chosen = ", ".join(f"{name} {values[name]:.4g}" for name in names)
+        notes.append(f"{key} ran with {chosen}, set for this estimate")
+    return notes
 
 
 def tuning_notes(rows: list[TunedRow]) -> list[str]:

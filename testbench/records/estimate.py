@@ -306,6 +306,7 @@ class Estimate:
         chain: Joints of the arm by the chain filter, by section and state.
         remarks: What is doubtful about the whole.
         behaviour: What the catalogue says of each filter that ran, in a sentence.
+        set_parameters: Names of those that a person set for this estimate, by filter.
     """
 
     session: str
@@ -317,6 +318,7 @@ class Estimate:
     chain: list[ChainEstimate] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     behaviour: dict[str, str] = field(default_factory=dict)
+    set_parameters: dict[str, list[str]] = field(default_factory=dict)
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session, in place of an earlier one."""
@@ -406,6 +408,7 @@ class _EstimateHead:
     tuned: dict[str, UsedTuning] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     behaviour: dict[str, str] = field(default_factory=dict)
+    set_parameters: dict[str, list[str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,7 +39,7 @@ class SessionTuning(StrictModel):
         description="Whether it chose the parameters, or only shows what they are worth."
     )
     default_value: float | None = Field(
-        description="Objective by the defaults; null: the filter failed."
+        description="Objective by what the search began with; null: the filter failed."
     )
     value: float | None = Field(description="Objective by the one set for all.")
     own_parameters: Parameters | None = Field(
@@ -111,11 +111,13 @@ class Tuning(StrictModel):
     objective: str = Field(description="The metric that was made small, as evaluate spells it.")
     unit: str = Field(description="Of the metric.")
     tuned: list[str] = Field(
-        description="Parameters that were tuned; the others kept their defaults."
+        description="Parameters that were tuned; the others kept their defaults, or what was set."
     )
     parameters: Parameters = Field(description="The one set for all sessions, whole.")
     value: float = Field(description="Mean of the objective over the tuning sessions by that set.")
-    default_value: float | None = Field(description="By the defaults.")
+    default_value: float | None = Field(
+        description="By what the search began with: the defaults, or what was set."
+    )
     at_edge: list[str] = Field(
         description="Tuned parameters whose best value is an end of their range."
     )
@@ -129,14 +131,19 @@ class Tuning(StrictModel):
         """The sessions of one kind."""
         return [entry for entry in self.sessions if entry.role == role]
 
-    def used_on(self, session: Session) -> UsedTuning:
-        """What is said of a session's estimate that uses these parameters."""
+    def used_on(self, session: Session, replaced: Sequence[str] | None = None) -> UsedTuning:
+        """What is said of a session's estimate that uses these parameters.
+
+        Args:
+            session: The recording.
+            replaced: Names of those that a person set to other values.
+        """
         own = describe(session, "test")
         return UsedTuning(
             self.objective,
             self.tuned_utc,
             self.software.get("imu-testbench", ""),
-            list(self.tuned),
+            [name for name in self.tuned if name not in (replaced or ())],
             [entry.session for entry in self.of_role("tuning")],
             any(entry.is_recording_of(own) for entry in self.of_role("tuning")),
         )

@@ -15,11 +15,12 @@ from scipy.spatial.transform import Rotation
 from testbench import execute, plan
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
-from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.magnetic import EDGES, field_deviation, field_error_rows, field_rows
 from testbench.evaluation.orientation import sensor_errors
 from testbench.evaluation.outliers import outlier_rows
 from testbench.records.estimate import CalibrationFit
+from testbench.records.plan import judged_steps
 
 PASSAGE = """
 name: short_passage

@@ -18,6 +18,7 @@ from testbench.estimation import estimate
 from testbench.exceptions import InputError
 from testbench.formats import import_recording
 from testbench.formats.dates import NO_ZONE, read_date, recorded_in_name
+from testbench.formats.options import Options
 from testbench.records.calibration import TriadCalibration
 from testbench.records.calibration_file import SensorCalibration
 from testbench.reporting.session_section import facts
@@ -99,12 +100,12 @@ def test_the_date_in_the_file_is_kept_and_a_persons_goes_before_it(table, tmp_pa
         "2023-03-01 12:00:00 UTC, by dateTime in left.csv"
     )
     stated = import_recording(
-        "matrix", [file], tmp_path / "b", clock, recorded_at="2023-03-01T12:00:00+02:00"
+        "matrix", [file], tmp_path / "b", clock, Options(recorded_at="2023-03-01T12:00:00+02:00")
     )
     assert stated.recorded_at == datetime(2023, 3, 1, 10, tzinfo=UTC)
     assert stated.manifest.recorded_by == "stated with --recorded-at"
     with pytest.raises(InputError, match="--recorded-at yesterday: write the date as 2021-08-20"):
-        import_recording("matrix", [file], tmp_path / "c", clock, recorded_at="yesterday")
+        import_recording("matrix", [file], tmp_path / "c", clock, Options(recorded_at="yesterday"))
 
 
 @pytest.mark.data
@@ -155,7 +156,9 @@ def test_an_unknown_date_is_said_and_chooses_between_no_calibrations(table, tmp_
         if "stored calibration" in r
     ]
     assert "when the session was recorded, and how long from that, is unknown" in remark
-    dated = import_recording("matrix", [file], tmp_path / "b", clock, recorded_at="2023-02-20")
+    dated = import_recording(
+        "matrix", [file], tmp_path / "b", clock, Options(recorded_at="2023-02-20")
+    )
     (remark,) = [
         r
         for r in estimate(dated, ["gyro"], [old, new]).sensors["left"].remarks

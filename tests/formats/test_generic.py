@@ -15,7 +15,8 @@ from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.formats import import_recording
 from testbench.formats.mapping import MappingSpec, find_mapping, list_mappings
 from testbench.formats.options import Options
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
+from tests.asking import analysis
 
 G = 9.80665
 PLAIN = """\
@@ -232,10 +233,8 @@ def test_axes_turn_every_vector_and_the_orientation(plain, motion, load, axes, x
 def test_axes_by_option_do_the_same_for_any_format(plain, motion, tmp_path, clock):
     m = motion(600)
     (tmp_path / "map.yaml").write_text(PLAIN)
-    options = Options(str(tmp_path / "map.yaml"))
-    session = import_recording(
-        "generic", [plain(m)], tmp_path / "session", clock, options, axes="x: -z, y: -y, z: -x"
-    )
+    options = Options(str(tmp_path / "map.yaml"), axes="x: -z, y: -y, z: -x")
+    session = import_recording("generic", [plain(m)], tmp_path / "session", clock, options)
     np.testing.assert_allclose(
         session.imu("imu").acc, m.acc @ np.array([[0, 0, -1], [0, -1, 0], [-1, 0, 0]]).T, atol=1e-6
     )
@@ -351,7 +350,7 @@ def test_truth_in_a_file_of_its_own_at_a_lower_rate(plain, motion, load, table, 
     session = load(text, plain(m))
     truth = session.truth("imu")
     assert truth.host_time_ns[0] == 0 and session.analysis.estimate.align_clock
-    result = analyse(session, ["vqf_6d"], with_report=False)
+    result = analyse(session, analysis("vqf_6d"))
     (row,) = result.evaluation.orientation
     assert row.total_rmse_deg < 0.5
 

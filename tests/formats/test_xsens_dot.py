@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from testbench.exceptions import FileProblems, InputError
 from testbench.formats import import_recording
 from testbench.formats.options import Options
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.session import Session
+from tests.asking import analysis
 
 ABOVE = (
     "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nSyncStatus:,{sync}\nOutputRate:,{rate}Hz\n"
@@ -100,7 +101,7 @@ def test_specific_force_of_the_real_files_gives_back_their_free_acceleration(rea
 @pytest.mark.data
 @pytest.mark.filterwarnings("default")
 def test_the_real_files_go_through_every_later_stage(real):
-    result = analyse(real, None, with_report=False)
+    result = analyse(real, analysis())
     assert set(result.estimate.sensors["Pelvis"].orientation) == {"device"}
 
 

@@ -19,8 +19,9 @@ from testbench.drivers.arms.controller_lock import ControllerLock
 from testbench.drivers.arms.remedies import UR_REMEDIES
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.exceptions import ArmRefused, DriverError
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.session import RunStatus, Session, list_sessions
+from tests.asking import analysis
 from tests.benchmarks.real_arm import following
 from tests.emulated_arms import REAL_TIME, ROOT, drive_ur, emulated_ur, faulted_session, ur_command
 
@@ -78,7 +79,7 @@ def test_the_controllers_time_stamps_and_modes_are_recorded(done):
 
 
 def test_the_session_is_judged_like_any_other(done):
-    result = analyse(done, with_report=False)
+    result = analyse(done, analysis())
     device = next(row for row in result.evaluation.orientation if row.filter == "device")
     assert device.total_rmse_deg < 2
 

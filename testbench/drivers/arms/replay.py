@@ -141,9 +141,10 @@ class ReplayArm(SteppingArm):
             Event(event.host_time_ns + self._shift_ns, event.event, event.details) for event in due
         ] + told
 
-    def pause(self) -> None:
+    def pause(self) -> bool:
         self._held_ns = self.time.now_ns() - self._shift_ns
         self._told.append(Event(self.time.now_ns(), "paused", {}))
+        return True
 
     def resume(self) -> None:
         if self._held_ns is not None:
