@@ -15,7 +15,7 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.session_time import SessionTime
 from testbench.estimation.filters import OrientationFilter
-from testbench.exceptions import BenchError, InputError
+from testbench.exceptions import BenchError, InputError, SessionError
 from testbench.execution import RunOptions, execute
 from testbench.execution.devices import open_devices
 from testbench.execution.executor import execute_on_arm, simulated_sensors
@@ -239,7 +239,7 @@ def prepare_resume(
     note = (
         f"resuming by {protocol}" if protocol is not None else refuse_edited_protocol(session, plan)
     )
-    refuse_differences(session, plan, session.manifest["sensors"])
+    refuse_differences(session, plan, session.manifest.content["sensors"])
     return Resumption(session, plan, missing_steps(session, plan), note)
 
 
@@ -282,9 +282,12 @@ def resume(
         load_calibrations(calibrations)
     prepared = prepared or prepare_resume(path, protocol, None, filters, tunings)
     session, the_plan, steps = prepared.session, prepared.plan, prepared.steps
-    if session.manifest["arm"]["driver"] == "simulated":
+    recorded = session.manifest.arm.record
+    if recorded is not None and recorded.simulated:
         refuse_differences(session, the_plan, simulated_sensors(the_plan))
-        seed, speed = session.manifest["seed"], session.manifest["arm"]["speed"]
+        seed, speed = session.manifest.seed, session.manifest.arm.speed
+        if seed is None:
+            raise SessionError(f"{path} does not say by which seed it was begun")
         again = RunOptions(seed=seed, speed=speed, clock=clock, progress=progress, resumed=session)
         with session_lock(session.path):
             resumed = execute(the_plan, options=again)

@@ -311,18 +311,18 @@ def sessions(
             outcome = "-" if verdict is None else str(verdict[0]) if json else verdict[1]
         except SessionError as error:
             outcome, causes[session.name] = "damaged", str(error)
-        duration = session.manifest.get("duration_s")
+        duration = session.manifest.duration_s
         rows.append(
             [
                 session.name,
-                session.manifest.get("kind"),
+                session.manifest.kind,
                 "cut off"
                 if session.status == "running" and not session.is_being_recorded
                 else str(session.status),
                 outcome,
                 duration,
-                session.manifest.get("started_utc"),
-                _resumes(session).get("session"),
+                session.manifest.started_utc,
+                None if session.manifest.resumes is None else session.manifest.resumes.session,
             ]
         )
     damaged = damaged_sessions(logs)
@@ -359,9 +359,9 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
 
     opened = _open(session)
     recovered = make_readable(opened)
-    message = recovered.manifest.get("message") or "nothing to recover"
+    message = recovered.manifest.message or "nothing to recover"
     if opened.status != "running":
-        before = opened.manifest.get("message")
+        before = opened.manifest.message
         message = f"nothing to recover; it was closed as {opened.status}" + (
             f" before: {before}" if before else ""
         )
@@ -378,7 +378,7 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
     say(f"{recovered.path}: {message}")
     if missing:
         say(
-            f"missing: {len(missing)} of {recovered.manifest['plan']['check']['steps']} steps: "
+            f"missing: {len(missing)} of {recovered.manifest.plan.check.steps} steps: "
             f"{in_ranges(missing)}"
         )
         say(
@@ -389,28 +389,17 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
 
 def _missing_steps(session: Session) -> list[int]:
     """Indices of the planned steps that were not finished; none where nothing was planned."""
-    try:
-        planned = int(session.manifest["plan"]["check"]["steps"])
-    except (KeyError, TypeError, ValueError):
-        return []
+    planned = session.manifest.plan.check.steps or 0
     done = {step.index for step in session.steps} | set(_left_out(session, planned))
     return [index for index in range(planned) if index not in done]
 
 
 def _left_out(session: Session, planned: int) -> list[int]:
     """Steps that a resuming session was not to do."""
-    wanted = _resumes(session).get("steps")
-    return (
-        [index for index in range(planned) if index not in wanted]
-        if isinstance(wanted, list)
-        else []
-    )
-
-
-def _resumes(session: Session) -> dict[str, Any]:
-    """The session that another goes on with, and the steps it was to do; empty if none."""
-    resumes = session.manifest.get("resumes")
-    return resumes if isinstance(resumes, dict) else {}
+    resumes = session.manifest.resumes
+    if resumes is None or resumes.steps is None:
+        return []
+    return [index for index in range(planned) if index not in resumes.steps]
 
 
 def _open(path: Path) -> Session:

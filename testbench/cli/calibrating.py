@@ -32,20 +32,9 @@ CalibrationOption = Annotated[
 def _list(asked: bool) -> None:
     if not asked:
         return
-    from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
-    from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
-    from testbench.estimation.calibration.session_mounting import MOUNTING_NEEDS
+    from testbench.estimation.calibration.methods import METHODS
 
-    rows: list[list[Any]] = []
-    for triad, methods in (
-        ("accelerometer", ACCELEROMETER_METHODS),
-        ("magnetometer", MAGNETOMETER_METHODS),
-    ):
-        rows += [[triad, method.name, method.needs, method.source] for method in methods.values()]
-    rows += [["mounting", name, needs, source] for name, (needs, source) in MOUNTING_NEEDS.items()]
-    rows += [
-        ["gyroscope", m.name, ", ".join(m.needs), m.source] for m in GYROSCOPE_METHODS.values()
-    ]
+    rows = [[m.calibrates, m.name, m.needs, m.source] for m in METHODS.values()]
     say_table("Calibration methods", ["triad", "method", "needs", "source"], rows)
     raise typer.Exit
 

@@ -219,25 +219,23 @@ def import_files(
         say_json(
             {
                 "session": str(session.path),
-                "samples": manifest["samples"],
-                "rate_hz": {
-                    name: sensor["rate_hz"] for name, sensor in manifest["sensors"].items()
-                },
-                "duration_s": manifest["duration_s"],
-                "recorded_utc": manifest["recorded_utc"],
-                "recorded_by": manifest["recorded_by"],
-                "notes": manifest["notes"],
+                "samples": manifest.samples,
+                "rate_hz": {name: sensor.rate_hz for name, sensor in manifest.sensors.items()},
+                "duration_s": manifest.duration_s,
+                "recorded_utc": manifest.recorded_utc,
+                "recorded_by": manifest.recorded_by,
+                "notes": manifest.notes,
             }
         )
         return
-    for name, count in manifest["samples"].items():
-        say(f"{name}: {count} samples at {manifest['sensors'][name]['rate_hz']:g} Hz")
-    for note in manifest["notes"]:
+    for name, count in manifest.samples.items():
+        say(f"{name}: {count} samples at {manifest.sensors[name].rate_hz:g} Hz")
+    for note in manifest.notes:
         say(f"note: {note}")
-    say(f"duration: {manifest['duration_s']:.1f} s")
+    say(f"duration: {manifest.duration_s or 0.0:.1f} s")
     dated = (
-        f"{manifest['recorded_utc']}, by {manifest['recorded_by']}"
-        if manifest["recorded_utc"]
+        f"{manifest.recorded_utc}, by {manifest.recorded_by}"
+        if manifest.recorded_utc
         else "date unknown"
     )
     say(f"recorded: {dated}")

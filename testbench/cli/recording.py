@@ -112,17 +112,14 @@ def _say_found(found: dict[str, list[Any]], json: bool) -> None:
 
 
 def _say_recorded(session: Session, json: bool) -> None:
-    statistics = {
-        name: sensor["statistics"] for name, sensor in session.manifest["sensors"].items()
-    }
+    statistics = {name: sensor.statistics for name, sensor in session.manifest.sensors.items()}
     if json:
-        keys = ("duration_s", "notes")
-        summary = {key: session.manifest[key] for key in keys}
         return say_json(
             {
                 "session": str(session.path),
                 "status": session.status,
-                **summary,
+                "duration_s": session.manifest.duration_s,
+                "notes": session.manifest.notes,
                 "sensors": statistics,
             }
         )
@@ -147,7 +144,7 @@ def _say_recorded(session: Session, json: bool) -> None:
         "malformed packets",
         "reconnects",
     ]
-    say_table(f"Recorded, {session.manifest['duration_s']:.1f} s", columns, rows)
-    for note in session.manifest["notes"]:
+    say_table(f"Recorded, {session.manifest.duration_s or 0.0:.1f} s", columns, rows)
+    for note in session.manifest.notes:
         say(f"note: {note}")
     return say(f"session: {session.path}")

@@ -246,10 +246,9 @@ def resume_run(session: Path, protocol: str | None, robot: str | None, choice: A
     """Go on with a session whose run broke off."""
     from testbench.arm_pipeline import prepare_resume, resume
     from testbench.exceptions import InputError
-    from testbench.records.arm_record import arm_record
     from testbench.records.session import Session
 
-    arm = arm_record(Session(session).manifest)
+    arm = Session(session).manifest.arm.record
     simulated = arm is None or arm.simulated  # one without an arm is refused below
     driver = SIM.name if arm is None or simulated else arm.driver
     if choice.arm == SIM.name and not simulated:

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
@@ -36,6 +35,7 @@ from testbench.estimation.timing import (
 )
 from testbench.estimation.uniform import MOST_FILLING, fill_gaps, fill_rows
 from testbench.frames import NANOSECONDS
+from testbench.model.windows import moving_mean
 from testbench.records.estimate import ClockFit, TimingAudit
 from testbench.records.pieces import overlapping
 from testbench.records.samples import ImuSamples
@@ -87,7 +87,7 @@ def hisses(session: Session, sensor: str) -> bool:
     """Whether a sensor's readings must differ at rest: not those of a simulated one whose data
     sheet states no noise.
     """
-    if session.manifest["sensors"].get(sensor, {}).get("driver") != "simulated":
+    if session.manifest.sensors[sensor].driver != "simulated":
         return True
     sheet = session.analysis.sensors[sensor].imu()
     return any(
@@ -231,9 +231,7 @@ class PiecewiseRecording(SampleAccess):
         for columns in self._file.tables(PIECE, ["device_time_ns", "counter"]):
             intervals.add(columns["device_time_ns"], columns["counter"])
         turning = np.nan_to_num(np.linalg.norm(self.samples.gyr, axis=1))
-        middle = (
-            int(np.argmax(uniform_filter1d(turning, max(STRETCH // self.every, 1)))) * self.every
-        )
+        middle = int(np.argmax(moving_mean(turning, max(STRETCH // self.every, 1)))) * self.every
         begin = min(max(middle - STRETCH // 2, 0), max(self._count - STRETCH, 0))
         stretch = self._change(self._file.read(begin, begin + STRETCH))
         return intervals.audit(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from testbench.model.reference_step import aligning_part, before_judging, refere
 from testbench.model.truth import truth_at
 from testbench.records.calibration_file import SensorCalibration, find_calibration
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, SensorEstimate
+from testbench.records.manifest import SensorRecord
 from testbench.records.near import Instants
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import Session
@@ -193,8 +193,8 @@ def _stored(
     session: Session, name: str, calibrations: list[SensorCalibration]
 ) -> SensorCalibration | None:
     """The stored calibration of a sensor that is nearest in time."""
-    tag = session.manifest["sensors"][name].get("device_tag")
-    return find_calibration(calibrations, name, str(tag) if tag else None, session.recorded_at)
+    tag = session.manifest.sensors[name].device_tag
+    return find_calibration(calibrations, name, tag, session.recorded_at)
 
 
 def _check_calibrations(session: Session, calibrations: list[SensorCalibration]) -> None:
@@ -226,10 +226,10 @@ def _stored_remarks(
             if given
             else []
         )
-    tag = session.manifest["sensors"][name].get("device_tag")
+    tag = session.manifest.sensors[name].device_tag
     same = (
         f"of the same device, {tag}"
-        if tag and stored.device == str(tag)
+        if tag and stored.device == tag
         else "matched by the sensor's name alone"
     )
     methods = ", ".join(
@@ -283,8 +283,8 @@ def prepare_sensor(
     settings, stored = session.analysis.estimate, _stored(session, name, calibrations or [])
     access = open_samples(session, name, None if stored is None else _corrector(stored))
     samples, (truth, thinned) = access.samples, session.thinned_truth(name)
-    description = session.manifest["sensors"][name]
-    rate_delay = float(description.get("rate_delay_s") or 0.0)
+    description = session.manifest.sensors[name]
+    rate_delay = description.rate_delay_s or 0.0
     clock = fit_clock(samples, truth, rate_delay) if settings.align_clock else ClockFit()
     time = clock.to_host(samples.device_time_ns)
     if thinned:
@@ -309,7 +309,7 @@ def prepare_sensor(
             f"{planned - calibration.poses} of {planned} calibration poses were not at rest and "
             "were left out"
         )
-    correct = partial(_corrected, calibration=calibration, sampling=description.get("sampling"))
+    correct = partial(_corrected, calibration=calibration, sampling=description.sampling)
     gravity = session.robot.gravity if session.robot else STANDARD_DOWN
     axes = (
         identify_axes(samples, time, static & ~quality.flagged, truth, gravity)
@@ -340,7 +340,7 @@ def prepare_sensor(
         calibration=calibration,
         quality=quality.counts(),
         remarks=remarks,
-        timing=access.timing(description.get("rate_hz"), _rate_age(description)),
+        timing=access.timing(description.rate_hz, _rate_age(description)),
         every=access.every,
         axes=axes,
         stored_calibration=None if stored is None else stored.summary(),
@@ -350,12 +350,12 @@ def prepare_sensor(
     )
 
 
-def _rate_age(description: dict[str, Any]) -> float:
+def _rate_age(description: SensorRecord) -> float:
     """Half an interval where rate and force are integrated over it: the force is seen in the axes
     at its end [s].
     """
-    rate = description.get("rate_hz")
-    return 0.5 / float(rate) if rate and description.get("sampling") == "integrated" else 0.0
+    rate = description.rate_hz
+    return 0.5 / rate if rate and description.sampling == "integrated" else 0.0
 
 
 def _corrected(

@@ -5,14 +5,12 @@ samples that did not come.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from testbench.evaluation.judged import SETTLING_NS
 from testbench.frames import NANOSECONDS
 from testbench.model.truth import WIDEST_GAP_NS
-from testbench.records.arm_record import arm_record
 from testbench.records.layout import ARM, table_file
 from testbench.records.plan import PlannedStep
 from testbench.records.session import Session
@@ -41,7 +39,7 @@ def arm_notes(session: Session) -> list[str]:
         or not (session.path / table_file(ARM)).is_file()
     ):
         return []
-    arm = arm_record(session.manifest)
+    arm = session.manifest.arm.record
     if arm is None or arm.simulated:  # a model and its commands have one clock; no sample is missed
         return []
     leads, steps, count, gap_ns = _look(session, arm.commanded)
@@ -53,7 +51,7 @@ def arm_notes(session: Session) -> list[str]:
             "steps the arm moves before "
             "it was commanded, so the truth does not belong to the sensors' samples"
         )
-    missed = _missed(session.manifest)
+    missed = session.manifest.arm.timing.samples_missed
     if missed > MISSED_SHARE * (missed + count) or (missed and gap_ns > WIDEST_GAP_NS):
         share = 100 * missed / (missed + count)
         notes.append(
@@ -63,13 +61,6 @@ def arm_notes(session: Session) -> list[str]:
             f"{WIDEST_GAP_NS / NANOSECONDS:g} s"
         )
     return notes
-
-
-def _missed(manifest: dict[str, Any]) -> int:
-    arm = manifest.get("arm")
-    timing = arm.get("timing") if isinstance(arm, dict) else None
-    missed = timing.get("samples_missed") if isinstance(timing, dict) else None
-    return missed if isinstance(missed, int) else 0
 
 
 def _clock_notes(session: Session) -> list[str]:

@@ -16,7 +16,7 @@ from testbench.evaluation.field_following import following_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
-from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.left_out import left_out_notes
 from testbench.evaluation.magnetic import field_deviation, field_error_rows, field_rows
 from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
@@ -36,7 +36,7 @@ from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome, 
 from testbench.records.evaluation_rows import TunedRow
 from testbench.records.layout import joint_table, magnetic_table, orientation_table
 from testbench.records.near import Instants, united
-from testbench.records.plan import PlannedStep
+from testbench.records.plan import PlannedStep, judged_steps
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import RunStatus, Session
 
@@ -94,14 +94,12 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
 
 def _bench_tables(session: Session, estimate: Estimate) -> ResultTables:
     """What must be known of the run and of the filters, whatever they come to."""
-    notes = list(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
+    notes = list(session.manifest.plan.check.warnings)
     doubt = reference_warning(session.steps, session.analysis.estimate.align)
     if doubt is not None and doubt not in notes:  # else the plan has said so
         notes.append(doubt)
     if session.status is not RunStatus.COMPLETED:
-        notes.append(
-            f"{ENDED[session.status]}: {session.manifest.get('message') or 'it did not finish'}"
-        )
+        notes.append(f"{ENDED[session.status]}: {session.manifest.message or 'it did not finish'}")
     earlier = earlier_steps(session)
     if earlier is not None:
         notes.append(f"this session {earlier.sentence}")

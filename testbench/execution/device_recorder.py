@@ -153,7 +153,7 @@ class DeviceRecorder(Recorder):
     def _closing(self, arm: dict[str, Any]) -> dict[str, Any]:
         """What each device did, and what was not expected of it."""
         duration = self._end_ns / NANOSECONDS
-        described = self._writer.manifest["sensors"]
+        described = self._writer.manifest.content["sensors"]
         return {
             "duration_s": min(duration, self._duration_s or duration),
             "sensors": {

@@ -303,7 +303,7 @@ class RunRecorder(Recorder):
 
     def _again(self, session: Session) -> SessionWriter:
         """A session to go on with; its events are not written a second time."""
-        duration = session.manifest.get("duration_s")
+        duration = session.manifest.duration_s
         writer = SessionWriter.reopen(session.path, {"at_s": duration, "was": str(session.status)})
         if (
             session.status is RunStatus.INTERRUPTED
@@ -358,4 +358,4 @@ class RunRecorder(Recorder):
 
 def recorded_ns(session: Session | None) -> int:
     """How much a session holds that is to be gone on with [ns]."""
-    return 0 if session is None else round((session.manifest.get("duration_s") or 0) * NANOSECONDS)
+    return 0 if session is None else round((session.manifest.duration_s or 0) * NANOSECONDS)

@@ -15,7 +15,7 @@ from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import Event, RunStatus, Session
 from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import file_hashes, note_end
-from testbench.records.storage import Journal, compact, last_value, write_json
+from testbench.records.storage import Journal, compact, last_value
 
 SMALLEST_JOURNAL = 64
 """A journal of fewer bytes was cut off before its schema was whole; it held nothing."""
@@ -55,7 +55,7 @@ def _recovered(session: Session) -> Session:
     clear_partials(path)
     session = Session(path)
     kind, planned = "recording", ""
-    if session.manifest.get("kind") == kind:
+    if session.manifest.kind == kind:
         last_ns = max(_last_ns(session, imu_stream(name)) for name in session.sensor_names)
     else:
         _add_truth(session)
@@ -64,12 +64,9 @@ def _recovered(session: Session) -> Session:
     duration = last_ns / NANOSECONDS
     message = f"cut off after {duration:.1f}{planned} s and recovered"
     note_end(session, Event(last_ns, f"{kind}_aborted", {"message": message}))
-    manifest = session.manifest | {
-        "status": RunStatus.ABORTED,
-        "message": message,
-        "duration_s": duration,
-    }
-    write_json(path / MANIFEST, manifest | {"files": file_hashes(path)})
+    session.manifest.changed(
+        status=RunStatus.ABORTED, message=message, duration_s=duration, files=file_hashes(path)
+    ).write(path)
     return Session(path)
 
 
@@ -85,12 +82,12 @@ def _add_truth(session: Session) -> None:
 
 def _planned_s(session: Session) -> float:
     """How long the run was to last [s]."""
-    try:
-        return float(session.manifest["plan"]["check"]["duration_s"])
-    except (KeyError, TypeError, ValueError):
+    duration = session.manifest.plan.check.duration_s
+    if duration is None:
         raise SessionError(
             f"{session.path / MANIFEST} is damaged: it does not say how long the plan is"
-        ) from None
+        )
+    return duration
 
 
 def _last_ns(session: Session, stream: str) -> int:
@@ -103,11 +100,8 @@ def _write_empty(session: Session, journal: Path) -> None:
     name = journal.stem
     if name == ARM and session.robot is not None:
         columns = ArmSamples.columns(session.robot.joint_names)
-    elif sensor_of(name) in session.manifest["sensors"]:
-        sensor = session.manifest["sensors"][sensor_of(name)]
-        columns = ImuSamples.columns(
-            *(bool(sensor.get(key)) for key in ("magnetometer", "orientation", "temperature"))
-        )
+    elif (sensor := session.manifest.sensors.get(sensor_of(name) or "")) is not None:
+        columns = ImuSamples.columns(sensor.magnetometer, sensor.orientation, sensor.temperature)
     else:
         return
     journal.unlink()

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
+from testbench.exceptions import SessionError
 from testbench.records.layout import PLAN
+from testbench.records.plan import judged_steps, stored_steps
 from testbench.records.session import Session
 
 MOST_NAMES = 12
@@ -50,22 +48,12 @@ def earlier_steps(session: Session) -> EarlierSteps | None:
     """What another session has of this one's plan; None where it goes on from none, or its plan
     cannot be read.
     """
-    resumes = session.manifest.get("resumes")
-    wanted = resumes.get("steps") if isinstance(resumes, dict) else None
-    if not isinstance(resumes, dict) or not isinstance(wanted, list):
+    resumes = session.manifest.resumes
+    if resumes is None or resumes.steps is None:
         return None
     try:
-        notes = pq.read_schema(session.path / PLAN).metadata or {}
-        steps = [
-            (int(step["index"]), str(step["role"]), str(step["name"]))
-            for step in json.loads(notes[b"steps"])
-        ]
-    except (OSError, pa.ArrowException, ValueError, KeyError, TypeError):
+        judged = judged_steps(stored_steps(session.path / PLAN))
+    except SessionError:
         return None
-    judged = (
-        [step for step in steps if step[1] == "evaluation"]
-        or [step for step in steps if step[1] != "calibration"]
-        or steps
-    )
-    names = [name for index, _, name in judged if index not in wanted]
-    return EarlierSteps(str(resumes.get("session")), names, len(judged))
+    names = [step.name for step in judged if step.index not in resumes.steps]
+    return EarlierSteps(resumes.session, names, len(judged))

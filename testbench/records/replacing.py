@@ -235,7 +235,7 @@ def _link(partial: Path, path: Path) -> None:
 
 
 def _taken(path: Path) -> InputError:
-    return InputError(f"{path} exists already; it is kept, and nothing was written")
+    return InputError(f"{path} exists already; it is kept, not replaced")
 
 
 def _sync(path: Path) -> None:

@@ -7,13 +7,11 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from copy import copy
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,6 +20,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from testbench.exceptions import NotFoundError, SessionError
+from testbench.records.json_record import first_problem
 from testbench.records.layout import (
     ARM,
     EVENTS,
@@ -33,6 +32,8 @@ from testbench.records.layout import (
     table_file,
     truth_stream,
 )
+from testbench.records.manifest import Manifest
+from testbench.records.manifest import RunStatus as RunStatus  # its status is one of these
 from testbench.records.near import MOST_THINNED, Instants, is_long, read_near
 from testbench.records.plan import PlannedCycles, PlannedStep
 from testbench.records.protocol import Analysis
@@ -42,37 +43,9 @@ from testbench.records.sensor_file import SensorFile
 from testbench.records.storage import (
     ROWS_PER_GROUP,
     parquet_shape,
-    read_json,
     read_parquet,
     read_stacked,
 )
-
-SCHEMA_VERSION = 1
-MAPPINGS = (
-    "analysis",
-    "arm",
-    "clocks",
-    "environment",
-    "files",
-    "plan",
-    "protocol",
-    "robot",
-    "samples",
-    "software",
-)
-"""Parts of a manifest that are mappings where they are there."""
-SENSOR_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_]{0,99}")
-"""Files are named after sensors: nothing that could lead out of the session's folder."""
-
-
-class RunStatus(StrEnum):
-    """How the bench fared; says nothing of the sensor."""
-
-    RUNNING = "running"
-    COMPLETED = "completed"
-    ABORTED = "aborted"
-    ERROR = "error"
-    INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
@@ -106,38 +79,7 @@ class Session:
             what = "is a file; a session is a folder" if self.path.is_file() else "does not exist"
             what = "is not a session: it has no manifest.json" if self.path.is_dir() else what
             raise SessionError(f"{self.path} {what}")
-        self.manifest: dict[str, Any] = read_json(self.path / MANIFEST)
-        if not isinstance(self.manifest, dict):
-            raise SessionError(f"{self.path / MANIFEST} is damaged: it is no mapping")
-        version = self.manifest.get("schema_version")
-        if not isinstance(version, int) or version > SCHEMA_VERSION:
-            raise SessionError(
-                f"{self.path} has session schema {version}; this version reads up to "
-                f"{SCHEMA_VERSION}"
-            )
-        self._check_manifest()
-
-    def _check_manifest(self) -> None:
-        """A manifest may come from anywhere: what files are named after, and what every reader asks
-        for, must be in order.
-        """
-        sensors, status = self.manifest.get("sensors"), self.manifest.get("status")
-        if not isinstance(status, str) or status not in set(RunStatus):
-            raise SessionError(f"{self.path / MANIFEST} is damaged: its status is {status!r:.50}")
-        if not isinstance(sensors, dict) or not all(
-            isinstance(sensor, dict) for sensor in sensors.values()
-        ):
-            raise SessionError(f"{self.path / MANIFEST} is damaged: it names no sensors")
-        flat = next(
-            (key for key in MAPPINGS if not isinstance(self.manifest.get(key, {}), dict)), None
-        )
-        if flat is not None:
-            raise SessionError(f"{self.path / MANIFEST} is damaged: its {flat} is no mapping")
-        wrong = next((name for name in sensors if not SENSOR_NAME.fullmatch(name)), None)
-        if wrong is not None:
-            raise SessionError(
-                f"{self.path / MANIFEST} is refused: '{wrong[:50]}' is no name for a sensor"
-            )
+        self.manifest = Manifest.read(self.path)
 
     @property
     def name(self) -> str:
@@ -150,7 +92,7 @@ class Session:
         Raises:
             SessionError: The manifest has no date.
         """
-        return self._date("started_utc")
+        return self._date("started_utc", self.manifest.started_utc)
 
     @property
     def recorded_at(self) -> datetime | None:
@@ -160,21 +102,21 @@ class Session:
         Raises:
             SessionError: What the manifest has is no date.
         """
-        if self.manifest.get("kind") != "import":
+        if self.manifest.kind != "import":
             return self.started
-        return self._date("recorded_utc") if self.manifest.get("recorded_utc") else None
+        recorded = self.manifest.recorded_utc
+        return self._date("recorded_utc", recorded) if recorded else None
 
-    def _date(self, key: str) -> datetime:
-        text = str(self.manifest.get(key))
+    def _date(self, key: str, text: str | None) -> datetime:
         try:
-            moment = datetime.fromisoformat(text)
+            moment = datetime.fromisoformat(text or "")
         except ValueError:
             raise SessionError(f"{self.path}: {key} of the manifest is no date: {text}") from None
         return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
     @property
     def status(self) -> RunStatus:
-        return RunStatus(self.manifest["status"])
+        return self.manifest.status
 
     @cached_property
     def analysis(self) -> Analysis:
@@ -184,10 +126,10 @@ class Session:
             SessionError: The manifest does not hold them.
         """
         try:
-            return Analysis.model_validate(self.manifest["analysis"])
-        except (KeyError, ValidationError) as error:
+            return Analysis.model_validate(self.manifest.analysis)
+        except ValidationError as error:
             raise SessionError(
-                f"{self.path / MANIFEST}: the analysis is damaged: {error}"
+                f"{self.path / MANIFEST}: the analysis is damaged: {first_problem(error)}"
             ) from None
 
     @property
@@ -214,18 +156,19 @@ class Session:
         """Whether the bench ran it, step by step; of an imported recording at most the poses of the
         arm are known.
         """
-        return bool(self.manifest.get("kind") == "run")
+        return self.manifest.kind == "run"
 
     @property
     def simulated(self) -> list[str]:
         """What of a run was simulated: arm and sensors, the sensors alone, or nothing."""
-        if self.manifest.get("arm", {}).get("driver") == "simulated":
+        arm = self.manifest.arm.record
+        if arm is not None and arm.simulated:
             return ["arm", "sensors"]
-        return ["sensors"] if self.manifest.get("simulated_sensors") else []
+        return ["sensors"] if self.manifest.simulated_sensors else []
 
     @property
     def sensor_names(self) -> list[str]:
-        return list(self.manifest["sensors"])
+        return list(self.manifest.sensors)
 
     @cached_property
     def robot(self) -> Robot | None:
@@ -233,16 +176,12 @@ class Session:
         file, copy = self.path / ROBOT, self.path / URDF
         if not file.is_file():
             return None
-        named = self.manifest.get("robot")
-        if (
-            not isinstance(named, dict)
-            or not isinstance(named.get("urdf"), str)
-            or "\0" in named["urdf"]
-        ):
+        urdf = self.manifest.robot.urdf
+        if urdf is None or "\0" in urdf:
             raise SessionError(
                 f"{self.path / MANIFEST} is damaged: it does not say which URDF the robot has"
             )
-        original = Path(named["urdf"])  # its meshes lie beside it
+        original = Path(urdf)  # its meshes lie beside it
         same = original.is_file() and copy.is_file() and original.read_bytes() == copy.read_bytes()
         return robot_from_text(file, original if same else copy)
 
@@ -344,7 +283,7 @@ class Session:
     def _truth_file(self, sensor: str) -> Path | None:
         self._check(sensor)
         file = self.path / table_file(truth_stream(sensor))
-        if not file.is_file() and file.name in self.manifest.get("files", {}):
+        if not file.is_file() and file.name in self.manifest.files:
             raise SessionError(
                 f"{file} is missing, though the manifest lists it; the session is damaged"
             )
@@ -381,7 +320,7 @@ class Session:
     def events(self) -> list[Event]:
         """Everything that happened, in order; a last line cut off by a crash is left out."""
         file = self.path / EVENTS
-        stated = self.manifest.get("files", {}).get(EVENTS)
+        stated = self.manifest.files.get(EVENTS)
         if (
             stated is not None
             and file.is_file()

@@ -175,9 +175,9 @@ class UsedTuning:
 
 def describe(session: Session, role: Literal["tuning", "test"]) -> SessionTuning:
     """A session by what tells it from others, not judged yet."""
-    files = session.manifest.get("files", {})
+    files = session.manifest.files
     samples = {
-        name: str(files[file])
+        name: files[file]
         for name in session.sensor_names
         if (file := table_file(imu_stream(name))) in files
     }

@@ -81,11 +81,10 @@ def load_evaluation(session: Session) -> Evaluation | None:
 def render(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> str:
     """The report as HTML."""
     sections = _sections(session, estimate, evaluation)
-    protocol, earlier = session.manifest.get("protocol"), earlier_steps(session)
-    described = protocol if isinstance(protocol, dict) else {}
+    protocol, earlier = session.manifest.protocol, earlier_steps(session)
     return render_page(
-        title=described.get("name") or session.name,
-        purpose=described.get("purpose") or "",
+        title=protocol.name or session.name,
+        purpose=protocol.purpose or "",
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
         verdict=evaluation.verdict if evaluation else "not evaluated",
         simulated=simulated_parts(session),

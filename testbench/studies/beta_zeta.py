@@ -16,14 +16,14 @@ from testbench.estimation.filters import (
     UniformSamples,
     get_filter,
 )
-from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.objective import Objective
 from testbench.evaluation.orientation import sensor_errors
 from testbench.execution import RunOptions, execute
 from testbench.model import rotation
 from testbench.model.noise import random_stream
 from testbench.pipeline import analyse, make_plan
-from testbench.records.plan import PlannedStep
+from testbench.records.plan import PlannedStep, judged_steps
 from testbench.records.published import PublishedTable, load_published_tables
 from testbench.records.session import Session
 from testbench.records.session_writer import software_versions

@@ -93,12 +93,12 @@ elif stage == "resume":
     )
     from testbench.pipeline import make_plan
     session = open_for_resume(path)
-    found = {"had_s": session.manifest["duration_s"]}
+    found = {"had_s": session.manifest.duration_s}
     with stored_protocol(session) as protocol:
         plan = make_plan(protocol, stored_robot(session))
         refuse_differences(session, plan, simulated_sensors(plan))
         session = execute(plan, seed=1, options=RunOptions(resumed=session))
-    found |= {"status": session.status, "duration_s": session.manifest["duration_s"]}
+    found |= {"status": session.status, "duration_s": session.manifest.duration_s}
 else:
     from testbench.estimation import estimate
     from testbench.evaluation import evaluate

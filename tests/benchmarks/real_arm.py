@@ -119,7 +119,7 @@ def show_figures(title: str, poses: tuple[Session, Plan], sweep: tuple[Session, 
     """Print the figures of an arm; whether every pose was within a hundredth of a degree."""
     count, worst = worst_pose(*poses)
     lag, rms, largest = following(*sweep)
-    arm = sweep[0].manifest["arm"]
+    arm = sweep[0].manifest.content["arm"]
     timing = arm["timing"]
     rows: list[list[str | Text]] = [
         [Text("static poses"), str(count)],

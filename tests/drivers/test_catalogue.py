@@ -19,7 +19,6 @@ from testbench.drivers.arms.entry import ArmEntry
 from testbench.exceptions import DriverError, InputError, NotFoundError
 from testbench.execution import RunOptions
 from testbench.pipeline import make_plan
-from testbench.records.arm_record import arm_record
 from testbench.records.robot import load_robot
 from testbench.records.session import Session
 from testbench.records.storage import read_json, write_json
@@ -78,7 +77,7 @@ def test_a_new_entry_drives_a_run_whose_report_says_where_the_motion_is_from(tri
     result = run_on_arm(make_plan(tiny), setup, options, clock=FakeClock())
     session = Session(result.session.path)
     assert [step.name for step in session.steps] == ["start", "out", "wave"]
-    assert arm_record(session.manifest) == trial.record
+    assert session.manifest.arm.record == trial.record
     assert "which followed the motion that nobody measured" in result.report.read_text("utf-8")
 
 
@@ -151,7 +150,7 @@ def test_an_earlier_session_still_says_where_its_motion_is_from(earlier, driver,
     write_json(earlier.path / "manifest.json", manifest | {"arm": {"driver": driver}})
     session = Session(earlier.path)
     assert simulated_parts(session).startswith(said)
-    record = arm_record(session.manifest)
+    record = session.manifest.arm.record
     assert record is not None and record == find_arm(driver).record
     done = CliRunner().invoke(app, ["report", str(session.path)])
     assert done.exit_code == 0, done.output

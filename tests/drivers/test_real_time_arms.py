@@ -120,7 +120,7 @@ def test_a_recorded_session_drives_the_bench_as_if_live(recorded, tiny, tmp_path
     the_plan = plan(tiny)
     session = replay(the_plan, recorded.path, tmp_path)
     assert session.status is RunStatus.COMPLETED
-    assert session.manifest["arm"]["driver"] == "replay"
+    assert session.manifest.arm.driver == "replay"
     np.testing.assert_allclose(
         session.arm().q_measured, recorded.arm().q_measured[: len(session.arm().q_measured)]
     )

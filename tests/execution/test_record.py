@@ -106,7 +106,7 @@ def test_a_recording_is_a_session_that_is_estimated_evaluated_and_reported(
     devices = open_devices([f"wrist={board.port}:mpu6050_plain"], [])
     session = record_devices(devices, tmp_path, duration_s=1.2, name="desk")
     assert session.status is RunStatus.COMPLETED and session.path.name.endswith("_desk")
-    manifest = session.manifest
+    manifest = session.manifest.content
     assert manifest["kind"] == "recording" and manifest["duration_s"] == 1.2
     assert (
         session.robot is None
@@ -188,7 +188,7 @@ def test_a_killed_recording_keeps_what_was_on_disk_and_can_be_recovered(
     ran.communicate(timeout=20)
     assert Session(path).status is RunStatus.RUNNING
     session = recover(Session(path))
-    assert session.status is RunStatus.ABORTED and "recovered" in session.manifest["message"]
+    assert session.status is RunStatus.ABORTED and "recovered" in session.manifest.message
     samples = session.imu("serial1")
     assert len(samples) > 5 and (np.diff(samples.device_time_ns) == 10_000_000).all()
     assert session.events[-1].event == "recording_aborted"
@@ -259,7 +259,7 @@ def test_a_device_that_fails_closes_the_session_as_an_error_and_releases_the_oth
         )
     (path,) = tmp_path.iterdir()
     session = Session(path)
-    assert session.status is RunStatus.ERROR and "on fire" in session.manifest["message"]
+    assert session.status is RunStatus.ERROR and "on fire" in session.manifest.message
     assert len(session.imu("good")) >= 6 and len(session.imu("bad")) == 6
     assert good.stopped and bad.stopped
 
@@ -291,7 +291,7 @@ def test_no_sample_at_all_is_an_error_and_some_silence_a_note(clock: Any, tmp_pa
         0.5,
         options=RunOptions(clock=clock),
     )
-    assert session.manifest["notes"] == ["left: no samples; it sent nothing."]
+    assert session.manifest.notes == ["left: no samples; it sent nothing."]
 
 
 def test_ctrl_c_in_the_middle_of_a_timed_recording_raises_after_the_session_is_closed(

@@ -213,7 +213,7 @@ def test_a_sensor_that_fails_is_a_bench_error_and_the_session_keeps_what_was_rec
         execute(tiny_plan, tmp_path, options=RunOptions(speed="realtime", clock=clock))
     (session,) = list_sessions(tmp_path)
     assert session.status is RunStatus.ERROR
-    assert "connection was lost" in session.manifest["message"]
+    assert "connection was lost" in session.manifest.message
     assert session.events[-1].event == "run_error"
     assert session.imu("hand").host_time_ns[-1] > 2_300_000_000
     assert not list(session.path.glob("*.arrows")) and not list(session.path.glob("*.partial"))
@@ -320,7 +320,7 @@ def test_a_recovered_run_equals_the_beginning_of_an_undisturbed_one(
     shutil.copytree(killed[0], tmp_path / "killed")
     session = recover(Session(tmp_path / "killed"))
     assert session.status is RunStatus.ABORTED
-    assert "recovered" in session.manifest["message"]
+    assert "recovered" in session.manifest.message
     assert not list(session.path.glob("*.arrows"))
     whole = execute(tiny_plan, tmp_path, SEED, RunOptions(clock=clock))
     for found, expected in ((session.imu("hand"), whole.imu("hand")), (session.arm(), whole.arm())):

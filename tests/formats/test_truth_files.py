@@ -160,7 +160,7 @@ def test_the_whole_way_to_the_error_of_a_filter(run, load, table):
     assert (
         row.total_rmse_deg < 1.0
     )  # moves of up to 180 degrees in a second disturb the filter's vertical
-    assert session.manifest["sensors"]["hand"]["truth"] == f"ur3e, link {LINK}"
+    assert session.manifest.sensors["hand"].truth == f"ur3e, link {LINK}"
 
 
 def test_a_log_without_times_has_a_rate_and_may_begin_later(run, load, table):
@@ -191,7 +191,7 @@ def test_a_list_of_commanded_poses_is_matched_to_the_dwells_of_the_sensor(
         np.abs(np.sum(truth.q_world_from_sensor[known] * orientation[row], axis=1)).min() > 1 - 1e-9
     )
     assert not session.analysis.estimate.align_clock
-    assert any("6 dwells found" in note for note in session.manifest["notes"])
+    assert any("6 dwells found" in note for note in session.manifest.notes)
 
 
 def test_the_dwells_of_a_list_are_steps_of_the_session_and_judged_at_rest(load, tmp_path):

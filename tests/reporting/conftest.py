@@ -65,7 +65,7 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Judged:
         Analysis(estimate=settings),
         {"imu": {"driver": "import", "description": "from a data set", "rate_hz": rate}},
         datetime(2026, 1, 2, tzinfo=UTC),
-        {"kind": "import", "source": {"name": "a data set", "licence": "CC0"}},
+        {"kind": "import", "source": ["a_data_set.csv"]},
     )
     writer.add_table("imu_imu", samples.to_columns())
     writer.add_table("truth_imu", Truth(time, q).to_columns())

@@ -205,7 +205,7 @@ def test_an_angle_as_large_as_the_published_one_would_be_called_so():
 
 def test_every_number_is_traceable_to_a_session_that_is_kept(study):
     assert len(study.sessions) == 2
-    assert [Session(path).manifest["seed"] for path in study.sessions] == [3, 4]
+    assert [Session(path).manifest.seed for path in study.sessions] == [3, 4]
     assert [row.label for row in study.table("parts").rows] == [
         Session(path).name for path in study.sessions
     ]

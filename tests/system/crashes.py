@@ -137,7 +137,7 @@ def crash(protocol: Path, logs: Path, speed: str, part: float, whole: Undisturbe
         # killed before the folder became a session: nothing had been recorded
         return Outcome(reached, reached, True, True, True, was_session=False)
     session = recover(Session(logs / "run"))
-    recorded = float(session.manifest.get("duration_s") or 0.0)
+    recorded = float(session.manifest.duration_s or 0.0)
     _ = session.events, session.steps
     finished = session
     if session.status != "completed":

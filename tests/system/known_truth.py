@@ -19,14 +19,14 @@ from testbench.drivers.arms.simulated import SimulatedArm
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
-from testbench.evaluation.judged import judged_steps, window
+from testbench.evaluation.judged import window
 from testbench.execution import RunOptions, execute
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.planning import plan
 from testbench.records.evaluation import Evaluation
-from testbench.records.plan import Plan
+from testbench.records.plan import Plan, judged_steps
 from testbench.records.session import Session
 
 FILTER = "vqf_6d"

@@ -234,7 +234,7 @@ def skewed_clocks(altered_protocol, tmp_path_factory):
 @pytest.mark.parametrize("sensor", ["arm", "forearm"])
 def test_an_offset_of_50_ms_and_a_drift_of_100_ppm_are_recovered(skewed_clocks, sensor):
     session, estimated = skewed_clocks
-    assert session.manifest["sensors"][sensor]["rate_hz"] == 60
+    assert session.manifest.sensors[sensor].rate_hz == 60
     fit = estimated.sensors[sensor].clock
     assert fit.offset_s * 1e3 == pytest.approx(50, abs=2)
     assert fit.drift_ppm == pytest.approx(100, abs=20)

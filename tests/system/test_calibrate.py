@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.estimation.calibration.gyroscope import IN_RUN, attitude
 from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.poses import SETTLING_M_S2
 from testbench.estimation.calibration.prepared import prepare
-from testbench.estimation.calibration.session_calibration import METHODS
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.model.kinematics import Kinematics
@@ -64,7 +64,7 @@ def born_with(session):
         Kinematics(session.robot),
         Environment(),
         lambda t: None,
-        session.manifest["seed"],
+        session.manifest.seed,
     )
     return imu._accelerometer.errors, imu._gyroscope.errors
 

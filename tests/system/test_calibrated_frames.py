@@ -10,7 +10,6 @@ from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.estimation.calibration.gyroscope import matrix_of
 from testbench.estimation.calibration.session_calibration import calibrate
 from testbench.estimation.calibration.session_mounting import axes_sd
-from testbench.estimation.calibration.shared_frame import ARM_AIDED
 from testbench.estimation.estimator import estimate
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
@@ -171,12 +170,6 @@ def test_the_uncertainty_of_a_mounting_holds_that_of_the_axes_it_turns(crooked_s
     misalignments = found.triads["gyroscope"].fits[0].sd[3:9]
     assert misalignments.min() <= axes <= misalignments.max()
     assert (found.mounting.fit.sd > axes).all()
-
-
-def test_the_list_of_arm_aided_methods_holds_names_that_exist():
-    from testbench.estimation.calibration.session_calibration import METHODS
-
-    assert set(ARM_AIDED) < set(METHODS)
 
 
 def test_a_magnetometer_alone_by_the_arm_is_remarked(crooked_sessions):

@@ -84,7 +84,7 @@ def test_a_run_may_break_off_and_be_resumed_more_than_once(tiny_plan, tmp_path, 
     assert Session(session.path).status is RunStatus.ERROR
     result = resume(session.path, with_report=False, clock=clock)
     assert result.session.status is RunStatus.COMPLETED
-    assert len(result.session.manifest["resumed"]) == 2
+    assert len(result.session.manifest.resumed) == 2
     assert comparable(result.evaluation) == comparable(whole.evaluation)
     names = [event.event for event in result.session.events]
     assert names.count("run_resumed") == 2 and names[-1] == "run_completed"
@@ -102,7 +102,7 @@ def test_a_run_with_a_preset_file_and_a_thermometer_is_resumed(tiny, tmp_path, c
     session = broken_off(warm_plan, tmp_path, clock, 2.0)
     (tmp_path / "warm.yaml").unlink()  # the session has its own copy
     resumed = resume(session.path, with_report=False, clock=clock).session
-    assert resumed.manifest["sensors"]["hand"]["temperature"] is True
+    assert resumed.manifest.sensors["hand"].temperature is True
     assert "temperature_deg_c" in resumed.imu_columns("hand")
     for name in ("arm", "imu_hand", "truth_hand"):
         before, after = (
@@ -126,7 +126,7 @@ def test_a_journal_that_was_cut_off_before_its_first_row_is_recovered_with_its_c
     expected = session.imu_columns("hand")
     (session.path / "imu_hand.parquet").unlink()
     (session.path / "imu_hand.arrows").write_bytes(b"")
-    manifest = session.manifest | {"status": "running"}
+    manifest = session.manifest.content | {"status": "running"}
     (session.path / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     recovered = recover(Session(session.path))
     assert recovered.imu_columns("hand") == expected and "temperature_deg_c" in expected

@@ -124,7 +124,7 @@ def test_a_session_says_what_of_it_was_simulated(simulated):
         ("ur", False, []),
         ("replay", True, ["sensors"]),
     ):
-        session.manifest |= {"arm": {"driver": arm}, "simulated_sensors": sensors}
+        session.manifest = session.manifest.changed(arm={"driver": arm}, simulated_sensors=sensors)
         assert session.simulated == expected
 
 

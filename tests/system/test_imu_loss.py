@@ -288,9 +288,7 @@ def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_know
         assert caught.value.exit_code == 3
         ur3e.wait_until("at rest", 5)
     (session,) = list_sessions(tmp_path)
-    assert (
-        session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest["message"]
-    )
+    assert session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest.message
     assert not list(session.path.glob("*.arrows"))
     assert len(session.imu("hand")) > 20 and named(session, "guard", "run_error") == [
         "guard",

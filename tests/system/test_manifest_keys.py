@@ -229,8 +229,8 @@ def written(
         *recordings(folder),
         *runs(folder / "runs", tiny, ur_emulator, short_plan),
     ]:
-        for key in keys(session.manifest):
-            found.setdefault(key, set()).add(session.manifest["kind"])
+        for key in keys(session.manifest.content):
+            found.setdefault(key, set()).add(session.manifest.kind)
     return found
 
 

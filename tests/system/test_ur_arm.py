@@ -54,7 +54,7 @@ def test_a_sweep_is_followed_with_nothing_but_lag(done, short_plan):
 
 
 def test_the_session_says_what_arm_it_was_and_that_the_sensors_were_simulated(done, ur_emulator):
-    manifest = done.manifest
+    manifest = done.manifest.content
     assert done.status is RunStatus.COMPLETED
     assert manifest["arm"]["driver"] == "ur" and manifest["arm"]["model"] == "UR3"
     assert manifest["simulated_sensors"] is True
@@ -221,7 +221,7 @@ def test_late_and_lost_packages_do_not_stop_a_run_that_can_bear_them(ur3e, short
     ur3e.control("fault rtde_loss 0.2")
     session = drive_ur(short_plan, ur3e, tmp_path)
     assert session.status is RunStatus.COMPLETED
-    lost = session.manifest["arm"]["timing"]["samples_missed"]
+    lost = session.manifest.arm.timing.samples_missed
     expected = len(session.arm().host_time_ns) + lost
     assert 0.1 < lost / expected < 0.8
 

@@ -97,7 +97,7 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
     ]
     assert np.ptp([way.host_time_ns for way in ways]) > 2e9  # 40 deg at 15 deg/s
     assert [step.index for step in result.session.steps] == [0, 2, 3]
-    assert result.session.manifest["resumes"]["session"] == broken.name
+    assert result.session.manifest.resumes.session == broken.name
 
 
 def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_arm(ur3e, tmp_path):

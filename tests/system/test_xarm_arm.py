@@ -149,7 +149,7 @@ def test_a_sweep_is_followed_with_nothing_but_lag(done, poses_plan):
 
 
 def test_the_session_says_that_the_driver_is_unverified_and_so_did_the_connection(done, told):
-    arm = done.manifest["arm"]
+    arm = done.manifest.content["arm"]
     assert done.status is RunStatus.COMPLETED
     assert arm["driver"] == "xarm" and arm["model"] == "xArm 6" and arm["firmware"] == "2.5.0"
     assert arm["unverified_on_hardware"] is True

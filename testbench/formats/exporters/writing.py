@@ -61,7 +61,7 @@ def check_target(path: Path, name: str, suffix: str, session: Session, force: bo
 def _spare_the_recording(path: Path, session: Session) -> None:
     """Refuse the session's folder, one that holds it, and its raw and derived files."""
     folder, wanted = session.path.resolve(), path.resolve()
-    own = {MANIFEST, EVENTS, *DERIVED} | set(session.manifest.get("files", {}))
+    own = {MANIFEST, EVENTS, *DERIVED} | set(session.manifest.files)
     if wanted == folder or wanted in folder.parents:
         raise InputError(f"{path} holds the session itself; name another place")
     if folder in wanted.parents and wanted.relative_to(folder).parts[0] in own:

@@ -177,7 +177,7 @@ def _telling_time(session: Session) -> float:
     """Two thirds into the longest section, where there is most to see [s]."""
     steps = session.steps
     if not steps:
-        return float(session.manifest.get("duration_s") or 0.0) * 0.6
+        return (session.manifest.duration_s or 0.0) * 0.6
     spans: dict[str, tuple[int, int]] = {}
     for step in steps:
         begin, _ = spans.get(step.section, (step.start_ns, 0))
