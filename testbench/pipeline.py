@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from testbench.clock import Clock, SystemClock
+from testbench.clock import Clock, SystemClock, utc_name
 from testbench.estimation import estimate
 from testbench.estimation.calibration.prepared import Segmentation
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
@@ -288,7 +288,7 @@ def calibrate(
         if out.exists() and not out.is_dir():
             raise InputError(f"{out} is neither a .yaml file nor a folder")
         moment = session.recorded_at or session.started
-        file = out / f"{moment:%Y%m%dT%H%M%SZ}_{name}.yaml"
+        file = out / f"{utc_name(moment)}_{name}.yaml"
     page = file.with_suffix(".html")
     for target in (file, page) if with_report else (file,):
         if target.exists():

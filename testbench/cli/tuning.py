@@ -11,6 +11,7 @@ import typer
 from testbench.cli.calibrating import CalibrationOption
 from testbench.cli.filtering import parse_filters
 from testbench.cli.output import say, say_json, say_table
+from testbench.clock import utc_text
 
 if TYPE_CHECKING:
     from testbench.records.tuning import Tuning
@@ -96,7 +97,7 @@ def tune(
         kind,
         _divide(sessions, test or [], test_share, seed),
         objective,
-        SystemClock().utc().isoformat(timespec="seconds"),
+        utc_text(SystemClock().utc()),
         None
         if parameters is None
         else [name.strip() for name in parameters.split(",") if name.strip()],

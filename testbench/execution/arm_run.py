@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from testbench.clock import Clock
+from testbench.clock import Clock, utc_name
 from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.following import ReportedMotion
@@ -19,7 +19,7 @@ from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import BenchError, InputError, RunInterrupted, StorageError
 from testbench.execution.device_recorder import Devices
-from testbench.execution.executor import Progress, free_folder
+from testbench.execution.executor import Progress
 from testbench.execution.guards import GuardTripped, GuardWatch
 from testbench.execution.operator import Operator, operator_requests
 from testbench.execution.recorder import Recorder
@@ -31,6 +31,7 @@ from testbench.model.magnetic_field import describe_environment
 from testbench.model.truth import WIDEST_GAP_NS
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.protocol_arm import Guards
+from testbench.records.replacing import free_folder
 from testbench.records.samples import ArmSamples, ImuSamples
 from testbench.records.session import Event, RunStatus, Session
 
@@ -223,7 +224,7 @@ class _ArmRun:
         spec = plan.protocol.spec
         self.guards = GuardWatch(spec.guards or Guards(), list(sensors.imus))
         folder = free_folder(
-            options.logs, options.name or f"{self.clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}"
+            options.logs, options.name or f"{utc_name(self.clock.utc())}_{spec.name}"
         )
         simulated = sensors.motion is not None
         details = {

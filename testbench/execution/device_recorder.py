@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from testbench.clock import Clock, SystemClock
+from testbench.clock import Clock, SystemClock, utc_name
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.bluetooth import SCAN_S, BluetoothLoop
 from testbench.drivers.imus.line_format import load_line_format
@@ -21,21 +21,20 @@ from testbench.drivers.imus.xsens_dot_sync import synchronise
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import BenchError, DriverError, InputError, RunInterrupted, SessionError
 from testbench.execution.interruption import on_interrupt
-from testbench.execution.recorder import IMU_NOTES
 from testbench.frames import NANOSECONDS
 from testbench.records.protocol import Analysis, Estimation
-from testbench.records.replacing import clear_partials
-from testbench.records.samples import ImuSamples
+from testbench.records.replacing import clear_partials, free_folder
+from testbench.records.samples import IMU_NOTES, ImuSamples
 from testbench.records.session import MANIFEST, Event, RunStatus, Session
 from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import SessionWriter, file_hashes, note_end
 from testbench.records.storage import compact, read_parquet, write_json
+from testbench.records.strict import NAME_PATTERN
 
 CHUNK_NS = NANOSECONDS // 4
 """Samples are taken from the devices this often [ns]."""
 RATE_TOLERANCE = 0.05
 """A device whose rate differs from its nominal one by more is worth a note."""
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
 Progress = Callable[[float, dict[str, int]], None]
 """Called about once a second with the time [s] and the number of samples of each device."""
@@ -174,7 +173,7 @@ def open_devices(
 def _split_name(text: str) -> tuple[str, str]:
     """`NAME=rest` in two; no name where what stands before the sign is none."""
     name, sign, rest = text.partition("=")
-    return (name, rest) if sign and NAME.fullmatch(name) else ("", text)
+    return (name, rest) if sign and re.fullmatch(NAME_PATTERN, name) else ("", text)
 
 
 def scan_devices(
@@ -226,7 +225,7 @@ def record_devices(
     """
     clock = clock or SystemClock()
     try:
-        if not NAME.fullmatch(name):
+        if not re.fullmatch(NAME_PATTERN, name):
             raise InputError(
                 f"'{name}' is no name for a recording: a letter, then up to 63 letters, digits and "
                 "_"
@@ -234,7 +233,7 @@ def record_devices(
         if duration_s is not None and not 0 < duration_s < 1e9:
             raise InputError(f"the duration must be positive, not {duration_s:g} s")
         devices.kickoff()
-        folder = _free_folder(Path(logs), f"{clock.utc():%Y%m%dT%H%M%SZ}_{name}")
+        folder = free_folder(Path(logs), f"{utc_name(clock.utc())}_{name}")
         return _Recording(devices, folder, name, clock, duration_s, progress).run()
     finally:
         devices.close()
@@ -298,11 +297,9 @@ class _Recording:
                 if self.stop_asked and self.duration_s is not None:
                     status, message = RunStatus.INTERRUPTED, "stopped by the operator"
             except BaseException as failure:
-                said = (
-                    str(failure)
-                    if isinstance(failure, BenchError)
-                    else f"{type(failure).__name__}: {failure}"
-                )
+                said = str(failure)
+                if not isinstance(failure, BenchError):
+                    said = f"{type(failure).__name__}: {said}"
                 status, message, error = RunStatus.ERROR, said, failure
             self.devices.stop()
             with suppress(BenchError):
@@ -415,14 +412,6 @@ def _estimation(imus: list[Imu]) -> Estimation:
     filters = ["device"] if any(imu.has_orientation for imu in imus) else []
     filters += ["vqf_6d", "vqf_9d"] if any(imu.has_magnetometer for imu in imus) else ["vqf_6d"]
     return Estimation(filters=filters, align="none", calibrate="none")
-
-
-def _free_folder(logs: Path, name: str) -> Path:
-    folder, count = logs / name, 1
-    while folder.exists():
-        count += 1
-        folder = logs / f"{name}_{count}"
-    return folder
 
 
 @session_locked

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from testbench.clock import Clock, SystemClock
+from testbench.clock import Clock, SystemClock, utc_name
 from testbench.drivers.arms.base import Arm
 from testbench.drivers.arms.catalogue import SIM
 from testbench.drivers.arms.entry import WantedArm
@@ -24,6 +24,7 @@ from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
 from testbench.model.magnetic_field import describe_environment
 from testbench.records.plan import Plan
+from testbench.records.replacing import free_folder
 from testbench.records.session import RunStatus, Session
 
 REALTIME_CHUNK_NS = NANOSECONDS // 10
@@ -84,7 +85,7 @@ def execute(
     arm = simulated_arm(plan, WantedArm(seed=seed))
     kinematics = Kinematics(plan.robot)
     imus = _simulated_imus(plan, kinematics, arm, seed)
-    folder = free_folder(Path(logs), session_name or f"{clock.utc():%Y%m%dT%H%M%SZ}_{spec.name}")
+    folder = free_folder(Path(logs), session_name or f"{utc_name(clock.utc())}_{spec.name}")
     details = {
         "arm": SIM.record.to_dict() | {"speed": speed},
         "environment": describe_environment(spec.environment, kinematics),
@@ -254,12 +255,3 @@ def simulated_sensors(plan: Plan) -> dict[str, Any]:
     """How the manifest describes the sensors of a simulated run."""
     imus = _simulated_imus(plan, Kinematics(plan.robot), SimulatedArm(plan.robot, 0), 0)
     return {name: imu.describe() for name, imu in imus.items()}
-
-
-def free_folder(logs: Path, name: str) -> Path:
-    """A folder that does not exist yet: the name, or the name with a number."""
-    folder, count = logs / name, 1
-    while folder.exists():
-        count += 1
-        folder = logs / f"{name}_{count}"
-    return folder

@@ -15,21 +15,13 @@ from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.replacing import disk_reason, stored
-from testbench.records.samples import ArmSamples, ImuSamples
+from testbench.records.samples import IMU_NOTES, TABLE_UNITS, ArmSamples, ImuSamples
 from testbench.records.session import ARM, PLAN, Event, RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
 from testbench.records.storage import last_value
 
-IMU_NOTES = {
-    "content": "raw samples of an inertial sensor, in the sensor frame",
-    "device_q": "q_earth_from_sensor of the vendor's filter, w x y z, Hamilton",
-    "units": "the suffix of each column; times in nanoseconds",
-}
 KEPT = "nothing of the recording is lost; make room, then `testbench run --resume {}`"
-ARM_NOTES = {
-    "content": "joint angles sent and measured",
-    "units": "the suffix of each column; times in nanoseconds",
-}
+ARM_NOTES = {"content": "joint angles sent and measured", **TABLE_UNITS}
 
 
 class Recorder:

@@ -250,3 +250,12 @@ def _sync(path: Path) -> None:
             raise
     finally:
         os.close(opened)
+
+
+def free_folder(logs: Path, name: str) -> Path:
+    """A folder that does not exist yet: the name, or the name with a number."""
+    folder, count = logs / name, 1
+    while folder.exists():
+        count += 1
+        folder = logs / f"{name}_{count}"
+    return folder

@@ -35,6 +35,7 @@ from testbench.records.storage import (
     read_parquet_batches,
     read_stacked,
 )
+from testbench.records.strict import EARLIER_NAME_PATTERN
 
 SCHEMA_VERSION = 1
 MAPPINGS = (
@@ -50,8 +51,6 @@ MAPPINGS = (
     "software",
 )
 """Parts of a manifest that are mappings where they are there."""
-SENSOR_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_]{0,99}")
-"""Files are named after sensors: nothing that could lead out of the session's folder."""
 MANIFEST, EVENTS, ARM, PLAN = "manifest.json", "events.jsonl", "arm", "plan.parquet"
 
 
@@ -122,7 +121,9 @@ class Session:
         )
         if flat is not None:
             raise SessionError(f"{self.path / MANIFEST} is damaged: its {flat} is no mapping")
-        wrong = next((name for name in sensors if not SENSOR_NAME.fullmatch(name)), None)
+        wrong = next(
+            (name for name in sensors if not re.fullmatch(EARLIER_NAME_PATTERN, name)), None
+        )
         if wrong is not None:
             raise SessionError(
                 f"{self.path / MANIFEST} is refused: '{wrong[:50]}' is no name for a sensor"

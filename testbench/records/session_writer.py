@@ -18,6 +18,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
+from testbench.clock import utc_text
 from testbench.exceptions import SessionError, StorageError
 from testbench.records.protocol import Analysis
 from testbench.records.replacing import disk_reason, write_text
@@ -72,7 +73,7 @@ class SessionWriter:
             "schema_version": SCHEMA_VERSION,
             "session": path.name,
             "status": RunStatus.RUNNING,
-            "started_utc": started.isoformat(timespec="seconds"),
+            "started_utc": utc_text(started),
             "clocks": {
                 "host_time_ns": "nanoseconds since the start of the session, host clock",
                 "device_time_ns": "nanoseconds of the sensor's own clock",

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from testbench.clock import utc_shown
 from testbench.frames import NANOSECONDS
 from testbench.records.arm_record import arm_record
 from testbench.records.evaluation import Evaluation, Metric
@@ -148,7 +149,7 @@ def _recorded(manifest: dict[str, Any]) -> str:
 
 def _date(value: Any) -> str:
     try:
-        return f"{datetime.fromisoformat(str(value)):%Y-%m-%d %H:%M:%S} UTC"
+        return utc_shown(datetime.fromisoformat(str(value)))
     except ValueError:
         return str(value or "")
 

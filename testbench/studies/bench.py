@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from testbench.clock import Clock
+from testbench.clock import Clock, utc_text
 from testbench.pipeline import Result, run
 from testbench.records.plan import Plan
 
@@ -59,5 +60,15 @@ class StudyBench:
         )
 
     def now(self) -> str:
-        """ISO 8601, UTC, to the second."""
-        return f"{self.clock.utc():%Y-%m-%dT%H:%M:%SZ}"
+        """As records keep it."""
+        return utc_text(self.clock.utc())
+
+    def settings(self, protocol: str, plan: Plan) -> dict[str, Any]:
+        """What a study of several parts says of itself.
+
+        Args:
+            protocol: Its name.
+            plan: Made of it.
+        """
+        parts = {"seed": self.seed, "parts": self.parts}
+        return {"protocol": protocol, "plan_hash": plan.hash, **parts}

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from testbench.clock import Clock
+from testbench.clock import Clock, utc_name
 from testbench.exceptions import InputError
+from testbench.records.replacing import free_folder
 
 
 def new_folder(logs: Path, name: str, clock: Clock) -> Path:
@@ -14,11 +15,7 @@ def new_folder(logs: Path, name: str, clock: Clock) -> Path:
     Raises:
         InputError: It cannot be made.
     """
-    stem = f"{clock.utc():%Y%m%dT%H%M%SZ}_study_{name}"
-    folder, count = logs / stem, 1
-    while folder.exists():
-        count += 1
-        folder = logs / f"{stem}_{count}"
+    folder = free_folder(logs, f"{utc_name(clock.utc())}_study_{name}")
     try:
         folder.mkdir(parents=True)
     except OSError as error:
