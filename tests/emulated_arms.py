@@ -21,7 +21,9 @@ import pytest
 from testbench.clock import SystemClock
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.session_time import SessionTime
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
+from testbench.execution import RunOptions
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 
@@ -139,9 +141,7 @@ def drive_ur(plan: Plan, robot: EmulatedUr, logs: Path, **options: Any) -> Sessi
         ur_settings(plan, robot.address), watchdog=1.5, arm_silence=1.5, host_silence=8
     )  # it may be busy
     arm = UrArm(plan.robot, settings, time_)
-    return execute_on_arm(
-        plan, arm, Sensors.simulated(plan, 1), time_, ArmRunOptions(logs, 1, **options)
-    )
+    return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), RunOptions(logs, 1, **options))
 
 
 def ur_command(robot: EmulatedUr, protocol: Path, logs: Path, *options: str) -> list[str]:

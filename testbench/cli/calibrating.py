@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from testbench.cli.options import JsonOption, SensorOption
 from testbench.cli.output import say, say_json, say_table
 
 
@@ -18,15 +19,6 @@ class Witness(StrEnum):
     gyroscope = "gyroscope"
     peaks = "peaks"
     variance = "variance"
-
-
-CalibrationOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--calibration",
-        help="Stored calibration, or a folder of them: each sensor takes its own nearest in time.",
-    ),
-]
 
 
 def _list(asked: bool) -> None:
@@ -54,10 +46,7 @@ def calibrate(
             help="Method, at most one a triad; without it the best that the recording allows.",
         ),
     ] = None,
-    sensor: Annotated[
-        str | None,
-        typer.Option("--sensor", help="Which sensor; needed where the session has several."),
-    ] = None,
+    sensor: SensorOption = None,
     segmentation: Annotated[
         Witness | None,
         typer.Option(
@@ -93,30 +82,29 @@ def calibrate(
     listed: Annotated[
         bool, typer.Option("--list", callback=_list, is_eager=True, help="List the methods.")
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """Calibrate a sensor from a session: corrections with their uncertainty, judged on poses held
     out.
     """
     import numpy as np
 
-    from testbench.pipeline import calibrate as make_calibration
+    from testbench.pipeline.calibrate import calibrate as make_calibration
+    from testbench.pipeline.request import CalibrationRequest
     from testbench.records.session import Session
 
     witness: Any = None if segmentation is None else segmentation.value
-    made = make_calibration(
-        Session(session),
-        sensor,
-        method or [],
-        out,
-        witness,
-        [Session(path) for path in held_out or []],
-        not no_report,
-        None if field is None else np.array(field),
-        None if turn is None else float(np.radians(turn)),
+    asked = CalibrationRequest(
+        out=str(out),
+        sensor=sensor,
+        methods=tuple(method or ()),
+        segmentation=witness,
+        held_out=tuple(map(str, held_out or ())),
+        field_ut=field,
+        turn_deg=turn,
+        report=not no_report,
     )
+    made = make_calibration(Session(session), asked)
     result = made.result
     if json:
         triads = {
@@ -185,9 +173,7 @@ def _to_its_uncertainty(value: float, sd: float) -> str:
 
 def calibrations(
     path: Annotated[Path, typer.Argument(help="Folder of calibrations, or one file.")],
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """List stored calibrations by date."""
     from testbench.records.calibration_file import load_calibrations

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
@@ -36,11 +35,11 @@ from testbench.estimation.timing import (
 )
 from testbench.estimation.uniform import MOST_FILLING, fill_gaps, fill_rows
 from testbench.frames import NANOSECONDS
+from testbench.model.windows import moving_mean
 from testbench.records.estimate import ClockFit, TimingAudit
 from testbench.records.pieces import overlapping
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Session
-from testbench.records.storage import read_parquet_batches
 
 MOST_KEPT = 1_000_000
 """Estimates kept of a sensor; a recording with more samples is estimated in pieces, and every
@@ -88,7 +87,7 @@ def hisses(session: Session, sensor: str) -> bool:
     """Whether a sensor's readings must differ at rest: not those of a simulated one whose data
     sheet states no noise.
     """
-    if session.manifest["sensors"].get(sensor, {}).get("driver") != "simulated":
+    if session.manifest.sensors[sensor].driver != "simulated":
         return True
     sheet = session.analysis.sensors[sensor].imu()
     return any(
@@ -179,13 +178,13 @@ class PiecewiseRecording(SampleAccess):
     """Samples in pieces; of `every` of them the last is kept."""
 
     def __init__(self, session: Session, sensor: str, every: int, change: Change = _unchanged):
-        self._session, self._sensor, self.every, self._change = session, sensor, every, change
-        self._count = session.sample_count(sensor)
-        self.samples = change(session.imu(sensor, every=every))
+        self._file, self.every, self._change = session.sensor(sensor), every, change
+        self._count = self._file.count
+        self.samples = change(self._file.read(every=every))
         self._traits = Traits(hisses(session, sensor))
         steps, ordered = [], True
         first = last = None
-        for piece in session.imu_batches(sensor, PIECE):
+        for piece in self._file.batches(PIECE):
             self._traits.add(change(piece))
             steps.append(np.diff(piece.device_time_ns[:OF_EACH_PIECE]))
             ordered &= bool((np.diff(piece.counter) > 0).all()) and (
@@ -229,15 +228,12 @@ class PiecewiseRecording(SampleAccess):
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
         """See SampleAccess."""
         intervals = Intervals(self._usual)
-        path = self._session.path / f"imu_{self._sensor}.parquet"
-        for columns in read_parquet_batches(path, ["device_time_ns", "counter"], PIECE):
+        for columns in self._file.tables(PIECE, ["device_time_ns", "counter"]):
             intervals.add(columns["device_time_ns"], columns["counter"])
         turning = np.nan_to_num(np.linalg.norm(self.samples.gyr, axis=1))
-        middle = (
-            int(np.argmax(uniform_filter1d(turning, max(STRETCH // self.every, 1)))) * self.every
-        )
+        middle = int(np.argmax(moving_mean(turning, max(STRETCH // self.every, 1)))) * self.every
         begin = min(max(middle - STRETCH // 2, 0), max(self._count - STRETCH, 0))
-        stretch = self._change(self._session.imu(self._sensor, begin, begin + STRETCH))
+        stretch = self._change(self._file.read(begin, begin + STRETCH))
         return intervals.audit(
             nominal_rate, arrival_jitter(self.samples), asynchrony(stretch, self._usual) + rate_age
         )
@@ -259,7 +255,7 @@ class PiecewiseRecording(SampleAccess):
             name: kind for name, kind in filters.items() if not isinstance(kind, RecursiveFilter)
         }
         for name, kind in at_once.items():
-            uniform, rows = fill_gaps(self._change(self._session.imu(self._sensor)), clock)
+            uniform, rows = fill_gaps(self._change(self._file.read()), clock)
             yield name, kind.run(correct(uniform))[rows[self.every - 1 :: self.every]]
         filters = {name: kind for name, kind in filters.items() if name not in at_once}
         interval = self._span / max(self._grid - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
@@ -305,10 +301,7 @@ class PiecewiseRecording(SampleAccess):
         """Pieces with a few neighbours at either end, and which of their samples are the piece
         itself.
         """
-        path = self._session.path / f"imu_{self._sensor}.parquet"
-        for columns, counted in overlapping(
-            read_parquet_batches(path, rows=PIECE), PIECE, STUCK_SAMPLES
-        ):
+        for columns, counted in overlapping(self._file.tables(PIECE), PIECE, STUCK_SAMPLES):
             if len(columns["counter"][counted]):
                 yield self._change(ImuSamples.from_columns(columns)), counted
 

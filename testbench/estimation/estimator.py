@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from testbench.estimation.axes import remarks_on as axes_remarks
 from testbench.estimation.calibration.static_poses import fit_static_poses
 from testbench.estimation.chain.session import estimate_chain
 from testbench.estimation.filters import OrientationFilter, UniformSamples
-from testbench.estimation.filters.tuned import choose_tuned
+from testbench.estimation.filters.tuned import Parameters, choose_tuned
 from testbench.estimation.frame_alignment import (
     apply_frames,
     fit_frames,
@@ -34,6 +33,7 @@ from testbench.model.reference_step import aligning_part, before_judging, refere
 from testbench.model.truth import truth_at
 from testbench.records.calibration_file import SensorCalibration, find_calibration
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, SensorEstimate
+from testbench.records.manifest import SensorRecord
 from testbench.records.near import Instants
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import Session
@@ -49,24 +49,29 @@ def estimate(
     filters: Sequence[str | OrientationFilter] | None = None,
     calibrations: list[SensorCalibration] | None = None,
     tunings: Sequence[Tuning] = (),
+    parameters: Parameters | None = None,
 ) -> Estimate:
     """Compute what the sensors, filters and joint angles say.
 
     Args:
         session: A recording.
         filters: Those to run, by name (with the parameters that the protocol gives them) or as they
-            are; those of the protocol, and those that were tuned, if None.
+            are; those of the protocol, and those that were tuned or set, if None.
         calibrations: To correct the raw samples with first; each sensor takes its own that is
             nearest in time.
-        tunings: Whose parameters to use in place of all others, at most one a filter.
+        tunings: Whose parameters to use in place of the protocol's, at most one a filter.
+        parameters: Single ones to set, by filter and name, whatever protocol or tuning say.
 
     Raises:
         NotFoundError: An unknown filter or parameter.
-        InputError: A parameter's value is not allowed, or a tuned filter is not among those to run.
+        InputError: A parameter's value is not allowed, or a filter that was tuned or set is not
+            among those to run.
         SessionError: The session holds no samples.
     """
     settings = session.analysis.estimate
-    chosen = choose_tuned(filters, settings.filters, settings.filter_parameters, tunings)
+    chosen = choose_tuned(
+        filters, settings.filters, settings.filter_parameters, tunings, parameters
+    )
     _check_calibrations(session, calibrations or [])
     sensors = {
         name: prepare_sensor(session, name, calibrations).run(chosen)
@@ -79,10 +84,20 @@ def estimate(
         estimate_chain(session, sensors, settings.chain) if settings.chain is not None else ([], [])
     )
     used = {kind.name: kind.parameters for kind in chosen}
-    tuned = {tuning.filter: tuning.used_on(session) for tuning in tunings}
+    given = {name: list(own) for name, own in (parameters or {}).items()}
+    tuned = {tuning.filter: tuning.used_on(session, given.get(tuning.filter)) for tuning in tunings}
     known = {kind.name: kind.behaviour for kind in chosen if kind.behaviour}
     return Estimate(
-        session.name, session.fingerprint, sensors, joints, used, tuned, chain, chain_remarks, known
+        session.name,
+        session.fingerprint,
+        sensors,
+        joints,
+        used,
+        {name: entry for name, entry in tuned.items() if entry.tuned},
+        chain,
+        chain_remarks,
+        known,
+        given,
     )
 
 
@@ -193,8 +208,8 @@ def _stored(
     session: Session, name: str, calibrations: list[SensorCalibration]
 ) -> SensorCalibration | None:
     """The stored calibration of a sensor that is nearest in time."""
-    tag = session.manifest["sensors"][name].get("device_tag")
-    return find_calibration(calibrations, name, str(tag) if tag else None, session.recorded_at)
+    tag = session.manifest.sensors[name].device_tag
+    return find_calibration(calibrations, name, tag, session.recorded_at)
 
 
 def _check_calibrations(session: Session, calibrations: list[SensorCalibration]) -> None:
@@ -226,10 +241,10 @@ def _stored_remarks(
             if given
             else []
         )
-    tag = session.manifest["sensors"][name].get("device_tag")
+    tag = session.manifest.sensors[name].device_tag
     same = (
         f"of the same device, {tag}"
-        if tag and stored.device == str(tag)
+        if tag and stored.device == tag
         else "matched by the sensor's name alone"
     )
     methods = ", ".join(
@@ -283,8 +298,8 @@ def prepare_sensor(
     settings, stored = session.analysis.estimate, _stored(session, name, calibrations or [])
     access = open_samples(session, name, None if stored is None else _corrector(stored))
     samples, (truth, thinned) = access.samples, session.thinned_truth(name)
-    description = session.manifest["sensors"][name]
-    rate_delay = float(description.get("rate_delay_s") or 0.0)
+    description = session.manifest.sensors[name]
+    rate_delay = description.rate_delay_s or 0.0
     clock = fit_clock(samples, truth, rate_delay) if settings.align_clock else ClockFit()
     time = clock.to_host(samples.device_time_ns)
     if thinned:
@@ -309,7 +324,7 @@ def prepare_sensor(
             f"{planned - calibration.poses} of {planned} calibration poses were not at rest and "
             "were left out"
         )
-    correct = partial(_corrected, calibration=calibration, sampling=description.get("sampling"))
+    correct = partial(_corrected, calibration=calibration, sampling=description.sampling)
     gravity = session.robot.gravity if session.robot else STANDARD_DOWN
     axes = (
         identify_axes(samples, time, static & ~quality.flagged, truth, gravity)
@@ -332,32 +347,30 @@ def prepare_sensor(
             "samples"
         )
     estimated = SensorEstimate(
-        time,
-        static,
-        {},
-        clock,
-        calibration,
-        {},
-        {},
-        quality.flagged,
-        quality.counts(),
-        remarks,
-        access.timing(description.get("rate_hz"), _rate_age(description)),
-        access.every,
-        axes,
-        None if stored is None else stored.summary(),
+        host_time_ns=time,
+        static=static,
+        orientation={},
+        flagged=quality.flagged,
+        clock=clock,
+        calibration=calibration,
+        quality=quality.counts(),
+        remarks=remarks,
+        timing=access.timing(description.rate_hz, _rate_age(description)),
+        every=access.every,
+        axes=axes,
+        stored_calibration=None if stored is None else stored.summary(),
     )
     return PreparedSensor(
         session, access, truth, every, aligned_to, uniform, correct, mounting, estimated
     )
 
 
-def _rate_age(description: dict[str, Any]) -> float:
+def _rate_age(description: SensorRecord) -> float:
     """Half an interval where rate and force are integrated over it: the force is seen in the axes
     at its end [s].
     """
-    rate = description.get("rate_hz")
-    return 0.5 / float(rate) if rate and description.get("sampling") == "integrated" else 0.0
+    rate = description.rate_hz
+    return 0.5 / rate if rate and description.sampling == "integrated" else 0.0
 
 
 def _corrected(

@@ -14,6 +14,7 @@ from testbench.clock import Clock, utc_text
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
+from testbench.records.layout import imu_stream, table_file, truth_stream
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import Analysis
 from testbench.records.samples import IMU_NOTES, ImuSamples, Truth
@@ -124,11 +125,11 @@ def write_recording(
     try:
         for name, sensor in recording.sensors.items():
             counts[name], first, last = _write_samples(
-                out / f"imu_{name}.parquet", iter(sensor.chunks)
+                out / table_file(imu_stream(name)), iter(sensor.chunks)
             )
             begin, end = min(begin, first), max(end, last)
             if sensor.truth is not None:
-                writer.add_table(f"truth_{name}", sensor.truth.to_columns(), TRUTH_NOTES)
+                writer.add_table(truth_stream(name), sensor.truth.to_columns(), TRUTH_NOTES)
         for event in step_events(recording.steps):
             writer.event(event)
         writer.close(

@@ -43,11 +43,10 @@ def united(times: Iterable[np.ndarray]) -> np.ndarray:
         Shape (n,), int64.
     """
     columns = list(times)
-    return (
-        columns[0]
-        if len(columns) == 1
-        else np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *columns]))
-    )
+    if len(columns) == 1:
+        return columns[0]
+    every = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *columns]))
+    return every[np.diff(every, prepend=every[:1] - 1) > 0]
 
 
 def is_long(path: Path) -> bool:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from testbench.clock import Clock, utc_name
+from testbench.clock import Clock
 from testbench.exceptions import InputError
-from testbench.records.replacing import free_folder
+from testbench.records.replacing import dated_folder
 
 
 def new_folder(logs: Path, name: str, clock: Clock) -> Path:
@@ -15,7 +15,7 @@ def new_folder(logs: Path, name: str, clock: Clock) -> Path:
     Raises:
         InputError: It cannot be made.
     """
-    folder = free_folder(logs, f"{utc_name(clock.utc())}_study_{name}")
+    folder = dated_folder(logs, f"study_{name}", clock)
     try:
         folder.mkdir(parents=True)
     except OSError as error:

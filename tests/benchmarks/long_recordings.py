@@ -39,7 +39,7 @@ if stage == "import":
     options = Options(str(folder / "map.yaml"))
     session = import_recording("generic", files, path, SystemClock(), options)
     manifest = session.manifest
-    found = {"duration_s": manifest["duration_s"], "samples": sum(manifest["samples"].values())}
+    found = {"duration_s": manifest.duration_s, "samples": sum(manifest.samples.values())}
 else:
     from testbench.estimation import access, estimate
     from testbench.evaluation import evaluate

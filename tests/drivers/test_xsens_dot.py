@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from testbench.clock import SystemClock
 from testbench.drivers.imus.bluetooth import import_bleak
 from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.drivers.imus.xsens_dot_payload import MEDIUM_PAYLOAD
 from testbench.exceptions import DriverError, InputError, NotFoundError
-from testbench.execution.device_recorder import open_devices, record_devices
-from testbench.pipeline import analyse
+from testbench.execution.device_recorder import record_devices
+from testbench.execution.devices import open_devices
+from testbench.pipeline.analyse import analyse
+from tests.asking import analysis
 from tests.drivers.fake_dots import TICK_US, Bench, FakeClient, FakeDot, FakeScanner, G, events_of
 from tests.drivers.waiting import wait_for
 
@@ -249,7 +250,7 @@ def test_a_recording_of_two_sensors_through_a_lost_link_is_one_session(
 ) -> None:
     bench = make_bench(FakeDot("D4:22:CD:00:00:01"), FakeDot("D4:22:CD:00:00:02"))
     dots = [f"shank={bench.dots[0].address}", bench.dots[1].address]
-    devices = open_devices([], dots, SystemClock(), bluetooth=bench.loop)
+    devices = open_devices([], dots, bluetooth=bench.loop)
     for imu in devices.imus.values():
         imu._backoff_s = (0.01, 0.05)  # type: ignore[attr-defined]
     ended = threading.Event()
@@ -285,7 +286,7 @@ def test_a_recording_of_two_sensors_through_a_lost_link_is_one_session(
         samples = session.imu(name)
         assert len(samples) > 60 and (np.diff(samples.device_time_ns) > 0).all()
         assert samples.device_q is not None
-    result = analyse(session, with_report=False)
+    result = analyse(session, analysis())
     assert set(result.estimate.sensors["shank"].orientation) == {"device", "vqf_6d"}
 
 

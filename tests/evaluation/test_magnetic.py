@@ -190,7 +190,7 @@ def test_a_disturbance_that_stays_turns_vqf_as_well(passage):
 
 def test_the_manifest_says_what_disturbed_the_field(passage):
     session, _ = passage
-    environment = session.manifest["environment"]
+    environment = session.manifest.content["environment"]
     assert environment["magnetic_field_uT"] == [0.0, 24.0, -39.0]
     assert [d["name"] for d in environment["dipoles"]] == [
         d.name for d in session.robot.spec.magnetism.dipoles

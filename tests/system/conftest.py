@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from testbench.pipeline import make_plan
+from testbench.pipeline.prepared import make_plan
 from testbench.records.plan import Plan
+from tests.asking import run_of
 from tests.emulated_arms import SHORT, EmulatedUr, emulated_ur
 
 
@@ -22,7 +23,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def short_plan(short: Path) -> Plan:
-    return make_plan(short)
+    return make_plan(run_of(short))
 
 
 @pytest.fixture(scope="session")

@@ -14,8 +14,9 @@ from testbench.estimation.estimator import estimate
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
 from testbench.model.truth import truth_at
-from testbench.pipeline import run
+from testbench.pipeline.run import run
 from testbench.records.protocol import Environment
+from tests.asking import run_of
 
 CROOKED_DEG = [6.0, -5.0, 8.0]
 JUDGED = [
@@ -60,9 +61,7 @@ def crooked_sessions(altered_protocol, tmp_path_factory):
         altered_protocol("calibration_optimal", crook),
         altered_protocol("calibration_3d", later),
     )
-    return tuple(
-        run(protocol, seed=5, logs=logs, with_report=False).session for protocol in protocols
-    )
+    return tuple(run(run_of(protocol, seed=5, logs=logs)).session for protocol in protocols)
 
 
 def rms_deg(session, calibrations):
@@ -194,7 +193,7 @@ def test_stated_uncertainties_hold_the_arms_own_joints(altered_protocol, tmp_pat
     protocol = altered_protocol("calibration_optimal", wrong_zeros)
     off = []
     for seed in range(20, 28):
-        session = run(protocol, seed=seed, logs=tmp_path, with_report=False).session
+        session = run(run_of(protocol, seed=seed, logs=tmp_path)).session
         imu = SimulatedImu(
             "forearm",
             session.analysis.sensors["forearm"],

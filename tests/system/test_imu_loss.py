@@ -19,20 +19,24 @@ import numpy as np
 import pytest
 
 from testbench import execute, plan
-from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.drivers.session_time import SessionTime
-from testbench.execution import executor
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import open_devices
+from testbench.execution import RunOptions, sensors
+from testbench.execution.devices import open_devices
+from testbench.execution.executor import execute_on_arm
 from testbench.execution.guards import GuardTripped
 from testbench.execution.resume import missing_steps
+from testbench.execution.sensors import Sensors
 from testbench.frames import NANOSECONDS
-from testbench.pipeline import analyse, make_plan
+from testbench.pipeline.analyse import analyse
+from testbench.pipeline.prepared import make_plan
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.records.samples import ImuSamples
 from testbench.records.session import RunStatus, Session, list_sessions
+from tests.asking import analysis, going_on, run_of
 from tests.conftest import TINY, FakeClock
 from tests.emulated_arms import REAL_TIME, EmulatedUr
 from tests.system.crashes import comparable
@@ -80,17 +84,21 @@ class Listening(FakeClock):
 def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     (folder / "tiny.yaml").write_text(guarded(TINY, "stop", 0.5), encoding="utf-8")
-    session = execute(plan(folder / "tiny.yaml"), folder, 5, "realtime", clock=FakeClock())
-    return session, analyse(session, with_report=False).evaluation
+    session = execute(
+        plan(folder / "tiny.yaml"), folder, 5, RunOptions(speed="realtime", clock=FakeClock())
+    )
+    return session, analyse(session, analysis()).evaluation
 
 
 @pytest.mark.parametrize("action", ["warn", "pause"])
 def test_a_sensor_that_is_heard_again_leaves_a_gap_in_a_run_that_is_judged_without_it(
     action, tmp_path, monkeypatch, undisturbed
 ):
-    monkeypatch.setattr(executor, "SimulatedImu", Silent)
+    monkeypatch.setattr(sensors, "SimulatedImu", Silent)
     (tmp_path / "tiny.yaml").write_text(guarded(TINY, action, 0.5), encoding="utf-8")
-    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, "realtime", clock=Listening())
+    session = execute(
+        plan(tmp_path / "tiny.yaml"), tmp_path, 5, RunOptions(speed="realtime", clock=Listening())
+    )
     assert session.status is RunStatus.COMPLETED
     guard = next(event for event in session.events if event.event == "guard")
     assert (guard.details["guard"], guard.details["subject"], guard.details["action"]) == (
@@ -107,7 +115,7 @@ def test_a_sensor_that_is_heard_again_leaves_a_gap_in_a_run_that_is_judged_witho
     heard = (all_.host_time_ns < SILENT_NS[0]) | (all_.host_time_ns >= SILENT_NS[1])
     np.testing.assert_array_equal(kept.counter, all_.counter[heard])
     np.testing.assert_array_equal(kept.gyr, all_.gyr[heard])
-    evaluation = analyse(session, with_report=False).evaluation
+    evaluation = analyse(session, analysis()).evaluation
     assert any("after a gap" in note for note in evaluation.notes)
     for found, usual in zip(evaluation.orientation, expected.orientation, strict=True):
         assert found.inclination_rmse_deg == pytest.approx(usual.inclination_rmse_deg, abs=0.5)
@@ -118,21 +126,19 @@ def test_a_run_that_silence_stopped_is_resumed_to_the_undisturbed_one(
 ):
     (tmp_path / "tiny.yaml").write_text(guarded(TINY, "stop", 0.5), encoding="utf-8")
     with monkeypatch.context() as silence:
-        silence.setattr(executor, "SimulatedImu", Silent)
+        silence.setattr(sensors, "SimulatedImu", Silent)
         with pytest.raises(GuardTripped, match="imu silence of hand") as caught:
             execute(
                 plan(tmp_path / "tiny.yaml"),
                 tmp_path,
                 5,
-                "realtime",
-                clock=FakeClock(),
-                session_name="stopped",
+                RunOptions(speed="realtime", clock=FakeClock(), session_name="stopped"),
             )
     assert caught.value.exit_code == 3
     session = Session(tmp_path / "stopped")
     assert session.status is RunStatus.ERROR and session.events[-1].event == "run_error"
     assert session.imu("hand").host_time_ns[-1] < SILENT_NS[0] < session.arm().host_time_ns[-1]
-    result = resume(session.path, with_report=False, clock=FakeClock())
+    result = run(going_on(session.path), Watcher(clock=FakeClock()))
     whole, expected = undisturbed
     for key, value in vars(whole.imu("hand")).items():
         np.testing.assert_array_equal(getattr(result.session.imu("hand"), key), value)
@@ -227,14 +233,14 @@ def board_at(folder: Path) -> Iterator[Board]:
 def drive(robot: EmulatedUr, board: Board, action: str, logs: Path, **options) -> Session:
     protocol = logs / "short.yaml"
     protocol.write_text(guarded(SHORT, action, 0.4), encoding="utf-8")
-    the_plan, time_ = make_plan(protocol), SessionTime(SystemClock())
-    devices = open_devices([f"hand={board.link}:mpu6050_plain"], [], SystemClock(), time=time_)
+    the_plan, time_ = make_plan(run_of(protocol)), SessionTime(SystemClock())
+    devices = open_devices([f"hand={board.link}:mpu6050_plain"], [], time_)
     settings = replace(
         ur_settings(the_plan, robot.address), watchdog=1.5, arm_silence=1.5
     )  # this machine may be busy
     arm = UrArm(the_plan.robot, settings, time_)
     return execute_on_arm(
-        the_plan, arm, Sensors.live(the_plan, devices), time_, ArmRunOptions(logs, **options)
+        the_plan, arm, Sensors.live(the_plan, devices), RunOptions(logs, **options)
     )
 
 
@@ -271,7 +277,7 @@ def test_an_unplugged_sensor_that_comes_back_is_a_gap_in_a_run_on_an_arm(ur3e, t
     gap = np.diff(samples.host_time_ns).argmax()
     assert np.diff(samples.host_time_ns)[gap] > 0.5e9
     assert samples.counter[gap + 1] - samples.counter[gap] > 40
-    assert "after a gap" in " ".join(analyse(session, with_report=False).evaluation.notes)
+    assert "after a gap" in " ".join(analyse(session, analysis()).evaluation.notes)
 
 
 def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_known(ur3e, tmp_path):
@@ -285,20 +291,20 @@ def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_know
         assert caught.value.exit_code == 3
         ur3e.wait_until("at rest", 5)
     (session,) = list_sessions(tmp_path)
-    assert (
-        session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest["message"]
-    )
+    assert session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest.message
     assert not list(session.path.glob("*.arrows"))
     assert len(session.imu("hand")) > 20 and named(session, "guard", "run_error") == [
         "guard",
         "run_error",
     ]
-    assert [step.index for step in missing_steps(session, make_plan(tmp_path / "short.yaml"))] == [
+    assert [
+        step.index for step in missing_steps(session, make_plan(run_of(tmp_path / "short.yaml")))
+    ] == [
         0,
         1,
         2,
     ]
-    assert analyse(session, with_report=False).evaluation.outcome == "not_measured"
+    assert analyse(session, analysis()).evaluation.outcome == "not_measured"
 
 
 def test_a_sensor_that_falls_silent_pauses_the_arm_until_it_is_heard(ur3e, tmp_path):

@@ -16,21 +16,26 @@ import numpy as np
 import pytest
 
 from testbench import execute, plan
-from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
 from testbench.drivers.arms.replay import ReplayArm
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import open_devices, record_devices
-from testbench.execution.executor import Progress
+from testbench.execution import RunOptions
+from testbench.execution.device_recorder import record_devices
+from testbench.execution.devices import open_devices
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.run_progress import Progress
+from testbench.execution.sensors import Sensors
 from testbench.formats import import_recording
 from testbench.formats.imu_tk import COUNTS_PER_M_S2
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
-from testbench.pipeline import Result
+from testbench.pipeline.analyse import Result
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.records.plan import Plan
 from testbench.records.session import Session
+from tests.asking import going_on
 from tests.conftest import FakeClock
 from tests.drivers.fake_dots import Bench, FakeDot
 from tests.emulated_arms import REAL_TIME, EmulatedUr, drive_ur, emulated_xarm
@@ -166,7 +171,6 @@ def recordings(folder: Path) -> Iterator[Session]:
         devices = open_devices(
             [f"{board.port}:mpu6050_plain"],
             [bench.dots[0].address],
-            SystemClock(),
             bluetooth=bench.loop,
         )
         yield record_devices(devices, folder, duration_s=0.6)
@@ -182,8 +186,12 @@ def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator
         raise DriverError("told to fail")
 
     with pytest.raises(DriverError, match="told to fail"):
-        execute(the_plan, folder, clock=FakeClock(), progress=fail, session_name="broken")
-    broken = resume(folder / "broken", with_report=False, clock=FakeClock()).session
+        execute(
+            the_plan,
+            folder,
+            options=RunOptions(clock=FakeClock(), progress=fail, session_name="broken"),
+        )
+    broken = run(going_on(folder / "broken"), Watcher(clock=FakeClock())).session
     yield broken
     text = tiny.read_text(encoding="utf-8")
     sensors = text.split("sensors:\n")[1].split("motion:")[0]
@@ -192,10 +200,10 @@ def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator
     with live_devices() as (board, bench):
         time = SessionTime(SystemClock())
         named = [f"board={board.port}:mpu6050_plain"], [f"dot={bench.dots[0].address}"]
-        devices = open_devices(*named, SystemClock(), bluetooth=bench.loop, time=time)
+        devices = open_devices(*named, time, bluetooth=bench.loop)
         moved = plan(folder / "two.yaml")
         arm = ReplayArm(moved.robot, broken.path, time)
-        yield execute_on_arm(moved, arm, Sensors.live(moved, devices), time, ArmRunOptions(folder))
+        yield execute_on_arm(moved, arm, Sensors.live(moved, devices), RunOptions(folder))
     yield drive_ur(
         short_plan, ur, folder, checklist={"by": "a test"}, resumes={"session": "none", "steps": []}
     )
@@ -223,8 +231,8 @@ def written(
         *recordings(folder),
         *runs(folder / "runs", tiny, ur_emulator, short_plan),
     ]:
-        for key in keys(session.manifest):
-            found.setdefault(key, set()).add(session.manifest["kind"])
+        for key in keys(session.manifest.content):
+            found.setdefault(key, set()).add(session.manifest.kind)
     return found
 
 

@@ -19,8 +19,9 @@ from testbench.drivers.arms.controller_lock import ControllerLock
 from testbench.drivers.arms.remedies import UR_REMEDIES
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.exceptions import ArmRefused, DriverError
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.session import RunStatus, Session, list_sessions
+from tests.asking import analysis
 from tests.benchmarks.real_arm import following
 from tests.emulated_arms import REAL_TIME, ROOT, drive_ur, emulated_ur, faulted_session, ur_command
 
@@ -54,7 +55,7 @@ def test_a_sweep_is_followed_with_nothing_but_lag(done, short_plan):
 
 
 def test_the_session_says_what_arm_it_was_and_that_the_sensors_were_simulated(done, ur_emulator):
-    manifest = done.manifest
+    manifest = done.manifest.content
     assert done.status is RunStatus.COMPLETED
     assert manifest["arm"]["driver"] == "ur" and manifest["arm"]["model"] == "UR3"
     assert manifest["simulated_sensors"] is True
@@ -78,7 +79,7 @@ def test_the_controllers_time_stamps_and_modes_are_recorded(done):
 
 
 def test_the_session_is_judged_like_any_other(done):
-    result = analyse(done, with_report=False)
+    result = analyse(done, analysis())
     device = next(row for row in result.evaluation.orientation if row.filter == "device")
     assert device.total_rmse_deg < 2
 
@@ -221,7 +222,7 @@ def test_late_and_lost_packages_do_not_stop_a_run_that_can_bear_them(ur3e, short
     ur3e.control("fault rtde_loss 0.2")
     session = drive_ur(short_plan, ur3e, tmp_path)
     assert session.status is RunStatus.COMPLETED
-    lost = session.manifest["arm"]["timing"]["samples_missed"]
+    lost = session.manifest.arm.timing.samples_missed
     expected = len(session.arm().host_time_ns) + lost
     assert 0.1 < lost / expected < 0.8
 

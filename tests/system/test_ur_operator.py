@@ -6,16 +6,23 @@ import os
 import signal
 import subprocess
 import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
-from testbench.cli.running import ArmChoice, approve
 from testbench.exceptions import BenchError
 from testbench.execution.checklist import HAZARDS
 from testbench.execution.guards import GuardTripped
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import load_analysis
+from testbench.pipeline.approval import approve
+from testbench.pipeline.prepared import Prepared, make_plan
+from testbench.pipeline.request import ArmRequest, RunRequest
+from testbench.pipeline.watcher import Consent, Watcher
+from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, list_sessions
+from tests.asking import analysis, run_of
 from tests.emulated_arms import REAL_TIME, ROOT, SHORT, drive_ur, ur_command
 
 pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
@@ -58,7 +65,7 @@ def test_a_guard_stops_the_arm(ur3e, short, tmp_path):
     rule = "guards: {temperature_degC: {limit: 25, action: stop}}\n"
     guarded.write_text(SHORT + rule, encoding="utf-8")
     with pytest.raises(GuardTripped, match=r"temperature of .*: 30 degC, the limit is 25 degC"):
-        drive_ur(make_plan(guarded), ur3e, tmp_path / "logs")
+        drive_ur(make_plan(run_of(guarded)), ur3e, tmp_path / "logs")
     (session,) = list_sessions(tmp_path / "logs")
     assert session.status is RunStatus.ERROR
     assert any(event.event == "guard" for event in session.events)
@@ -76,7 +83,7 @@ def test_a_guard_that_pauses_says_why_and_how_to_go_on(ur3e, tmp_path):
         if line.startswith("PAUSED"):
             os.kill(os.getpid(), signal.SIGUSR2)
 
-    session = drive_ur(make_plan(guarded), ur3e, tmp_path / "logs", say=hear)
+    session = drive_ur(make_plan(run_of(guarded)), ur3e, tmp_path / "logs", say=hear)
     # the last of six that trip at once
     why = "guard: temperature of wrist_3_joint: 30 degC, the limit is 25 degC"
     assert said[:6] == [
@@ -121,38 +128,37 @@ def test_without_a_look_at_the_hazards_nothing_moves(ur3e, short, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("choice", "sentence"),
+    ("arm", "sentence"),
     [
         (
-            ArmChoice("ur", "127.0.0.1", confirmed=True),
+            ArmRequest(driver="ur", host="127.0.0.1"),
             "name the sensors on the arm with --serial or --dot",
         ),
-        (ArmChoice("ur", "127.99.99.99", simulate_imus=True, confirmed=True), r"127\.99\.99\.99"),
+        (ArmRequest(driver="ur", host="127.99.99.99", simulate_imus=True), r"127\.99\.99\.99"),
     ],
     ids=["no sensors", "no controller"],
 )
-def test_a_person_is_asked_only_when_nothing_else_would_refuse_the_run(
-    short_plan, choice, sentence, monkeypatch
-):
+def test_a_person_is_asked_only_when_nothing_else_would_refuse_the_run(short_plan, arm, sentence):
     asked: list[str] = []
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("testbench.cli.running._ask", lambda question: bool(asked.append(question)))
     with pytest.raises(BenchError, match=sentence):
-        approve(short_plan, choice, choice.setup())
+        approved(short_plan, arm, lambda question: bool(asked.append(question)))
     assert not asked
 
 
-def test_a_person_is_asked_of_an_arm_that_can_be_driven_and_that_was_let_go(
-    ur3e, short_plan, monkeypatch
-):
+def approved(plan: Plan, arm: ArmRequest, ask: Callable[[str], bool]) -> dict[str, Any]:
+    """What a person allowed who wants the arm to move, and is asked for the hazards."""
+    prepared = Prepared(plan, load_analysis(analysis()))
+    watcher = Watcher(consent=Consent(motion=True, ask=ask))
+    return approve(prepared, RunRequest(arm=arm), watcher)
+
+
+def test_a_person_is_asked_of_an_arm_that_can_be_driven_and_that_was_let_go(ur3e, short_plan):
     asked: list[str] = []
 
     def ask(question: str) -> bool:
         asked.append(ur3e.dashboard("programState"))
         return True
 
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("testbench.cli.running._ask", ask)
-    choice = ArmChoice("ur", ur3e.address, simulate_imus=True, confirmed=True)
-    assert approve(short_plan, choice, choice.setup())["by"] == "asked on the terminal"
+    arm = ArmRequest(driver="ur", host=ur3e.address, simulate_imus=True)
+    assert approved(short_plan, arm, ask)["by"] == "asked on the terminal"
     assert asked == ["STOPPED null"] * len(HAZARDS)

@@ -24,10 +24,13 @@ from testbench.drivers.session_time import SessionTime
 from testbench.emulation.xarm.server import XArmServer
 from testbench.emulation.xarm.setup import make_controller
 from testbench.exceptions import ArmRefused, DriverError, InputError
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.pipeline import make_plan
+from testbench.execution import RunOptions
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
+from testbench.pipeline.prepared import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
+from tests.asking import run_of
 from tests.benchmarks.real_arm import following
 from tests.emulated_arms import (
     COMMAND_PORT,
@@ -74,7 +77,7 @@ MOVES = """
 def plan_of(folder: Path, name: str, steps: str) -> tuple[Path, Plan]:
     path = folder / f"{name}.yaml"
     path.write_text(PROTOCOL.format(name=name, steps=steps), encoding="utf-8")
-    return path, make_plan(path)
+    return path, make_plan(run_of(path))
 
 
 @pytest.fixture(scope="module")
@@ -108,8 +111,7 @@ def drive(plan: Plan, address: str, logs: Path, **options) -> Session:
         plan,
         the_arm(plan, address, time_),
         Sensors.simulated(plan, 1),
-        time_,
-        ArmRunOptions(logs, **options),
+        RunOptions(logs, **options),
     )
 
 
@@ -148,7 +150,7 @@ def test_a_sweep_is_followed_with_nothing_but_lag(done, poses_plan):
 
 
 def test_the_session_says_that_the_driver_is_unverified_and_so_did_the_connection(done, told):
-    arm = done.manifest["arm"]
+    arm = done.manifest.content["arm"]
     assert done.status is RunStatus.COMPLETED
     assert arm["driver"] == "xarm" and arm["model"] == "xArm 6" and arm["firmware"] == "2.5.0"
     assert arm["unverified_on_hardware"] is True
@@ -232,7 +234,7 @@ def test_what_cannot_be_driven_is_said_in_a_sentence(moves):
         the_arm(plan, "127.99.99.98").connect()
     with pytest.raises(InputError, match="number of a port"):
         xarm_settings(plan, "127.0.0.1:http")
-    other = make_plan("quick")
+    other = make_plan(run_of("quick"))
     with pytest.raises(InputError, match="xarm6; the plan is for ur3e"):
         XArm(other.robot, xarm_settings(other, "127.0.0.1"))
 

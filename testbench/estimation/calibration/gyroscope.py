@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, solve
 from testbench.estimation.calibration.linear import widened_by_misfit
@@ -119,7 +119,7 @@ def read_rests(rests: Sequence[Rest], in_run: float = IN_RUN) -> RestReading:
     if len(rests) > 1:
         share = counts / counts.sum()
         among = (share @ (means - bias) ** 2) / (len(rests) - 1)
-        by_noise = chi2.ppf(0.999, len(rests) - 1) / (len(rests) - 1)
+        by_noise = chdtri(len(rests) - 1, 0.001) / (len(rests) - 1)
         white = np.where(among > by_noise * white, among, white)
     noise = max(float(np.sqrt(variance.mean())), LEAST_NOISE)
     return RestReading(bias, np.sqrt(white + in_run**2), noise, int(counts.sum()))

@@ -279,7 +279,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         InputError: No rest was found, or the arm is asked for and was not there.
     """
     samples, truth = session.imu(sensor), session.truth(sensor)
-    delay = float(session.manifest["sensors"][sensor].get("rate_delay_s") or 0.0)
+    delay = session.manifest.sensors[sensor].rate_delay_s or 0.0
     clock = (
         fit_clock(samples, truth, delay) if session.analysis.estimate.align_clock else ClockFit()
     )
@@ -334,7 +334,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
     gravity = session.robot.gravity if session.robot else np.array([0.0, 0.0, -STANDARD_GRAVITY])
     agreements = compare(found, len(uniform.gyr), uniform.interval)
     warmth = _warmth(samples, host, time)
-    integrated = session.manifest["sensors"][sensor].get("sampling") == "integrated"
+    integrated = session.manifest.sensors[sensor].sampling == "integrated"
     return Prepared(
         uniform, time, rests, truth, gravity, delay, chosen, agreements, remarks, warmth, integrated
     )

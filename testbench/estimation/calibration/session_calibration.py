@@ -46,7 +46,6 @@ def calibrate(
     methods: Sequence[str] = (),
     segmentation: Segmentation | None = None,
     held_out: Sequence[Session] = (),
-    software: str = "",
     field: np.ndarray | None = None,
     turn_angle: float | None = None,
 ) -> CalibrationResult:
@@ -59,7 +58,6 @@ def calibrate(
         segmentation: Which witness says where the rests are; the arm if it was there.
         held_out: Sessions of the same sensor, in the same mounting, whose poses validate;
             cross-validation without any.
-        software: For the record.
         field: Of the earth in the world, shape (3,) [uT]; None where nobody states it.
         turn_angle: Of the known turns of `ferraris_gyroscope` [rad]; None where nobody states it.
 
@@ -112,14 +110,14 @@ def calibrate(
         remarks.append(
             "the date of the recording is unknown: the calibration bears the date of its import"
         )
-    device = session.manifest["sensors"][sensor].get("device_tag")
+    device = session.manifest.sensors[sensor].device_tag
     calibration = SensorCalibration(
         sensor,
         str(device) if device else None,
         session.recorded_at or session.started,
         session.name,
         session.fingerprint,
-        software,
+        "",  # who keeps it says by which version it was made
         prepared.temperature,
         triads,
         mounting=mounting,

@@ -24,10 +24,11 @@ from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.chain import ChainEstimate
 from testbench.records.estimate import CalibrationFit, ClockFit, SensorEstimate
+from testbench.records.layout import PLAN
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol_chain import ChainEstimation, ChainState
 from testbench.records.sensor import ImuParameters, Triad
-from testbench.records.session import PLAN, Session
+from testbench.records.session import Session
 from testbench.records.storage import read_parquet
 
 SETTLED_NS = NANOSECONDS * 3 // 10
@@ -183,14 +184,14 @@ class _Section:
             facts["frequency_hz"] = float(motion.last[0][omega] / (2 * np.pi))
             facts["frequency_sd_hz"] = float(np.sqrt(motion.last[1][omega, omega]) / (2 * np.pi))
         return ChainEstimate(
-            self.section,
-            state,
-            self.chain.sensors,
-            self.chain.joints,
-            np.round(self.samples.time[own] * NANOSECONDS).astype(np.int64),
-            motion.mean[own],
-            motion.sd[own],
-            facts,
+            section=self.section,
+            state=state,
+            sensors=self.chain.sensors,
+            joints=self.chain.joints,
+            facts=facts,
+            host_time_ns=np.round(self.samples.time[own] * NANOSECONDS).astype(np.int64),
+            mean=motion.mean[own],
+            sd=motion.sd[own],
         )
 
 

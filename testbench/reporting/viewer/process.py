@@ -22,8 +22,9 @@ from testbench.exceptions import BenchError
 from testbench.frames import NANOSECONDS
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
+from testbench.records.layout import RECORDING
 from testbench.records.session import Session
-from testbench.reporting.viewer.recording import FILE, save_recording
+from testbench.reporting.viewer.recording import save_recording
 from testbench.reporting.viewer.timeline import TIMELINE
 
 LOOPBACK = "127.0.0.1"
@@ -58,7 +59,7 @@ def view(
     Raises:
         ViewerError: The viewer is not installed, or ended with an error.
     """
-    path = save_recording(session, session.path / FILE, estimate, evaluation)
+    path = save_recording(session, session.path / RECORDING, estimate, evaluation)
     port = free_port()
     options = ["--port", str(port)]
     place = str(path)
@@ -107,7 +108,7 @@ def screenshot(
     path = Path(path).resolve()
     path.unlink(missing_ok=True)
     with tempfile.TemporaryDirectory(prefix="testbench_view_") as folder:
-        recording = save_recording(session, Path(folder) / FILE, estimate, evaluation)
+        recording = save_recording(session, Path(folder) / RECORDING, estimate, evaluation)
         port = free_port()
         options = [
             "--headless",
@@ -176,7 +177,7 @@ def _telling_time(session: Session) -> float:
     """Two thirds into the longest section, where there is most to see [s]."""
     steps = session.steps
     if not steps:
-        return float(session.manifest.get("duration_s") or 0.0) * 0.6
+        return (session.manifest.duration_s or 0.0) * 0.6
     spans: dict[str, tuple[int, int]] = {}
     for step in steps:
         begin, _ = spans.get(step.section, (step.start_ns, 0))

@@ -21,57 +21,18 @@ from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.rotational import likeness
 from testbench.estimation.calibration.triad_model import ACCELEROMETER
 from testbench.exceptions import InputError
+from tests.estimation.calibration.covering import DRIFT, NOISE, heated, set_up, truth_for
 from tests.estimation.calibration.simulated import (
     GRAVITY,
     SIX,
     UP,
     all_of,
-    covered,
     part,
     poses_of,
     rng,
     truth_of,
     turned,
 )
-
-PLANE = GRAVITY * np.array([[np.cos(a), 0, np.sin(a)] for a in np.linspace(0, 5, 8)])
-NOISE = 2e-3
-"""Of a mean [m/s^2]: 120 ug/sqrt(Hz) at 60 Hz over two seconds is 0.6 mm/s^2."""
-
-
-def set_up(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Poses, response and bias that a method is made for."""
-    response, bias = part()
-    if name == "six_position":
-        return SIX, np.diag(np.diag(response)), bias
-    if name == "ferraris":
-        return SIX, response, bias
-    if name == "rotational_3d":
-        return turned(UP, 20), response, np.zeros(3)
-    if name.startswith("rotational_2d"):
-        response = np.array([[1.01, 0, 0.02], [0, 1, 0], [-0.03, 0, 0.98]])
-        return PLANE, response, np.array([0.1, 0, -0.05]) * name.endswith("bias")
-    if name.startswith("rotational_nearest"):
-        return (
-            turned(UP, 20),
-            Rotation.from_rotvec([0.3, -0.2, 1.1]).as_matrix(),
-            bias * name.endswith("bias"),
-        )
-    return turned(UP, 20), response, bias
-
-
-def truth_for(name: str, response: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    if name.startswith("rotational_2d"):
-        A = np.linalg.inv(response[np.ix_([0, 2], [0, 2])])
-        return (
-            np.column_stack([A, -A @ bias[[0, 2]]]).reshape(-1)
-            if name.endswith("bias")
-            else A.reshape(-1)
-        )
-    if name.startswith("rotational_nearest"):
-        vector = Rotation.from_matrix(response).as_rotvec()
-        return np.concatenate([vector, bias]) if name.endswith("bias") else vector
-    return truth_of(name, response, bias)
 
 
 @pytest.mark.parametrize("name", methods_of("accelerometer"))
@@ -109,67 +70,17 @@ def test_the_known_errors_lie_within_the_stated_uncertainty(name):
     assert 0.7 < np.sqrt(np.mean(errors**2)) < 1.4
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name for name in methods_of("accelerometer") if not name.startswith("rotational_nearest")],
-)
-def test_95_percent_intervals_hold_the_truth_95_times_of_100(name):
-    forces, response, bias = set_up(name)
-    crooked = 5e-4 if name in ("attitude_aided", "ferraris") else 0.0
-    share = covered(
-        lambda draw: METHODS[name].function(poses_of(forces, response, bias, NOISE, draw, crooked)),
-        truth_for(name, response, bias),
-        1000
-        if name == "norm_only"
-        else 4000,  # where it is cheap: by chance one of 100 parameters is off by 2 % in 1,000
-    )
-    assert (share >= 0.93).all(), share
-    assert (share <= 0.97).all(), share
-
-
-@pytest.mark.parametrize("name", ["rotational_nearest", "rotational_nearest_bias"])
-def test_95_percent_intervals_of_a_rotation_hold_it(name):
-    forces, response, bias = set_up(name)
-    inside, draw = np.zeros(6 if name.endswith("bias") else 3), rng(5)
-    for _ in range(1000):
-        (fit,) = METHODS[name].function(poses_of(forces, response, bias, NOISE, draw)).fits
-        left = (
-            Rotation.from_matrix(response) * Rotation.from_rotvec(fit.values[:3]).inv()
-        ).as_rotvec()
-        inside += (
-            np.abs(np.concatenate([left, fit.values[3:] - bias[: len(fit.values) - 3]]))
-            <= fit.half_width()
-        )
-    assert ((inside >= 930) & (inside <= 970)).all(), inside
-
-
 @pytest.mark.parametrize("name", ["attitude_aided", "norm_only"])
 def test_drift_with_temperature_is_found_where_the_temperature_varied(name):
-    forces, response, bias = turned(UP, 24), *part()
-    drift = np.array([0.004, -0.002, 0.001])
-    temperature = np.linspace(18.0, 34.0, 24) + rng(1).normal(size=24)
-    warm = temperature - temperature.mean()
-
-    def heated(draw: np.random.Generator | None = None) -> StaticPoses:
-        cold = poses_of(
-            forces, response, bias, 0.0 if draw is None else NOISE, draw, temperature=temperature
-        )
-        return replace(cold, mean=cold.mean + warm[:, None] * drift)
-
     function = METHODS[name].function
+    temperature = heated().temperature
     calibration = function(heated())
-    np.testing.assert_allclose(calibration.drift, drift, atol=1e-9)
-    np.testing.assert_allclose(calibration.bias, bias, atol=1e-9)
+    np.testing.assert_allclose(calibration.drift, DRIFT, atol=1e-9)
+    np.testing.assert_allclose(calibration.bias, part()[1], atol=1e-9)
     assert calibration.reference == pytest.approx(temperature.mean())
     lengths = np.linalg.norm(calibration.apply(heated().mean, temperature=temperature), axis=1)
     np.testing.assert_allclose(lengths, GRAVITY, atol=1e-8)
-    share = covered(
-        lambda draw: function(heated(draw)),
-        np.concatenate([truth_of(name, response, bias), drift]),
-        1000 if name == "norm_only" else 4000,
-    )
-    assert ((share >= 0.93) & (share <= 0.97)).all(), share
-    steady = function(replace(heated(), temperature=20 + 0.1 * warm / 16))
+    steady = function(replace(heated(), temperature=20 + (temperature - temperature.mean()) / 160))
     assert not steady.drift.any()
     assert steady.reference is None
 
@@ -298,21 +209,6 @@ def test_poses_about_one_axis_are_refused_and_the_blind_parameters_named(name, n
         METHODS[name].function(poses)
     assert any(parameter.endswith("z") for parameter in caught.value.parameters)
     assert "bias_x" not in caught.value.parameters
-
-
-@pytest.mark.parametrize(
-    ("name", "poses"),
-    [("rotational_3d", 3), ("axis_model", 4), ("rotational_3d_bias", 4), ("attitude_aided", 4)],
-)
-def test_with_no_residual_left_the_known_noise_is_believed(name, poses):
-    _, response, bias = set_up(name)
-    forces = turned(UP, 20)[[0, 5, 9, 13]][:poses]
-    share = covered(
-        lambda draw: METHODS[name].function(poses_of(forces, response, bias, NOISE, draw)),
-        truth_for(name, response, bias),
-        4000,
-    )
-    assert ((share >= 0.93) & (share <= 0.97)).all(), share
 
 
 def test_too_few_poses_are_refused():

@@ -32,9 +32,11 @@ from testbench.estimation.calibration.whitening import Whitening
 from testbench.exceptions import InputError, NotFoundError
 from testbench.model.integrators import INTEGRATORS, get_integrator
 from testbench.records.calibration import TriadCalibration
+from tests.estimation.calibration import covering
+from tests.estimation.calibration.covering import gyroscope_truth
 from tests.estimation.calibration.gyroscopes import Gyroscope, chain, fixed_axis_motion, record
 
-NOISE = np.radians(0.05)
+NOISE = covering.GYROSCOPE_NOISE
 
 
 @pytest.fixture(scope="module")
@@ -52,20 +54,11 @@ def ideal():
 
 @pytest.fixture(scope="module")
 def wandering():
-    return chain("wandering", 12, np.random.default_rng(5), interval=0.02, duration=3.0)
-
-
-def truths(gyroscope: Gyroscope) -> dict[str, float]:
-    response = {
-        f"gyr_response_{a}{b}": gyroscope.response[i, j]
-        for i, a in enumerate("xyz")
-        for j, b in enumerate("xyz")
-    }
-    return gyroscope.tedaldi() | response
+    return covering.wandering()
 
 
 def errors_in_sd(calibration: TriadCalibration, gyroscope: Gyroscope) -> np.ndarray:
-    (fit,), known = calibration.fits, truths(gyroscope)
+    (fit,), known = calibration.fits, gyroscope_truth(gyroscope)
     return np.array(
         [(fit[name] - known[name]) / sd for name, sd in zip(fit.names, fit.sd, strict=True)]
     )
@@ -107,28 +100,6 @@ def test_known_errors_are_recovered_within_their_stated_uncertainty(method, wand
     (fit,) = found.fits
     assert (fit.sd > 0).all() and np.isfinite(fit.condition)
     assert (fit.sd[:3] < 0.002).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["gravity_turns", "attitude", "rate_table"])
-def test_the_stated_intervals_cover_in_a_thousand_calibrations(method, wandering):
-    """Every calibration has its own part, noise, errors of the directions and drift of the bias
-    between rests and turns.
-    """
-    rng = np.random.default_rng(8)
-    inside: dict[str, int] = {}
-    for _ in range(1000):
-        gyroscope = Gyroscope.draw(rng, NOISE, g=0.0 if method == "gravity_turns" else 0.1)
-        in_run = 0.0 if method == "rate_table" else IN_RUN
-        found = get_method(method).function(
-            record(gyroscope, wandering, rng, rest_s=1.0, up_sd=2e-4, in_run=in_run)
-        )
-        (fit,), known = found.fits, truths(gyroscope)
-        half = fit.half_width(0.95)
-        for i, name in enumerate(fit.names):
-            inside[name] = inside.get(name, 0) + bool(abs(fit.values[i] - known[name]) <= half[i])
-    assert len(inside) == (12 if method == "gravity_turns" else 21)
-    assert {name: count for name, count in inside.items() if not 930 <= count <= 970} == {}
 
 
 def test_a_response_to_force_is_found_by_gravity_alone_where_the_force_is_known(wandering):

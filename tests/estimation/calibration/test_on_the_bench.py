@@ -27,7 +27,7 @@ from testbench.estimation.static_intervals import (
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.imu import TriadModel
-from testbench.pipeline import Result
+from testbench.pipeline.analyse import Result
 
 HELD_OUT = [
     [0, -90, -90, -60, 120, 150],
