@@ -98,6 +98,7 @@ def test_known_errors_are_recovered_within_their_stated_uncertainty(method, wand
     found = get_method(method).function(record(gyroscope, wandering, rng, up_sd=2e-4))
     assert np.abs(errors_in_sd(found, gyroscope)).max() < 4 and found.method == method
     (fit,) = found.fits
+    assert len(fit.names) == (12 if method == "gravity_turns" else 21)
     assert (fit.sd > 0).all() and np.isfinite(fit.condition)
     assert (fit.sd[:3] < 0.002).all()
 
