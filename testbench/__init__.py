@@ -2,32 +2,43 @@
 
     from testbench import plan, execute, estimate, evaluate
 
-The four stages, and `Session` to open a recording; each is loaded when it is first used.
+The four stages, `RunOptions` of a run, and `Session` to open a recording; each is loaded when it is
+first used.
 """
 
 from __future__ import annotations
 
+import os
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from testbench.estimation import estimate
     from testbench.evaluation import evaluate
-    from testbench.execution import execute
+    from testbench.execution import RunOptions, execute
     from testbench.planning import plan
     from testbench.records.session import Session
     from testbench.reporting.report import report
 
-__all__ = ["Session", "estimate", "evaluate", "execute", "plan", "report"]
+__all__ = ["RunOptions", "Session", "estimate", "evaluate", "execute", "plan", "report"]
 
 _HOMES = {
     "plan": "testbench.planning",
     "execute": "testbench.execution",
+    "RunOptions": "testbench.execution",
     "estimate": "testbench.estimation",
     "evaluate": "testbench.evaluation",
     "report": "testbench.reporting.report",
     "Session": "testbench.records.session",
 }
+
+
+# Products of matrices here are of a few rows or columns: threads of BLAS that wait for work cost
+# more than they do, on a busy machine many times the whole. Only NumPy's start can be told so; a
+# program that has loaded it already, or that sets the variable, has decided for itself.
+if "numpy" not in sys.modules:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def __getattr__(name: str) -> Any:

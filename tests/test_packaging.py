@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -179,6 +180,23 @@ def test_the_command_tells_its_version() -> None:
         [COMMAND, "--version"], capture_output=True, text=True, check=True, timeout=60
     )
     assert PROJECT["version"] in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("first", "threads"),
+    [("", "1"), ("import os; os.environ[NAME] = '3'; ", "3"), ("import numpy; ", "None")],
+)
+def test_the_library_asks_for_one_thread_of_blas_unless_the_program_has_decided(
+    first: str, threads: str
+) -> None:
+    code = (
+        f"NAME = 'OPENBLAS_NUM_THREADS'; {first}import os, testbench; print(os.environ.get(NAME))"
+    )
+    own = {key: value for key, value in os.environ.items() if key != "OPENBLAS_NUM_THREADS"}
+    result = subprocess.run(
+        [sys.executable, "-c", code], env=own, capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == threads
 
 
 @needs_command_line

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from errno import ENOSPC
 from typing import TYPE_CHECKING, Any
@@ -18,9 +17,6 @@ def main() -> None:
     With --json among the arguments the message is one JSON object on stderr, also for a command
     that was mistyped.
     """
-    # Before numpy is imported: its products here are of a few rows or columns; threads that wait
-    # cost a fifth of the time.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from testbench.cli.app import app
     from testbench.cli.output import say_error, say_json_error
     from testbench.exceptions import BenchError

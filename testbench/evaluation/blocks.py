@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.stats import norm, t
+from scipy.special import ndtr, stdtrit
 
 LONGEST_SERIES = 1024
 """A longer series is first summed over equal runs: errors are far smoother than their sampling
@@ -110,31 +110,45 @@ def block_length(series: np.ndarray) -> int:
     Returns:
         From 1 to a third of the series.
     """
+    return int(_block_length(np.ascontiguousarray(series, dtype=np.float64)))
+
+
+@njit(cache=True)
+def _block_length(series: np.ndarray) -> int:
     n = len(series)
     longest = int(np.ceil(min(3 * np.sqrt(n), n / 3)))
     centred = series - series.mean()
-    power = float(np.mean(centred**2))
-    if n < 9 or not power > 1e-24 * max(float(np.mean(series**2)), 1e-300):
+    power = np.mean(centred**2)
+    if n < 9 or not power > 1e-24 * max(np.mean(series**2), 1e-300):
         return 1
-    looked = max(5, int(np.sqrt(np.log10(n))))
+    looked = max(5, int(np.sqrt(np.log10(n))))  # K_n
     most = min(int(np.ceil(np.sqrt(n))) + looked, n - 1)
-    covariance = np.array(
-        [np.dot(centred[lag:], centred[: n - lag]) / n for lag in range(most + 1)]
-    )
-    loud = np.abs(covariance[1:] / covariance[0]) > 2 * np.sqrt(np.log10(n) / n)
-    quiet = np.array([not loud[i : i + looked].any() for i in range(len(loud) - looked + 1)])
-    memory = int(np.argmax(quiet)) if quiet.any() else int(np.flatnonzero(loud)[-1]) + 1
-    bandwidth = min(2 * max(memory, 1), most)
-    lags = np.arange(-bandwidth, bandwidth + 1)
-    share = np.abs(lags) / bandwidth
-    taper = np.where(share <= 0.5, 1.0, 2 * (1 - share))
-    around = covariance[np.abs(lags)]
-    slope, level = float(np.sum(taper * np.abs(lags) * around)), float(np.sum(taper * around))
+    covariance = np.zeros(most + 1)
+    for lag in range(most + 1):
+        for i in range(n - lag):
+            covariance[lag] += centred[i + lag] * centred[i]
+        covariance[lag] /= n
+    # m: the lag after which K_n correlations in a row are no larger than chance
+    memory, quiet = 0, 0
+    for lag in range(1, most + 1):
+        loud = abs(covariance[lag] / covariance[0]) > 2 * np.sqrt(np.log10(n) / n)
+        quiet = 0 if loud else quiet + 1
+        if quiet == looked:
+            memory = lag - looked
+            break
+        if loud:
+            memory = lag
+    bandwidth = min(2 * max(memory, 1), most)  # M
+    slope = level = 0.0  # G and g(0), by the flat-top window of Politis & Romano
+    for lag in range(-bandwidth, bandwidth + 1):
+        share = abs(lag) / bandwidth
+        taper = 1.0 if share <= 0.5 else 2 * (1 - share)
+        slope += taper * abs(lag) * covariance[abs(lag)]
+        level += taper * covariance[abs(lag)]
     if not level**2 > 0:
         return longest
-    return int(
-        np.clip(round((2 * slope**2 / (4 / 3 * level**2)) ** (1 / 3) * n ** (1 / 3)), 1, longest)
-    )
+    wanted = (2 * slope**2 / (4 / 3 * level**2)) ** (1 / 3) * n ** (1 / 3)
+    return min(max(round(wanted), 1), longest)
 
 
 @dataclass(frozen=True)
@@ -165,19 +179,11 @@ def intervals(series: ErrorSeries, rng: np.random.Generator) -> Intervals:
     columns = np.column_stack([series.weight, series.mean, series.absolute, series.square])
     starts = rng.integers(0, n, (DRAWS, -(-n // length)))
     weight, mean, absolute, square = resampled_sums(columns, starts, length).T
-    tail = norm.cdf(np.sqrt(blocks / (blocks - 1)) * t.ppf((1 - CONFIDENCE) / 2, blocks - 1))
-    ends = [tail, 1 - tail]
-
-    def between(values: np.ndarray) -> list[float]:
-        return [float(value) for value in np.quantile(values, ends)]
-
-    return Intervals(
-        between(mean / weight),
-        between(absolute / weight),
-        between(np.sqrt(square / weight)),
-        blocks,
-        length,
-    )
+    tail = ndtr(np.sqrt(blocks / (blocks - 1)) * stdtrit(blocks - 1, (1 - CONFIDENCE) / 2))
+    found = np.stack([mean / weight, absolute / weight, np.sqrt(square / weight)])
+    ends = np.quantile(found, [tail, 1 - tail], axis=1)
+    of_mean, of_magnitude, of_rms = ends.T.tolist()
+    return Intervals(of_mean, of_magnitude, of_rms, blocks, length)
 
 
 @njit(cache=True)

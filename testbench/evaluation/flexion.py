@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, convergence_times
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.left_out import left_out_notes
-from testbench.evaluation.metrics import correlation, summarise
+from testbench.evaluation.metrics import Summary, correlation, summarise_each
 from testbench.evaluation.turning import turned_by_sensor
 from testbench.model import rotation
 from testbench.model.joint_angle import (
@@ -170,42 +172,70 @@ def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:
         errors: Of the joint.
         clock_sd: Standard uncertainty of the proximal sensor's time [s], part of that of a delay.
     """
+    if not errors.steps:
+        return []
+    every = np.concatenate([rows for _, rows in errors.steps])
+    sizes = np.array([len(rows) for _, rows in errors.steps])
     poses = [step for step, _ in errors.steps if step.kind != "sweep"]
-    settled = {
-        key: iter(convergence_times(errors.time_ns, error, poses))
-        for key, error in errors.error.items()
+    sweeps = _measured_sweeps(errors)
+    defined = {
+        label: decomposition_of(errors.definition(label)).margins(true[every])
+        >= LEAST_GIMBAL_MARGIN
+        for label, true in errors.true_angles.items()
     }
-    rows = []
-    for step, counted in errors.steps:
-        for key in errors.error:
-            definition = errors.definition(key[1])
-            others = _others(
-                errors.angles[key][counted], errors.true_angles[key[1]][counted], definition
-            )
-            row = _row(errors, key, step, counted, others)
-            if step.kind == "sweep":
-                row = _with_sweep(row, errors, key, counted, clock_sd)
-            else:
-                time = float(next(settled[key]))
-                row = replace(row, convergence_s=time if np.isfinite(time) else None)
-            rows.append(row)
-    return rows
+    by_key = []
+    for key, error in errors.error.items():
+        by_step = summarise_each(np.degrees(error[every]), sizes)
+        others = _others(errors, key, every, sizes, defined[key[1]])
+        settled = iter(convergence_times(errors.time_ns, error, poses).tolist())
+        by_key.append(
+            [
+                _row(
+                    errors,
+                    key,
+                    step,
+                    by_step[i],
+                    other_mean_abs_error_deg=others[i],
+                    **(
+                        _of_sweep(errors, key, rows, clock_sd) | sweeps[step.index]
+                        if step.kind == "sweep"
+                        else {"convergence_s": _known(next(settled))}
+                    ),
+                )
+                for i, (step, rows) in enumerate(errors.steps)
+            ]
+        )
+    return [row for of_step in zip(*by_key, strict=True) for row in of_step]
 
 
-def _with_sweep(
-    row: JointRow, errors: JointErrors, key: Key, rows: np.ndarray, clock_sd: float
-) -> JointRow:
-    """The row with what is said of sweeps alone."""
-    measured = amplitude_and_frequency(errors.time_ns[rows], errors.reference[rows])
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _measured_sweeps(errors: JointErrors) -> dict[int, dict[str, float | None]]:
+    """Amplitude and frequency of the true flexion in each sweep, by the step's index."""
+    result: dict[int, dict[str, float | None]] = {}
+    for step, rows in errors.steps:
+        if step.kind == "sweep":
+            found = amplitude_and_frequency(errors.time_ns[rows], errors.reference[rows])
+            amplitude, frequency = (None, None) if found is None else found
+            result[step.index] = {
+                "amplitude_deg": None if amplitude is None else float(np.degrees(amplitude)),
+                "frequency_hz": frequency,
+            }
+    return result
+
+
+def _of_sweep(
+    errors: JointErrors, key: Key, rows: np.ndarray, clock_sd: float
+) -> dict[str, float | None]:
+    """What is said of a filter in sweeps alone."""
     delay = angle_delay(errors.time_ns, errors.flexion[key], errors.reference, [rows])
-    return replace(
-        row,
-        flexion_correlation=correlation(errors.flexion[key][rows], errors.reference[rows]),
-        amplitude_deg=None if measured is None else float(np.degrees(measured[0])),
-        frequency_hz=None if measured is None else measured[1],
-        latency_ms=None if delay is None else 1e3 * delay[0],
-        latency_sd_ms=None if delay is None else 1e3 * float(np.hypot(delay[1], clock_sd)),
-    )
+    return {
+        "flexion_correlation": correlation(errors.flexion[key][rows], errors.reference[rows]),
+        "latency_ms": None if delay is None else 1e3 * delay[0],
+        "latency_sd_ms": None if delay is None else 1e3 * float(np.hypot(delay[1], clock_sd)),
+    }
 
 
 def _both_sensors(
@@ -264,25 +294,36 @@ def _reference(
 
 
 def _others(
-    estimated: np.ndarray, true: np.ndarray, definition: FlexionAngle
-) -> list[float | None]:
-    """Mean absolute error [deg] of the two angles that are not the flexion; None for one that is
-    nowhere defined.
+    errors: JointErrors, key: Key, every: np.ndarray, sizes: np.ndarray, defined: np.ndarray
+) -> list[list[float | None]]:
+    """Mean absolute error [deg] of the two angles that are not the flexion, in each step; None for
+    one that is nowhere defined.
+
+    Args:
+        errors: Of the joint.
+        key: Of the estimate.
+        every: Rows of all steps, shape (m,).
+        sizes: How many of them each step has, shape (steps,).
+        defined: Where each true angle is far enough from gimbal lock, shape (m, 3).
     """
-    margins = decomposition_of(definition).margins(true)
-    result: list[float | None] = []
+    starts = np.cumsum(sizes) - sizes
+    definition = errors.definition(key[1])
+    columns = []
     for i in range(3):
-        defined = margins[:, i] >= LEAST_GIMBAL_MARGIN
         if i != INDEX[definition.flexion]:
-            error = np.abs(rotation.wrap(estimated[defined, i] - true[defined, i]))
-            result.append(float(np.degrees(error.mean())) if defined.any() else None)
-    return result
+            difference = errors.angles[key][every, i] - errors.true_angles[key[1]][every, i]
+            error = np.where(defined[:, i], np.abs(rotation.wrap(difference)), 0.0)
+            count = np.add.reduceat(defined[:, i], starts, dtype=np.int64)
+            mean = np.degrees(np.add.reduceat(error, starts) / np.maximum(count, 1))
+            columns.append(np.where(count > 0, mean, np.nan))
+    return [[_known(value) for value in row] for row in np.column_stack(columns).tolist()]
 
 
 def _row(
-    errors: JointErrors, key: Key, step: PlannedStep, rows: np.ndarray, others: list[float | None]
+    errors: JointErrors, key: Key, step: PlannedStep, summary: Summary, **further: Any
 ) -> JointRow:
-    summary, joint = summarise(np.degrees(errors.error[key][rows])), errors.joint
+    """The row of a step by a filter, with what is said of poses or sweeps alone."""
+    variables, joint = step.variables, errors.joint
     return JointRow(
         joint=errors.name,
         filter=key[0],
@@ -290,17 +331,17 @@ def _row(
         section=step.section,
         step=step.index,
         kind=step.kind,
-        misalignment_deg=step.variables.get(joint.misalignment),
-        flexion_deg=step.variables.get(joint.flexion_variable),
-        variables=step.variables,
+        misalignment_deg=variables.get(joint.misalignment),
+        flexion_deg=variables.get(joint.flexion_variable),
+        variables=variables,
         n=summary.n,
         flexion_mean_error_deg=summary.mean,
         flexion_mean_abs_error_deg=summary.mean_abs,
         flexion_sd_deg=summary.sd,
         flexion_rmse_deg=summary.rmse,
         flexion_max_abs_error_deg=summary.max_abs,
-        other_mean_abs_error_deg=others,
         flexion_median_error_deg=summary.median,
         flexion_iqr_deg=summary.iqr,
         flexion_p95_abs_error_deg=summary.p95_abs,
+        **further,
     )

@@ -36,6 +36,9 @@ def summarise_joint(
     summaries: list[JointSummary] = []
     ranks: list[RankRow] = []
     comparisons: list[Comparison] = []
+    rows_of: dict[tuple[str, str, str], list[JointRow]] = {}
+    for row in rows:
+        rows_of.setdefault((row.section, row.filter, row.sequence), []).append(row)
     for section, steps in errors.sections().items():
         budget = next(
             (item for item in budgets if item.owner == errors.name and item.section == section),
@@ -45,14 +48,12 @@ def summarise_joint(
         whole: dict[str, ErrorSeries] = {}
         for motion, judged in by_motion(steps).items():
             for key in errors.error:
-                found = _summary(errors, key, judged, motion, clock_sd)
-                settling = [
-                    r
-                    for r in rows
-                    if r.section == section and (r.filter, r.sequence) == key and r.kind != "sweep"
-                ]
+                steps_of = rows_of[section, *key]
+                of_motion = [row for row in steps_of if motion in ("all", _motion(row.kind))]
+                found = _summary(errors, key, judged, of_motion, motion, clock_sd)
                 if motion != "dynamic":
-                    found = _with_settling(found, settling)
+                    poses = [row for row in of_motion if row.kind != "sweep"]
+                    found = _with_settling(found, poses)
                 expanded = (
                     (None, None)
                     if budget is None
@@ -60,9 +61,10 @@ def summarise_joint(
                 )
                 summaries.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
         for (name, label), error in errors.error.items():
-            series = _series(error, steps)
-            if label == errors.joint.label and series is not None:
-                own[name] = series
+            if label == errors.joint.label:
+                series = _series(error, steps)
+                if series is not None:
+                    own[name] = series
         for name, total in errors.total.items():
             series = _series(total, steps)
             if series is not None:
@@ -82,10 +84,14 @@ def summarise_joint(
 
 def by_motion(steps: Judged) -> dict[str, Judged]:
     """Poses as "static", sweeps as "dynamic", and where there are both, "all" of them too."""
-    static = [item for item in steps if item[0].kind != "sweep"]
-    dynamic = [item for item in steps if item[0].kind == "sweep"]
+    static = [item for item in steps if _motion(item[0].kind) == "static"]
+    dynamic = [item for item in steps if _motion(item[0].kind) == "dynamic"]
     groups = {"static": static, "dynamic": dynamic} | ({"all": steps} if static and dynamic else {})
     return {motion: judged for motion, judged in groups.items() if judged}
+
+
+def _motion(kind: str) -> str:
+    return "dynamic" if kind == "sweep" else "static"
 
 
 def _series(error: np.ndarray, judged: Judged) -> ErrorSeries | None:
@@ -94,18 +100,31 @@ def _series(error: np.ndarray, judged: Judged) -> ErrorSeries | None:
 
 
 def _summary(
-    errors: JointErrors, key: Key, judged: Judged, motion: str, clock_sd: float
+    errors: JointErrors,
+    key: Key,
+    judged: Judged,
+    by_step: list[JointRow],
+    motion: str,
+    clock_sd: float,
 ) -> ErrorSummary:
+    """Of a section by one filter and sequence.
+
+    Args:
+        errors: Of the joint.
+        key: Filter and sequence.
+        judged: Steps of the section in which it moves so.
+        by_step: What was found in each of them.
+        motion: "static", "dynamic" or "all".
+        clock_sd: Standard uncertainty of the proximal sensor's time [s].
+    """
     every = np.concatenate([rows for _, rows in judged])
-    error = np.degrees(errors.error[key])
-    together = summarise(error[every])
-    steps = [summarise(error[rows]) for _, rows in judged]
+    together = summarise(np.degrees(errors.error[key][every]))
     result = ErrorSummary(
         n=together.n,
-        steps=len(steps),
-        mean_error_deg=float(np.mean([step.mean for step in steps])),
-        mean_abs_error_deg=float(np.mean([step.mean_abs for step in steps])),
-        rmse_deg=float(np.sqrt(np.mean([step.rmse**2 for step in steps]))),
+        steps=len(by_step),
+        mean_error_deg=float(np.mean([row.flexion_mean_error_deg for row in by_step])),
+        mean_abs_error_deg=float(np.mean([row.flexion_mean_abs_error_deg for row in by_step])),
+        rmse_deg=float(np.sqrt(np.mean([row.flexion_rmse_deg**2 for row in by_step]))),
         median_error_deg=together.median,
         iqr_deg=together.iqr,
         p95_abs_error_deg=together.p95_abs,

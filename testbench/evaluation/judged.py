@@ -4,7 +4,8 @@ recording itself marks.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -20,20 +21,29 @@ within 1e-6 after 0.3 s).
 """
 
 
-def judged_steps(steps: list[PlannedStep]) -> list[PlannedStep]:
-    """Steps whose errors count: those of evaluation sections, or all but calibration where there is
-    none.
-    """
-    chosen = [step for step in steps if step.role == "evaluation"]
-    return chosen or [step for step in steps if step.role != "calibration"] or steps
-
-
 def window(step: PlannedStep) -> tuple[int, int]:
     """First and last host time of a step that count [ns]."""
     if step.kind == "sweep":
         return step.start_ns, step.settled_ns
     settling = min(SETTLING_NS, (step.end_ns - step.settled_ns) // 4)
     return step.settled_ns + settling, step.end_ns
+
+
+def window_rows(
+    steps: Sequence[PlannedStep], time_ns: np.ndarray, end: Literal["left", "right"] = "left"
+) -> tuple[np.ndarray, np.ndarray]:
+    """The first row of a time column that counts in each step, and the row after the last.
+
+    Args:
+        steps: That are looked at, m of them.
+        time_ns: Increasing, shape (n,).
+        end: Whether a sample at the very end of a step counts ("right") or not.
+
+    Returns:
+        Shape (m,) each.
+    """
+    windows = np.array([window(step) for step in steps], dtype=np.int64).reshape(-1, 2)
+    return np.searchsorted(time_ns, windows[:, 0]), np.searchsorted(time_ns, windows[:, 1], end)
 
 
 def sound_truth(session: Session, sensor: str) -> tuple[Truth | None, int]:
@@ -62,9 +72,6 @@ def rows_by_step(
         time_ns: Increasing, shape (n,).
         static: At rest by the sensors, shape (n,).
     """
-    for step in steps:
-        begin, end = window(step)
-        rows = np.arange(
-            np.searchsorted(time_ns, begin), np.searchsorted(time_ns, end, side="right")
-        )
+    for step, first, last in zip(steps, *window_rows(steps, time_ns, "right"), strict=True):
+        rows = np.arange(first, last)
         yield step, rows if step.kind == "sweep" else rows[static[rows]]

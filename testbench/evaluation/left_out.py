@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from testbench.evaluation.judged import window
+from testbench.evaluation.judged import window_rows
 from testbench.records.plan import PlannedStep
 
 FEW = 0.5
@@ -48,11 +48,8 @@ def left_out_notes(
         lost: list[PlannedStep] = []
         steps_by, samples_by = Counter[str](), Counter[str]()
         planned = counted = 0
-        for step in own:
-            begin, end = window(step)
-            rows = slice(
-                np.searchsorted(time_ns, begin), np.searchsorted(time_ns, end, side="right")
-            )
+        for step, *span in zip(own, *window_rows(own, time_ns, "right"), strict=True):
+            rows = slice(*span)
             rest = static[rows] | (step.kind == "sweep")
             judged = rest & known[rows] & sound[rows]
             reasons = Counter({MOVING: int((~rest).sum())})

@@ -89,10 +89,55 @@ def summarise(errors: np.ndarray) -> Summary:
 
     Quantiles are linear between order statistics (Hyndman & Fan 1996, type 7), as numpy's are.
     """
+    return summarise_each(errors, np.array([len(errors)]))[0]
+
+
+def summarise_each(errors: np.ndarray, sizes: np.ndarray) -> list[Summary]:
+    """A summary of each of several consecutive sets of errors.
+
+    Args:
+        errors: Of all sets, one after the other, shape (n,).
+        sizes: Errors in each set, none empty, shape (m,), summing to n.
+    """
     errors = np.ascontiguousarray(errors, dtype=np.float64)
-    ordered = np.sort(errors)  # numpy sorts several times faster than compiled loops
-    found = _summary(errors, ordered, ordered if ordered[0] >= 0 else np.sort(np.abs(errors)))
-    return Summary(len(errors), *(float(value) for value in found))
+    ordered = errors.copy()
+    ends = np.cumsum(sizes)
+    for begin, end in zip(ends - sizes, ends, strict=True):
+        ordered[begin:end].sort()  # numpy sorts several times faster than compiled loops
+    found = _summaries(errors, ordered, ends)
+    return [Summary(*row) for row in zip(sizes.tolist(), *found.T.tolist(), strict=True)]
+
+
+@njit(cache=True)
+def _summaries(errors: np.ndarray, ordered: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """What follows the number in `Summary`, of each set of errors that ends there, shape (m, 8).
+
+    Args:
+        errors: Shape (n,).
+        ordered: The same, each set in increasing order, shape (n,).
+        ends: Shape (m,).
+    """
+    result = np.empty((len(ends), 8))
+    begin = 0
+    for i, end in enumerate(ends):
+        own, rising = errors[begin:end], ordered[begin:end]
+        n = end - begin
+        mean = own.mean()
+        square = spread = magnitude = 0.0
+        for error in own:
+            square += error * error
+            spread += (error - mean) ** 2
+            magnitude += abs(error)
+        result[i, 0] = mean
+        result[i, 1] = magnitude / n
+        result[i, 2] = np.sqrt(spread / (n - 1)) if n > 1 else 0.0
+        result[i, 3] = np.sqrt(square / n)
+        result[i, 4] = max(abs(rising[0]), abs(rising[-1]))
+        result[i, 5] = _quantile(rising, 0.5)
+        result[i, 6] = _quantile(rising, 0.75) - _quantile(rising, 0.25)
+        result[i, 7] = _magnitude_quantile(rising, 0.95)
+        begin = end
+    return result
 
 
 @njit(cache=True)
@@ -104,28 +149,21 @@ def _quantile(ordered: np.ndarray, share: float) -> float:
 
 
 @njit(cache=True)
-def _summary(
-    errors: np.ndarray, ordered: np.ndarray, magnitude: np.ndarray
-) -> tuple[float, float, float, float, float, float, float, float]:
-    n = len(errors)
-    mean = errors.mean()
-    square = 0.0
-    spread = 0.0
-    for error in errors:
-        square += error * error
-        spread += (error - mean) ** 2
-    sd = np.sqrt(spread / (n - 1)) if n > 1 else 0.0
-    iqr = _quantile(ordered, 0.75) - _quantile(ordered, 0.25)
-    return (
-        mean,
-        magnitude.mean(),
-        sd,
-        np.sqrt(square / n),
-        magnitude[-1],
-        _quantile(ordered, 0.5),
-        iqr,
-        _quantile(magnitude, 0.95),
-    )
+def _magnitude_quantile(ordered: np.ndarray, share: float) -> float:
+    """The quantile of magnitudes: the largest of them stand at either end of the signed errors."""
+    first, last = 0, len(ordered) - 1
+    place = share * last
+    low = int(place)
+    below = above = max(abs(ordered[first]), abs(ordered[last]))
+    for _ in range(len(ordered) - low):  # down to the magnitude at the place `low`
+        above = below
+        if abs(ordered[first]) > abs(ordered[last]):
+            below = abs(ordered[first])
+            first += 1
+        else:
+            below = abs(ordered[last])
+            last -= 1
+    return below + (place - low) * (above - below)
 
 
 LEAST_SPREAD = np.radians(1.0)

@@ -167,6 +167,7 @@ def summarise_sensor(
         "heading": rotation.heading_angle(sensor.q_true),
         "inclination": rotation.inclination_angle(sensor.q_true),
     }
+    steps = {motion: _steps_within(sensor, mask) for motion, mask in motions.items()}
     for key, errors in sensor.errors.items():
         own = sensor.estimate.orientation[key]
         for part, error in (
@@ -189,7 +190,8 @@ def summarise_sensor(
             )
             degrees = np.degrees(error)
             for motion, mask in motions.items():
-                found = _summary(sensor, key, part, motion, degrees, mask)
+                stream = random_stream(0, sensor.name, key, part, motion, "bootstrap")
+                found = _summary(degrees, mask, steps[motion], stream)
                 if estimated is not None:
                     found = replace(
                         found,
@@ -215,8 +217,9 @@ def summarise_sensor(
 def rank_sensor(sensor: SensorErrors) -> tuple[list[RankRow], list[Comparison]]:
     """The filters by their RMS total error over all judged samples."""
     series = {}
+    steps = _steps_within(sensor, sensor.judged)
     for key, errors in sensor.errors.items():
-        own = _series(sensor, np.degrees(errors.total), sensor.judged)
+        own = _series(np.degrees(errors.total), sensor.judged, steps)
         if own is not None:
             series[key] = own
     return (
@@ -261,25 +264,47 @@ def sweep_rows(sensor: SensorErrors) -> list[OrientationSweepRow]:
     return rows
 
 
-def _series(sensor: SensorErrors, error: np.ndarray, mask: np.ndarray) -> ErrorSeries | None:
+def _steps_within(
+    sensor: SensorErrors, mask: np.ndarray
+) -> list[tuple[PlannedStep, np.ndarray]] | None:
+    """Steps with those of their rows that a mask, shape (n,), leaves; steps without any are left
+    out. None for a recording without a protocol.
+    """
     if sensor.steps is None:
+        return None
+    kept = [(step, rows[mask[rows]]) for step, rows in sensor.steps]
+    return [(step, rows) for step, rows in kept if len(rows)]
+
+
+def _series(
+    error: np.ndarray, mask: np.ndarray, steps: list[tuple[PlannedStep, np.ndarray]] | None
+) -> ErrorSeries | None:
+    """The series of errors, shape (n,), over the steps that `_steps_within` gives for a mask."""
+    if steps is None:
         counted = error[mask]
         return sample_series(counted) if len(counted) else None
-    kept = [(step, rows[mask[rows]]) for step, rows in sensor.steps]
-    pieces = [(step, rows) for step, rows in kept if len(rows)]
-    moving = bool(pieces) and all(step.kind == "sweep" for step, _ in pieces)
-    return step_series(error, [rows for _, rows in pieces], moving, equally=False)
+    moving = bool(steps) and all(step.kind == "sweep" for step, _ in steps)
+    return step_series(error, [rows for _, rows in steps], moving, equally=False)
 
 
 def _summary(
-    sensor: SensorErrors, key: str, part: str, motion: str, error: np.ndarray, mask: np.ndarray
+    error: np.ndarray,
+    mask: np.ndarray,
+    steps: list[tuple[PlannedStep, np.ndarray]] | None,
+    stream: np.random.Generator,
 ) -> ErrorSummary:
-    counted = error[mask]
-    found = summarise(counted)
-    steps = 0 if sensor.steps is None else sum(bool(mask[rows].any()) for _, rows in sensor.steps)
+    """Summary of the errors, shape (n,), that a mask leaves.
+
+    Args:
+        error: Of every sample, shape (n,) [deg].
+        mask: Which count, shape (n,); at least one.
+        steps: As `_steps_within` gives them for the mask.
+        stream: Of the bootstrap.
+    """
+    found = summarise(error[mask])
     result = ErrorSummary(
         found.n,
-        steps,
+        0 if steps is None else len(steps),
         found.mean,
         found.mean_abs,
         found.rmse,
@@ -288,10 +313,10 @@ def _summary(
         found.p95_abs,
         found.max_abs,
     )
-    series = sample_series(counted) if sensor.steps is None else _series(sensor, error, mask)
+    series = _series(error, mask, steps)
     if series is None:
         return result
-    sure = intervals(series, random_stream(0, sensor.name, key, part, motion, "bootstrap"))
+    sure = intervals(series, stream)
     return replace(
         result,
         mean_error_ci95_deg=sure.mean,

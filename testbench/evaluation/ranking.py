@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import t
+from scipy.special import stdtr
 
 from testbench.evaluation.blocks import ErrorSeries, mean_and_error
 from testbench.records.evaluation_rows import Comparison, RankRow
@@ -46,15 +46,23 @@ def rank_filters(
         Rows, best first, and the comparisons behind them. Filters whose comparisons rest on too few
         independent blocks are left out of both; where fewer than two are left, both are empty.
     """
-    series = _comparable(criterion, series)
-    if len(series) < 2:
-        return [], []
     measured = {
         name: own.absolute if criterion == MEAN_MAGNITUDE else own.square
         for name, own in series.items()
     }
     means = {name: float(measured[name].sum() / own.weight.sum()) for name, own in series.items()}
     order = sorted(series, key=lambda name: means[name])
+    found = {
+        (a, b): mean_and_error(measured[a] - measured[b], series[a].weight)
+        for a, b in combinations(order, 2)
+    }
+    few = {frozenset(pair) for pair, (_, _, blocks) in found.items() if blocks < FEWEST_RANKED}
+    kept = _comparable(
+        list(series), few, {name: float(own.sum()) for name, own in measured.items()}
+    )
+    order = [name for name in order if name in kept]
+    if len(order) < 2:
+        return [], []
     pairs = list(combinations(order, 2))
     sizes = {
         name: 1.0 if criterion == MEAN_MAGNITUDE else float(np.sqrt(means[name])) for name in order
@@ -63,11 +71,12 @@ def rank_filters(
         (a, b): LEAST_RELEVANT * (1.0 if criterion == MEAN_MAGNITUDE else sizes[a] + sizes[b])
         for a, b in pairs
     }
-    tests = [_paired(measured[a], measured[b], series[a].weight, relevant[a, b]) for a, b in pairs]
-    corrected = holm([p for _, p, _ in tests])
+    tests = [_exceeds(*found[pair], relevant[pair]) for pair in pairs]
     comparisons = [
-        Comparison(owner, section, sequence, criterion, a, b, difference, p, p_holm, blocks)
-        for (a, b), (difference, p, blocks), p_holm in zip(pairs, tests, corrected, strict=True)
+        Comparison(
+            owner, section, sequence, criterion, *pair, found[pair][0], p, p_holm, found[pair][2]
+        )
+        for pair, p, p_holm in zip(pairs, tests, holm(tests), strict=True)
     ]
     apart = {frozenset((c.first, c.second)) for c in comparisons if c.p_holm < SIGNIFICANCE}
     letters = group_letters(order, apart)
@@ -96,39 +105,32 @@ def rank_filters(
     return rows, comparisons
 
 
-def _comparable(criterion: str, series: dict[str, ErrorSeries]) -> dict[str, ErrorSeries]:
+def _comparable(names: list[str], few: set[frozenset[str]], sums: dict[str, float]) -> list[str]:
     """Without those, the worst first, whose differences from others hold too few independent
     blocks.
+
+    Args:
+        names: Of the filters.
+        few: Pairs with too few blocks.
+        sums: The criterion, by filter.
     """
-    kept = dict(series)
-    measured = {
-        name: own.absolute if criterion == MEAN_MAGNITUDE else own.square
-        for name, own in series.items()
-    }
-    few = {
-        frozenset((a, b))
-        for a, b in combinations(series, 2)
-        if mean_and_error(measured[a] - measured[b], series[a].weight)[2] < FEWEST_RANKED
-    }
+    kept = list(names)
     while True:
         lost = {name: sum(frozenset((name, other)) in few for other in kept) for name in kept}
-        worst = max(lost, key=lambda name: (lost[name], float(measured[name].sum())), default="")
+        worst = max(lost, key=lambda name: (lost[name], sums[name]), default="")
         if not lost.get(worst):
             return kept
-        del kept[worst]
+        kept.remove(worst)
 
 
-def _paired(
-    first: np.ndarray, second: np.ndarray, weight: np.ndarray, relevant: float
-) -> tuple[float, float, int]:
-    """Mean difference, the two-sided p of its being larger than what is relevant, and the number of
-    independent blocks.
+def _exceeds(mean: float, error: float, blocks: int, relevant: float) -> float:
+    """The two-sided p of a mean difference, with its standard error and the number of independent
+    blocks, being larger than what is relevant.
     """
-    mean, error, blocks = mean_and_error(first - second, weight)
     excess = abs(mean) - relevant
     if excess <= 0:
-        return mean, 1.0, blocks
-    return mean, float(2 * t.sf(excess / max(error, 1e-12), blocks - 1)), blocks
+        return 1.0
+    return float(2 * stdtr(blocks - 1, -excess / max(error, 1e-12)))
 
 
 def holm(p: list[float]) -> list[float]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.evaluation.judged import window
+from testbench.evaluation.judged import window_rows
 from testbench.model import rotation
 from testbench.model.joint_angle import (
     INDEX,
@@ -47,17 +47,15 @@ def judged_configurations(arm: ArmSamples, steps: list[PlannedStep]) -> Configur
     where there are none.
     """
     angles, which = [], []
-    for i, step in enumerate(steps):
-        begin, end = window(step)
-        first, last = np.searchsorted(arm.host_time_ns, [begin, end])
+    spans = window_rows(steps, arm.host_time_ns)
+    for i, (step, first, last) in enumerate(zip(steps, *spans, strict=True)):
         if last <= first:
             continue
-        rows = np.unique(np.linspace(first, last - 1, MOST_CONFIGURATIONS).astype(int))
-        own = (
-            arm.q_measured[rows]
-            if step.kind == "sweep"
-            else arm.q_measured[first:last].mean(axis=0)[None]
-        )
+        if step.kind == "sweep":
+            rows = np.unique(np.linspace(first, last - 1, MOST_CONFIGURATIONS).astype(int))
+            own = arm.q_measured[rows]
+        else:
+            own = arm.q_measured[first:last].mean(axis=0)[None]
         angles.append(own)
         which += [i] * len(own)
     return Configurations(np.concatenate(angles), np.array(which)) if angles else None

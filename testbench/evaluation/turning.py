@@ -51,9 +51,19 @@ def judged_motion(time_ns: np.ndarray, angle: np.ndarray, judged: list[np.ndarra
     """
     degrees = np.degrees(angle)
     rate = np.gradient(degrees, time_ns / NANOSECONDS)
-    mean = float(np.mean([np.nanmean(rate[rows]) for rows in judged]))
-    rms = float(np.sqrt(np.mean([np.nanmean(rate[rows] ** 2) for rows in judged])))
-    return JudgedMotion(mean, rms, max(float(np.ptp(degrees[rows])) for rows in judged))
+    every = np.concatenate(judged)
+    sizes = np.array([len(rows) for rows in judged])
+    starts = np.cumsum(sizes) - sizes
+    known = np.isfinite(rate[every])
+    own = np.where(known, rate[every], 0.0)
+    count = np.add.reduceat(known, starts, dtype=np.int64)
+    mean, square = (
+        float(np.mean([piece.sum() for piece in np.split(values, starts[1:])] / count))
+        for values in (own, own**2)
+    )
+    angles = degrees[every]
+    swings = np.maximum.reduceat(angles, starts) - np.minimum.reduceat(angles, starts)
+    return JudgedMotion(mean, float(np.sqrt(square)), float(np.fmax.reduce(swings)))
 
 
 def judged_swing(q_world_from_sensor: np.ndarray, part: str) -> float:

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
-from testbench.evaluation.judged import window
+from testbench.evaluation.judged import window_rows
 from testbench.records.estimate import ClockFit
 from testbench.records.plan import PlannedStep
 from testbench.records.robot import Robot
@@ -168,28 +169,53 @@ def _scatter(arm: ArmSamples, steps: Sequence[PlannedStep]) -> tuple[float, floa
     """Standard deviation of the mean reading of a joint in a pose [deg], RMS over joints and poses;
     degrees of freedom.
     """
-    variances, freedom = [], 0
-    for step in steps:
-        if step.kind == "sweep":
-            continue
-        first, last = np.searchsorted(arm.host_time_ns, window(step))
-        n = int(last - first)
-        if n > 1:
-            variances.append(arm.q_measured[first:last].var(axis=0, ddof=1) / n)
-            freedom += (n - 1) * arm.q_measured.shape[1]
-    return (float(np.degrees(np.sqrt(np.mean(variances)))), float(freedom)) if variances else None
+    poses = [step for step in steps if step.kind != "sweep"]
+    first, last = window_rows(poses, arm.host_time_ns)
+    several = last - first > 1
+    if not several.any():
+        return None
+    variances = _variances_of_means(arm.q_measured, first[several], last[several])
+    freedom = (last - first - 1)[several].sum() * arm.q_measured.shape[1]
+    return float(np.degrees(np.sqrt(np.mean(variances)))), float(freedom)
+
+
+@njit(cache=True)
+def _variances_of_means(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Sample variance of each column over its number of rows, shape (n, k), in each span of at
+    least two rows, shape (m,), to (m, k).
+    """
+    result = np.zeros((len(first), values.shape[1]))
+    for i in range(len(first)):
+        n = last[i] - first[i]
+        for j in range(values.shape[1]):
+            mean = 0.0
+            for row in range(first[i], last[i]):
+                mean += values[row, j] / n
+            for row in range(first[i], last[i]):
+                result[i, j] += (values[row, j] - mean) ** 2 / (n - 1) / n
+    return result
 
 
 def _tracking(arm: ArmSamples, steps: Sequence[PlannedStep]) -> float:
     """RMS of commanded less measured angles over the judged windows and all joints [deg]."""
-    squares = [0.0]
-    for step in steps:
-        first, last = np.searchsorted(arm.host_time_ns, window(step))
-        if last > first:
-            squares.append(
-                float(np.mean((arm.q_sent[first:last] - arm.q_measured[first:last]) ** 2))
-            )
-    return float(np.degrees(np.sqrt(np.mean(squares[1:] or squares))))
+    first, last = window_rows(steps, arm.host_time_ns)
+    seen = last > first
+    if not seen.any():
+        return 0.0
+    squares = _mean_squares(arm.q_sent, arm.q_measured, first[seen], last[seen])
+    return float(np.degrees(np.sqrt(np.mean(squares))))
+
+
+@njit(cache=True)
+def _mean_squares(a: np.ndarray, b: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Mean square of a - b, shapes (n, k), over all columns in each span of rows, shape (m,)."""
+    result = np.zeros(len(first))
+    for i in range(len(first)):
+        for row in range(first[i], last[i]):
+            for j in range(a.shape[1]):
+                result[i] += (a[row, j] - b[row, j]) ** 2
+        result[i] /= (last[i] - first[i]) * a.shape[1]
+    return result
 
 
 def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> UncertaintySource | None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import groupby
 
 import numpy as np
 
-from testbench.records.evaluation import SEVERITY, ChainRow, Evaluation, JointRow, Metric, Outcome
+from testbench.records.evaluation import SEVERITY, ChainRow, JointRow, Metric, Outcome, ResultTables
 from testbench.records.evaluation_rows import JointSummary
 from testbench.records.protocol import JOINT_METRICS, SENSOR_METRICS, AcceptanceLimit, Analysis
 from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
@@ -71,14 +70,14 @@ summary.
 """
 
 
-def summarise_metrics(evaluation: Evaluation) -> list[Metric]:
+def summarise_metrics(evaluation: ResultTables) -> list[Metric]:
     """Every metric of every filter, without limits; joint metrics give each pose or sweep the same
     weight.
     """
     return _joint_metrics(evaluation) + _chain_metrics(evaluation) + _sensor_metrics(evaluation)
 
 
-def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
+def _joint_metrics(evaluation: ResultTables) -> list[Metric]:
     metrics = []
     lacking = _lacking(evaluation)
     summaries: dict[tuple[str, str, str, str], list[JointSummary]] = {}
@@ -87,11 +86,11 @@ def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
             item
         )
 
-    def key(row: JointRow) -> tuple[str, str, str, str]:
-        return row.joint, row.section, row.filter, row.sequence
-
-    for place, group in groupby(sorted(evaluation.joint_angle, key=key), key=key):
-        rows, own = list(group), summaries.get(place, [])
+    by_place: dict[tuple[str, str, str, str], list[JointRow]] = {}
+    for row in evaluation.joint_angle:
+        by_place.setdefault((row.joint, row.section, row.filter, row.sequence), []).append(row)
+    for place, rows in sorted(by_place.items()):
+        own = summaries.get(place, [])
         joint, section, name, sequence = place
         whole = (
             own[0] if len(own) == 1 else next((item for item in own if item.motion == "all"), None)
@@ -142,7 +141,7 @@ def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
     return metrics
 
 
-def _chain_metrics(evaluation: Evaluation) -> list[Metric]:
+def _chain_metrics(evaluation: ResultTables) -> list[Metric]:
     metrics = []
     lacking = _lacking(evaluation)
     for place in dict.fromkeys((row.section, row.state) for row in evaluation.chain):
@@ -184,7 +183,7 @@ def _chain_metrics(evaluation: Evaluation) -> list[Metric]:
     return metrics
 
 
-def _sensor_metrics(evaluation: Evaluation) -> list[Metric]:
+def _sensor_metrics(evaluation: ResultTables) -> list[Metric]:
     metrics = []
     lacking = _lacking(evaluation)
     found = {
@@ -241,7 +240,7 @@ def _sensor_metrics(evaluation: Evaluation) -> list[Metric]:
     return metrics
 
 
-def _lacking(evaluation: Evaluation) -> dict[tuple[str, str, str | None], str]:
+def _lacking(evaluation: ResultTables) -> dict[tuple[str, str, str | None], str]:
     """What the budgets that could not be completed lack, by owner, quantity and section."""
     return {
         (b.owner, b.quantity, b.section): "; ".join(b.notes)

@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter, lfilter_zi
 
 from testbench.model import rotation
-from testbench.model.noise import GaussMarkov, RandomWalk, random_stream
+from testbench.model.noise import GaussMarkov, RandomWalk, first_order, random_stream
 from testbench.records.sensor import DeviceOrientation, Triad
 
 SHEET_TEMPERATURE = 25.0
@@ -130,13 +129,11 @@ class TriadModel:
     def _low_pass(self, x: np.ndarray) -> np.ndarray:
         if self._low_pass_coefficients is None:
             return x
-        b, a = self._low_pass_coefficients
+        (b0, b1), (_, a1) = self._low_pass_coefficients
         if self._filter_state is None:
-            self._filter_state = (
-                lfilter_zi(b, a)[:, None] * x[:1]
-            )  # it has seen this value for ever
-        y, self._filter_state = lfilter(b, a, x, axis=0, zi=self._filter_state)
-        return np.asarray(y)
+            settled = (b1 - a1 * b0) / (1 + a1)  # it has seen its first value for ever
+            self._filter_state = settled * x[:1]
+        return first_order(b0, b1, a1, np.ascontiguousarray(x), self._filter_state)
 
 
 def low_pass_coefficients(bandwidth: float, rate: float) -> tuple[np.ndarray, np.ndarray]:

@@ -6,15 +6,17 @@ and what an ideal inertial sensor fixed to that frame would measure.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from testbench.exceptions import FileProblems, NotFoundError, Problem
 from testbench.model import rotation
-from testbench.model.chain import chain_motion
+from testbench.model.chain import Chain, Tip, chain_motion, link_poses
 from testbench.records.robot import Robot
 from testbench.records.strict import Placement
 
@@ -69,7 +71,7 @@ class FrameMotion:
     acceleration: np.ndarray
     angular_acceleration: np.ndarray
 
-    @property
+    @cached_property
     def q_world_from_frame(self) -> np.ndarray:
         """Unit quaternions w, x, y, z, shape (n, 4)."""
         return rotation.from_matrix(self.R_world_from_frame)
@@ -127,7 +129,7 @@ class Kinematics:
         self.world_from_base = Pose.from_placement(robot.spec.base)
         self._column = {name: i for i, name in enumerate(robot.joint_names)}
 
-    @property
+    @cached_property
     def link_names(self) -> list[str]:
         """Links of the URDF, base first."""
         return [frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY]
@@ -137,6 +139,17 @@ class Kinematics:
         """Pinocchio's configuration vector at zero angles, shape (nq,)."""
         return pin.neutral(self.model)
 
+    @cached_property
+    def _places(self) -> list[tuple[int, int, bool]]:
+        """Of each joint its column, where Pinocchio's configuration vector has it, and whether it
+        stands there as cosine and sine: a joint without limits does.
+        """
+        joints = [
+            (column, self.model.joints[self.model.getJointId(name)])
+            for name, column in self._column.items()
+        ]
+        return [(column, joint.idx_q, joint.nq == 2) for column, joint in joints]
+
     def configuration(self, q: np.ndarray) -> np.ndarray:
         """Pinocchio's configuration vector, shape (nq,).
 
@@ -144,12 +157,11 @@ class Kinematics:
             q: Joint angles in the robot's order, shape (n_joints,) [rad].
         """
         result = self.neutral.copy()
-        for name, column in self._column.items():
-            joint = self.model.joints[self.model.getJointId(name)]
-            if joint.nq == 2:
-                result[joint.idx_q : joint.idx_q + 2] = np.cos(q[column]), np.sin(q[column])
+        for column, place, unlimited in self._places:
+            if unlimited:
+                result[place : place + 2] = np.cos(q[column]), np.sin(q[column])
             else:
-                result[joint.idx_q] = q[column]
+                result[place] = q[column]
         return result
 
     def check_link(self, link: str) -> None:
@@ -186,22 +198,60 @@ class Kinematics:
         zero = np.zeros_like(q)
         v = zero if v is None else np.ascontiguousarray(np.atleast_2d(v), dtype=float)
         a = zero if a is None else np.ascontiguousarray(np.atleast_2d(a), dtype=float)
-        rotations, offsets, axes, columns, tip = self.chain_to(link)
+        chain, tip = self.chain_to(link)
         if offset is not None:
             tip = tip @ offset
-        arrays = chain_motion(
-            rotations, offsets, axes, columns, np.ascontiguousarray(tip.R), tip.position, q, v, a
-        )
+        arrays = chain_motion(chain, Tip(np.ascontiguousarray(tip.R), tip.position), q, v, a)
         return FrameMotion(*arrays)
 
-    @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
-    def chain_to(self, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Pose]:
-        """The joints that carry a link, for `chain.chain_motion`.
+    def link_poses(self, links: Sequence[str], q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where several links are, in one walk along each chain that carries some of them.
+
+        Args:
+            links: Names of links in the URDF, l of them.
+            q: Joint angles in the robot's order, shape (n, n_joints) [rad].
 
         Returns:
-            Rotations (k, 3, 3), offsets (k, 3) [m], axes (k, 3) and columns (k,) of the joints, and
-            the pose of the link in the last of them.
+            Positions, shape (n, l, 3) [m], and rotations world from link, shape (n, l, 3, 3).
+
+        Raises:
+            NotFoundError: The arm has no such link.
         """
+        q = np.ascontiguousarray(np.atleast_2d(q), dtype=float)
+        positions = np.empty((len(q), len(links), 3))
+        rotations = np.empty((len(q), len(links), 3, 3))
+        for chain, places in self._chains(tuple(links)):
+            positions[:, places], rotations[:, places] = link_poses(*chain, q)
+        return positions, rotations
+
+    @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
+    def _chains(self, links: tuple[str, ...]) -> list[tuple[tuple[Any, ...], list[int]]]:
+        """The chains that carry some links, longest first, as `link_poses` takes them, and the
+        places of the links on each: those whose joints are the first ones of it.
+        """
+        for link in links:
+            self.check_link(link)
+        found = [self.chain_to(link) for link in links]
+        columns = [chain.columns for chain, _ in found]
+        left = sorted(range(len(links)), key=lambda i: -len(columns[i]))
+        chains: list[tuple[tuple[Any, ...], list[int]]] = []
+        while left:
+            joints, longest = found[left[0]][0], columns[left[0]]
+            own = [i for i in left if np.array_equal(longest[: len(columns[i])], columns[i])]
+            tips = [found[i][1] for i in own]
+            chain = (
+                joints,
+                np.array([len(columns[i]) for i in own]),
+                np.array([tip.R for tip in tips]),
+                np.array([tip.position for tip in tips]),
+            )
+            chains.append((chain, own))
+            left = [i for i in left if i not in own]
+        return chains
+
+    @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
+    def chain_to(self, link: str) -> tuple[Chain, Pose]:
+        """The joints that carry a link, and the pose of the link in the last of them."""
         model = self.model
         frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
         joints: list[int] = []
@@ -225,7 +275,7 @@ class Kinematics:
         offsets = np.array([pose.position for pose in placements]).reshape(-1, 3)
         axes = np.array([self._axis(j) for j in joints]).reshape(-1, 3)
         columns = np.array([self._column[model.names[j]] for j in joints], dtype=np.int64)
-        return rotations, offsets, axes, columns, tip
+        return Chain(rotations, offsets, axes, columns), tip
 
     def _axis(self, joint: int) -> np.ndarray:
         """Axis of a rotating joint in its own frame, shape (3,): angular part of its subspace."""

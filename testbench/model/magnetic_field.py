@@ -65,33 +65,33 @@ def disturbances(environment: Environment, kinematics: Kinematics) -> list[Magne
 def _add_dipoles(
     field: np.ndarray,
     position: np.ndarray,
-    R: np.ndarray,
-    origin: np.ndarray,
+    origins: np.ndarray,
+    rotations: np.ndarray,
+    link: np.ndarray,
     places: np.ndarray,
     moments: np.ndarray,
-    induced: np.ndarray,
 ) -> None:
-    """Add the fields of the dipoles of one link, as `dipole_field` gives them.
+    """Add the fields of dipoles, as `dipole_field` gives them.
 
     Args:
-        field: In the world, shape (n, 3) [uT]; added to.
-        position: Where the field is wanted, in the world, shape (n, 3) [m].
-        R: Rotation world from link, shape (n, 3, 3), or (1, 3, 3) where the link stands still.
-        origin: Of the link in the world, shape (n, 3) or (1, 3) [m].
-        places: Of the dipoles in the link, shape (k, 3) [m].
-        moments: In the link, shape (k, 3) [A m^2].
-        induced: Moments in the world, shape (k, 3) [A m^2].
+        field: In the world, shape (n, 3) [uT].
+        position: Where the field is wanted, shape (n, 3) [m].
+        origins: Of the links, shape (n, l, 3) [m].
+        rotations: World from link, shape (n, l, 3, 3).
+        link: Place of each dipole's link among them, shape (k,).
+        places: Of the dipoles in their links, shape (k, 3) [m].
+        moments: In the link, and what is induced in the world, shape (k, 2, 3) [A m^2].
     """
     d, m = np.empty(3), np.empty(3)
     for i in range(field.shape[0]):
-        at = i if R.shape[0] > 1 else 0
         for k in range(places.shape[0]):
             square, along = 0.0, 0.0
+            R, origin = rotations[i, link[k]], origins[i, link[k]]
             for r in range(3):
-                d[r], m[r] = position[i, r] - origin[at, r], induced[k, r]
+                d[r], m[r] = position[i, r] - origin[r], moments[k, 1, r]
                 for c in range(3):
-                    d[r] -= R[at, r, c] * places[k, c]
-                    m[r] += R[at, r, c] * moments[k, c]
+                    d[r] -= R[r, c] * places[k, c]
+                    m[r] += R[r, c] * moments[k, 0, c]
                 square += d[r] * d[r]
                 along += d[r] * m[r]
             scale = 1e6 * MU_0_OVER_4PI / (square * np.sqrt(square))
@@ -112,19 +112,17 @@ class MagneticField:
 
     def __init__(self, environment: Environment, kinematics: Kinematics):
         self.earth, self.kinematics = earth_field(environment), kinematics
-        by_link: dict[str, list[MagneticDipole]] = {}
-        for dipole in disturbances(environment, kinematics):
-            by_link.setdefault(dipole.link, []).append(dipole)
-        self._sources = {
-            link: (
-                np.array([dipole.position_mm for dipole in dipoles], float) / 1000,
-                np.array([dipole.moment_A_m2 for dipole in dipoles], float),
-                np.array(
-                    [induced_moment(self.earth, dipole.iron_radius_mm / 1000) for dipole in dipoles]
-                ),
-            )
-            for link, dipoles in by_link.items()
-        }
+        dipoles = disturbances(environment, kinematics)
+        self._links = list(dict.fromkeys(dipole.link for dipole in dipoles))
+        dipoles.sort(key=lambda dipole: self._links.index(dipole.link))
+        self._link = np.array([self._links.index(dipole.link) for dipole in dipoles])
+        self._places = np.array([dipole.position_mm for dipole in dipoles], float) / 1000
+        self._moments = np.array(
+            [
+                [dipole.moment_A_m2, induced_moment(self.earth, dipole.iron_radius_mm / 1000)]
+                for dipole in dipoles
+            ]
+        )
 
     def at(self, position: np.ndarray, q: np.ndarray) -> np.ndarray:
         """The field in the world frame, shape (n, 3) [uT].
@@ -134,21 +132,10 @@ class MagneticField:
             q: Joint angles at the same instants, shape (n, n_joints) [rad].
         """
         field = np.tile(self.earth, (len(position), 1))
-        if len(position) == 0:
-            return field
-        for link, (places, moments, induced) in self._sources.items():
-            fixed = (
-                len(self.kinematics.chain_to(link)[3]) == 0
-            )  # no joint moves it: one pose is that of all instants
-            motion = self.kinematics.frame_motion(link, q[:1] if fixed else q)
+        if len(position) and self._links:
+            origins, rotations = self.kinematics.link_poses(self._links, q)
             _add_dipoles(
-                field,
-                position,
-                motion.R_world_from_frame,
-                motion.position,
-                places,
-                moments,
-                induced,
+                field, position, origins, rotations, self._link, self._places, self._moments
             )
         return field
 

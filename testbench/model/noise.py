@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 
 import numpy as np
-from scipy.signal import lfilter
+from numba import njit
 
 
 def random_stream(seed: int, *labels: str) -> np.random.Generator:
@@ -19,6 +19,31 @@ def random_stream(seed: int, *labels: str) -> np.random.Generator:
     digest = hashlib.sha256("\0".join(labels).encode()).digest()
     key = tuple(int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4))
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+@njit(cache=True)
+def first_order(b0: float, b1: float, a1: float, x: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """A first-order filter of each column: y[n] = b0 x[n] + b1 x[n - 1] - a1 y[n - 1].
+
+    In direct form II transposed (Oppenheim & Schafer, Discrete-Time Signal Processing, section
+    6.3).
+
+    Args:
+        b0: Weight of the present input.
+        b1: Weight of the input before.
+        a1: Weight of the output before, the first coefficient of the denominator being 1.
+        x: Input, shape (n, k).
+        state: What the filter remembers, shape (1, k); it is left as of the last row.
+
+    Returns:
+        Shape (n, k).
+    """
+    y = np.empty_like(x)
+    for row in range(x.shape[0]):
+        for column in range(x.shape[1]):
+            y[row, column] = state[0, column] + b0 * x[row, column]
+            state[0, column] = x[row, column] * b1 - y[row, column] * a1
+    return y
 
 
 class GaussMarkov:
@@ -47,11 +72,10 @@ class GaussMarkov:
 
     def draw(self, n: int) -> np.ndarray:
         """The next n values, shape (n, columns)."""
-        if not self.active or n == 0:  # lfilter forgets its state over an empty input
+        if not self.active or n == 0:
             return np.zeros((n, self.columns))
         noise = self.step * self.rng.standard_normal((n, self.columns))
-        values, self.state = lfilter([1.0], [1.0, -self.decay], noise, axis=0, zi=self.state)
-        return np.asarray(values)
+        return first_order(1.0, 0.0, -self.decay, noise, self.state)
 
 
 class RandomWalk:
@@ -73,5 +97,4 @@ class RandomWalk:
         if self.step == 0 or n == 0:
             return np.zeros((n, self.columns))
         noise = self.step * self.rng.standard_normal((n, self.columns))
-        values, self.state = lfilter([1.0], [1.0, -1.0], noise, axis=0, zi=self.state)
-        return np.asarray(values)
+        return first_order(1.0, 0.0, -1.0, noise, self.state)

@@ -7,13 +7,12 @@ upper case as in SciPy.
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from numba import njit
-from scipy.spatial.transform import Rotation
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+GIMBAL_LOCK = 1e-7
+"""So near to its end the middle angle leaves only the sum or difference of the others [rad]."""
 
 
 def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -116,9 +115,31 @@ def rotate(q_target_from_source: np.ndarray, x_source: np.ndarray) -> np.ndarray
     """
     q = np.asarray(q_target_from_source, float)
     x = np.asarray(x_source, float)
-    w, v = q[..., :1], q[..., 1:]
-    t = 2.0 * np.cross(v, x)
-    return x + w * t + np.cross(v, t)
+    shape = np.broadcast_shapes(q.shape[:-1], x.shape[:-1])
+    if q.ndim > 1 and x.ndim > 1 and q.shape[:-1] != x.shape[:-1]:
+        q, x = np.broadcast_to(q, (*shape, 4)), np.broadcast_to(x, (*shape, 3))
+    return _rotated(
+        np.ascontiguousarray(q).reshape(-1, 4), np.ascontiguousarray(x).reshape(-1, 3)
+    ).reshape(*shape, 3)
+
+
+@njit(cache=True)
+def _rotated(q: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Row by row, shapes (n, 4) and (n, 3), where either may be a single row for all: x + w t + v
+    cross t with t = 2 v cross x.
+    """
+    n = max(len(q), len(x)) if len(q) and len(x) else 0
+    result = np.empty((n, 3))
+    for row in range(n):
+        i, j = row if len(q) > 1 else 0, row if len(x) > 1 else 0
+        w, a, b, c = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        t0 = 2.0 * (b * x[j, 2] - c * x[j, 1])
+        t1 = 2.0 * (c * x[j, 0] - a * x[j, 2])
+        t2 = 2.0 * (a * x[j, 1] - b * x[j, 0])
+        result[row, 0] = x[j, 0] + w * t0 + (b * t2 - c * t1)
+        result[row, 1] = x[j, 1] + w * t1 + (c * t0 - a * t2)
+        result[row, 2] = x[j, 2] + w * t2 + (a * t1 - b * t0)
+    return result
 
 
 def to_matrix(q: np.ndarray) -> np.ndarray:
@@ -131,8 +152,33 @@ def to_matrix(q: np.ndarray) -> np.ndarray:
         Shape (..., 3, 3).
     """
     q = np.asarray(q, float)
-    matrices = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix()
-    return matrices.reshape(*q.shape[:-1], 3, 3)
+    return _matrices(np.ascontiguousarray(q).reshape(-1, 4)).reshape(*q.shape[:-1], 3, 3)
+
+
+@njit(cache=True)
+def _matrices(q: np.ndarray) -> np.ndarray:
+    """Row by row, shape (n, 4) to (n, 3, 3)."""
+    matrices = np.empty((len(q), 3, 3))
+    for row in range(len(q)):
+        w, x, y, z = unit(q[row, 0], q[row, 1], q[row, 2], q[row, 3])
+        R = matrices[row]
+        R[0, 0] = x * x - y * y - z * z + w * w
+        R[0, 1] = 2.0 * (x * y - z * w)
+        R[0, 2] = 2.0 * (x * z + y * w)
+        R[1, 0] = 2.0 * (x * y + z * w)
+        R[1, 1] = -(x * x) + y * y - z * z + w * w
+        R[1, 2] = 2.0 * (y * z - x * w)
+        R[2, 0] = 2.0 * (x * z - y * w)
+        R[2, 1] = 2.0 * (y * z + x * w)
+        R[2, 2] = -(x * x) - y * y + z * z + w * w
+    return matrices
+
+
+@njit(cache=True)
+def unit(w: float, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """A quaternion scaled to unit length, for compiled loops."""
+    length = np.sqrt(x * x + y * y + z * z + w * w)
+    return w / length, x / length, y / length, z / length
 
 
 def from_matrix(matrix: np.ndarray) -> np.ndarray:
@@ -143,10 +189,62 @@ def from_matrix(matrix: np.ndarray) -> np.ndarray:
 
     Returns:
         Shape (..., 4).
+
+    Raises:
+        ValueError: One is left-handed or singular; of one that is not quite orthogonal the nearest
+            rotation is taken.
     """
     matrix = np.asarray(matrix, float)
-    q = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
+    rows = np.ascontiguousarray(matrix).reshape(-1, 3, 3)
+    q, orthogonal = _quaternions(rows)
+    if not orthogonal:
+        from scipy.spatial.transform import Rotation
+
+        q = Rotation.from_matrix(rows).as_quat(canonical=True, scalar_first=True)
     return q.reshape(*matrix.shape[:-2], 4)
+
+
+@njit(cache=True)
+def _quaternions(matrices: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Row by row, shape (n, 3, 3) to (n, 4), and whether all of them are rotations to 1e-12.
+
+    The largest part of the quaternion is found first, so that nothing is divided by a small number
+    (Markley, J. Guidance, Control, and Dynamics 31, 2008, eqs 24 and 25).
+    """
+    result = np.empty((len(matrices), 4))
+    for row in range(len(matrices)):
+        R = matrices[row]
+        for i in range(3):
+            for j in range(3):
+                product_of_rows = R[i, 0] * R[j, 0] + R[i, 1] * R[j, 1] + R[i, 2] * R[j, 2]
+                if not abs(product_of_rows - (1.0 if i == j else 0.0)) <= 1e-12:
+                    return result, False
+        if (
+            R[0, 0] * (R[1, 1] * R[2, 2] - R[1, 2] * R[2, 1])
+            - R[0, 1] * (R[1, 0] * R[2, 2] - R[1, 2] * R[2, 0])
+            + R[0, 2] * (R[1, 0] * R[2, 1] - R[1, 1] * R[2, 0])
+            < 0
+        ):
+            return result, False
+        trace = R[0, 0] + R[1, 1] + R[2, 2]
+        if trace > max(R[0, 0], R[1, 1], R[2, 2]):
+            w, x = 1.0 + trace, R[2, 1] - R[1, 2]
+            y, z = R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+        elif R[0, 0] >= max(R[1, 1], R[2, 2]):
+            w, x = R[2, 1] - R[1, 2], 1.0 - trace + 2.0 * R[0, 0]
+            y, z = R[1, 0] + R[0, 1], R[2, 0] + R[0, 2]
+        elif R[1, 1] >= R[2, 2]:
+            w, x = R[0, 2] - R[2, 0], R[1, 0] + R[0, 1]
+            y, z = 1.0 - trace + 2.0 * R[1, 1], R[2, 1] + R[1, 2]
+        else:
+            w, x = R[1, 0] - R[0, 1], R[2, 0] + R[0, 2]
+            y, z = R[2, 1] + R[1, 2], 1.0 - trace + 2.0 * R[2, 2]
+        w, x, y, z = unit(w, x, y, z)
+        first = w if w != 0.0 else x if x != 0.0 else y if y != 0.0 else z
+        if first < 0.0:  # of half a turn either sign has w = 0: the next part decides
+            w, x, y, z = -w, -x, -y, -z
+        result[row, 0], result[row, 1], result[row, 2], result[row, 3] = w, x, y, z
+    return result, True
 
 
 def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
@@ -172,8 +270,24 @@ def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
         Shape (..., 4).
     """
     vector = np.asarray(vector, float)
-    q = Rotation.from_rotvec(vector.reshape(-1, 3)).as_quat(scalar_first=True)
-    return q.reshape(*vector.shape[:-1], 4)
+    return _from_vectors(np.ascontiguousarray(vector).reshape(-1, 3)).reshape(*vector.shape[:-1], 4)
+
+
+@njit(cache=True)
+def _from_vectors(vector: np.ndarray) -> np.ndarray:
+    """Row by row, shape (n, 3) to (n, 4)."""
+    q = np.empty((len(vector), 4))
+    for row in range(len(vector)):
+        x, y, z = vector[row, 0], vector[row, 1], vector[row, 2]
+        angle = np.sqrt(x * x + y * y + z * z)
+        if angle <= 1e-3:  # sin(angle / 2) / angle by its series, exact to rounding
+            square = angle * angle
+            scale = 0.5 - square / 48.0 + square * square / 3840.0
+        else:
+            scale = np.sin(angle / 2.0) / angle
+        q[row, 0] = np.cos(angle / 2.0)
+        q[row, 1], q[row, 2], q[row, 3] = scale * x, scale * y, scale * z
+    return q
 
 
 def to_rotation_vector(q: np.ndarray) -> np.ndarray:
@@ -293,10 +407,48 @@ def to_euler(sequence: str, q: np.ndarray) -> np.ndarray:
         Shape (..., 3) [rad].
     """
     q = np.asarray(q, float)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Gimbal lock")
-        angles = Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_euler(sequence)
+    axes = np.array(["XYZ".index(letter) for letter in sequence])
+    angles = _euler_angles(axes, np.ascontiguousarray(q).reshape(-1, 4))
     return angles.reshape(*q.shape[:-1], 3)
+
+
+@njit(cache=True)
+def _euler_angles(axes: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Row by row, shape (n, 4) to (n, 3): Bernardes & Viollet, PLoS ONE 17 (2022) e0276302,
+    algorithm 1; their angles belong to turns about fixed axes, which come in the opposite order.
+    """
+    k, j, i = axes
+    symmetric = i == k
+    if symmetric:
+        k = 3 - i - j
+    sign = (i - j) * (j - k) * (k - i) / 2.0  # +1 where i, j, k are even, -1 where odd
+    angles = np.empty((len(q), 3))
+    part = np.empty(4)
+    for row in range(len(q)):
+        part[3], part[0], part[1], part[2] = unit(q[row, 0], q[row, 1], q[row, 2], q[row, 3])
+        if symmetric:
+            a, b, c, d = part[3], part[i], part[j], part[k] * sign
+        else:
+            a, b = part[3] - part[j], part[i] + part[k] * sign
+            c, d = part[j] + part[3], part[k] * sign - part[i]
+        middle = 2.0 * np.arctan2(np.hypot(c, d), np.hypot(a, b))
+        half_sum, half_difference = np.arctan2(b, a), np.arctan2(d, c)
+        if abs(middle) <= GIMBAL_LOCK:
+            first, third = 2.0 * half_sum, 0.0
+        elif abs(middle - np.pi) <= GIMBAL_LOCK:
+            first, third = 2.0 * half_difference, 0.0
+        else:
+            first, third = half_sum + half_difference, half_sum - half_difference
+        if not symmetric:
+            first *= sign
+            middle -= np.pi / 2.0
+        angles[row, 0], angles[row, 1], angles[row, 2] = first, middle, third
+        for m in range(3):
+            if angles[row, m] < -np.pi:
+                angles[row, m] += 2.0 * np.pi
+            elif angles[row, m] > np.pi:
+                angles[row, m] -= 2.0 * np.pi
+    return angles
 
 
 def gimbal_margin(sequence: str, angles: np.ndarray) -> np.ndarray:

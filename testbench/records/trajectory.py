@@ -106,6 +106,8 @@ def hermite(
     k = (
         max(min(np.searchsorted(knots, at[0], side="right") - 1, last - 1), 0) if n else 0
     )  # far into hours of knots at once
+    c3, c4, c5 = np.empty(m), np.empty(m), np.empty(m)
+    known = -1  # interval whose coefficients these are
     for i in range(n):
         t = at[i]
         if k > 0 and t < knots[k]:
@@ -120,17 +122,21 @@ def hermite(
                 vs[i, j] = v[edge, j] if t == knots[edge] else 0.0
                 accelerations[i, j] = a[edge, j] if t == knots[edge] else 0.0
             continue
-        h = (knots[k + 1] - knots[k]) * 1e-9
+        if k != known:
+            h = (knots[k + 1] - knots[k]) * 1e-9
+            for j in range(m):
+                # What the parabola from the first knot's state lacks at the second, in q, v and a.
+                dq = q[k + 1, j] - q[k, j] - v[k, j] * h - 0.5 * a[k, j] * h * h
+                dv = (v[k + 1, j] - v[k, j] - a[k, j] * h) * h
+                da = (a[k + 1, j] - a[k, j]) * h * h
+                c3[j] = (10.0 * dq - 4.0 * dv + 0.5 * da) / h**3
+                c4[j] = (-15.0 * dq + 7.0 * dv - da) / h**4
+                c5[j] = (6.0 * dq - 3.0 * dv + 0.5 * da) / h**5
+            known = k
         s = (t - knots[k]) * 1e-9
         for j in range(m):
-            v0, a0 = v[k, j], a[k, j]
-            dq = q[k + 1, j] - q[k, j] - v0 * h - 0.5 * a0 * h * h
-            dv = (v[k + 1, j] - v0 - a0 * h) * h
-            da = (a[k + 1, j] - a0) * h * h
-            c3 = (10.0 * dq - 4.0 * dv + 0.5 * da) / h**3
-            c4 = (-15.0 * dq + 7.0 * dv - da) / h**4
-            c5 = (6.0 * dq - 3.0 * dv + 0.5 * da) / h**5
-            qs[i, j] = q[k, j] + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
-            vs[i, j] = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
-            accelerations[i, j] = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
+            v0, a0, b3, b4, b5 = v[k, j], a[k, j], c3[j], c4[j], c5[j]
+            qs[i, j] = q[k, j] + s * (v0 + s * (0.5 * a0 + s * (b3 + s * (b4 + s * b5))))
+            vs[i, j] = v0 + s * (a0 + s * (3.0 * b3 + s * (4.0 * b4 + s * 5.0 * b5)))
+            accelerations[i, j] = a0 + s * (6.0 * b3 + s * (12.0 * b4 + s * 20.0 * b5))
     return qs, vs, accelerations

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from testbench.frames import NANOSECONDS
 from testbench.records.earlier_steps import earlier_steps
-from testbench.records.estimate import FOLDER as ESTIMATE_FOLDER
 from testbench.records.estimate import Estimate
-from testbench.records.evaluation import FILE as EVALUATION_FILE
 from testbench.records.evaluation import Evaluation, Outcome
+from testbench.records.layout import EVALUATION_SUMMARY, REPORT
 from testbench.records.published import load_published
 from testbench.records.replacing import stored, write_text
 from testbench.records.session import Session
+from testbench.records.session_lock import session_locked
 from testbench.reporting.axes_section import axes_section
 from testbench.reporting.chain_section import chain_section
 from testbench.reporting.figures import Span
@@ -35,11 +35,11 @@ from testbench.reporting.session_section import (
 from testbench.reporting.tiles import result_tiles
 from testbench.reporting.uncertainty_section import uncertainty_section
 
-FILE = "report.html"
 VENDORS_FILTER = "device"
 """The orientation that a sensor computes itself; simulated sensors have an error model of it."""
 
 
+@session_locked
 def report(
     session: Session, estimate: Estimate | None = None, evaluation: Evaluation | None = None
 ) -> Path:
@@ -61,7 +61,7 @@ def report(
     """
     estimate = estimate or load_estimate(session)
     evaluation = evaluation or load_evaluation(session)
-    path = session.path / FILE
+    path = session.path / REPORT
     page = render(session, estimate, evaluation)
     with stored(path):
         write_text(path, page)
@@ -70,26 +70,21 @@ def report(
 
 def load_estimate(session: Session) -> Estimate | None:
     """The estimate in the session's folder, or None."""
-    return (
-        Estimate.load(session.path)
-        if (session.path / ESTIMATE_FOLDER / "estimate.json").is_file()
-        else None
-    )
+    return Estimate.load(session.path) if Estimate.lies_in(session.path) else None
 
 
 def load_evaluation(session: Session) -> Evaluation | None:
     """The evaluation in the session's folder, or None."""
-    return Evaluation.load(session.path) if (session.path / EVALUATION_FILE).is_file() else None
+    return Evaluation.load(session.path) if (session.path / EVALUATION_SUMMARY).is_file() else None
 
 
 def render(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> str:
     """The report as HTML."""
     sections = _sections(session, estimate, evaluation)
-    protocol, earlier = session.manifest.get("protocol"), earlier_steps(session)
-    described = protocol if isinstance(protocol, dict) else {}
+    protocol, earlier = session.manifest.protocol, earlier_steps(session)
     return render_page(
-        title=described.get("name") or session.name,
-        purpose=described.get("purpose") or "",
+        title=protocol.name or session.name,
+        purpose=protocol.purpose or "",
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
         verdict=evaluation.verdict if evaluation else "not evaluated",
         simulated=simulated_parts(session),

@@ -26,8 +26,7 @@ CHUNK = 250_000
 STAGES = ("import", "estimate", "evaluate", "report")
 
 PROGRAM = """
-import json, os, resource, sys, time
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does
+import json, resource, sys, time
 from pathlib import Path
 from testbench.clock import SystemClock
 from testbench.estimation import access, estimate
@@ -48,8 +47,8 @@ def run(folder):
         files = sorted(folder.glob("sensor*.csv"))
         options = Options(str(folder / "map.yaml"))
         manifest = import_recording("generic", files, path, SystemClock(), options).manifest
-        samples = sum(manifest["samples"].values())
-        return {"duration_s": manifest["duration_s"], "samples": samples}
+        samples = sum(manifest.samples.values())
+        return {"duration_s": manifest.duration_s, "samples": samples}
     session = Session(path)
     if stage == "estimate":
         made = estimate(session)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from testbench import execute, plan
+from testbench.execution import RunOptions
 from testbench.records.shipped import shipped_folder
 from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
@@ -45,7 +46,7 @@ def _mutations(numbers: range) -> Iterator[dict[str, Any]]:
         (folder / "inside").mkdir()
         protocol = folder / "tiny.yaml"
         protocol.write_text(TINY, encoding="utf-8")
-        session = execute(plan(protocol), folder, 1, session_name="session")
+        session = execute(plan(protocol), folder, 1, RunOptions(session_name="session"))
         robot = shipped_folder("robots") / "ur3e"
         campaign = Campaign(folder / "inside", protocol, robot, session.path, CALIBRATION)
         here = Path.cwd()

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.model import allan
 from testbench.model.allan import allan_deviation, fit_noise
 
 RATE = 100.0
@@ -81,10 +80,3 @@ def test_the_curve_is_that_of_allantools():
     np.testing.assert_allclose(curve.tau, tau, rtol=1e-15)
     np.testing.assert_allclose(curve.deviation, deviation, rtol=1e-12)
     np.testing.assert_array_equal(len(signal) + 1 - 2 * factor, differences)
-
-
-def test_the_curve_is_the_same_in_pieces(monkeypatch):
-    signal = white(0.01, 5000, 3)
-    whole = allan_deviation(signal, RATE)
-    monkeypatch.setattr(allan, "PIECE", 333)
-    np.testing.assert_allclose(allan_deviation(signal, RATE).deviation, whole.deviation, rtol=1e-13)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -129,6 +131,31 @@ def test_gimbal_lock_gives_no_warning_and_keeps_the_middle_angle(sequence, locke
     assert angles[1] == pytest.approx(locked, abs=1e-7)
     assert rotation.gimbal_margin(sequence, angles) == pytest.approx(0, abs=1e-7)
     assert same(rotation.from_euler(sequence, angles), q, 1e-7)
+
+
+@pytest.mark.parametrize("sequence", PROPER + TAIT_BRYAN)
+def test_euler_angles_are_those_of_scipy_branch_and_all(sequence):
+    q = np.random.default_rng(4).normal(size=(500, 4))
+    expected = Rotation.from_quat(q, scalar_first=True).as_euler(sequence)
+    np.testing.assert_allclose(rotation.to_euler(sequence, q), expected, atol=1e-15)
+
+
+def test_matrices_of_half_turns_give_the_quaternions_that_scipy_gives_sign_and_all():
+    parts = [0.0, -0.0, 1.0, -1.0, 1e-9]
+    q = np.array([p for p in itertools.product(parts, repeat=4) if np.linalg.norm(p) > 0.5])
+    matrices = Rotation.from_quat(q, scalar_first=True).as_matrix()
+    expected = Rotation.from_matrix(matrices).as_quat(canonical=True, scalar_first=True)
+    np.testing.assert_allclose(rotation.to_matrix(q), matrices, atol=1e-15)
+    np.testing.assert_allclose(rotation.from_matrix(matrices), expected, atol=1e-15)
+
+
+def test_a_matrix_that_is_not_quite_a_rotation_gives_the_nearest_one_and_a_mirror_none():
+    matrix = rotation.to_matrix(rotation.from_rotation_vector([0.3, -0.2, 0.9]))
+    bent = np.stack([matrix, matrix + 1e-6 * np.arange(9).reshape(3, 3)])
+    expected = Rotation.from_matrix(bent).as_quat(canonical=True, scalar_first=True)
+    np.testing.assert_allclose(rotation.from_matrix(bent), expected, atol=1e-15)
+    with pytest.raises(ValueError, match="left-handed"):
+        rotation.from_matrix(np.stack([matrix, matrix * [1.0, 1.0, -1.0]]))
 
 
 def test_the_gimbal_margin_is_the_distance_of_the_middle_angle_from_lock():

@@ -33,7 +33,7 @@ def kept(study: StudyRecord, folder) -> StudyRecord:
     study.save(folder)
     again = StudyRecord.load(folder)
     assert again.to_dict() == study.to_dict()
-    assert all(Session(path).manifest["seed"] == 1 for path in again.sessions)
+    assert all(Session(path).manifest.seed == 1 for path in again.sessions)
     return again
 
 

@@ -16,8 +16,8 @@ class Motion:
         index: Of the step; -1 for the approach.
         kind: "move" (the controller plans it), "stream" (target by target) or "hold".
         target: Joint angles at its end, shape (n,) [rad].
-        speed: Of the leading joint [rad/s], [rad/s^2].
-        acceleration: Of the leading joint [rad/s], [rad/s^2].
+        speed: Of the leading joint [rad/s].
+        acceleration: Of the leading joint [rad/s^2].
         path: Targets at the streaming rate, shape (k, n) [rad], or None.
         dwell: [s].
         duration: As planned [s].
@@ -40,16 +40,14 @@ class LinkSettings:
     Attributes:
         host: Address of the controller.
         joints: How many.
-        control_hz: Rates of streaming and of recording [Hz].
-        record_hz: Rates of streaming and of recording [Hz].
+        control_hz: Rate of streaming [Hz].
+        record_hz: Rate of recording [Hz].
         tracking: Largest error of following [rad].
         settled: Largest error of a pose that counts as reached [rad].
-        host_silence: The arm stops when the bench, or the controller's data, are silent for so long
-            [s].
-        arm_silence: The arm stops when the bench, or the controller's data, are silent for so long
-            [s].
-        mass: Tool [kg], [m].
-        centre: Tool [kg], [m].
+        host_silence: The arm stops when the bench is silent for so long [s].
+        arm_silence: The arm stops when the controller sends nothing for so long [s].
+        mass: Of the tool [kg]; None leaves the controller's setting as it is.
+        centre: Centre of mass of the tool in the flange [m].
         orphaned: What becomes of an arm whose driving process is gone, for a person to read.
         joint_names: For messages.
     """

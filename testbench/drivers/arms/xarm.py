@@ -32,10 +32,10 @@ class XArm(RemoteArm):
     """An xArm.
 
     Args:
-        robot: As for `RemoteArm`.
-        settings: As for `RemoteArm`.
-        time: As for `RemoteArm`.
-        serial: As for `RemoteArm`.
+        robot: What the plan is for.
+        settings: Address, rates, limits.
+        time: Of the session; a new one if None.
+        serial: Number that the arm must have; any if None.
     """
 
     entry = XARM

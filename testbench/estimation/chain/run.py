@@ -7,7 +7,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from testbench.estimation.chain.kernel import filter_chain
 from testbench.estimation.chain.sensors import ChainSensors
@@ -192,6 +191,8 @@ def most_likely(
     best = int(np.argmax(values))
     found = grid[best]
     if 0 < best < GRID - 1:
+        from scipy.optimize import minimize_scalar  # a quarter of a second to load
+
         found = minimize_scalar(
             lambda exponent: -likelihood(exponent),
             bounds=(grid[best - 1], grid[best + 1]),

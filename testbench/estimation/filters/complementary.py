@@ -9,26 +9,20 @@ from numba import njit
 
 from testbench.estimation.filters.base import Parameter
 from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
-from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import (
     begin,
     field_deviates,
+    integrated,
     length,
     to_earth,
-    turned,
     usable_force,
 )
 
 
 @njit(cache=True)
 def complementary(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
+    readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool
 ) -> np.ndarray:
     """Integrate, then turn the earth frame by part of the angle to the measured vertical, then of
     that to measured north.
@@ -37,30 +31,20 @@ def complementary(
     them, so that the field never tilts. The part is 1 - exp(-dt / tau).
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Parameters, shape (k,): tau of the accelerometer [s], its gate [m/s^2], tau of the
             magnetometer [s], its gate.
         state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, field of reference.
         use_mag: Whether to use the magnetometer.
     """
+    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
     n = gyr.shape[0]
     out = np.empty((n, 4))
     for i in range(n):
         if state[0] == 0.0:
             begin(state, acc[i], mag[i], use_mag, out[i])
             continue
-        w, x, y, z = turned(
-            state[1],
-            state[2],
-            state[3],
-            state[4],
-            gyr[i, 0] * dt[i],
-            gyr[i, 1] * dt[i],
-            gyr[i, 2] * dt[i],
-        )
+        w, x, y, z = integrated(state, gyr[i], dt[i])
         a = length(acc[i])
         if usable_force(a, p[1]):
             ux, uy, uz = to_earth(w, x, y, z, acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a)

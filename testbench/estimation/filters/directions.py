@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from testbench.estimation.filters.base import Parameter, switch
-from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import length, levelled, with_north
 
 LAYOUT = (("started", 1), ("q", 4), ("dip_cos_sin", 2))
@@ -14,24 +14,15 @@ LAYOUT = (("started", 1), ("q", 4), ("dip_cos_sin", 2))
 
 
 @njit(cache=True)
-def tilts(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-) -> np.ndarray:
+def tilts(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
     """The least rotation that turns each specific force upwards.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Unused, shape (0,).
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q, unused.
     """
+    acc = readings.acc
     out = np.empty((acc.shape[0], 4))
     if state[0] == 0.0:
         state[0], state[1] = 1.0, 1.0
@@ -46,25 +37,16 @@ def tilts(
 
 
 @njit(cache=True)
-def triads(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-) -> np.ndarray:
+def triads(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
     """TRIAD: the first vector is met exactly, the second as well as that allows.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Parameters, shape (k,): empty, or whether the field is the first vector.
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q, cosine and sine of
             the dip.
     """
+    acc, mag = readings.acc, readings.mag
     field_first = p.shape[0] > 0 and p[0] > 0.5
     out = np.empty((acc.shape[0], 4))
     for i in range(acc.shape[0]):
@@ -109,14 +91,7 @@ def minor(k: np.ndarray, row: int, column: int) -> float:
 
 
 @njit(cache=True)
-def quests(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-) -> np.ndarray:
+def quests(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
     """QUEST for two vectors: the eigenvector of Davenport's matrix K to its largest eigenvalue,
     which is known in closed form.
 
@@ -124,14 +99,12 @@ def quests(
     adjugate of K - lambda, which has no singular angle.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Parameters, shape (k,): weight of the field, that of gravity being the rest of 1.
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q, cosine and sine of
             the dip.
     """
+    acc, mag = readings.acc, readings.mag
     wm = p[0]
     wa = 1.0 - wm
     out = np.empty((acc.shape[0], 4))

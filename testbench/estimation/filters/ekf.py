@@ -7,7 +7,7 @@ from numba import njit
 
 from testbench.estimation.filters.base import Parameter
 from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
-from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import begin, field_deviates, length, to_earth, usable_force
 
 
@@ -101,28 +101,18 @@ def predict(
 
 
 @njit(cache=True)
-def ekf(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-) -> np.ndarray:
+def ekf(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
     """Quaternion EKF: rates as input, directions of gravity and field as measurements.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Parameters, shape (k,): standard deviations of rate [rad/s] and direction of force, gate
             [m/s^2], that of direction of field, gate.
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q, covariance (16),
             direction of the field in the earth frame (north, up), field of reference.
         use_mag: Whether to use the magnetometer.
     """
+    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
     n = gyr.shape[0]
     out = np.empty((n, 4))
     cov = state[5:21].reshape(4, 4)

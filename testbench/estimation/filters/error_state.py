@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from testbench.estimation.filters.base import Parameter
-from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import (
     GRAVITY,
     backwards,
@@ -138,15 +138,7 @@ def first_variances(state: np.ndarray, mag: np.ndarray, p: np.ndarray, use_mag: 
 
 
 @njit(cache=True)
-def error_state(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-) -> np.ndarray:
+def error_state(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
     """Error-state filter of orientation, gyroscope offset, linear acceleration and magnetic
     disturbance.
 
@@ -158,10 +150,7 @@ def error_state(
         z = [g - (acc - a); m - mag] = [[g x, -k g x, I, 0], [m x, -k m x, 0, -I]] x
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Parameters, shape (k,): variances of accelerometer, gyroscope, offset drift, linear
             acceleration, decay of that; of magnetometer, disturbance, decay of that, and strength
             of the field [uT].
@@ -170,6 +159,7 @@ def error_state(
             part, field (north, up).
         use_mag: Whether to use the magnetometer.
     """
+    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
     n = gyr.shape[0]
     out = np.empty((n, 4))
     s, g, e = np.empty((6, 6)), np.zeros((6, 3)), np.zeros(12)

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from testbench.estimation.filters.base import Parameter
-from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import GRAVITY, Three, length
 
 LOCK = 1e-3
@@ -119,14 +119,7 @@ def first(state: np.ndarray, acc: np.ndarray, p: np.ndarray, printed: bool) -> N
 
 @njit(cache=True)
 def euler_ekf(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-    simple: bool,
-    printed: bool,
+    readings: Readings, p: np.ndarray, state: np.ndarray, simple: bool, printed: bool
 ) -> np.ndarray:
     """Kalman filter of roll, pitch and yaw; the accelerometer corrects roll and pitch while its
     size is gravity's.
@@ -138,10 +131,7 @@ def euler_ekf(
     angle.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Parameters, shape (k,): process noise [rad] or [rad/sqrt(s)], sd of roll and of pitch
             [rad], gate [m/s^2].
         state: Kept from chunk to chunk and overwritten, shape (s,): started, roll, pitch, yaw, P
@@ -150,6 +140,7 @@ def euler_ekf(
             4.6.
         printed: With the errors of the publication.
     """
+    gyr, acc, dt = readings.gyr, readings.acc, readings.dt
     out = np.empty((gyr.shape[0], 4))
     cov = state[4:13].reshape(3, 3)
     f, half = np.empty((3, 3)), np.empty((3, 3))

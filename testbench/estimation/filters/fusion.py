@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from testbench.estimation.filters.base import Parameter
-from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import Three, begin, length, to_sensor, up_in_sensor
 
 PACKAGE = "default or example of the package imufusion"
@@ -72,23 +72,12 @@ def _accepted(
 
 
 @njit(cache=True)
-def fusion(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-) -> np.ndarray:
+def fusion(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
     """Rate plus gain times the sum of measured x expected vertical and west; one explicit Euler
     step a sample.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Parameters, shape (k,): gain, threshold of the vertical [deg], longest time to reject
             [s], range of the gyroscope [deg/s], and with a magnetometer threshold of the heading
             [deg].
@@ -97,6 +86,7 @@ def fusion(
         use_mag: Whether to use the magnetometer; without one the heading is held at zero while
             starting up.
     """
+    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
     near_vertical, timeout, fastest = np.radians(p[1]), p[2], RANGE_SHARE * np.radians(p[3])
     near_heading = np.radians(p[4]) if use_mag else 0.0
     n = gyr.shape[0]

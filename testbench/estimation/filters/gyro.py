@@ -5,29 +5,20 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from testbench.estimation.filters.kernel_filter import KernelFilter
-from testbench.estimation.filters.maths import started, turned
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
+from testbench.estimation.filters.maths import integrated, started
 
 
 @njit(cache=True)
-def integrate(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-) -> np.ndarray:
+def integrate(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
     """Q <- q exp(rate dt / 2); the first sample's specific force, if there is one, gives the start.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Unused, shape (0,).
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q.
     """
+    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
     n = gyr.shape[0]
     out = np.empty((n, 4))
     for i in range(n):
@@ -35,15 +26,7 @@ def integrate(
             if not started(state, acc[i], mag[i], False):
                 state[0], state[1] = 1.0, 1.0
         else:
-            state[1], state[2], state[3], state[4] = turned(
-                state[1],
-                state[2],
-                state[3],
-                state[4],
-                gyr[i, 0] * dt[i],
-                gyr[i, 1] * dt[i],
-                gyr[i, 2] * dt[i],
-            )
+            state[1], state[2], state[3], state[4] = integrated(state, gyr[i], dt[i])
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = state[1], state[2], state[3], state[4]
     return out
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -11,13 +11,28 @@ from testbench.estimation.filters.base import FilterState, RecursiveFilter, Samp
 from testbench.exceptions import InputError
 
 
+class Readings(NamedTuple):
+    """Samples as a compiled function takes them.
+
+    Attributes:
+        gyr: Angular rate, shape (n, 3) [rad/s].
+        acc: Specific force, shape (n, 3) [m/s^2].
+        mag: Magnetic field, shape (n, 3) [uT]; zeros without a magnetometer.
+        dt: Interval before each sample, shape (n,) [s].
+    """
+
+    gyr: np.ndarray
+    acc: np.ndarray
+    mag: np.ndarray
+    dt: np.ndarray
+
+
 class KernelFilter(RecursiveFilter):
     """A recursive filter whose loop over the samples is one compiled function.
 
     Attributes:
-        kernel: Called with gyr, acc, mag (each (n, 3)), the intervals (n,), the parameters in the
-            order of PARAMETERS and the state as one vector, which it updates, then `options`;
-            returns q_earth_from_sensor, (n, 4).
+        kernel: Called with `Readings`, the parameters in the order of PARAMETERS and the state as
+            one vector, which it updates, then `options`; returns q_earth_from_sensor, (n, 4).
         layout: Names of the parts of the state and their lengths. The first is `started`, 0 until
             the first usable sample.
     """
@@ -44,7 +59,8 @@ class KernelFilter(RecursiveFilter):
             else np.zeros_like(acc)
         )
         values = np.array(list(self.parameters.values()))
-        q = type(self).kernel(gyr, acc, mag, samples.steps(), values, vector, *self.options)
+        readings = Readings(gyr, acc, mag, samples.steps())
+        q = type(self).kernel(readings, values, vector, *self.options)
         return q, self._unpack(vector)
 
     def _pack(self, state: FilterState) -> np.ndarray:

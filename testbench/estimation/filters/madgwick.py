@@ -7,7 +7,7 @@ from numba import njit
 
 from testbench.estimation.filters.base import Parameter
 from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
-from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import begin, field_deviates, length, to_earth, usable_force
 
 PAPER = "Madgwick, Harrison & Vaidyanathan, ICORR 2011"
@@ -30,14 +30,7 @@ BETA = "gain: rate at which the gyroscope's error is corrected"
 
 @njit(cache=True)
 def madgwick(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-    as_printed: bool,
+    readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool, as_printed: bool
 ) -> np.ndarray:
     """Madgwick's update: the gyroscope's rate of change of q, less beta times the unit gradient of
     the misfit.
@@ -48,10 +41,7 @@ def madgwick(
     function of a q that is off the unit sphere, and its gradient is what is scaled to one.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Parameters, shape (k,): beta, zeta, gate of the accelerometer [m/s^2], gate of the
             magnetometer.
         state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, bias, field of
@@ -59,6 +49,7 @@ def madgwick(
         use_mag: Whether to use the magnetometer.
         as_printed: zeta as in the "zeta" form without a bias state.
     """
+    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
     beta, zeta = p[0], p[1]
     n = gyr.shape[0]
     out = np.empty((n, 4))

@@ -7,7 +7,7 @@ from numba import njit
 
 from testbench.estimation.filters.base import Parameter
 from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
-from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import (
     begin,
     field_deviates,
@@ -22,15 +22,7 @@ PAPER = "Mahony, Hamel & Pflimlin, IEEE Trans. Automatic Control 53(5), 2008"
 
 
 @njit(cache=True)
-def mahony(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-) -> np.ndarray:
+def mahony(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
     """Mahony's explicit complementary filter: rate - bias + kp e, where e is the sum of measured x
     expected directions.
 
@@ -38,16 +30,14 @@ def mahony(
     explicit Euler step a sample.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Parameters, shape (k,): kp, ki, gate of the accelerometer [m/s^2], gate of the
             magnetometer.
         state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, bias, field of
             reference.
         use_mag: Whether to use the magnetometer.
     """
+    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
     kp, ki = p[0], p[1]
     n = gyr.shape[0]
     out = np.empty((n, 4))

@@ -7,7 +7,7 @@ from numba import njit
 
 from testbench.estimation.filters.base import Parameter
 from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
-from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import (
     GRAVITY,
     begin,
@@ -97,23 +97,12 @@ def first_covariance(state: np.ndarray, cov: np.ndarray, p: np.ndarray, use_mag:
 
 
 @njit(cache=True)
-def mekf(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-) -> np.ndarray:
+def mekf(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
     """MEKF: the quaternion is integrated with the corrected rate; the Kalman filter estimates its
     error and the bias.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Of the sensor.
         p: Parameters, shape (k,): noise density [rad/s/sqrt(Hz)], bias walk [rad/s^2/sqrt(Hz)],
             first sd of the bias [rad/s], sd of the force [m/s^2], its gate [m/s^2], sd of the
             field's direction, its gate.
@@ -121,6 +110,7 @@ def mekf(
             (36), direction of the field (north, up), field of reference.
         use_mag: Whether to use the magnetometer.
     """
+    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
     n = gyr.shape[0]
     out = np.empty((n, 4))
     cov, half = state[8:44].reshape(6, 6), np.empty((6, 6))

@@ -12,6 +12,7 @@ from testbench.records.evaluation import Evaluation
 from testbench.records.replacing import replaced_file, stored_where_asked
 from testbench.records.samples import ArmSamples
 from testbench.records.session import Session
+from testbench.records.session_lock import session_lock
 from testbench.reporting.palette import filter_colours
 from testbench.reporting.report import load_estimate, load_evaluation
 from testbench.reporting.viewer.layout import layout, reach_of
@@ -23,8 +24,6 @@ from testbench.reporting.viewer.scene import (
     log_side_by_side,
 )
 from testbench.reporting.viewer.signals import log_chain, log_errors, log_imu, log_steps
-
-FILE = "session.rrd"
 
 
 def save_recording(
@@ -47,8 +46,9 @@ def save_recording(
         The path.
     """
     path = Path(path)
-    estimate = estimate or load_estimate(session)
-    evaluation = evaluation or load_evaluation(session)
+    with session_lock(session.path):
+        estimate = estimate or load_estimate(session)
+        evaluation = evaluation or load_evaluation(session)
     arm = session.arm()
     recording = rr.RecordingStream("testbench", recording_id=session.name, send_properties=False)
     with stored_where_asked(path), replaced_file(path) as partial, recording:

@@ -12,9 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
-from testbench.estimation.calibration import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
 from testbench.estimation.calibration.gyroscope import IN_RUN
-from testbench.estimation.calibration.gyroscope_methods import get_gyroscope_method
+from testbench.estimation.calibration.methods import METHODS, get_method, methods_of
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.records.fit import Fit
 from tests.estimation.calibration.gyroscopes import Gyroscope, Motion, chain, record
@@ -117,9 +116,7 @@ def accelerometer(name: str, number: int) -> np.ndarray:
     forces, response, bias = set_up(name)
     crooked = 5e-4 if name in ("attitude_aided", "ferraris") else 0.0
     poses = poses_of(forces, response, bias, NOISE, _drawn(number), crooked)
-    return _inside(
-        ACCELEROMETER_METHODS[name].function(poses).fits, truth_for(name, response, bias)
-    )
+    return _inside(METHODS[name].function(poses).fits, truth_for(name, response, bias))
 
 
 def rotation(name: str, number: int) -> np.ndarray:
@@ -128,7 +125,7 @@ def rotation(name: str, number: int) -> np.ndarray:
     """
     forces, response, bias = set_up(name)
     poses = poses_of(forces, response, bias, NOISE, _drawn(number))
-    (fit,) = ACCELEROMETER_METHODS[name].function(poses).fits
+    (fit,) = METHODS[name].function(poses).fits
     left = Rotation.from_matrix(response) * Rotation.from_rotvec(fit.values[:3]).inv()
     errors = np.concatenate([left.as_rotvec(), fit.values[3:] - bias[: len(fit.values) - 3]])
     return np.abs(errors) <= fit.half_width()
@@ -139,9 +136,7 @@ def fewest_poses(name: str, count: int, number: int) -> np.ndarray:
     _, response, bias = set_up(name)
     forces = turned(UP, 20)[[0, 5, 9, 13]][:count]
     poses = poses_of(forces, response, bias, NOISE, _drawn(number))
-    return _inside(
-        ACCELEROMETER_METHODS[name].function(poses).fits, truth_for(name, response, bias)
-    )
+    return _inside(METHODS[name].function(poses).fits, truth_for(name, response, bias))
 
 
 def heated(draw: np.random.Generator | None = None) -> StaticPoses:
@@ -155,7 +150,7 @@ def heated(draw: np.random.Generator | None = None) -> StaticPoses:
 
 def drift(name: str, number: int) -> np.ndarray:
     """A calibration with the drift of the bias among its parameters."""
-    fits = ACCELEROMETER_METHODS[name].function(heated(_drawn(number))).fits
+    fits = METHODS[name].function(heated(_drawn(number))).fits
     return _inside(fits, np.concatenate([truth_of(name, *part()), DRIFT]))
 
 
@@ -186,7 +181,7 @@ def magnetometer(name: str, number: int) -> np.ndarray:
     """A calibration of a magnetometer."""
     tilt = TILT if name == "ellipsoid_dip" else 0.0
     poses = field_poses(_drawn(number), tilt)
-    return _inside(MAGNETOMETER_METHODS[name].function(poses).fits, iron_truth(name))
+    return _inside(METHODS[name].function(poses).fits, iron_truth(name))
 
 
 @cache
@@ -213,7 +208,7 @@ def gyroscope(method: str, number: int) -> np.ndarray:
     own = Gyroscope.draw(draw, GYROSCOPE_NOISE, g=0.0 if method == "gravity_turns" else 0.1)
     in_run = 0.0 if method == "rate_table" else IN_RUN
     recording = record(own, wandering(), draw, rest_s=1.0, up_sd=2e-4, in_run=in_run)
-    (fit,) = get_gyroscope_method(method).function(recording).fits
+    (fit,) = get_method(method).function(recording).fits
     truth = gyroscope_truth(own)
     return _inside((fit,), np.array([truth[name] for name in fit.names]))
 
@@ -222,7 +217,7 @@ NEAREST = ("rotational_nearest", "rotational_nearest_bias")
 TRIALS: dict[str, Trial] = {
     **{
         f"accelerometer {name}": partial(rotation if name in NEAREST else accelerometer, name)
-        for name in ACCELEROMETER_METHODS
+        for name in methods_of("accelerometer")
     },
     **{f"drift {name}": partial(drift, name) for name in ("attitude_aided", "norm_only")},
     **{
@@ -234,7 +229,7 @@ TRIALS: dict[str, Trial] = {
             ("attitude_aided", 4),
         )
     },
-    **{f"magnetometer {name}": partial(magnetometer, name) for name in MAGNETOMETER_METHODS},
+    **{f"magnetometer {name}": partial(magnetometer, name) for name in methods_of("magnetometer")},
     **{
         f"gyroscope {name}": partial(gyroscope, name)
         for name in ("gravity_turns", "attitude", "rate_table")

@@ -12,11 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.calibration import ACCELEROMETER_METHODS, StaticPoses
 from testbench.estimation.calibration.attitude_aided import attitude_aided
 from testbench.estimation.calibration.axis_model import orthogonality
 from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.methods import METHODS, methods_of
 from testbench.estimation.calibration.norm_only import norm_only
+from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.rotational import likeness
 from testbench.estimation.calibration.triad_model import ACCELEROMETER
 from testbench.exceptions import InputError
@@ -34,10 +35,10 @@ from tests.estimation.calibration.simulated import (
 )
 
 
-@pytest.mark.parametrize("name", ACCELEROMETER_METHODS)
+@pytest.mark.parametrize("name", methods_of("accelerometer"))
 def test_ideal_readings_give_the_exact_answer(name):
     forces, response, bias = set_up(name)
-    calibration = ACCELEROMETER_METHODS[name].function(poses_of(forces, response, bias))
+    calibration = METHODS[name].function(poses_of(forces, response, bias))
     values, _, _ = all_of(calibration.fits)
     np.testing.assert_allclose(values, truth_for(name, response, bias), atol=1e-9)
     corrected = calibration.apply(forces @ response.T + bias)
@@ -47,14 +48,14 @@ def test_ideal_readings_give_the_exact_answer(name):
     assert calibration.method == name
 
 
-@pytest.mark.parametrize("name", ACCELEROMETER_METHODS)
+@pytest.mark.parametrize("name", methods_of("accelerometer"))
 def test_the_known_errors_lie_within_the_stated_uncertainty(name):
     forces, response, bias = set_up(name)
     truth = truth_for(name, response, bias)
     errors = []
     for seed in range(20):
         poses = poses_of(forces, response, bias, NOISE, rng(seed))
-        values, sd, _ = all_of(ACCELEROMETER_METHODS[name].function(poses).fits)
+        values, sd, _ = all_of(METHODS[name].function(poses).fits)
         if name.startswith(
             "rotational_nearest"
         ):  # a small rotation about the sensor's axes, not a difference of vectors
@@ -71,7 +72,7 @@ def test_the_known_errors_lie_within_the_stated_uncertainty(name):
 
 @pytest.mark.parametrize("name", ["attitude_aided", "norm_only"])
 def test_drift_with_temperature_is_found_where_the_temperature_varied(name):
-    function = ACCELEROMETER_METHODS[name].function
+    function = METHODS[name].function
     temperature = heated().temperature
     calibration = function(heated())
     np.testing.assert_allclose(calibration.drift, DRIFT, atol=1e-9)
@@ -144,7 +145,7 @@ def test_the_worked_example_of_the_thesis():
     )
     A = GRAVITY * np.array([[-1, 0, 0], [0, -1, 0], [0, 0, -1], [0, 0, 1], [1, 0, 0], [-1, 0, 0]])
     poses = StaticPoses(B, np.full((6, 3), 1e-6), expected=A)
-    mapped = ACCELEROMETER_METHODS["rotational_3d"].function(poses)
+    mapped = METHODS["rotational_3d"].function(poses)
     printed = [[-0.7665, -0.6419, -0.0032], [-0.6310, 0.7702, 0.0004], [-0.0230, 0.0160, -0.9956]]
     np.testing.assert_allclose(mapped.matrix, printed, atol=5e-5)
     near = likeness(mapped.matrix)
@@ -154,7 +155,7 @@ def test_the_worked_example_of_the_thesis():
     assert np.linalg.norm(mapped.matrix - near.R) == pytest.approx(near.distance)
     # Beside it: a rotation and a bias of 24 mg in z, which the map without a bias has smeared over
     # its entries.
-    rotated = ACCELEROMETER_METHODS["rotational_nearest_bias"].function(poses)
+    rotated = METHODS["rotational_nearest_bias"].function(poses)
     np.testing.assert_allclose(rotated.matrix @ rotated.matrix.T, np.eye(3), atol=1e-12)
     kabsch, _ = Rotation.align_vectors(A - A.mean(axis=0), B - B.mean(axis=0))
     np.testing.assert_allclose(rotated.matrix, kabsch.as_matrix(), atol=1e-9)
@@ -163,7 +164,7 @@ def test_the_worked_example_of_the_thesis():
     def left(calibration):
         return np.sqrt(np.mean((calibration.apply(B) - A) ** 2))
 
-    with_bias = ACCELEROMETER_METHODS["rotational_3d_bias"].function(poses)
+    with_bias = METHODS["rotational_3d_bias"].function(poses)
     assert left(with_bias) < left(rotated) < left(mapped)
 
 
@@ -192,7 +193,7 @@ def test_five_faces_are_refused_and_the_missing_one_is_named(name, missing):
     faces = ["+x", "-x", "+y", "-y", "+z", "-z"]
     poses = poses_of(np.delete(SIX, missing, axis=0), np.eye(3), np.zeros(3))
     with pytest.raises(PoorExcitation) as caught:
-        ACCELEROMETER_METHODS[name].function(poses)
+        METHODS[name].function(poses)
     axis = faces[missing][1]
     assert faces[missing] in str(caught.value)
     assert caught.value.parameters == (f"bias_{axis}", f"response_{axis}{axis}")
@@ -205,7 +206,7 @@ def test_poses_about_one_axis_are_refused_and_the_blind_parameters_named(name, n
     plane = GRAVITY * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(20)])
     poses = poses_of(plane, np.eye(3), np.zeros(3), noise, rng(1) if noise else None)
     with pytest.raises(PoorExcitation) as caught:
-        ACCELEROMETER_METHODS[name].function(poses)
+        METHODS[name].function(poses)
     assert any(parameter.endswith("z") for parameter in caught.value.parameters)
     assert "bias_x" not in caught.value.parameters
 
@@ -219,18 +220,16 @@ def test_too_few_poses_are_refused():
 
 
 @pytest.mark.parametrize(
-    "name", [name for name, method in ACCELEROMETER_METHODS.items() if method.needs_expected]
+    "name", [name for name, method in methods_of("accelerometer").items() if "arm" in method.asks]
 )
 def test_methods_that_need_the_arm_say_so(name):
     with pytest.raises(InputError, match="orientation is known"):
-        ACCELEROMETER_METHODS[name].function(
-            replace(poses_of(SIX, np.eye(3), np.zeros(3)), expected=None)
-        )
+        METHODS[name].function(replace(poses_of(SIX, np.eye(3), np.zeros(3)), expected=None))
 
 
 def test_a_crooked_plane_is_refused_by_the_flat_method():
     with pytest.raises(InputError, match="plane of two axes"):
-        ACCELEROMETER_METHODS["rotational_2d"].function(poses_of(SIX, np.eye(3), np.zeros(3)))
+        METHODS["rotational_2d"].function(poses_of(SIX, np.eye(3), np.zeros(3)))
 
 
 def test_nothing_vague_gets_through():
