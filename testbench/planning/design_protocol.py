@@ -8,8 +8,8 @@ from collections.abc import Collection
 import yaml
 
 from testbench.planning.experiment_design import Design
-from testbench.records.protocol import Sensor
-from testbench.records.robot import Robot
+from testbench.records.specs.protocol import Sensor
+from testbench.records.specs.robot import Robot
 
 
 def protocol_text(

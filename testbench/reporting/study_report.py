@@ -10,8 +10,8 @@ from urllib.parse import quote
 import numpy as np
 
 from testbench.clock import utc_shown
-from testbench.records.replacing import stored, write_text
-from testbench.records.study import (
+from testbench.records.disk.replacing import stored, write_text
+from testbench.records.results.study import (
     StudyBoxes,
     StudyCurves,
     StudyRecord,
@@ -19,11 +19,11 @@ from testbench.records.study import (
     StudyTable,
     Value,
 )
-from testbench.reporting.figures import Curve, Figure, box_plots, error_curves, heat_map
-from testbench.reporting.page import Block, Figures, Section, Sentence
-from testbench.reporting.palette import COLOURS, REFERENCE, ordered_colours
-from testbench.reporting.render import render_page
-from testbench.reporting.tables import (
+from testbench.reporting.page.figures import Curve, Figure, box_plots, error_curves, heat_map
+from testbench.reporting.page.page import Block, Figures, Section, Sentence
+from testbench.reporting.page.palette import COLOURS, REFERENCE, ordered_colours
+from testbench.reporting.page.render import render_page
+from testbench.reporting.page.tables import (
     Cell,
     Row,
     Table,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from testbench.exceptions import SessionError
-from testbench.records.storage import ROWS_PER_GROUP, read_stacked, write_parquet
+from testbench.records.disk.tables import ROWS_PER_GROUP, read_stacked, write_parquet
 
 N = 2 * ROWS_PER_GROUP + 1234
 
