@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from testbench.estimation.alignment.axes import AS_DOCUMENTED, STRAIGHT, identify_axes, remarks_on
-from testbench.estimation.estimator import STANDARD_DOWN
+from testbench.estimation.signals.recording import STANDARD_DOWN
 from testbench.formats.axes import find_axes
 from testbench.model import rotation
 from testbench.records.session.samples import ImuSamples, Truth
