@@ -25,6 +25,11 @@ class Clock(Protocol):
         ...
 
 
+def seconds(clock: Clock) -> float:
+    """Seconds of a clock that never goes back."""
+    return clock.monotonic_ns() * 1e-9
+
+
 def utc_text(moment: datetime) -> str:
     """A moment as records keep it: ISO 8601, UTC, to the second."""
     return _in_utc(moment).isoformat(timespec="seconds")
