@@ -102,7 +102,13 @@ def _across(name: str) -> bool:
 def by_rates(
     prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
 ) -> MountingCalibration:
-    """The turn that brings the sensor's rates and gravity nearest to the arm's."""
+    """The turn that brings the sensor's rates and gravity nearest to the arm's.
+
+    Args:
+        prepared: The recording, its triads corrected.
+        rest: Which samples are at rest, shape (n,).
+        sweeps: Of the session.
+    """
     assert prepared.truth is not None
     samples, seconds = prepared.samples, prepared.samples.interval
     rate, sound = true_rates(
@@ -134,7 +140,13 @@ def by_rates(
 def by_orientations(
     prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
 ) -> MountingCalibration:
-    """The turn between the orientations of a filter and the arm's."""
+    """The turn between the orientations of a filter and the arm's.
+
+    Args:
+        prepared: The recording, its triads corrected.
+        rest: Which samples are at rest, shape (n,).
+        sweeps: Of the session.
+    """
     assert prepared.truth is not None
     q_true = truth_at(prepared.truth, prepared.time_ns)
     q = get_filter("vqf_6d").run(prepared.samples)
@@ -147,7 +159,13 @@ def by_orientations(
 def by_hinge(
     prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
 ) -> MountingCalibration:
-    """Gravity at rest, and the axis of the sweep that turned most."""
+    """Gravity at rest, and the axis of the sweep that turned most.
+
+    Args:
+        prepared: The recording, its triads corrected.
+        rest: Which samples are at rest, shape (n,).
+        sweeps: Of the session.
+    """
     assert prepared.truth is not None
     time = prepared.time_ns
     rate, sound = true_rates(prepared.truth, time - round(prepared.rate_delay * NANOSECONDS))
