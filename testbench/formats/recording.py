@@ -20,7 +20,7 @@ from testbench.records.protocol import Analysis
 from testbench.records.samples import IMU_NOTES, ImuSamples, Truth
 from testbench.records.session import RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
-from testbench.records.storage import write_parquet_batches
+from testbench.records.storage import to_arrow, write_parquet_batches
 
 IMPORTED_NOTES = IMU_NOTES | {
     "content": "imported samples of an inertial sensor, in the sensor frame; NaN: the file does "
@@ -175,7 +175,7 @@ def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, 
             columns = chunk.to_columns()
             last = int(chunk.host_time_ns[-1])
             yield pa.record_batch(
-                [pa.array(columns[name], type=schema.field(name).type) for name in schema.names],
+                [to_arrow(columns[name], schema.field(name).type) for name in schema.names],
                 schema=schema,
             )
 
