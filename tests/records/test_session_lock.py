@@ -24,7 +24,7 @@ from testbench.records.session.session import Session
 from testbench.records.session.session_lock import session_lock, session_locked
 from testbench.reporting.report import report
 from tests.asking import analysis
-from tests.emulated_arms import ROOT
+from tests.house import ROOT
 
 HOLD = """\
 import sys, time

@@ -18,9 +18,11 @@ from testbench.records.disk.replacing import replaced_file
 from testbench.records.disk.tables import (
     ROWS_PER_GROUP,
     Columns,
+    from_arrow,
     parquet_shape,
     read_parquet_batches,
     regrouped,
+    to_arrow,
     write_pieces,
 )
 
@@ -95,8 +97,7 @@ class Journal:
     def append(self, columns: Columns) -> None:
         """Append equally long columns and hand them to the operating system."""
         arrays = [
-            pa.array(columns[name], type=self._schema.field(name).type)
-            for name in self._schema.names
+            to_arrow(columns[name], self._schema.field(name).type) for name in self._schema.names
         ]
         if len(arrays[0]) == 0:
             return
@@ -193,8 +194,8 @@ def _same_values(first: pa.Table, second: pa.Table) -> bool:
     """Whether two tables of the same columns hold the same, NaN being equal to NaN."""
     return all(
         np.array_equal(
-            first[name].to_numpy(),
-            second[name].to_numpy(),
+            from_arrow(first[name]),
+            from_arrow(second[name]),
             equal_nan=first.schema.field(name).type == pa.float64(),
         )
         for name in first.column_names

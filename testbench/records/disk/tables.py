@@ -28,6 +28,47 @@ def _encoding(schema: pa.Schema) -> dict[str, Any]:
     return {"compression": "lz4", "use_dictionary": False, "use_byte_stream_split": numbers}
 
 
+def to_arrow(values: np.ndarray, kind: pa.DataType | None = None) -> pa.Array:
+    """A column of numbers or truth values, shape (n,), as Arrow's; NaN stays NaN.
+
+    `pa.array` would first load pandas where it is installed, to see whether it is given something
+    of it: a quarter of a second.
+
+    Args:
+        values: Shape (n,).
+        kind: As which; that of the values if None.
+    """
+    values = np.asarray(values)
+    kind = pa.from_numpy_dtype(values.dtype) if kind is None else kind
+    values = np.ascontiguousarray(values, dtype=kind.to_pandas_dtype())
+    bits = np.packbits(values, bitorder="little") if pa.types.is_boolean(kind) else values
+    return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(bits)])
+
+
+def from_arrow(column: pa.ChunkedArray) -> np.ndarray:
+    """The values of a column of Arrow, shape (n,), as `to_arrow` took them; read-only where they
+    are in one piece. `to_numpy` would load pandas likewise.
+    """
+    kind = column.type
+    plain = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
+    if not plain or column.null_count or pa.types.is_float16(kind):
+        return np.asarray(column.to_numpy())
+    pieces = [_values(piece) for piece in column.chunks]
+    if not pieces:
+        return np.zeros(0, dtype=kind.to_pandas_dtype())
+    return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+
+def _values(piece: pa.Array) -> np.ndarray:
+    """The values of an array without nulls, shape (n,), where they lie."""
+    begin, end = piece.offset, piece.offset + len(piece)
+    data = piece.buffers()[1]
+    if pa.types.is_boolean(piece.type):
+        bits = np.frombuffer(data, np.uint8)
+        return np.unpackbits(bits, count=end, bitorder="little")[begin:].astype(bool)
+    return np.frombuffer(data, piece.type.to_pandas_dtype(), end)[begin:]
+
+
 def to_table(columns: Columns, notes: Mapping[str, str] | None = None) -> pa.Table:
     """An Arrow table of equally long columns.
 
@@ -35,7 +76,7 @@ def to_table(columns: Columns, notes: Mapping[str, str] | None = None) -> pa.Tab
         columns: Column name (with its unit) to array of shape (n,).
         notes: What the table is, by key; kept in the schema's metadata.
     """
-    table = pa.table({name: pa.array(values) for name, values in columns.items()})
+    table = pa.table({name: to_arrow(values) for name, values in columns.items()})
     return table.replace_schema_metadata({key: str(value) for key, value in (notes or {}).items()})
 
 
@@ -108,7 +149,8 @@ def read_parquet(path: Path, columns: Sequence[str] | None = None) -> dict[str, 
         SessionError: The file is missing or damaged.
     """
     try:
-        table = pq.read_table(path, columns=None if columns is None else list(columns))
+        with pq.ParquetFile(path) as file:
+            table = file.read(None if columns is None else list(columns))
     except (OSError, pa.ArrowException) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
     return _Table(path, _columns(table))
@@ -155,7 +197,7 @@ def read_parquet_batches(
 
 def _columns(table: pa.Table) -> dict[str, np.ndarray]:
     return {
-        name: column.to_numpy()
+        name: from_arrow(column)
         for name, column in zip(table.column_names, table.columns, strict=True)
     }
 
