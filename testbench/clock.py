@@ -25,6 +25,11 @@ class Clock(Protocol):
         ...
 
 
+def seconds(clock: Clock) -> float:
+    """Seconds of a clock that never goes back."""
+    return clock.monotonic_ns() * 1e-9
+
+
 class SystemClock:
     """The clock of this machine."""
 

@@ -39,7 +39,7 @@ from testbench.model.windows import moving_mean
 from testbench.records.estimate import ClockFit, TimingAudit
 from testbench.records.pieces import overlapping
 from testbench.records.samples import ImuSamples
-from testbench.records.session import Session
+from testbench.records.sensor_file import SensorFile
 
 MOST_KEPT = 1_000_000
 """Estimates kept of a sensor; a recording with more samples is estimated in pieces, and every
@@ -64,35 +64,22 @@ def _unchanged(samples: ImuSamples) -> ImuSamples:
     return samples
 
 
-def open_samples(session: Session, sensor: str, stored: Change | None = None) -> SampleAccess:
+def open_samples(
+    raw: SensorFile, together: int, has_noise: bool = True, stored: Change | None = None
+) -> SampleAccess:
     """Access to a sensor's samples, in the way their number asks for.
 
     Args:
-        session: The recording.
-        sensor: Its name.
+        raw: The samples.
+        together: Samples of all sensors of the recording.
+        has_noise: Whether the readings must differ at rest.
         stored: A stored calibration, applied to all that is read.
     """
     change = stored or _unchanged
-    own = session.sample_count(sensor)
-    together = sum(session.sample_count(name) for name in session.sensor_names)
-    every = max(-(-own // MOST_KEPT), -(-together // MOST_KEPT_IN_ALL), 1)
-    return (
-        WholeRecording(session, sensor, change)
-        if every == 1
-        else PiecewiseRecording(session, sensor, every, change)
-    )
-
-
-def hisses(session: Session, sensor: str) -> bool:
-    """Whether a sensor's readings must differ at rest: not those of a simulated one whose data
-    sheet states no noise.
-    """
-    if session.manifest.sensors[sensor].driver != "simulated":
-        return True
-    sheet = session.analysis.sensors[sensor].imu()
-    return any(
-        bool(triad.triad().noise_density.any()) for triad in (sheet.accelerometer, sheet.gyroscope)
-    )
+    every = max(-(-raw.count // MOST_KEPT), -(-together // MOST_KEPT_IN_ALL), 1)
+    if every == 1:
+        return WholeRecording(raw, has_noise, change)
+    return PiecewiseRecording(raw, every, has_noise, change)
 
 
 class SampleAccess(ABC):
@@ -139,9 +126,9 @@ class SampleAccess(ABC):
 class WholeRecording(SampleAccess):
     """All samples at once."""
 
-    def __init__(self, session: Session, sensor: str, change: Change = _unchanged):
-        self.samples, self.every = change(session.imu(sensor)), 1
-        self._hisses = hisses(session, sensor)
+    def __init__(self, raw: SensorFile, has_noise: bool = True, change: Change = _unchanged):
+        self.samples, self.every = change(raw.read()), 1
+        self._has_noise = has_noise
         self._regular: tuple[ClockFit, tuple[UniformSamples, np.ndarray]] | None = None
 
     def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
@@ -153,7 +140,7 @@ class WholeRecording(SampleAccess):
     def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
         """See SampleAccess."""
         return assess(
-            self.samples, clock.to_host(self.samples.device_time_ns), static, self._hisses
+            self.samples, clock.to_host(self.samples.device_time_ns), static, self._has_noise
         )
 
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
@@ -177,11 +164,13 @@ class WholeRecording(SampleAccess):
 class PiecewiseRecording(SampleAccess):
     """Samples in pieces; of `every` of them the last is kept."""
 
-    def __init__(self, session: Session, sensor: str, every: int, change: Change = _unchanged):
-        self._file, self.every, self._change = session.sensor(sensor), every, change
+    def __init__(
+        self, raw: SensorFile, every: int, has_noise: bool = True, change: Change = _unchanged
+    ):
+        self._file, self.every, self._change = raw, every, change
         self._count = self._file.count
         self.samples = change(self._file.read(every=every))
-        self._traits = Traits(hisses(session, sensor))
+        self._traits = Traits(has_noise)
         steps, ordered = [], True
         first = last = None
         for piece in self._file.batches(PIECE):

@@ -10,7 +10,7 @@ from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.samples import ImuSamples
 
 STUCK_SAMPLES = 5
-"""This many identical samples in a row, of a sensor that usually hisses, are stuck."""
+"""This many identical samples in a row, of a sensor that is usually noisy, are stuck."""
 LONG_GAP_S = 0.25
 """After a gap this long a filter has lost its way for `RECOVERY_S`."""
 RECOVERY_S = 1.0
@@ -59,12 +59,12 @@ class Traits:
     told piece by piece.
 
     Attributes:
-        hisses: False for a model without noise, which no repetition can be held against.
+        has_noise: False for a model without noise, which no repetition can be held against.
         present: Quantities of which any value is finite; a column that the file lacks is NaN
             throughout.
     """
 
-    hisses: bool = True
+    has_noise: bool = True
     present: set[str] = field(default_factory=set)
     _same: dict[str, int] = field(default_factory=lambda: {"gyr": 0, "acc": 0})
     _count: int = 0
@@ -100,7 +100,7 @@ class Traits:
         """Whether readings differ from sample to sample as a rule; a sensor without noise repeats
         itself whenever it rests.
         """
-        return self.hisses and any(
+        return self.has_noise and any(
             2 * same < self._count for key, same in self._same.items() if key in self.present
         )
 
@@ -130,7 +130,7 @@ class AfterGaps:
 
 
 def assess(
-    samples: ImuSamples, time_ns: np.ndarray, static: np.ndarray, hisses: bool = True
+    samples: ImuSamples, time_ns: np.ndarray, static: np.ndarray, has_noise: bool = True
 ) -> Quality:
     """Put a recording through the gates.
 
@@ -138,10 +138,10 @@ def assess(
         samples: As recorded.
         time_ns: Their host times, shape (n,).
         static: At rest, shape (n,).
-        hisses: As in `Traits`.
+        has_noise: As in `Traits`.
     """
     flags = {
-        **sample_flags(samples, Traits(hisses).add(samples)),
+        **sample_flags(samples, Traits(has_noise).add(samples)),
         "after a gap": AfterGaps()(time_ns),
     }
     return Quality(flags, remarks_on(samples, static & ~flags["not finite"]))

@@ -34,17 +34,16 @@ from testbench.records.layout import (
 )
 from testbench.records.manifest import Manifest
 from testbench.records.manifest import RunStatus as RunStatus  # its status is one of these
-from testbench.records.near import MOST_THINNED, Instants, is_long, read_near
+from testbench.records.near import Instants, is_long, read_near
 from testbench.records.plan import PlannedCycles, PlannedStep
 from testbench.records.protocol import Analysis
 from testbench.records.robot import Robot, robot_from_text
-from testbench.records.samples import TRUTH_Q, TRUTH_RATE, ArmSamples, ImuSamples, Truth
-from testbench.records.sensor_file import SensorFile
+from testbench.records.samples import ArmSamples, ImuSamples, Truth
+from testbench.records.sensor_file import SensorFile, TruthFile
 from testbench.records.storage import (
     ROWS_PER_GROUP,
     parquet_shape,
     read_parquet,
-    read_stacked,
 )
 
 
@@ -75,6 +74,7 @@ class Session:
         self.path = Path(path)
         self._near: Instants | None = None
         self._sensors: dict[str, SensorFile] = {}
+        self._truths: dict[str, TruthFile] = {}
         if not (self.path / MANIFEST).is_file():
             what = "is a file; a session is a folder" if self.path.is_file() else "does not exist"
             what = "is not a session: it has no manifest.json" if self.path.is_dir() else what
@@ -246,48 +246,26 @@ class Session:
         copied._near = instants
         return copied
 
-    def thinned_truth(self, sensor: str) -> tuple[Truth | None, bool]:
-        """The truth of a sensor, for what looks at the whole of it; of a long one perhaps evenly
-        spread samples.
-
-        Returns:
-            The truth, and whether it is long: then it has rates or, where it has none,
-            orientations, and `near` gives the rest.
-        """
-        file = self._truth_file(sensor)
-        if file is None or not is_long(file):
-            return self.truth(sensor), False
-        rows, columns = parquet_shape(file)
-        rates = TRUTH_RATE[0] in columns
-        groups: dict[str, str | list[str]] = {"host_time_ns": "host_time_ns"}
-        groups |= {"rate": TRUTH_RATE} if rates else {"q": TRUTH_Q}
-        table = read_stacked(file, groups, every=-(-rows // MOST_THINNED))
-        q = np.broadcast_to(np.nan, (len(table["host_time_ns"]), 4)) if rates else table["q"]
-        return Truth(table["host_time_ns"], q, table.get("rate")), True
-
     def truth(self, sensor: str) -> Truth | None:
         """What the sensor went through, or None where nobody knows."""
-        file = self._truth_file(sensor)
+        file = self.truth_file(sensor)
         if file is None:
             return None
-        columns = parquet_shape(file)[1]
-        if (
-            self._near is not None
-            and sensor in self._near.sensors
-            and TRUTH_RATE[0] in columns
-            and is_long(file)
-        ):
-            return Truth(**read_near(file, Truth.groups(columns), self._near.sensors[sensor]))
-        return Truth.from_columns(read_parquet(file))
+        if self._near is not None and sensor in self._near.sensors:
+            return file.near(self._near.sensors[sensor])
+        return file.read()
 
-    def _truth_file(self, sensor: str) -> Path | None:
+    def truth_file(self, sensor: str) -> TruthFile | None:
+        """The same, opened the first time that it is asked for."""
         self._check(sensor)
         file = self.path / table_file(truth_stream(sensor))
+        if file.is_file() and sensor not in self._truths:
+            self._truths[sensor] = TruthFile(file)
         if not file.is_file() and file.name in self.manifest.files:
             raise SessionError(
                 f"{file} is missing, though the manifest lists it; the session is damaged"
             )
-        return file if file.is_file() else None
+        return self._truths[sensor] if file.is_file() else None
 
     def arm(self) -> ArmSamples | None:
         """What the arm reported, or None when there was none."""
@@ -295,7 +273,7 @@ class Session:
         if not file.is_file() or self.robot is None:
             return None
         names = self.robot.joint_names
-        if self._near is not None and is_long(file):
+        if self._near is not None and is_long(parquet_shape(file)[0]):
             near = read_near(file, ArmSamples.groups(names), self._near.arm)
             return ArmSamples(
                 names, near["host_time_ns"], near["q_sent"], near["q_measured"], near["v_measured"]
@@ -310,7 +288,7 @@ class Session:
         if not file.is_file() or self.robot is None or joint not in self.robot.joint_names:
             return None
         columns = ["host_time_ns", f"q_measured_{joint}_rad"]
-        if self._near is not None and is_long(file):
+        if self._near is not None and is_long(parquet_shape(file)[0]):
             table = read_near(file, {name: name for name in columns}, self._near.arm)
         else:
             table = read_parquet(file, columns)

@@ -65,7 +65,7 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Judged:
         Analysis(estimate=settings),
         {"imu": {"driver": "import", "description": "from a data set", "rate_hz": rate}},
         datetime(2026, 1, 2, tzinfo=UTC),
-        {"kind": "import", "source": ["a_data_set.csv"]},
+        {"kind": "import", "source": ["a_data_set.csv"], "licence": "CC0"},
     )
     writer.add_table("imu_imu", samples.to_columns())
     writer.add_table("truth_imu", Truth(time, q).to_columns())

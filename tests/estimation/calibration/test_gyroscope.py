@@ -289,9 +289,9 @@ def test_the_whole_calibration_takes_less_than_a_second(integrator, wandering):
     rng = np.random.default_rng(14)
     recording = record(Gyroscope.draw(rng, NOISE), wandering, rng, up_sd=2e-4)
     gravity_turns(recording, integrator)  # compiled now
-    begin = time.perf_counter()
+    begin = time.process_time()
     gravity_turns(recording, integrator)
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
 
 
 def test_a_calibration_is_validated_on_other_turns(ideal):
