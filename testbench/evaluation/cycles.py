@@ -244,8 +244,8 @@ def cycle_notes(where: str, steps: Sequence[PlannedStep], found: list[Found]) ->
             lasted = (step.settled_ns - step.start_ns) / NANOSECONDS
             notes.append(
                 f"{where}: the sweep '{step.name}' lasted {lasted:.2f} s where "
-                f"{cycles.motion_s:.2f} s were planned, so that "
-                "nobody knows where its cycles begin: they are not averaged"
+                f"{cycles.motion_s:.2f} s were planned, so that nobody knows where its cycles "
+                "begin: they are not averaged"
             )
     averaged = {row.step for row, _ in found}
     missing = [
@@ -254,8 +254,8 @@ def cycle_notes(where: str, steps: Sequence[PlannedStep], found: list[Found]) ->
     if missing:
         notes.append(
             f"{where}: no average cycle of {len(missing)} of {len(periodic)} sweeps: fewer than "
-            f"{LEAST_CYCLES} of their cycles "
-            "are judged from end to end, or the angle hardly changes"
+            f"{LEAST_CYCLES} of their cycles are judged from end to end, or the angle hardly "
+            "changes"
         )
     unlike = {
         (row.joint, row.step): row
@@ -265,9 +265,8 @@ def cycle_notes(where: str, steps: Sequence[PlannedStep], found: list[Found]) ->
     for row in unlike.values():
         notes.append(
             f"{where}: the true angle of {row.joint} in step {row.step} differs from one cycle of "
-            f"{1 / row.frequency_hz:.3g} s "
-            f"to the next by {row.true_sd_deg:.2f} deg (standard deviation) of a range of "
-            f"{row.true_rom_deg:.1f} deg: it is "
-            "not periodic as planned, and its average cycle says little"
+            f"{1 / row.frequency_hz:.3g} s to the next by {row.true_sd_deg:.2f} deg (standard "
+            f"deviation) of a range of {row.true_rom_deg:.1f} deg: it is not periodic as planned, "
+            "and its average cycle says little"
         )
     return notes

@@ -245,8 +245,7 @@ def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> Uncertai
             motion.rms_rate * 1e-3,
             None,
             "the clock's fit; the sensitivity is the true angular rate that this sensor makes "
-            "while it is "
-            "judged",
+            "while it is judged",
         )
     if clock.method == "none":
         rates = motion.mean_rate * 1e-3, motion.rms_rate * 1e-3

@@ -242,8 +242,8 @@ def _sentence(gain: float | None, like: str, wanted: Wanted) -> str:
     kind = "geometric mean" if wanted.criterion == "D" else "sum"
     return (
         f"the {kind} of the accelerometer's variances falls {gain:.2f} times against {like} with "
-        "as many visits and as much "
-        f"time at rest, with the arm's direction known to {np.degrees(ARM_DIRECTION):g} deg in each"
+        "as many visits and as much time at rest, with the arm's direction known to "
+        f"{np.degrees(ARM_DIRECTION):g} deg in each"
     )
 
 

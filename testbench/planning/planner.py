@@ -158,8 +158,8 @@ def _check_tool(protocol: Protocol, robot: Robot) -> None:
         return
     if payload is not None and tool.mass_kg > payload:
         message = (
-            f"the tool of {tool.mass_kg:g} kg is heavier than the {payload:g} kg that the "
-            f"maker of the {robot.name} allows"
+            f"the tool of {tool.mass_kg:g} kg is heavier than the {payload:g} kg that the maker of "
+            f"the {robot.name} allows"
         )
         raise protocol.document.problem(message, "arm", "tool", "mass_kg")
     distance = math.hypot(*tool.centre_mm)
@@ -187,8 +187,7 @@ def _check_settling(protocol: Protocol, steps: list[PlannedStep]) -> None:
         if spans and longest <= 2 * chain.settling_s:
             message = (
                 f"settling_s leaves out {chain.settling_s:g} s at either end of each step, and the "
-                "longest of section "
-                f"'{section}' lasts {longest:.1f} s: nothing would be judged; it must be below "
-                f"{longest / 2:.1f} s"
+                f"longest of section '{section}' lasts {longest:.1f} s: nothing would be judged; "
+                f"it must be below {longest / 2:.1f} s"
             )
             raise protocol.document.problem(message, "estimate", "chain", "settling_s")

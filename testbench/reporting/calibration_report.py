@@ -152,8 +152,8 @@ def _held_out(result: CalibrationResult) -> Section:
                 [*header("figure", "triad", "value", numbers_from=2), Cell("unit")],
                 rows,
                 "How to read: none of these poses and turns was seen by the fit that corrected it. "
-                "bias is the mean error of "
-                "an axis over the poses, error also counts what changes its sign with the pose.",
+                "bias is the mean error of an axis over the poses, error also counts what changes "
+                "its sign with the pose.",
             )
         )
     else:
@@ -220,10 +220,8 @@ def _beside_published(result: CalibrationResult) -> list[Block]:
             ),
             rows,
             f"How to read: published rows: {published.source}, judged there on the poses they were "
-            "fitted to and without "
-            "a bias in the model; ours on poses held out. sd is that of single readings at rest, "
-            "which a calibration must "
-            "not change.",
+            "fitted to and without a bias in the model; ours on poses held out. sd is that of "
+            "single readings at rest, which a calibration must not change.",
         )
     ]
 
@@ -335,8 +333,8 @@ def _mounting(found: MountingCalibration) -> Section:
         header("about", "rotation [deg]", "standard uncertainty [deg]", "95 % ± [deg]"),
         rows,
         "How to read: the rotation vector that takes what the sensor reads into the axes in which "
-        "it was believed to sit; all "
-        "triads and the device's orientation are turned by it, after their own corrections.",
+        "it was believed to sit; all triads and the device's orientation are turned by it, after "
+        "their own corrections.",
     )
     return Section(
         "mounting", "Mounting", [table, *(Sentence(_sentence(remark)) for remark in found.remarks)]
@@ -381,8 +379,7 @@ def _poses(result: CalibrationResult) -> Section:
         ),
         rows,
         "How to read: mean raw readings at rest, and what the calibration that was fitted to these "
-        "poses leaves of them; the "
-        "last column is against 9.80665 m/s².",
+        "poses leaves of them; the last column is against 9.80665 m/s².",
     )
     return Section("poses", "Poses", [table])
 
@@ -416,9 +413,7 @@ def _segmentation(result: CalibrationResult) -> Section:
         ),
         rows,
         "How to read: arm is what the arm reports, gyroscope the spread of the rates, peaks the "
-        "plateaus between the moves, "
-        "variance that of the accelerometer with its threshold found automatically. The rests of "
-        f"the {result.segmentation} "
-        "were used.",
+        "plateaus between the moves, variance that of the accelerometer with its threshold found "
+        f"automatically. The rests of the {result.segmentation} were used.",
     )
     return Section("segmentation", "Rests", [table])

@@ -97,8 +97,7 @@ def chain_section(
                     )
                 },
                 "How to read: estimate less what the arm measured; a constant part is a bias of a "
-                "sensor or of the start, a "
-                "growing one a heading that nothing tells."
+                "sensor or of the start, a growing one a heading that nothing tells."
                 + (
                     f" Of {len(joints)} joints those with the largest errors are drawn."
                     if len(joints) > len(drawn)
@@ -183,9 +182,8 @@ def _facts(estimate: Estimate) -> Table:
         ),
         rows,
         "How to read: what the filter was told or found of the motion. The last column is 1 where "
-        "the readings differ from "
-        "what was predicted as much as their variances say; far above 1 the model is too sure of "
-        "itself.",
+        "the readings differ from what was predicted as much as their variances say; far above 1 "
+        "the model is too sure of itself.",
     )
 
 
@@ -226,8 +224,7 @@ def _errors(rows: list[ChainRow]) -> Table:
         ),
         body,
         "How to read: the mean is signed and hides what it averages; bold is the lower RMS. ± U is "
-        "how far the arm's own angle "
-        "may be off (k = 2). Uncertainty is what the filter states (RMS of the standard "
-        "uncertainty), covered the part of the "
-        "errors within 1.96 of it: 95 is honest.",
+        "how far the arm's own angle may be off (k = 2). Uncertainty is what the filter states "
+        "(RMS of the standard uncertainty), covered the part of the errors within 1.96 of it: 95 "
+        "is honest.",
     )

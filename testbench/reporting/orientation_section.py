@@ -81,13 +81,11 @@ def orientation_section(
                     )
                 },
                 "How to read: total is the angle between estimated and true orientation; heading "
-                "is its part about the "
-                "vertical, inclination the rest. A heading that runs away is that of a filter "
-                "without magnetometer, or of one "
-                "that is still turning to a field other than that of the reference pose. Only "
-                "judged "
-                "samples are drawn; long recordings show the lowest and highest error of each "
-                "short span." + hidden_names(far),
+                "is its part about the vertical, inclination the rest. A heading that runs away is "
+                "that of a filter without magnetometer, or of one that is still turning to a field "
+                "other than that of the reference pose. Only judged samples are drawn; long "
+                "recordings show the lowest and highest error of each short span."
+                + hidden_names(far),
             )
         )
         section.blocks += magnetic_blocks(evaluation, sensor, colours, spans)
@@ -168,11 +166,9 @@ def _tables(evaluation: Evaluation) -> list[Block]:
             + ([Cell("remark")] if any(far.values()) else []),
             rows,
             "How to read: over all judged samples; bold is the lowest of a sensor. In square "
-            "brackets: the 95 % "
-            "confidence interval, from this session's own scatter over time. Inclination is what "
-            "gravity can "
-            f"correct, heading what only a magnetometer or a known start can. {_stated(evaluation)}"
-            + how_remarks(any(far.values())),
+            "brackets: the 95 % confidence interval, from this session's own scatter over time. "
+            "Inclination is what gravity can correct, heading what only a magnetometer or a known "
+            f"start can. {_stated(evaluation)}" + how_remarks(any(far.values())),
         )
     ]
     if apart:
@@ -191,8 +187,7 @@ def _tables(evaluation: Evaluation) -> list[Block]:
                 ),
                 apart,
                 "How to read: static are the judged samples at which the sensor was at rest by its "
-                "own gyroscope, dynamic the "
-                "others.",
+                "own gyroscope, dynamic the others.",
                 folded=True,
             )
         )
@@ -267,8 +262,7 @@ def _sweeps(sweeps: list[OrientationSweepRow]) -> Table:
         ),
         body,
         "How to read: amplitude and frequency are those of the sensor's true turning about its "
-        "main axis; a dash is a sensor "
-        "that the sweep did not turn.",
+        "main axis; a dash is a sensor that the sweep did not turn.",
         folded=True,
     )
 
@@ -304,10 +298,9 @@ def _bias(rows: list[GyroscopeBiasRow]) -> Table:
         ),
         body,
         "How to read: what the calibrated gyroscope still reads in dwells that the calibration did "
-        "not use, ± twice its "
-        "standard error; the true rate is zero there. It holds what drifted since, and the "
-        "response to gravity that the "
-        "calibration missed. Filters that estimate a bias of their own start from here.",
+        "not use, ± twice its standard error; the true rate is zero there. It holds what drifted "
+        "since, and the response to gravity that the calibration missed. Filters that estimate a "
+        "bias of their own start from here.",
         folded=True,
     )
 

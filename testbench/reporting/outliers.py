@@ -15,8 +15,8 @@ from testbench.reporting.page import Sentence
 from testbench.reporting.tables import Cell, digits, text
 
 RULE = (
-    "beyond the upper quartile of all filters by three quartile ranges, and by 1 deg above "
-    "their median"
+    "beyond the upper quartile of all filters by three quartile ranges, and by 1 deg above their "
+    "median"
 )
 FAR_BEYOND = 1.5
 """The largest cell of several maps over that which 98 % stay below, from which it does not set

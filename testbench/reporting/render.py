@@ -17,8 +17,7 @@ from testbench.reporting.tables import Table, counted, powers_of_ten
 
 ERRORS = (
     "Errors are estimated minus true; e is an error, |e| its magnitude. Angles in degrees, times "
-    "in seconds since the start of "
-    "the session."
+    "in seconds since the start of the session."
 )
 TEMPLATES = Path(__file__).resolve().parent / "templates"
 

@@ -319,7 +319,6 @@ def parts_table(parts: Sequence[Part]) -> StudyTable:
         titles,
         tuple(rows),
         "How to read: each row is a session with a part of its own errors; angle after the ten "
-        "held-out turns, everything "
-        "calibrated. The first row is the part of the tables above.",
+        "held-out turns, everything calibrated. The first row is the part of the tables above.",
         decimals=(3,) * len(titles),
     )

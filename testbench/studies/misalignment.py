@@ -51,8 +51,8 @@ TURNS = {"X": "roll", "Y": "pitch", "Z": "yaw"}
 PROTOCOL, FILTERS = "elbow_flexion", ("device", "vqf_6d")
 """The session, and the filters that stand for the sensors in it."""
 QUESTION = (
-    "How wrong does a misaligned segment make a flexion angle, by which sequence, and how "
-    "much of a session's error is that?"
+    "How wrong does a misaligned segment make a flexion angle, by which sequence, and how much of "
+    "a session's error is that?"
 )
 
 
@@ -65,8 +65,8 @@ def run(bench: StudyBench) -> StudyRecord:
     measured = study.table("elbow measured")
     found = tuple(
         f"{row.label}: the definition is wrong by {row.values[1]:.3f} deg in the mean and "
-        f"{row.values[2]:.2f} deg at most, "
-        f"what was measured by {row.values[3]:.3f} and {row.values[4]:.2f} deg."
+        f"{row.values[2]:.2f} deg at most, what was measured by {row.values[3]:.3f} and "
+        f"{row.values[4]:.2f} deg."
         for row in measured.rows
     )
     settings = {"protocol": PROTOCOL, "seed": bench.seed, "parts": 1, "filters": ", ".join(FILTERS)}
@@ -193,8 +193,7 @@ def fit_table(
         ("a [1/deg]", "a from", "a to", "b", "c [deg]", "R²", "adjusted R²", "RMSE [deg]"),
         tuple(rows),
         "How to read: a is how fast the error grows with the square of the misalignment, with its "
-        "95 % confidence interval. "
-        "The residual is the model's, not noise: |error| is no parabola.",
+        "95 % confidence interval. The residual is the model's, not noise: |error| is no parabola.",
         " ".join(["They agree to the last digit printed.", *remarks]) if theirs else "",
         decimals=(5, 5, 5, 1, 5, 4, 4, 5),
         ratio_column=0,
@@ -234,8 +233,7 @@ def surface_table(
         ("value [deg]", "from", "to"),
         tuple(StudyRow(name, (fit.value(name), *fit.interval(name))) for name in fit.fit.names),
         f"How to read: p_ij stands before F^i D^j, F = (f - {f_mean:.4g}) / {f_sd:.4g}, D = (d - "
-        f"{abs(d_mean):.4g}) / "
-        f"{d_sd:.4g}, all in degrees. R² {fit.r_squared:.4f}, adjusted "
+        f"{abs(d_mean):.4g}) / {d_sd:.4g}, all in degrees. R² {fit.r_squared:.4f}, adjusted "
         f"{fit.adjusted_r_squared:.4f}, RMSE {fit.rmse:.4g} deg.",
         "The source norms by the same means and deviations (35, 21.64; 0, 12.13); its degrees and "
         "coefficients are not known.",
@@ -294,9 +292,8 @@ def sequences_table(
         ("flexion is its", "about X [deg]", "about Y [deg]", "about Z [deg]"),
         tuple(rows),
         f"How to read: misaligned by up to {np.abs(misalignment_deg).max():g} deg, flexed by up to "
-        f"{flexion_deg.max():g} deg. "
-        f"A sequence with {flexion_about} twice is left out: there the flexion is a sum of two "
-        "angles.",
+        f"{flexion_deg.max():g} deg. A sequence with {flexion_about} twice is left out: there the "
+        "flexion is a sum of two angles.",
         decimals=(0, 3, 3, 3),
     )
 
@@ -359,7 +356,6 @@ def _findings(
 ) -> tuple[str, ...]:
     return tuple(
         f"{sequence}: misaligned about {axis}, a flexion of up to {flexion_deg.max():g} deg is "
-        "wrong by up to "
-        f"{np.nanmax(np.abs(grid)):.2f} deg without any error of a sensor."
+        f"wrong by up to {np.nanmax(np.abs(grid)):.2f} deg without any error of a sensor."
         for axis, grid in grids.items()
     )

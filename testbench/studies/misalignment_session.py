@@ -79,9 +79,8 @@ def session_curves(
                 "|error| [deg]",
                 tuple(curves),
                 "How to read: theory is the closed form, simulation the true poses of the arm "
-                "through the same code, the rest "
-                "what the filters gave. Where these lie on the theory, the error is the "
-                "definition's and no sensor's.",
+                "through the same code, the rest what the filters gave. Where these lie on the "
+                "theory, the error is the definition's and no sensor's.",
             )
         )
     return figures
@@ -118,9 +117,8 @@ def session_table(session: Session, evaluation: Evaluation, joint: str) -> Study
         "How to read: the definition's error is that of the true poses; what a filter adds or "
         "takes is the sensors'.",
         "A sequence that sees the heading also sees what a filter loses of it: where the sensors "
-        "drift apart in heading, this "
-        "adds to the misalignment on one side and takes from it on the other, most of all by a "
-        "filter without magnetometer.",
+        "drift apart in heading, this adds to the misalignment on one side and takes from it on "
+        "the other, most of all by a filter without magnetometer.",
         decimals=(0, 3, 3, 3, 3),
     )
 

@@ -138,8 +138,7 @@ def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float
         if process.poll() is not None:
             raise ViewerError(
                 f"the viewer ended with code {process.returncode} before it drew anything; drawing "
-                "without a screen needs "
-                "Vulkan (Debian: libvulkan1 and mesa-vulkan-drivers)"
+                "without a screen needs Vulkan (Debian: libvulkan1 and mesa-vulkan-drivers)"
             )
         if waited > START_TIMEOUT:
             raise ViewerError(f"the viewer did not answer within {START_TIMEOUT:.0f} s")
