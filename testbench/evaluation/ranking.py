@@ -37,8 +37,8 @@ def rank_filters(
 
     Args:
         owner: Joint or sensor.
-        section: Of a joint.
-        sequence: Of a joint.
+        section: Of the protocol, for a joint; None for a sensor.
+        sequence: Of the joint's angles; None for a sensor.
         criterion: `MEAN_MAGNITUDE` compares |e|, `MEAN_SQUARE` e².
         series: By filter; errors in degrees, equally long, on the same samples.
 

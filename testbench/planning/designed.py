@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,7 +11,7 @@ import numpy as np
 
 from testbench.exceptions import CollisionError, InputError, NotFoundError
 from testbench.model.calibration_information import pose_information
-from testbench.planning.design_protocol import protocol_text
+from testbench.planning.design_protocol import Draft
 from testbench.planning.experiment_design import (
     ACCELEROMETER_SIZE,
     ARM_DIRECTION,
@@ -150,9 +148,9 @@ def design_protocol(
                 f"The mounting is that of {like}, in the link {link}: correct it to where the "
                 "sensor sits."
             )
-        text = partial(protocol_text, out.stem, purpose, robot, name, sensor, design, notes)
+        draft = Draft(out.stem, purpose, robot, name, sensor, design, notes)
         try:
-            via_home, checked = _checked(text, len(design.q))
+            via_home, checked = _checked(draft)
             break
         except _NoWay as found:
             without.add(tuple(design.q[found.pose]))
@@ -161,7 +159,7 @@ def design_protocol(
                     f"no clear way was found: {found.error}; let other joints move with --joints"
                 ) from None
     with stored_where_asked(out):
-        write_text(out, text(via_home), anew=True)
+        write_text(out, draft.text(via_home), anew=True)
     rows = _rows(before.judged(q, [], dwell), design)
     return DesignedProtocol(checked, like, before.robot.name, rows, gain, sentence)
 
@@ -184,13 +182,14 @@ def _compared(
     return designer, *designer.poses_of(planned)
 
 
-def _checked(text: Callable[[set[int]], str], poses: int) -> tuple[set[int], Plan]:
+def _checked(draft: Draft) -> tuple[set[int], Plan]:
     """The poses that must be reached by way of home, and the plan that passes every check."""
+    poses = len(draft.design.q)
     via_home: set[int] = set()
     with TemporaryDirectory() as folder:
         file = Path(folder) / "design.yaml"
         for _ in range(MOST_DETOURS):
-            file.write_text(text(via_home), encoding="utf-8")
+            file.write_text(draft.text(via_home), encoding="utf-8")
             try:
                 return via_home, plan(load_protocol(file))
             except CollisionError as error:

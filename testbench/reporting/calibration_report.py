@@ -12,8 +12,8 @@ from testbench.records.calibration_result import CalibrationResult
 from testbench.records.fit import Fit
 from testbench.records.published import load_published
 from testbench.records.replacing import stored, write_text
-from testbench.reporting.figures import heat_map
-from testbench.reporting.page import Block, Figures, Section, Sentence, Tile
+from testbench.reporting.figures import Axis, heat_map
+from testbench.reporting.page import Block, Figures, Page, Section, Sentence, Tile
 from testbench.reporting.render import render_page
 from testbench.reporting.tables import (
     Cell,
@@ -66,14 +66,16 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
         sections.append(_mounting(calibration.mounting))
     sections += [_poses(result), _segmentation(result)]
     html = render_page(
-        title=f"Calibration of {calibration.sensor}",
-        purpose=methods,
-        facts=[fact for fact in facts if fact[1]],
-        tiles=_tiles(result),
-        sections=sections,
-        kind="calibration",
-        footer="Rows in italics are published values. All uncertainties are standard uncertainties "
-        "unless a column says 95 %.",
+        Page(
+            title=f"Calibration of {calibration.sensor}",
+            purpose=methods,
+            facts=[fact for fact in facts if fact[1]],
+            tiles=_tiles(result),
+            sections=sections,
+            kind="calibration",
+            footer="Rows in italics are published values. All uncertainties are standard "
+            "uncertainties unless a column says 95 %.",
+        )
     )
     with stored(path, "the calibration is kept"):
         write_text(path, html)
@@ -293,9 +295,8 @@ def _parameters(fit: Fit) -> Table:
 def _correlation(fit: Fit) -> list[Block]:
     if not 1 < len(fit.names) <= MOST_CORRELATED:
         return []
-    figure = heat_map(
-        "", list(fit.names), list(fit.names), np.abs(fit.correlation), "", "", "|r|", 1.0
-    )
+    parameters = Axis("", list(fit.names))
+    figure = heat_map("", parameters, parameters, np.abs(fit.correlation), "|r|", 1.0)
     figure["layout"]["height"] = 224 + 18 * len(fit.names)
     figure["layout"]["margin"] = {"l": 150, "r": 14, "t": 38, "b": 150}
     for axis in ("xaxis", "yaxis"):

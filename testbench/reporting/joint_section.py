@@ -13,7 +13,15 @@ from testbench.records.layout import joint_table
 from testbench.records.published import PublishedResults
 from testbench.reporting.cycle_section import cycle_blocks
 from testbench.reporting.decimation import Envelope
-from testbench.reporting.figures import Curve, Figure, Span, error_curves, heat_map, time_panels
+from testbench.reporting.figures import (
+    Axis,
+    Curve,
+    Figure,
+    Span,
+    error_curves,
+    heat_map,
+    time_panels,
+)
 from testbench.reporting.flexion import PoseErrors, SweepErrors, by_section, published_beside
 from testbench.reporting.outliers import (
     common_top,
@@ -355,11 +363,9 @@ def _maps(joint: str, section: str, sequence: str, errors: PoseErrors) -> Figure
     for name, grid in grids.items():
         figures[f"error over misalignment and flexion, {name}, {sequence}"] = heat_map(
             f"{name}, {sequence}",
-            errors.misalignments,
-            errors.flexions,
+            Axis("misalignment [deg]", errors.misalignments),
+            Axis("flexion [deg]", errors.flexions),
             grid,
-            "misalignment [deg]",
-            "flexion [deg]",
             "mean |e| [deg]",
             top,
         )
@@ -472,11 +478,9 @@ def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
             f"RMS error over {errors.variables[1]} and {errors.variables[0]}, {name}, {sequence}"
         ] = heat_map(
             f"{name}, {sequence}",
-            [f"{v:g}" for v in errors.values(1)],
-            [f"{v:g}" for v in errors.values(0)],
+            Axis(_variable_words(errors.variables[1]), [f"{v:g}" for v in errors.values(1)]),
+            Axis(_variable_words(errors.variables[0]), [f"{v:g}" for v in errors.values(0)]),
             grid,
-            _variable_words(errors.variables[1]),
-            _variable_words(errors.variables[0]),
             "RMS e [deg]",
             top,
         )

@@ -94,13 +94,12 @@ def misalignment_study(
 
     Args:
         sequence: Intrinsic Euler sequence whose flexion is judged.
-        flexion_deg: Shape (f,), (d,) [deg].
-        misalignment_deg: Shape (f,), (d,) [deg].
+        flexion_deg: Rows of the grid, shape (f,) [deg].
+        misalignment_deg: Columns of the grid, shape (d,) [deg].
         flexion_about: Axis of the flexion.
         session: A session whose protocol varies the misalignment, to be shown beside theory and
             simulation.
-        evaluation: A session whose protocol varies the misalignment, to be shown beside theory and
-            simulation.
+        evaluation: Of that session.
 
     Raises:
         InputError: The flexion is no single angle of the sequence, or the session varies no
@@ -155,7 +154,18 @@ def error_grid(
     misalignment_deg: np.ndarray,
     flexion_about: AxisName = "Y",
 ) -> np.ndarray:
-    """Signed error of the flexion [deg], shape (f, d); NaN in gimbal lock."""
+    """Signed error of the flexion by a misalignment.
+
+    Args:
+        definition: Of the flexion.
+        about: Axis of the misalignment.
+        flexion_deg: Rows of the grid, shape (f,) [deg].
+        misalignment_deg: Columns of the grid, shape (d,) [deg].
+        flexion_about: Axis of the flexion.
+
+    Returns:
+        Shape (f, d) [deg]; NaN in gimbal lock.
+    """
     index = flexion_index(definition, flexion_about)
     errors = misalignment_errors(
         definition, about, np.radians(flexion_deg), np.radians(misalignment_deg), flexion_about
@@ -173,8 +183,8 @@ def fit_table(
 
     Args:
         magnitudes: Of the error, shape (f, d) [deg].
-        flexion_deg: Rows of the magnitudes, shape (f,).
-        misalignment_deg: Columns of the magnitudes, shape (d,).
+        flexion_deg: Rows of the grid, shape (f,) [deg].
+        misalignment_deg: Columns of the grid, shape (d,) [deg].
         published: Fits on the same grid, or None.
     """
     theirs = {row.label: row for row in published.tables["misalignment"].rows} if published else {}
@@ -221,7 +231,14 @@ def surface_table(
     misalignment_deg: np.ndarray,
     degrees: tuple[int, int] = SURFACE_DEGREES,
 ) -> StudyTable:
-    """Polynomial surface of |error| over flexion and misalignment about X."""
+    """Polynomial surface of |error| over flexion and misalignment about X.
+
+    Args:
+        magnitudes: Of the error, shape (f, d) [deg].
+        flexion_deg: Rows of the grid, shape (f,) [deg].
+        misalignment_deg: Columns of the grid, shape (d,) [deg].
+        degrees: Of the polynomial in flexion and in misalignment.
+    """
     flexion, misalignment = np.meshgrid(flexion_deg, misalignment_deg, indexing="ij")
     known = np.isfinite(magnitudes)
     fit = fit_surface(flexion[known], misalignment[known], magnitudes[known], degrees)
@@ -245,7 +262,13 @@ def surface_table(
 def axes_table(
     grids: Mapping[AxisName, np.ndarray], misalignment_deg: np.ndarray, sequence: str
 ) -> StudyTable:
-    """How much of a misalignment about each axis arrives in the flexion."""
+    """How much of a misalignment about each axis arrives in the flexion.
+
+    Args:
+        grids: Signed error of the flexion by the axis of the misalignment, shape (f, d) each [deg].
+        misalignment_deg: Columns of the grids, shape (d,) [deg].
+        sequence: Intrinsic Euler sequence whose flexion is judged.
+    """
     rows = []
     for axis, grid in grids.items():
         passed = np.abs(grid[:, misalignment_deg != 0]) / np.abs(
@@ -275,7 +298,13 @@ def axes_table(
 def sequences_table(
     flexion_deg: np.ndarray, misalignment_deg: np.ndarray, flexion_about: AxisName = "Y"
 ) -> StudyTable:
-    """The largest error of the flexion for every sequence that has it as an angle of its own."""
+    """The largest error of the flexion for every sequence that has it as an angle of its own.
+
+    Args:
+        flexion_deg: Rows of the grid, shape (f,) [deg].
+        misalignment_deg: Columns of the grid, shape (d,) [deg].
+        flexion_about: Axis of the flexion.
+    """
     rows = []
     for sequence in SEQUENCES:
         if sequence.count(flexion_about) != 1:
@@ -301,7 +330,14 @@ def sequences_table(
 def sensor_table(
     flexion_deg: np.ndarray, error_deg: np.ndarray, sequence: str, flexion_about: AxisName = "Y"
 ) -> StudyTable:
-    """Errors of one sensor's orientation in yaw, pitch and roll (eq. 2.21)."""
+    """Errors of one sensor's orientation in yaw, pitch and roll (eq. 2.21).
+
+    Args:
+        flexion_deg: Shape (f,) [deg].
+        error_deg: Of the orientation, increasing, shape (d,) [deg].
+        sequence: Intrinsic Euler sequence whose flexion is judged.
+        flexion_about: Axis of the flexion.
+    """
     rows = []
     index = flexion_index(sequence, flexion_about)
     sides: tuple[Literal["proximal", "distal"], ...] = ("proximal", "distal")

@@ -187,11 +187,18 @@ def _printed_mean(row: FlexionErrors) -> float:
 
 
 def heading_model(flexion_deg: np.ndarray, offset_deg: float, heading_deg: float) -> np.ndarray:
-    """|error| [deg] of the middle angle of YXZ, shape (f,): the elbow starts off zero, one sensor
-    is turned about the vertical.
+    """|error| of the middle angle of YXZ with an elbow that starts off zero and one turned sensor.
 
     The angle is asin(sin(f + o) cos h), as of a misalignment h (Castellanos Alonso 2023, section
     4), judged by f.
+
+    Args:
+        flexion_deg: f, shape (f,) [deg].
+        offset_deg: o, where the elbow starts [deg].
+        heading_deg: h, by which one sensor is turned about the vertical [deg].
+
+    Returns:
+        Shape (f,) [deg].
     """
     start = np.radians(flexion_deg + offset_deg)
     wrong = middle_angle_error(start, np.full(len(flexion_deg), np.radians(heading_deg)))
@@ -200,14 +207,13 @@ def heading_model(flexion_deg: np.ndarray, offset_deg: float, heading_deg: float
 
 @dataclass(frozen=True)
 class HeadingFit:
-    """The two parameters of `heading_model` that come nearest to a published table, and what they
-    leave of it.
+    """The parameters of `heading_model` nearest to a published table, and what they leave of it.
 
     Attributes:
-        offset_deg: The elbow's start, and the size of the angle between the sensors' headings.
-        heading_deg: The elbow's start, and the size of the angle between the sensors' headings.
-        residual_deg: Model less published by flexion, shape (f,).
-        largest_at_deg: Flexion of the largest residual.
+        offset_deg: Where the elbow starts [deg].
+        heading_deg: Size of the angle between the sensors' headings [deg].
+        residual_deg: Model less published by flexion, shape (f,) [deg].
+        largest_at_deg: Flexion of the largest residual [deg].
     """
 
     offset_deg: float

@@ -24,10 +24,10 @@ class Question:
 
     Attributes:
         caption: Of its table.
-        short: Of its table.
-        why: Of its table.
-        less: The sentence's beginning for those shown.
-        more: The sentence's beginning for those shown.
+        short: The table's name where there is little room.
+        why: The sentence below the table.
+        less: The sentence's beginning for pairs of which the first has less error.
+        more: The sentence's beginning for pairs of which the first has more error.
         published: Which of both the thesis has.
     """
 

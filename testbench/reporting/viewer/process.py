@@ -55,8 +55,8 @@ def view(
     Args:
         session: The recording; session.rrd is written into its folder.
         web: Serve to a browser on this machine instead of opening a window.
-        estimate: As for `save_recording`.
-        evaluation: As for `save_recording`.
+        estimate: As `save_recording` takes it.
+        evaluation: Of its errors, as `save_recording` takes it.
         web_port: Of the web page.
         announce: Told where to look.
 
@@ -97,8 +97,8 @@ def screenshot(
     Args:
         session: The recording.
         path: The .png file to write.
-        estimate: As for `save_recording`.
-        evaluation: As for `save_recording`.
+        estimate: As `save_recording` takes it.
+        evaluation: Of its errors, as `save_recording` takes it.
         time_s: Of the picture, from the start of the session [s]; two thirds into its longest
             section if None.
         size: Width and height [pixels].
