@@ -98,27 +98,10 @@ def design_protocol(
     Raises:
         InputError: There is no such sensor, or no such design.
     """
-    if out.suffix not in {".yaml", ".yml"}:
-        raise InputError(f"{out}: a protocol is a .yaml file")
-    if not re.match(NAME_PATTERN, out.stem):
-        raise InputError(
-            f"{out}: the protocol is called after its file, by a letter, then up to 63 letters, "
-            "digits and _"
-        )
-    if out.exists():
-        raise InputError(f"{out} exists already; nothing was written")
-    if not out.parent.is_dir():
-        raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
+    _check_file(out)
     protocol = load_protocol(like)
     sensors = protocol.spec.sensors
-    if sensor_name is None and len(sensors) > 1:
-        raise InputError(
-            f"the protocol {like} has several sensors ({', '.join(sensors)}); say which with "
-            "--sensor"
-        )
-    name = sensor_name or next(iter(sensors))
-    if name not in sensors:
-        raise NotFoundError("sensor", name, list(sensors))
+    name = _chosen_sensor(protocol, like, sensor_name)
     robot = load_robot(robot_name)
     sensor = sensors[name] if link is None else sensors[name].model_copy(update={"link": link})
     designer = Designer(robot, sensor)
@@ -130,7 +113,7 @@ def design_protocol(
     without: set[tuple[float, ...]] = set()
     while True:
         design = designer.design(wanted, without)
-        lost = [name for name, sd in design.accelerometer.items() if not np.isfinite(sd)]
+        lost = [parameter for parameter, sd in design.accelerometer.items() if not np.isfinite(sd)]
         if lost:
             raise InputError(
                 f"poses of these joints leave {', '.join(lost)} undetermined; let other joints "
@@ -162,6 +145,35 @@ def design_protocol(
         write_text(out, draft.text(via_home), anew=True)
     rows = _rows(before.judged(q, [], dwell), design)
     return DesignedProtocol(checked, like, before.robot.name, rows, gain, sentence)
+
+
+def _check_file(out: Path) -> None:
+    """That a protocol can be written there."""
+    if out.suffix not in {".yaml", ".yml"}:
+        raise InputError(f"{out}: a protocol is a .yaml file")
+    if not re.match(NAME_PATTERN, out.stem):
+        raise InputError(
+            f"{out}: the protocol is called after its file, by a letter, then up to 63 letters, "
+            "digits and _"
+        )
+    if out.exists():
+        raise InputError(f"{out} exists already; nothing was written")
+    if not out.parent.is_dir():
+        raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
+
+
+def _chosen_sensor(protocol: Protocol, like: str, sensor_name: str | None) -> str:
+    """The sensor of that name, or the only one."""
+    sensors = protocol.spec.sensors
+    if sensor_name is None and len(sensors) > 1:
+        raise InputError(
+            f"the protocol {like} has several sensors ({', '.join(sensors)}); say which with "
+            "--sensor"
+        )
+    name = sensor_name or next(iter(sensors))
+    if name not in sensors:
+        raise NotFoundError("sensor", name, list(sensors))
+    return name
 
 
 def _compared(
