@@ -54,8 +54,7 @@ def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, lis
         if not rows:
             result.notes.append(
                 f"{where}: not judged, for no sample is left: settling_s leaves out as much as its "
-                "steps last, or none was "
-                f"finished"
+                "steps last, or none was finished"
             )
         for row in rows:
             true = ChainTruth(
@@ -79,10 +78,9 @@ def _coverage_notes(where: str, rows: list[ChainRow]) -> list[str]:
         return []
     worst = min(low, key=lambda row: row.covered_percent)
     note = (
-        f"{where}: the uncertainties that it states are too small for {len(low)} of "
-        f"{len(rows)} joints: 1.96 of them "
-        f"cover {worst.covered_percent:.0f} % of the errors of {worst.joint}, where 95 % "
-        "would be honest"
+        f"{where}: the uncertainties that it states are too small for {len(low)} of {len(rows)} "
+        f"joints: 1.96 of them cover {worst.covered_percent:.0f} % of the errors of {worst.joint}, "
+        "where 95 % would be honest"
     )
     return [note]
 

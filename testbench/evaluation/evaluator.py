@@ -117,8 +117,7 @@ def _verdict_notes(metrics: list[Metric]) -> list[str]:
     ]
     return unmeasured + [
         f"{m.name} by {m.filter}{f', section {m.section},' if m.section else ''} is marginal and "
-        "cannot pass, for the "
-        f"uncertainty of the truth is not known: {m.no_uncertainty}"
+        f"cannot pass, for the uncertainty of the truth is not known: {m.no_uncertainty}"
         for m in metrics
         if m.outcome is Outcome.MARGINAL and m.no_uncertainty
     ]

@@ -33,10 +33,9 @@ class FieldDeviation:
         norm: Of the reference [uT].
         dip: Of the reference, below the horizon [rad].
         norm_percent: Deviation of the norm, shape (n,) [%].
-        dip_rad: Of the direction, shape (n,); the heading is anticlockwise from above, and a
-            compass errs by as much the other way.
-        heading_rad: Of the direction, shape (n,); the heading is anticlockwise from above, and a
-            compass errs by as much the other way.
+        dip_rad: Deviation of the dip, shape (n,) [rad].
+        heading_rad: Deviation of the heading, anticlockwise from above, shape (n,) [rad]; a compass
+            errs by as much the other way.
     """
 
     norm: float

@@ -41,8 +41,14 @@ SILENT = NoiseCoefficients(*[Coefficient(0.0, 0.0)] * 3)
 
 
 def longest_rest(time_ns: np.ndarray, still: np.ndarray) -> slice | None:
-    """The longest run of samples at rest without a gap, or None where it is shorter than
-    `SHORTEST_S`.
+    """The longest run of samples at rest without a gap.
+
+    Args:
+        time_ns: Increasing, shape (n,) [ns].
+        still: Where the sensor is at rest, shape (n,), bool.
+
+    Returns:
+        None where it is shorter than `SHORTEST_S`.
     """
     broken = np.concatenate(
         [[True], ~still[1:] | ~still[:-1] | (np.diff(time_ns) > LONGEST_GAP_NS), [True]]

@@ -84,8 +84,16 @@ class SensorErrors:
 def judged_rows(
     steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarray, static: np.ndarray
 ) -> np.ndarray:
-    """Which of a sensor's samples count, shape (n,), bool: by the steps, or by the truth's own
-    marks without a protocol.
+    """Which of a sensor's samples are evaluated.
+
+    Args:
+        steps: Of the protocol; None without one, where the truth's own marks say it.
+        truth: Of the sensor.
+        time_ns: Of its samples, increasing, shape (n,) [ns].
+        static: Where it is at rest, shape (n,), bool.
+
+    Returns:
+        Shape (n,), bool.
     """
     if steps is not None:
         judged = np.zeros(len(time_ns), dtype=bool)

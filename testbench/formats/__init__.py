@@ -80,8 +80,8 @@ FORMATS = {
 
 UNDATED = (
     "the date of the recording is unknown: of several stored calibrations none can be chosen as "
-    "the nearest in time, and one "
-    "made from it bears the date of the import; state it with --recorded-at 2021-08-20"
+    "the nearest in time, and one made from it bears the date of the import; state it with "
+    "--recorded-at 2021-08-20"
 )
 
 

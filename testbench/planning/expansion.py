@@ -379,8 +379,8 @@ class _Expander:
         except UnknownVariable as error:
             count = len(self.values.get(error.name, []))
             message = (
-                f"the variable '{error.name}' has {count} values; name it in a for_each "
-                "around this step"
+                f"the variable '{error.name}' has {count} values; name it in a for_each around "
+                "this step"
             )
             raise self._error(message if count else str(error), *where) from None
         except ExpressionError as error:

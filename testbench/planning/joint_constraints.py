@@ -64,10 +64,8 @@ def constraint_warnings(
             )
             warnings.append(
                 f"joint '{name}': in the planned motion the axes of its constraint are {span} "
-                "apart, not "
-                f"{joint.constraint.angle_deg:g} deg; headings would be turned wrongly: are they "
-                f"axes of {robot.name} in the "
-                "segments' own frames?"
+                f"apart, not {joint.constraint.angle_deg:g} deg; headings would be turned wrongly: "
+                f"are they axes of {robot.name} in the segments' own frames?"
             )
         elif told < LEAST_TOLD:
             warnings.append(

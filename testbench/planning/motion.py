@@ -164,8 +164,8 @@ class MotionBuilder:
         if sweep.rate > limit:
             raise PlanError(
                 f"joint {self.robot.joint_names[sweep.joint]}: a rate of "
-                f"{math.degrees(sweep.rate):.2f} deg/s exceeds "
-                f"{math.degrees(limit):.2f} deg/s (limit times motion.speed)"
+                f"{math.degrees(sweep.rate):.2f} deg/s exceeds {math.degrees(limit):.2f} deg/s "
+                "(limit times motion.speed)"
             )
         speed[sweep.joint] = sweep.rate
         for _ in range(sweep.cycles):

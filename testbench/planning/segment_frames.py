@@ -87,8 +87,8 @@ def segment_frame_warnings(
         for read in compared:
             frames = f"its segment frames (rotation_deg) do not fit the link frames of {robot.name}"
             what = (
-                f"joint '{name}': in the middle of the poses the {read.definition.label} "
-                "flexion of the segments differs"
+                f"joint '{name}': in the middle of the poses the {read.definition.label} flexion "
+                "of the segments differs"
             )
             warnings += read.differs(what, true, called, frames)
     return warnings
@@ -187,8 +187,8 @@ class _Read:
         if margin >= LEAST_MARGIN_DEG:
             return []
         flexion = (
-            f"joint '{name}': the {d.flexion} angle of {d.label} is its flexion, and in one "
-            "of the poses it is"
+            f"joint '{name}': the {d.flexion} angle of {d.label} is its flexion, and in one of the "
+            "poses it is"
         )
         return [
             (

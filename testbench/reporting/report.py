@@ -16,7 +16,7 @@ from testbench.records.session.session import Session
 from testbench.records.session.session_lock import session_locked
 from testbench.records.specs.published import load_published
 from testbench.reporting.page.figures import Span
-from testbench.reporting.page.page import Section, Sentence
+from testbench.reporting.page.page import Page, Section, Sentence
 from testbench.reporting.page.palette import filter_colours
 from testbench.reporting.page.render import render_page
 from testbench.reporting.sections.axes import axes_section
@@ -47,9 +47,9 @@ def report(
 
     Args:
         session: The recording.
-        estimate: What was made of it; read from the session's folder if None, and left out of the
+        estimate: Of its orientations; read from the session's folder if None, and left out of the
             report where the folder has none.
-        evaluation: What was made of it; read from the session's folder if None, and left out of the
+        evaluation: Of its errors; read from the session's folder if None, and left out of the
             report where the folder has none.
 
     Returns:
@@ -83,20 +83,22 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
     sections = _sections(session, estimate, evaluation)
     protocol, earlier = session.manifest.protocol, earlier_steps(session)
     return render_page(
-        title=protocol.name or session.name,
-        purpose=protocol.purpose or "",
-        outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
-        verdict=evaluation.verdict if evaluation else "not evaluated",
-        simulated=simulated_parts(session),
-        modelled_filter=VENDORS_FILTER
-        if VENDORS_FILTER in _filters_of(estimate, evaluation)
-        else "",
-        partial="" if earlier is None else f"This session {earlier.sentence}.",
-        facts=facts(session),
-        tiles=result_tiles(
-            evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}
-        ),
-        sections=sections,
+        Page(
+            title=protocol.name or session.name,
+            purpose=protocol.purpose or "",
+            outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
+            verdict=evaluation.verdict if evaluation else "not evaluated",
+            simulated=simulated_parts(session),
+            modelled_filter=VENDORS_FILTER
+            if VENDORS_FILTER in _filters_of(estimate, evaluation)
+            else "",
+            partial="" if earlier is None else f"This session {earlier.sentence}.",
+            facts=facts(session),
+            tiles=result_tiles(
+                evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}
+            ),
+            sections=sections,
+        )
     )
 
 

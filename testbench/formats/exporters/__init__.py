@@ -58,8 +58,7 @@ class ExportFormat:
                 raise
             raise InputError(
                 f"the package '{error.name.split('.')[0]}' is not installed; the extra "
-                f"'{self.extra}' brings it: "
-                f"pip install 'imu-testbench[{self.extra}]'"
+                f"'{self.extra}' brings it: pip install 'imu-testbench[{self.extra}]'"
             ) from None
         return function
 

@@ -119,8 +119,7 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
     if log.time_ns is None and options.dwell is None:
         raise InputError(
             f"{options.file} has {len(log.q)} joint poses without times: state how long each is "
-            "held (--dwell S), "
-            "or the rate of a regular log (--truth-rate HZ)"
+            "held (--dwell S), or the rate of a regular log (--truth-rate HZ)"
         )
     if log.time_ns is not None and options.dwell is not None:
         raise InputError(f"{options.file} has times: leave --dwell out, or the times")
@@ -129,8 +128,7 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
     ):
         raise InputError(
             f"--calibration-poses {options.calibration_poses} asks for a list of more commanded "
-            "poses than that; "
-            f"{options.file} has "
+            f"poses than that; {options.file} has "
             f"{len(log.q)}{' rows, with times' if log.time_ns is not None else ''}"
         )
     dwells = []

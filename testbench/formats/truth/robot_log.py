@@ -330,9 +330,8 @@ def commanded_dwells(
     if len(spans) != poses:
         raise InputError(
             f"sensor '{name}': {len(spans)} stretches of rest of {DWELL_AT_LEAST * dwell:g} s or "
-            f"more, but {poses} poses; "
-            "cut the recording to the poses, correct --dwell, or state how long each move takes "
-            "with --move"
+            f"more, but {poses} poses; cut the recording to the poses, correct --dwell, or state "
+            "how long each move takes with --move"
         )
     notes.append(
         f"{name}: {len(spans)} dwells found in the samples, {np.diff(spans).mean():.2f} s long on "

@@ -293,8 +293,8 @@ def _sensor(
     for quantity in open_units:
         assert evidence is not None
         answer = (
-            f"the key {'.'.join(map(str, place.path))}.{quantity}.unit of the mapping, or "
-            f"--unit {quantity}=UNIT"
+            f"the key {'.'.join(map(str, place.path))}.{quantity}.unit of the mapping, or --unit "
+            f"{quantity}=UNIT"
         )
         unit = decide_unit(quantity, evidence, name, answer)
         factors[quantity] = unit.factor

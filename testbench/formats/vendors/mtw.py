@@ -217,8 +217,8 @@ def _time(
         measured = measured_rate(probe.first())
         if measured is None or (rate is not None and abs(measured / rate - 1) > 0.05):
             told = (
-                f"{TICKS}, in ticks of 0.1 ms, gives {measured or 0:.4g} Hz where "
-                f"{rate or 0:g} Hz is stated"
+                f"{TICKS}, in ticks of 0.1 ms, gives {measured or 0:.4g} Hz where {rate or 0:g} Hz "
+                "is stated"
             )
             raise table.problem(f"{told}; one of them is wrong: remove it from the file")
         return rate or round(measured, 3), stamped, f"times by {TICKS} in ticks of 0.1 ms"

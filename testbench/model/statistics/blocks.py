@@ -38,9 +38,9 @@ class ErrorSeries:
 
     Attributes:
         weight: How much each block counts, shape (m,).
-        mean: Weight times the block's mean of e, |e| and e², shape (m,) each.
-        absolute: Weight times the block's mean of e, |e| and e², shape (m,) each.
-        square: Weight times the block's mean of e, |e| and e², shape (m,) each.
+        mean: Weight times the block's mean of e, shape (m,).
+        absolute: Weight times the block's mean of |e|, shape (m,).
+        square: Weight times the block's mean of e², shape (m,).
     """
 
     weight: np.ndarray
@@ -59,7 +59,7 @@ def step_series(
 
     Args:
         errors: Shape (n,), in any unit.
-        steps: Rows of each step, in the order of time.
+        steps: Rows of each step, in the order of time, shape (rows of the step,) each.
         moving: Whether all steps are sweeps.
         equally: Every step counts alike, else every sample.
 
@@ -80,7 +80,11 @@ def step_series(
 
 
 def sample_series(errors: np.ndarray) -> ErrorSeries:
-    """The series of a recording without steps, shape (n,): equal runs of samples."""
+    """The series of a recording without steps: equal runs of samples.
+
+    Args:
+        errors: Shape (n,), in any unit.
+    """
     runs = min(LONGEST_SERIES, len(errors))
     longer = len(errors) % runs  # the first so many runs have a sample more
     return _sums(errors, len(errors) // runs + (np.arange(runs) < longer), False)
@@ -101,8 +105,9 @@ def _sums(errors: np.ndarray, sizes: np.ndarray, equally: bool) -> ErrorSeries:
 
 
 def block_length(series: np.ndarray) -> int:
-    """Length of the blocks that the circular bootstrap of a mean wants (Patton, Politis & White
-    2009, eqs 3 to 5).
+    """Length of the blocks that the circular bootstrap of a mean wants.
+
+    Patton, Politis & White (2009), eqs 3 to 5.
 
     Args:
         series: Shape (n,).
@@ -147,14 +152,21 @@ def _block_length(series: np.ndarray) -> int:
         level += taper * covariance[abs(lag)]
     if not level**2 > 0:
         return longest
+    # Politis & White 2004: the best length, with D = 4/3 g(0)² of the circular bootstrap
     wanted = (2 * slope**2 / (4 / 3 * level**2)) ** (1 / 3) * n ** (1 / 3)
     return min(max(round(wanted), 1), longest)
 
 
 @dataclass(frozen=True)
 class Intervals:
-    """95 % confidence intervals of the signed mean, the mean magnitude and the RMS; and the blocks
-    they rest on.
+    """95 % confidence intervals, None where too few blocks are independent.
+
+    Attributes:
+        mean: Both ends for the signed mean.
+        absolute: Both ends for the mean magnitude.
+        rms: Both ends for the RMS.
+        blocks: How many independent blocks they rest on.
+        length: Of these blocks, in blocks of the series.
     """
 
     mean: list[float] | None
@@ -179,6 +191,7 @@ def intervals(series: ErrorSeries, rng: np.random.Generator) -> Intervals:
     columns = np.column_stack([series.weight, series.mean, series.absolute, series.square])
     starts = rng.integers(0, n, (DRAWS, -(-n // length)))
     weight, mean, absolute, square = resampled_sums(columns, starts, length).T
+    # Hesterberg 2015, section 4.3: the tail of the normal at Student's t times sqrt(n / (n - 1))
     tail = ndtr(np.sqrt(blocks / (blocks - 1)) * stdtrit(blocks - 1, (1 - CONFIDENCE) / 2))
     found = np.stack([mean / weight, absolute / weight, np.sqrt(square / weight)])
     ends = np.quantile(found, [tail, 1 - tail], axis=1)
@@ -188,8 +201,9 @@ def intervals(series: ErrorSeries, rng: np.random.Generator) -> Intervals:
 
 @njit(cache=True)
 def resampled_sums(columns: np.ndarray, starts: np.ndarray, length: int) -> np.ndarray:
-    """Sums over n rows that are drawn in blocks; the series is closed to a circle and the last
-    block cut to fit.
+    """Sums over n rows that are drawn in blocks.
+
+    The series is closed to a circle, and the last block is cut to fit.
 
     Args:
         columns: Shape (n, k).
@@ -219,8 +233,7 @@ def resampled_sums(columns: np.ndarray, starts: np.ndarray, length: int) -> np.n
 def mean_and_error(
     values: np.ndarray, weight: np.ndarray, least: int = 1
 ) -> tuple[float, float, int]:
-    """Weighted mean of a series, its standard error by blocks, and how many independent blocks
-    there are.
+    """Weighted mean of a series, its standard error, and its number of independent blocks.
 
     The standard error is that which the circular block bootstrap would show after infinitely many
     draws (Politis & Romano 1992), with its bias for few blocks taken out.

@@ -87,8 +87,8 @@ def told(change: Change) -> str:
         return "one part does not show which has less"
     n = len(change.ratios)
     span = (
-        f"{in_percent(interval[0])} to {in_percent(interval[1])}, {100 * LEVEL:g} % interval "
-        f"over {n} parts"
+        f"{in_percent(interval[0])} to {in_percent(interval[1])}, {100 * LEVEL:g} % interval over "
+        f"{n} parts"
     )
     if change.verdict == "not shown":
         return f"neither more nor less is shown ({span})"

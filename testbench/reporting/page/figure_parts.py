@@ -62,7 +62,11 @@ def rounded(values: Iterable[float | None]) -> list[float | None]:
 
 
 def packed(values: np.ndarray) -> Figure:
-    """A typed array as plotly.js takes it: a third of the size of digits, and NaN is a gap."""
+    """A typed array as plotly.js takes it: a third of the size of digits, and NaN is a gap.
+
+    Args:
+        values: Shape (n,), in the unit of the axis.
+    """
     return {
         "dtype": "f4",
         "bdata": base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii"),

@@ -45,8 +45,9 @@ class Curve:
 
     Attributes:
         name: For the legend.
-        x: Shape (n,).
-        y: Shape (n,).
+        x: Abscissae, shape (n,).
+        y: Ordinates, shape (n,); None is a gap.
+        colour: Of the line and its markers.
         sd: Half height of its band, shape (n,), or None for none.
         dashed: A reference.
         hidden: Shown only once its name is clicked.
@@ -168,33 +169,36 @@ def _band(x: list[float], low: list[float], high: list[float], curve: Curve) -> 
     }
 
 
-def heat_map(
-    title: str,
-    x: Sequence[float] | Sequence[str],
-    y: Sequence[float] | Sequence[str],
-    z: np.ndarray,
-    x_title: str,
-    y_title: str,
-    z_title: str,
-    z_max: float,
-) -> Figure:
+@dataclass(frozen=True)
+class Axis:
+    """One side of a grid.
+
+    Attributes:
+        title: With the unit in square brackets.
+        places: Where the cells lie, shape (n,); words make cells of equal size.
+    """
+
+    title: str
+    places: Sequence[float] | Sequence[str]
+
+
+def heat_map(title: str, x: Axis, y: Axis, z: np.ndarray, z_title: str, z_max: float) -> Figure:
     """Values over a grid.
 
     Args:
         title: Of the figure.
-        x: Columns, shape (m,); words make cells of equal size.
-        y: Rows, shape (n,); words make cells of equal size.
-        z: Values, shape (n, m), NaN where there is none.
-        x_title: Of the abscissa.
-        y_title: Of the ordinate.
+        x: The m columns.
+        y: The n rows.
+        z: Values, shape (n, m), in the unit of `z_title`; NaN where there is none.
         z_title: Of the colours.
         z_max: Upper end of the colours; cells beyond it are crossed.
     """
     end = _rounded_up(z_max)
+    columns, rows = _places(x.places), _places(y.places)
     data = {
         "type": "heatmap",
-        "x": _places(x),
-        "y": _places(y),
+        "x": columns,
+        "y": rows,
         "z": [_rounded(row) for row in z],
         "zmin": 0,
         "zmax": end,
@@ -204,8 +208,8 @@ def heat_map(
             "thickness": 12,
             "outlinewidth": 0,
         },
-        "hovertemplate": f"{_text(x_title)} %{{x}}<br>{_text(y_title)} %{{y}}<br>{_text(z_title)} "
-        f"%{{z:.3f}}<extra></extra>",
+        "hovertemplate": f"{_text(x.title)} %{{x}}<br>{_text(y.title)} %{{y}}<br>{_text(z_title)} "
+        "%{z:.3f}<extra></extra>",
     }
     layout = _layout(300) | {
         "title": {
@@ -216,9 +220,9 @@ def heat_map(
             "y": 0.97,
         }
     }
-    layout["xaxis"] = _axis(x_title, range=_edges(x)) | _few_ticks(x)
-    layout["yaxis"] = _axis(y_title, range=_edges(y)) | _few_ticks(y)
-    return {"data": [data, *_crosses(_places(x), _places(y), z, end)], "layout": layout}
+    layout["xaxis"] = _axis(x.title, range=_edges(x.places)) | _few_ticks(x.places)
+    layout["yaxis"] = _axis(y.title, range=_edges(y.places)) | _few_ticks(y.places)
+    return {"data": [data, *_crosses(columns, rows, z, end)], "layout": layout}
 
 
 def _crosses(x: list[Any], y: list[Any], z: np.ndarray, z_max: float) -> list[Figure]:

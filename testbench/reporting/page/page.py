@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from testbench.reporting.page.figures import Figure
 from testbench.reporting.page.tables import Table
+
+ERRORS = (
+    "Errors are estimated minus true; e is an error, |e| its magnitude. Angles in degrees, times "
+    "in seconds since the start of the session."
+)
 
 
 @dataclass(frozen=True)
@@ -71,3 +77,36 @@ class Tile:
     unit: str
     title: str
     detail: str = ""
+
+
+@dataclass(frozen=True)
+class Page:
+    """All that a page shows, from top to bottom.
+
+    Attributes:
+        title: The headline, and the first part of the window's title.
+        purpose: The sentence below the headline; empty for none.
+        facts: Names and values below it.
+        tiles: Numbers worth seeing first.
+        sections: The body.
+        outcome: Colour of the badge beside the title, None for no badge.
+        verdict: Words on the badge.
+        simulated: From what the samples come, where that is not real.
+        modelled_filter: The filter that is a model as well.
+        partial: What lies in another session, where a run was gone on with.
+        kind: What the page is, for the window's title.
+        footer: The last line.
+    """
+
+    title: str
+    purpose: str
+    facts: Sequence[tuple[str, str]]
+    tiles: Sequence[Tile]
+    sections: Sequence[Section]
+    outcome: str | None = None
+    verdict: str = ""
+    simulated: str = ""
+    modelled_filter: str = ""
+    partial: str = ""
+    kind: str = "report"
+    footer: str = ERRORS

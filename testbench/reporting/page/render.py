@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,64 +11,17 @@ import jinja2
 from markupsafe import Markup, escape
 
 from testbench.reporting.page.figures import plotly_script
-from testbench.reporting.page.page import Figures, Folded, Heading, Section, Tile
+from testbench.reporting.page.page import Figures, Folded, Heading, Page
 from testbench.reporting.page.tables import Table, counted, powers_of_ten
 
-ERRORS = (
-    "Errors are estimated minus true; e is an error, |e| its magnitude. Angles in degrees, times "
-    "in seconds since the start of "
-    "the session."
-)
 TEMPLATES = Path(__file__).resolve().parent / "templates"
 
 
-def render_page(
-    *,
-    title: str,
-    purpose: str,
-    facts: Sequence[tuple[str, str]],
-    tiles: Sequence[Tile],
-    sections: Sequence[Section],
-    outcome: str | None = None,
-    verdict: str = "",
-    simulated: str = "",
-    modelled_filter: str = "",
-    partial: str = "",
-    kind: str = "report",
-    footer: str = ERRORS,
-) -> str:
-    """A page that works offline.
-
-    Args:
-        title: Its head.
-        purpose: Its head.
-        facts: Names and values below it.
-        tiles: Numbers worth seeing first.
-        sections: The body.
-        outcome: Colour of the badge beside the title, None for no badge.
-        verdict: Its words.
-        simulated: From what the samples come, where that is not real.
-        modelled_filter: The filter that is a model as well.
-        partial: What lies in another session, where a run was gone on with.
-        kind: What the page is, for the window's title.
-        footer: Its last line.
-    """
+def render_page(page: Page) -> str:
+    """A page that works offline."""
+    blocks = [block for section in page.sections for block in section.blocks]
     return _template().render(
-        title=title,
-        purpose=purpose,
-        outcome=outcome,
-        verdict=verdict,
-        simulated=simulated,
-        modelled_filter=modelled_filter,
-        partial=partial,
-        kind=kind,
-        footer=footer,
-        facts=facts,
-        tiles=tiles,
-        sections=sections,
-        has_figures=any(
-            isinstance(block, Figures) for section in sections for block in section.blocks
-        ),
+        vars(page), has_figures=any(isinstance(block, Figures) for block in blocks)
     )
 
 

@@ -84,14 +84,11 @@ def _findings(estimate: Estimate) -> Table:
         ),
         rows,
         "How to read: which axis of the recording is each axis of the sensor as mounted; x: +x, y: "
-        "+y, z: +z is as it should "
-        "be, another map is what `testbench import --axes` takes. Reading over truth is 1 for "
-        "right units; crooked is the "
-        "rotation left between the map and the mounting; agreement is the part of the variance "
-        "that the motion explains. The "
-        "dip is how far the field points below the horizon if the magnetometer's map holds; the "
-        "same map with all signs "
-        "reversed fits as well, and reverses the dip.",
+        "+y, z: +z is as it should be, another map is what `testbench import --axes` takes. "
+        "Reading over truth is 1 for right units; crooked is the rotation left between the map and "
+        "the mounting; agreement is the part of the variance that the motion explains. The dip is "
+        "how far the field points below the horizon if the magnetometer's map holds; the same map "
+        "with all signs reversed fits as well, and reverses the dip.",
     )
 
 
@@ -132,8 +129,7 @@ def _ranges(rows: list[EulerRangeRow]) -> Table:
         ),
         body,
         "How to read: an angle that should stay has a true range near 0; what the estimate shows "
-        "beyond it leaked in. Within "
-        "10 deg of gimbal lock the outer two angles are not defined apart, by any sensor; there "
-        "their sum or difference, the "
-        "one that is defined, stands under outer together.",
+        "beyond it leaked in. Within 10 deg of gimbal lock the outer two angles are not defined "
+        "apart, by any sensor; there their sum or difference, the one that is defined, stands "
+        "under outer together.",
     )

@@ -73,40 +73,45 @@ def chain_section(
             evaluation, cycles, f"joints of the chain, section {name}", colours
         )
         own = [row for row in rows if row.section == name]
-        states = list(dict.fromkeys(row.state for row in own))
-        worst = sorted(own, key=lambda row: -row.rmse_deg)
-        joints = list(dict.fromkeys(row.joint for row in worst))
-        drawn = joints[:MOST_PANELS]
-        series = evaluation.series[chain_table(name, states[0])]
-        envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series["judged"])
-        panels = {
-            f"{joint} [deg]": {
-                state: envelope(
-                    np.degrees(evaluation.series[chain_table(name, state)][f"{joint}_error_rad"])
-                )
-                for state in states
-            }
-            for joint in drawn
-        }
-        section.blocks.append(
-            Figures(
-                f"Error of the joint angles over time: {name}",
-                {
-                    f"error of the joints of {name} over time": time_panels(
-                        envelope.time, panels, colours, spans
-                    )
-                },
-                "How to read: estimate less what the arm measured; a constant part is a bias of a "
-                "sensor or of the start, a "
-                "growing one a heading that nothing tells."
-                + (
-                    f" Of {len(joints)} joints those with the largest errors are drawn."
-                    if len(joints) > len(drawn)
-                    else ""
-                ),
-            )
-        )
+        section.blocks.append(_over_time(evaluation, name, own, colours, spans))
     return section
+
+
+def _over_time(
+    evaluation: Evaluation,
+    name: str,
+    rows: list[ChainRow],
+    colours: dict[str, str],
+    spans: list[Span],
+) -> Figures:
+    """The errors of a section's joints, those with the largest first."""
+    states = list(dict.fromkeys(row.state for row in rows))
+    worst = sorted(rows, key=lambda row: -row.rmse_deg)
+    joints = list(dict.fromkeys(row.joint for row in worst))
+    drawn = joints[:MOST_PANELS]
+    series = evaluation.series[chain_table(name, states[0])]
+    envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series["judged"])
+    panels = {
+        f"{joint} [deg]": {
+            state: envelope(
+                np.degrees(evaluation.series[chain_table(name, state)][f"{joint}_error_rad"])
+            )
+            for state in states
+        }
+        for joint in drawn
+    }
+    figure = time_panels(envelope.time, panels, colours, spans)
+    how = (
+        "How to read: estimate less what the arm measured; a constant part is a bias of a sensor "
+        "or of the start, a growing one a heading that nothing tells."
+    )
+    if len(joints) > len(drawn):
+        how += f" Of {len(joints)} joints those with the largest errors are drawn."
+    return Figures(
+        f"Error of the joint angles over time: {name}",
+        {f"error of the joints of {name} over time": figure},
+        how,
+    )
 
 
 def chain_tiles(evaluation: Evaluation) -> list[Tile]:
@@ -183,9 +188,8 @@ def _facts(estimate: Estimate) -> Table:
         ),
         rows,
         "How to read: what the filter was told or found of the motion. The last column is 1 where "
-        "the readings differ from "
-        "what was predicted as much as their variances say; far above 1 the model is too sure of "
-        "itself.",
+        "the readings differ from what was predicted as much as their variances say; far above 1 "
+        "the model is too sure of itself.",
     )
 
 
@@ -226,8 +230,7 @@ def _errors(rows: list[ChainRow]) -> Table:
         ),
         body,
         "How to read: the mean is signed and hides what it averages; bold is the lower RMS. ± U is "
-        "how far the arm's own angle "
-        "may be off (k = 2). Uncertainty is what the filter states (RMS of the standard "
-        "uncertainty), covered the part of the "
-        "errors within 1.96 of it: 95 is honest.",
+        "how far the arm's own angle may be off (k = 2). Uncertainty is what the filter states "
+        "(RMS of the standard uncertainty), covered the part of the errors within 1.96 of it: 95 "
+        "is honest.",
     )

@@ -65,10 +65,8 @@ def cycle_blocks(
     further = {i: row for i, row in own.items() if row.filter not in filters and _of(row) in shown}
     how = (
         "How to read: above the estimated angle, mean and band of one standard deviation over the "
-        "cycles, and the true one, "
-        "broad and grey; below the error, estimated minus true. Cycles are cut where the protocol "
-        "says that they begin, which "
-        "is 0 %; fades are left out."
+        "cycles, and the true one, broad and grey; below the error, estimated minus true. Cycles "
+        "are cut where the protocol says that they begin, which is 0 %; fades are left out."
         + (
             " Of sweeps at one frequency the one with the widest range is drawn."
             if one_of_many
@@ -301,13 +299,10 @@ def _table(caption: str, rows: list[CycleRow], folded: bool = False) -> Table:
         numbers,
         body,
         "How to read: ROM is the range of motion, largest less smallest angle, mean over the "
-        "cycles; its error with the "
-        "standard deviation of a single cycle's. Scatter is the standard deviation of e from cycle "
-        "to cycle; RMSE is what is "
-        "left when that is averaged out, and bold is its lowest. CMC is the coefficient of "
-        "multiple correlation of estimate "
+        "cycles; its error with the standard deviation of a single cycle's. Scatter is the "
+        "standard deviation of e from cycle to cycle; RMSE is what is left when that is averaged "
+        "out, and bold is its lowest. CMC is the coefficient of multiple correlation of estimate "
         "and truth (Ferrari et al. 2010): 1 is the same curve; it grows with the ROM, so compare "
-        "joints of like range; a dash "
-        "means that the two differ more than they move.",
+        "joints of like range; a dash means that the two differ more than they move.",
         folded=folded,
     )

@@ -70,8 +70,7 @@ def _stored(estimate: Estimate) -> list[Sentence]:
                 Sentence(
                     f"{name}: the raw samples were first corrected by the stored calibration of "
                     f"{stored['calibrated_utc'][:10]}, session {stored['session']} ({methods}), "
-                    "from "
-                    f"{stored.get('file') or 'memory'}."
+                    f"from {stored.get('file') or 'memory'}."
                 )
             )
     without = {
@@ -135,10 +134,8 @@ def _clocks(estimate: Estimate) -> Table:
         ),
         rows,
         "How to read: device time = host time · (1 + drift) + offset, sd is the standard "
-        "uncertainty. The residual is the "
-        "RMS difference of the angular-rate magnitudes after the fit; the last column is what the "
-        "uncertainty of the time "
-        "means at the fastest motion.",
+        "uncertainty. The residual is the RMS difference of the angular-rate magnitudes after the "
+        "fit; the last column is what the uncertainty of the time means at the fastest motion.",
     )
 
 
@@ -171,11 +168,9 @@ def _frames(estimate: Estimate) -> Table:
         ),
         rows,
         "How to read: heading of the filter's earth frame seen from the world, and the rotation "
-        "vector that was left "
-        "between the believed and the found mounting, in the sensor frame. Without a magnetometer "
-        "the heading is where a "
-        "filter happened to begin; with one, sensors agree in it as far as the magnetic field is "
-        "the same where they are.",
+        "vector that was left between the believed and the found mounting, in the sensor frame. "
+        "Without a magnetometer the heading is where a filter happened to begin; with one, sensors "
+        "agree in it as far as the magnetic field is the same where they are.",
     )
 
 
@@ -227,8 +222,7 @@ def _calibration(estimate: Estimate) -> Table:
         ),
         rows,
         "How to read: acceleration = matrix · (raw − bias); rate = raw − gyroscope bias − response "
-        "to gravity, turned by the "
-        "rotation nearest to the matrix; ± is the standard uncertainty. "
+        "to gravity, turned by the rotation nearest to the matrix; ± is the standard uncertainty. "
         "A perfect sensor has the unit matrix and no bias; the residual is the RMS over the static "
         "poses.",
     )

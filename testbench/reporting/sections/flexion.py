@@ -60,10 +60,8 @@ class PoseErrors:
         rows: All of the joint and section, with a commanded flexion.
 
     Attributes:
-        flexions: Commanded, increasing [deg]; misalignments is empty where the protocol varies
-            none.
-        misalignments: Commanded, increasing [deg]; misalignments is empty where the protocol varies
-            none.
+        flexions: Commanded, increasing [deg].
+        misalignments: Commanded, increasing [deg]; empty where the protocol varies none.
         keys: Filters and sequences, in the order of the rows.
         pooled: Other variables, whose values are taken together.
     """

@@ -13,6 +13,7 @@ from testbench.records.session.layout import joint_table
 from testbench.records.specs.published import PublishedResults
 from testbench.reporting.page.decimation import Envelope
 from testbench.reporting.page.figures import (
+    Axis,
     Curve,
     Figure,
     Span,
@@ -50,10 +51,8 @@ from testbench.reporting.sections.true_flexion import flexion_blocks
 Colours = dict[str, str]
 SCALE = (
     ", which end at the largest value, or at the one that 98 % of the cells stay below where the "
-    "largest is over half as much "
-    "again; filters whose median cell is an outlier do not count. A cell beyond that end is "
-    "crossed, and its value shows on "
-    "hovering"
+    "largest is over half as much again; filters whose median cell is an outlier do not count. A "
+    "cell beyond that end is crossed, and its value shows on hovering"
 )
 
 
@@ -161,20 +160,15 @@ def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list
             ),
             body,
             "How to read: e is estimated minus true flexion; every pose or sweep counts alike, "
-            "however long it took. ± U is "
-            f"how far the truth itself may be off (k = 2){_of_magnitudes(found)}; it does not "
-            "shrink with more poses of the "
-            "same arm. In square brackets: the 95 % confidence interval, from this session's own "
-            "scatter "
-            "over its poses and sweeps; what a new mounting or power-up would change is not in it. "
-            "The last two columns "
-            "are the mean absolute errors of the other two angles; a dash means gimbal lock. The "
-            "middle angle of a "
-            "sequence such as ZXZ is the angle between two axes: it is never negative, so that "
-            "errors at 0 deg are one-sided, "
-            "and where one of the axes is vertical it does not see heading errors; the other two "
-            "angles do, and so does the "
-            f"total error that the filters are ranked by below.{how_remarks(bool(far))}",
+            "however long it took. ± U is how far the truth itself may be off (k = "
+            f"2){_of_magnitudes(found)}; it does not shrink with more poses of the same arm. In "
+            "square brackets: the 95 % confidence interval, from this session's own scatter over "
+            "its poses and sweeps; what a new mounting or power-up would change is not in it. The "
+            "last two columns are the mean absolute errors of the other two angles; a dash means "
+            "gimbal lock. The middle angle of a sequence such as ZXZ is the angle between two "
+            "axes: it is never negative, so that errors at 0 deg are one-sided, and where one of "
+            "the axes is vertical it does not see heading errors; the other two angles do, and so "
+            f"does the total error that the filters are ranked by below.{how_remarks(bool(far))}",
         ),
         *flexion_remarks(far),
         distribution_table(
@@ -229,9 +223,8 @@ def _pose_blocks(
                 f"Mean |flexion error| over commanded flexion: {where}",
                 figures,
                 "How to read: lower is better. The band is one standard deviation of the samples "
-                "within a pose, to either "
-                "side. Where some curves lie far above most of ours, the vertical axis is "
-                "logarithmic and without bands."
+                "within a pose, to either side. Where some curves lie far above most of ours, the "
+                "vertical axis is logarithmic and without bands."
                 f"{_diamonds(published)}"
                 f"{hidden_names(name for names in far.values() for name in sorted(names))}",
             )
@@ -251,9 +244,8 @@ def _diamonds(published: PublishedResults | None) -> str:
         return " Click a name to hide or to show it."
     return (
         " The grey diamonds are the published values of the same Euler sequence "
-        f"({published.source}). Click a name to hide or "
-        "to show it; published filters that this session did not run wait greyed out where there "
-        "is a nearer one."
+        f"({published.source}). Click a name to hide or to show it; published filters that this "
+        "session did not run wait greyed out where there is a nearer one."
     )
 
 
@@ -298,15 +290,14 @@ def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults |
     ]
     over = [Cell(""), Cell("commanded flexion [deg]", span=len(errors.flexions)), Cell("")]
     how = (
-        "How to read: mean absolute error of all samples in a pose; bold is the lowest of ours "
-        "in its column and sequence."
+        "How to read: mean absolute error of all samples in a pose; bold is the lowest of ours in "
+        "its column and sequence."
     )
     if published is not None and beside:
         how += (
             f" Rows in italics are published ({published.source}): {published.setup} Each stands "
-            "under our row of the same "
-            "filter and Euler sequence, or at the end of its sequence where this session did not "
-            "run that filter."
+            "under our row of the same filter and Euler sequence, or at the end of its sequence "
+            "where this session did not run that filter."
         )
     return Table(f"Mean |flexion error| [deg]: {where}", columns, body, how, over=over)
 
@@ -377,11 +368,9 @@ def _maps(joint: str, section: str, sequence: str, errors: PoseErrors) -> Figure
     for name, grid in grids.items():
         figures[f"error over misalignment and flexion, {name}, {sequence}"] = heat_map(
             f"{name}, {sequence}",
-            errors.misalignments,
-            errors.flexions,
+            Axis("misalignment [deg]", errors.misalignments),
+            Axis("flexion [deg]", errors.flexions),
             grid,
-            "misalignment [deg]",
-            "flexion [deg]",
             "mean |e| [deg]",
             top,
         )
@@ -390,8 +379,7 @@ def _maps(joint: str, section: str, sequence: str, errors: PoseErrors) -> Figure
         f"{section}",
         figures,
         "How to read: each cell is one pose; all maps of this Euler sequence share their "
-        f"colours{SCALE}. Stripes along one "
-        "axis mean that the error depends on that angle alone.",
+        f"colours{SCALE}. Stripes along one axis mean that the error depends on that angle alone.",
         small=True,
     )
 
@@ -434,11 +422,9 @@ def _sweep_blocks(joint: str, section: str, errors: SweepErrors) -> list[Block]:
         columns,
         body,
         "How to read: e is estimated minus true flexion while the arm moves, all samples of a "
-        "sweep and of the dwells that "
-        "share its variables. Amplitude and frequency are those of the true flexion, ramps "
-        "included; the delay is how far the "
-        "estimate runs behind it, beyond what the fit of the sensor's clock took out (negative: "
-        "ahead).",
+        "sweep and of the dwells that share its variables. Amplitude and frequency are those of "
+        "the true flexion, ramps included; the delay is how far the estimate runs behind it, "
+        "beyond what the fit of the sensor's clock took out (negative: ahead).",
         folded=errors.is_grid,
     )
     if not errors.is_grid:
@@ -497,11 +483,9 @@ def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
             f"RMS error over {errors.variables[1]} and {errors.variables[0]}, {name}, {sequence}"
         ] = heat_map(
             f"{name}, {sequence}",
-            [f"{v:g}" for v in errors.values(1)],
-            [f"{v:g}" for v in errors.values(0)],
+            Axis(_variable_words(errors.variables[1]), [f"{v:g}" for v in errors.values(1)]),
+            Axis(_variable_words(errors.variables[0]), [f"{v:g}" for v in errors.values(0)]),
             grid,
-            _variable_words(errors.variables[1]),
-            _variable_words(errors.variables[0]),
             "RMS e [deg]",
             top,
         )
@@ -535,10 +519,8 @@ def _time_blocks(
             f"Signed flexion error over time: {joint}",
             {f"signed flexion error of {joint} over time": figure},
             "How to read: estimated minus true flexion, only where it is judged; gaps are moves "
-            "and calibration. Long "
-            "recordings show the lowest and highest error of each short span, so no peak is lost. "
-            "Dotted lines begin a "
-            f"section.{hidden_names(far)}",
+            "and calibration. Long recordings show the lowest and highest error of each short "
+            f"span, so no peak is lost. Dotted lines begin a section.{hidden_names(far)}",
         )
     ]
 

@@ -65,9 +65,8 @@ def magnetic_blocks(
             ),
             field,
             "How to read: the measured field, turned into the world by the true orientation. Its "
-            "heading is what a compass "
-            "errs by; a filter with gyroscope and magnetometer follows it where it stays, and may "
-            "ride out what passes.",
+            "heading is what a compass errs by; a filter with gyroscope and magnetometer follows "
+            "it where it stays, and may ride out what passes.",
         )
     ]
     return [
@@ -88,11 +87,9 @@ def _following(evaluation: Evaluation, sensor: str) -> list[Block]:
         return [
             Sentence(
                 f"How much of the field's heading each filter follows at {sensor} cannot be told: "
-                "against its mean over the "
-                f"minute around, the heading changes by {change} deg (SD) over "
-                f"{found[0].n / 2:.0f} s of judged samples. It "
-                "takes 0.2 deg and three minutes. On the simulated bench, what the field costs is "
-                "seen by another run with "
+                f"against its mean over the minute around, the heading changes by {change} deg "
+                f"(SD) over {found[0].n / 2:.0f} s of judged samples. It takes 0.2 deg and three "
+                "minutes. On the simulated bench, what the field costs is seen by another run with "
                 "the same seed and environment: {arm_magnetism: false}."
             )
         ]
@@ -113,14 +110,12 @@ def _following(evaluation: Evaluation, sensor: str) -> list[Block]:
             header("filter", "part followed", "independent stretches"),
             rows,
             "How to read: slope of the filter's heading error on the error that the field would "
-            "give a compass, both against "
-            "their means over the minute around: 1 follows what passes wholly, 0 rides it out. A "
-            "disturbance that stays longer "
-            "is followed more. In square brackets: the 95 % confidence interval, by stretches of a "
-            "minute or more, made wider "
-            "by what a gyroscope's own errors may do in the pace of the field (0.1 deg): a filter "
-            "without magnetometer should "
-            "have 0 in it. A compass may have less than 1 where accelerations turn it, too.",
+            "give a compass, both against their means over the minute around: 1 follows what "
+            "passes wholly, 0 rides it out. A disturbance that stays longer is followed more. In "
+            "square brackets: the 95 % confidence interval, by stretches of a minute or more, made "
+            "wider by what a gyroscope's own errors may do in the pace of the field (0.1 deg): a "
+            "filter without magnetometer should have 0 in it. A compass may have less than 1 where "
+            "accelerations turn it, too.",
         )
     ]
 
@@ -163,10 +158,9 @@ def _against(evaluation: Evaluation, sensor: str, colours: dict[str, str]) -> li
         f"Heading error over magnetic disturbance: {sensor}",
         figures,
         "How to read: a filter that takes the field as it comes errs by as much as the field's "
-        "heading; one that stays below "
-        "rejects it, averages over it, or uses no magnetometer. The norm and the dip are all that "
-        "a filter can tell a "
-        f"disturbance by; where they say nothing, only averaging helps.{hidden_names(far)}",
+        "heading; one that stays below rejects it, averages over it, or uses no magnetometer. The "
+        "norm and the dip are all that a filter can tell a disturbance by; where they say nothing, "
+        f"only averaging helps.{hidden_names(far)}",
         small=True,
     )
     return [beside, table]
@@ -194,7 +188,6 @@ def _over_time(evaluation: Evaluation, sensor: str, spans: list[Span]) -> list[B
                 )
             },
             "How to read: deviations of norm, dip and heading of the field from those of the "
-            "reference pose, by the true "
-            "orientation; only judged samples are drawn.",
+            "reference pose, by the true orientation; only judged samples are drawn.",
         )
     ]

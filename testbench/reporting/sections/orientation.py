@@ -35,6 +35,9 @@ PARTS = {
     "heading": "heading, signed [deg]",
 }
 
+Summaries = dict[tuple[str, str, str, str], OrientationSummary]
+"""By sensor, filter, motion and part of the error."""
+
 
 def orientation_section(
     evaluation: Evaluation, colours: dict[str, str], spans: list[Span]
@@ -62,36 +65,40 @@ def orientation_section(
                 )
             )
             continue
-        envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series.get("judged"))
-        panels = {
-            title: {
-                name: envelope(np.degrees(series[f"{name}_{part}_rad"]))
-                for name in filters
-                if f"{name}_{part}_rad" in series
-            }
-            for part, title in PARTS.items()
-        }
-        far = outliers_of(evaluation, sensor, motion="all")
-        section.blocks.append(
-            Figures(
-                f"Orientation error over time: {sensor}",
-                {
-                    f"orientation error of {sensor} over time": time_panels(
-                        envelope.time, panels, colours, spans, far
-                    )
-                },
-                "How to read: total is the angle between estimated and true orientation; heading "
-                "is its part about the "
-                "vertical, inclination the rest. A heading that runs away is that of a filter "
-                "without magnetometer, or of one "
-                "that is still turning to a field other than that of the reference pose. Only "
-                "judged "
-                "samples are drawn; long recordings show the lowest and highest error of each "
-                "short span." + hidden_names(far),
-            )
-        )
+        section.blocks.append(_over_time(evaluation, sensor, filters, colours, spans))
         section.blocks += magnetic_blocks(evaluation, sensor, colours, spans)
     return section
+
+
+def _over_time(
+    evaluation: Evaluation,
+    sensor: str,
+    filters: list[str],
+    colours: dict[str, str],
+    spans: list[Span],
+) -> Figures:
+    """The parts of the error of a sensor's orientation."""
+    series = evaluation.series[orientation_table(sensor)]
+    envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series.get("judged"))
+    panels = {
+        title: {
+            name: envelope(np.degrees(series[f"{name}_{part}_rad"]))
+            for name in filters
+            if f"{name}_{part}_rad" in series
+        }
+        for part, title in PARTS.items()
+    }
+    far = outliers_of(evaluation, sensor, motion="all")
+    figure = time_panels(envelope.time, panels, colours, spans, far)
+    return Figures(
+        f"Orientation error over time: {sensor}",
+        {f"orientation error of {sensor} over time": figure},
+        "How to read: total is the angle between estimated and true orientation; heading is its "
+        "part about the vertical, inclination the rest. A heading that runs away is that of a "
+        "filter without magnetometer, or of one that is still turning to a field other than that "
+        "of the reference pose. Only judged samples are drawn; long recordings show the lowest and "
+        "highest error of each short span." + hidden_names(far),
+    )
 
 
 def _tables(evaluation: Evaluation) -> list[Block]:
@@ -100,7 +107,31 @@ def _tables(evaluation: Evaluation) -> list[Block]:
         (item.sensor, item.filter, item.motion, item.part): item
         for item in evaluation.orientation_summary
     }
-    rows, apart, spread = [], [], []
+    blocks: list[Block] = [_by_filter(evaluation, found)]
+    apart = _by_motion(evaluation, found)
+    if apart.rows:
+        blocks.append(apart)
+    spread = [
+        ([label(item.filter), text(item.sensor), text(item.motion), text(item.part)], item.errors)
+        for item in evaluation.orientation_summary
+    ]
+    blocks.append(
+        distribution_table(
+            "Spread, delay and settling of the orientation error",
+            ["filter", "sensor", "motion", "part"],
+            spread,
+            " Total and inclination have no sign; the delay is that of the whole orientation.",
+        )
+    )
+    if evaluation.orientation_sweeps:
+        blocks.append(_sweeps(evaluation.orientation_sweeps))
+    if evaluation.gyroscope_bias:
+        blocks.append(_bias(evaluation.gyroscope_bias))
+    return blocks
+
+
+def _by_filter(evaluation: Evaluation, found: Summaries) -> Table:
+    rows = []
     far = {
         row.sensor: outliers_of(evaluation, row.sensor, motion="all")
         for row in evaluation.orientation
@@ -125,95 +156,63 @@ def _tables(evaluation: Evaluation) -> list[Block]:
             rows.append(
                 Row([label(row.filter), text(sensor), *cells, mean, number(row.n, 0), *beside])
             )
+    titles = header(
+        "filter",
+        "sensor",
+        "total RMS [deg]",
+        "heading RMS [deg]",
+        "inclination RMS [deg]",
+        "largest total [deg]",
+        "mean heading ± U [deg]",
+        "samples",
+        numbers_from=2,
+    )
+    return Table(
+        "Orientation error of each sensor by each filter",
+        titles + ([Cell("remark")] if any(far.values()) else []),
+        rows,
+        "How to read: over all judged samples; bold is the lowest of a sensor. In square brackets: "
+        "the 95 % confidence interval, from this session's own scatter over time. Inclination is "
+        "what gravity can correct, heading what only a magnetometer or a known start can. "
+        f"{_stated(evaluation)}" + how_remarks(any(far.values())),
+    )
+
+
+def _by_motion(evaluation: Evaluation, found: Summaries) -> Table:
+    """At rest and in motion, of sensors that were both."""
+    rows = []
+    for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
+        for row in evaluation.orientation:
+            if row.sensor != sensor or (sensor, row.filter, "static", "total") not in found:
+                continue
             for motion in ("static", "dynamic"):
                 parts = [found.get((sensor, row.filter, motion, part)) for part in _PARTS]
-                known = [item for item in parts if item is not None]
-                if len(known) == len(_PARTS) and (sensor, row.filter, "static", "total") in found:
-                    cells = [
-                        with_interval(item.errors.rmse_deg, item.errors.rmse_ci95_deg, 2)
-                        for item in known
-                    ]
-                    apart.append(
-                        Row(
-                            [
-                                label(row.filter),
-                                text(sensor),
-                                text(motion),
-                                *cells,
-                                number(known[0].errors.n, 0),
-                            ]
-                        )
-                    )
-    for item in evaluation.orientation_summary:
-        spread.append(
-            (
-                [label(item.filter), text(item.sensor), text(item.motion), text(item.part)],
-                item.errors,
-            )
-        )
-    blocks: list[Block] = [
-        Table(
-            "Orientation error of each sensor by each filter",
-            header(
-                "filter",
-                "sensor",
-                "total RMS [deg]",
-                "heading RMS [deg]",
-                "inclination RMS [deg]",
-                "largest total [deg]",
-                "mean heading ± U [deg]",
-                "samples",
-                numbers_from=2,
-            )
-            + ([Cell("remark")] if any(far.values()) else []),
-            rows,
-            "How to read: over all judged samples; bold is the lowest of a sensor. In square "
-            "brackets: the 95 % "
-            "confidence interval, from this session's own scatter over time. Inclination is what "
-            "gravity can "
-            f"correct, heading what only a magnetometer or a known start can. {_stated(evaluation)}"
-            + how_remarks(any(far.values())),
-        )
-    ]
-    if apart:
-        blocks.append(
-            Table(
-                "Orientation error at rest and in motion",
-                header(
-                    "filter",
-                    "sensor",
-                    "motion",
-                    "total RMS [deg]",
-                    "heading RMS [deg]",
-                    "inclination RMS [deg]",
-                    "samples",
-                    numbers_from=3,
-                ),
-                apart,
-                "How to read: static are the judged samples at which the sensor was at rest by its "
-                "own gyroscope, dynamic the "
-                "others.",
-                folded=True,
-            )
-        )
-    names = ["filter", "sensor", "motion", "part"]
-    blocks.append(
-        distribution_table(
-            "Spread, delay and settling of the orientation error",
-            names,
-            spread,
-            " Total and inclination have no sign; the delay is that of the whole orientation.",
-        )
+                known = [item.errors for item in parts if item is not None]
+                if len(known) == len(_PARTS):
+                    cells = [with_interval(e.rmse_deg, e.rmse_ci95_deg, 2) for e in known]
+                    lead = [label(row.filter), text(sensor), text(motion)]
+                    rows.append(Row([*lead, *cells, number(known[0].n, 0)]))
+    return Table(
+        "Orientation error at rest and in motion",
+        header(
+            "filter",
+            "sensor",
+            "motion",
+            "total RMS [deg]",
+            "heading RMS [deg]",
+            "inclination RMS [deg]",
+            "samples",
+            numbers_from=3,
+        ),
+        rows,
+        "How to read: static are the judged samples at which the sensor was at rest by its own "
+        "gyroscope, dynamic the others.",
+        folded=True,
     )
-    if evaluation.orientation_sweeps:
-        blocks.append(_sweeps(evaluation.orientation_sweeps))
-    if evaluation.gyroscope_bias:
-        blocks.append(_bias(evaluation.gyroscope_bias))
-    return blocks
 
 
 def _interval(
-    found: dict[tuple[str, str, str, str], OrientationSummary],
+    found: Summaries,
     row: OrientationRow,
     part: str | None,
 ) -> Interval:
@@ -267,8 +266,7 @@ def _sweeps(sweeps: list[OrientationSweepRow]) -> Table:
         ),
         body,
         "How to read: amplitude and frequency are those of the sensor's true turning about its "
-        "main axis; a dash is a sensor "
-        "that the sweep did not turn.",
+        "main axis; a dash is a sensor that the sweep did not turn.",
         folded=True,
     )
 
@@ -304,10 +302,9 @@ def _bias(rows: list[GyroscopeBiasRow]) -> Table:
         ),
         body,
         "How to read: what the calibrated gyroscope still reads in dwells that the calibration did "
-        "not use, ± twice its "
-        "standard error; the true rate is zero there. It holds what drifted since, and the "
-        "response to gravity that the "
-        "calibration missed. Filters that estimate a bias of their own start from here.",
+        "not use, ± twice its standard error; the true rate is zero there. It holds what drifted "
+        "since, and the response to gravity that the calibration missed. Filters that estimate a "
+        "bias of their own start from here.",
         folded=True,
     )
 

@@ -15,8 +15,8 @@ from testbench.reporting.page.page import Sentence
 from testbench.reporting.page.tables import Cell, digits, text
 
 RULE = (
-    "beyond the upper quartile of all filters by three quartile ranges, and by 1 deg above "
-    "their median"
+    "beyond the upper quartile of all filters by three quartile ranges, and by 1 deg above their "
+    "median"
 )
 FAR_BEYOND = 1.5
 """The largest cell of several maps over that which 98 % stay below, from which it does not set
@@ -107,13 +107,13 @@ def hidden_names(names: Iterable[str]) -> str:
 
 
 def common_top(grids: Mapping[str, np.ndarray]) -> float:
-    """Upper end of the colours that several maps share, from the cells of the filters that are no
-    outliers.
+    """Upper end of the colours that several maps share.
 
-    It is the largest, or the value that 98 % lie below where the largest is far beyond it.
+    It is the largest cell of the filters that are no outliers, or the value that 98 % of these
+    cells lie below where the largest is far beyond it.
 
     Args:
-        grids: By filter, NaN where there is nothing.
+        grids: By filter, shape (n, m) each, in one unit; NaN where there is nothing.
     """
     middles = {
         name: float(np.median(grid[np.isfinite(grid)]))

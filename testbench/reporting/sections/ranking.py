@@ -17,8 +17,8 @@ from testbench.reporting.sections.tuning import fitted_here
 
 WHOLE_JOINT = (
     "the total error is the angle between estimated and true orientation of the distal segment "
-    "against the proximal one, all "
-    "three angles at once: headings count here, even where the flexion does not see them; "
+    "against the proximal one, all three angles at once: headings count here, even where the "
+    "flexion does not see them; "
 )
 FORMS = (("shares", "its", "it", "it is"), ("share", "their", "them", "they are"))
 """Of one and of several filters."""
@@ -115,14 +115,11 @@ def _ranking(
         ],
         body,
         f"How to read: {what}filters that share a letter were not shown to differ by more than "
-        "0.01 deg, which does not say "
-        "that they are equal; the rank gives every place that this leaves open. Pairs are compared "
-        "on the same samples, block "
-        f"by block (from {blocks} independent blocks), at a level of 5 % for all pairs together; "
-        "the smallest p is that of "
+        "0.01 deg, which does not say that they are equal; the rank gives every place that this "
+        f"leaves open. Pairs are compared on the same samples, block by block (from {blocks} "
+        "independent blocks), at a level of 5 % for all pairs together; the smallest p is that of "
         "the clearest difference from any other filter, after Holm's correction. The truth is the "
-        "same for all, so its "
-        f"uncertainty does not count here.{how_remarks(bool(far))}",
+        f"same for all, so its uncertainty does not count here.{how_remarks(bool(far))}",
     )
 
 
@@ -196,11 +193,9 @@ def distribution_table(
         ),
         body,
         "How to read: of all samples together. The correlation is that of estimated and true "
-        "angle, and given where the true "
-        "one changes. The delay is how far the estimate runs behind the truth in motion, ± twice "
-        "its standard uncertainty, "
-        "beyond what the fit of the sensor's clock took out; negative is ahead. The settling time "
-        "runs from the end of a move "
+        "angle, and given where the true one changes. The delay is how far the estimate runs "
+        "behind the truth in motion, ± twice its standard uncertainty, beyond what the fit of the "
+        "sensor's clock took out; negative is ahead. The settling time runs from the end of a move "
         "until the error stays within 0.1 deg of its settled value, median over the poses that "
         f"settle.{how}",
         folded=True,
@@ -242,10 +237,8 @@ def ranking_doubts(evaluation: Evaluation, owner: str, section: str | None = Non
             sentences.append(
                 Sentence(
                     f"{', '.join(nowhere)} {shares} a letter with every other by {criterion}: "
-                    f"{its} errors differ so much from "
-                    f"one stretch to the next that this recording places {places} nowhere. That is "
-                    f"no sign that {it_is} as "
-                    "good as the best."
+                    f"{its} errors differ so much from one stretch to the next that this recording "
+                    f"places {places} nowhere. That is no sign that {it_is} as good as the best."
                 )
             )
     return sentences

@@ -76,11 +76,9 @@ def _timing(estimate: Estimate) -> Table:
         ),
         rows,
         "How to read: sampling counts the intervals that are no gaps, effective all that arrived; "
-        "jitter is the standard "
-        "deviation of those intervals, bad stamps are repeated or run backwards, a gap is over 1.5 "
-        "intervals. The last "
-        "column is how much later the accelerometer sees a turn; a dash means that the motion does "
-        "not tell.",
+        "jitter is the standard deviation of those intervals, bad stamps are repeated or run "
+        "backwards, a gap is over 1.5 intervals. The last column is how much later the "
+        "accelerometer sees a turn; a dash means that the motion does not tell.",
     )
 
 
@@ -150,8 +148,7 @@ def _noise(rows: list[NoiseRow]) -> Table:
         ],
         body,
         "How to read: over the longest rest; mean and standard deviation of the raw readings, the "
-        "rest from the overlapping "
-        "Allan deviation with its standard uncertainty. Noise density is one-sided, as data sheets "
-        "state it; a dash means that "
-        "the value is lost among the others, most often because the rest is too short.",
+        "rest from the overlapping Allan deviation with its standard uncertainty. Noise density is "
+        "one-sided, as data sheets state it; a dash means that the value is lost among the others, "
+        "most often because the rest is too short.",
     )

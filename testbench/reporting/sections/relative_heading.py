@@ -43,9 +43,8 @@ def relative_heading_blocks(
                 )
             },
             "How to read: by so much the distal sensor's orientation was turned about the vertical "
-            "before the joint's angles "
-            "were taken, so that the axes that the protocol states keep their angle; without drift "
-            "it is the zero line. Where "
-            "the standard deviation grows, the axes were too near to the vertical to tell.",
+            "before the joint's angles were taken, so that the axes that the protocol states keep "
+            "their angle; without drift it is the zero line. Where the standard deviation grows, "
+            "the axes were too near to the vertical to tell.",
         )
     ]

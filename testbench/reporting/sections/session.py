@@ -225,8 +225,7 @@ def _sensors(session: Session) -> Table:
         ],
         rows,
         "How to read: the mounting is what the estimators believe; an injected error is a known "
-        "fault that they are not "
-        "told of.",
+        "fault that they are not told of.",
     )
 
 
@@ -266,9 +265,8 @@ def _environment(environment: EnvironmentRecord) -> Table:
         ],
         rows,
         "How to read: what is fixed to the base stays where it is while the sensors travel; what "
-        "is fixed to another link "
-        "moves against the sensor; what is fixed to the sensor's own link turns with it. Filters "
-        "are not told of any of it." + why,
+        "is fixed to another link moves against the sensor; what is fixed to the sensor's own link "
+        "turns with it. Filters are not told of any of it." + why,
         folded=True,
     )
 
@@ -336,14 +334,11 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
                 "Metrics with limits",
                 judged,
                 "How to read: pass keeps the limit even if the truth is off by U (its expanded "
-                "uncertainty, k = 2); fail "
-                "breaks it even then; marginal lies between, or keeps it with less to spare than "
-                "the protocol wants, or keeps "
-                "it while U cannot be stated, and then its meaning says why; not measured could "
-                "not be taken. The worst of "
-                "them is the verdict on the sensors. It says nothing about the bench. The 95 % "
-                "confidence interval comes from "
-                "this session's own scatter.",
+                "uncertainty, k = 2); fail breaks it even then; marginal lies between, or keeps it "
+                "with less to spare than the protocol wants, or keeps it while U cannot be stated, "
+                "and then its meaning says why; not measured could not be taken. The worst of them "
+                "is the verdict on the sensors. It says nothing about the bench. The 95 % "
+                "confidence interval comes from this session's own scatter.",
             )
         )
     else:
@@ -438,8 +433,8 @@ def _repeatable(session: Session) -> str:
     """What gives the same raw files again."""
     if session.manifest.kind == "import":
         return (
-            "the same files, options and versions give the same session; the files themselves "
-            "are not in it"
+            "the same files, options and versions give the same session; the files themselves are "
+            "not in it"
         )
     if session.has_protocol and "arm" in session.simulated:
         return "the same plan, seed and versions give the same raw files, bit by bit"
@@ -508,9 +503,8 @@ def _joint_use(check: CheckRecord) -> Table:
     near = check.clearance
     if near:
         how += (
-            f" The smallest clearance was {digits(near.distance_mm, 1)} mm, between "
-            f"{near.first} and {near.second} at "
-            f"{digits(near.time_s, 1)} s."
+            f" The smallest clearance was {digits(near.distance_mm, 1)} mm, between {near.first} "
+            f"and {near.second} at {digits(near.time_s, 1)} s."
         )
     return Table(
         "What the plan asked of the arm",

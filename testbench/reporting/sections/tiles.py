@@ -113,8 +113,8 @@ def _leaders(
         said = f"no difference shown between {len(alike)} filters by {errors}"
     else:
         said = (
-            f"no difference shown between {', '.join(names)} by {errors}; the others were "
-            "shown to be worse"
+            f"no difference shown between {', '.join(names)} by {errors}; the others were shown to "
+            "be worse"
         )
     left_out = [name for name in filters if name not in {row.filter for row in ranked}]
     return _Leaders(names, said + (f"; not ranked: {', '.join(left_out)}" if left_out else ""))

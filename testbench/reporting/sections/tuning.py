@@ -40,8 +40,7 @@ def parameter_table(estimate: Estimate) -> Table:
         [Cell("filter"), Cell("parameters"), Cell("from"), Cell("tuned on"), Cell("here")],
         rows,
         "How to read: the errors of a filter that was tuned on this very session are those of a "
-        "fit; what its parameters are "
-        "worth shows on sessions that they were not tuned on.",
+        "fit; what its parameters are worth shows on sessions that they were not tuned on.",
         folded=not estimate.tuned and not estimate.set_parameters,
     )
 

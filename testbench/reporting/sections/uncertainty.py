@@ -87,14 +87,11 @@ def _overview(budgets: list[UncertaintyBudget]) -> Table:
         ],
         rows,
         "How to read: the true mean error lies within the reported one ± U (k = 2, about 95 %). U "
-        "of magnitudes, an upper "
-        "bound, goes with mean magnitudes, RMS and percentiles, in which errors of the truth do "
-        "not cancel over poses. A dash: "
-        "something of the truth is not known, so no U can be given; the last column says what. U "
-        "does not hold the scatter of "
+        "of magnitudes, an upper bound, goes with mean magnitudes, RMS and percentiles, in which "
+        "errors of the truth do not cancel over poses. A dash: something of the truth is not "
+        "known, so no U can be given; the last column says what. U does not hold the scatter of "
         "this session: the confidence intervals in square brackets do. With few degrees of freedom "
-        "k = 2 covers less: 92 % "
-        "with 8.",
+        "k = 2 covers less: 92 % with 8.",
     )
 
 
@@ -126,8 +123,7 @@ def _budget(b: UncertaintyBudget) -> Table:
                     _freedom(b),
                     text(
                         f"k = {b.coverage_factor:g}: U = {digits(b.expanded_deg, 3)} deg, of "
-                        "magnitudes "
-                        f"{digits(b.expanded_magnitude_deg, 3)} deg",
+                        f"magnitudes {digits(b.expanded_magnitude_deg, 3)} deg",
                         kind="wide",
                     ),
                 ]
@@ -152,11 +148,9 @@ def _budget(b: UncertaintyBudget) -> Table:
         ],
         rows,
         "How to read: value over divisor is a standard uncertainty; times the sensitivity it is "
-        "the contribution to the mean "
-        "error, and the root of the sum of squares is the combined one (JCGM 100:2008). Type A "
-        "comes from this recording's own "
-        "scatter, type B from elsewhere. The robot file's block `uncertainty` states the values of "
-        "your own arm.",
+        "the contribution to the mean error, and the root of the sum of squares is the combined "
+        "one (JCGM 100:2008). Type A comes from this recording's own scatter, type B from "
+        "elsewhere. The robot file's block `uncertainty` states the values of your own arm.",
         folded=True,
     )
 

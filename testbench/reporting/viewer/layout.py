@@ -157,7 +157,11 @@ def _plot(name: str, contents: list[str]) -> rrb.TimeSeriesView:
 
 
 def reach_of(positions: list[np.ndarray]) -> float:
-    """The farthest that any sensor comes from the world's origin [m], at least 0.3."""
+    """The farthest that any sensor comes from the world's origin [m], at least 0.3.
+
+    Args:
+        positions: Of each sensor in the world, shape (n, 3) each [m].
+    """
     return max(
         [
             0.3,

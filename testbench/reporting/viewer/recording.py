@@ -37,10 +37,10 @@ def save_recording(
     Args:
         session: The recording.
         path: The .rrd file to write.
-        estimate: What was made of it; read from the session's folder if None, and left out where
+        estimate: Of its orientations; read from the session's folder if None, and left out where
             the folder has none.
-        evaluation: What was made of it; read from the session's folder if None, and left out where
-            the folder has none.
+        evaluation: Of its errors; read from the session's folder if None, and left out where the
+            folder has none.
 
     Returns:
         The path.

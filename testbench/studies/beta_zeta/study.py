@@ -65,8 +65,8 @@ class Part:
         session: The recording.
         sensor: Ready for filters.
         samples: What they get, at one interval.
-        rest: Rows of the samples in the first rest, and after it, shape (n,), bool.
-        moving: Rows of the samples in the first rest, and after it, shape (n,), bool.
+        rest: Where the samples are in the first rest, shape (n,), bool.
+        moving: Where the samples are after the first rest, shape (n,), bool.
     """
 
     session: Session

@@ -71,8 +71,8 @@ class ServoComparison:
     """One joint of tables 4.1 and 4.2.
 
     Attributes:
-        table: Of the thesis.
-        joint: Of the thesis.
+        table: Number of the table in the thesis.
+        joint: What the thesis calls the joint.
         ours: By state.
         published: RMS of angle, rate and acceleration by state, as printed.
     """

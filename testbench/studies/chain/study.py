@@ -150,9 +150,8 @@ def _servo_table(found: Reference5, table: str) -> StudyTable:
         ("angle [deg]", "rate [deg/s]", "acceleration [deg/s²]", "covered [%]"),
         tuple(rows),
         f"How to read: RMS over {words.run_times(found.rigs)}, each with other sensors of one "
-        "kind, against the joints of the "
-        "arm; covered are the errors of the angle within 1.96 of the uncertainty that the filter "
-        "states.",
+        "kind, against the joints of the arm; covered are the errors of the angle within 1.96 of "
+        "the uncertainty that the filter states.",
         words.sizes(ratios) if table == "4.1" else "",
         table,
         (4, 3, 2, 0),

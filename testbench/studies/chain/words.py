@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from testbench.model.statistics.spread import LEVEL, Change, by_verdict, in_percent
 
 QUESTION = (
-    "How well do the joints of a chain follow from the sensors on its links, and what does "
-    "a Fourier state gain?"
+    "How well do the joints of a chain follow from the sensors on its links, and what does a "
+    "Fourier state gain?"
 )
 RIGS = {"4.1": "Pendulum", "4.2": "Squat of two joints"}
 MOST_NAMED = 4
@@ -24,10 +24,10 @@ class Question:
 
     Attributes:
         caption: Of its table.
-        short: Of its table.
-        why: Of its table.
-        less: The sentence's beginning for those shown.
-        more: The sentence's beginning for those shown.
+        short: The table's name where there is little room.
+        why: The sentence below the table.
+        less: The sentence's beginning for pairs of which the first has less error.
+        more: The sentence's beginning for pairs of which the first has more error.
         published: Which of both the thesis has.
     """
 
@@ -43,8 +43,7 @@ STATES = Question(
     "Error by the Fourier state against that by the kinematic one",
     "Fourier or kinematic",
     "The thesis prints one run of each rig without a spread. Both of our states see the same "
-    "samples, so that what a sensor is "
-    "wrong by is in both.",
+    "samples, so that what a sensor is wrong by is in both.",
     "the Fourier state has less error than the kinematic one",
     "the Fourier state has more error than the kinematic one",
     "less",
@@ -53,44 +52,37 @@ ORDER = Question(
     "Error of the distal joint of the squat (q2) against that of the proximal one (q1)",
     "Distal or proximal",
     "The thesis finds the distal joint worse in everything and lays it to errors that add up along "
-    "the chain. Ours has both "
-    "sensors in one filter, and in each part both have errors of their own.",
+    "the chain. Ours has both sensors in one filter, and in each part both have errors of their "
+    "own.",
     "the distal joint of the squat has less error than the proximal one",
     "the distal joint of the squat has more error than the proximal one",
     "more",
 )
 CHANGE_HOW = (
     "How to read: geometric mean over {parts} of the ratio of both errors, as a change, with its "
-    "interval of 95 % by Student's "
-    "t, each for itself. More or less is shown where the interval leaves zero out; a single run "
-    "has no interval."
+    "interval of 95 % by Student's t, each for itself. More or less is shown where the interval "
+    "leaves zero out; a single run has no interval."
 )
 GAIT_HOW = (
     "How to read: over {parts}, the mean of each part's signed mean and the lowest and highest, "
-    "the mean magnitude, and the "
-    "RMS. The publication gives signed means alone, in which errors of either sign cancel. X, Y "
-    "and Z are its axes. Its rows "
-    "stand beside the Fourier state, which it describes for the walk; its tables do not name the "
-    "state."
+    "the mean magnitude, and the RMS. The publication gives signed means alone, in which errors of "
+    "either sign cancel. X, Y and Z are its axes. Its rows stand beside the Fourier state, which "
+    "it describes for the walk; its tables do not name the state."
 )
 GAIT_WHY = (
     "A person walked there, with sensors on skin, and the joint angles were compared with those of "
-    "another measurement system; "
-    "the best of five trials is shown. Ours is a chain of rigid bodies that moves by published "
-    "gait curves and is compared "
-    "with its own joints: what soft tissue and heel strike do is not in it."
+    "another measurement system; the best of five trials is shown. Ours is a chain of rigid bodies "
+    "that moves by published gait curves and is compared with its own joints: what soft tissue and "
+    "heel strike do is not in it."
 )
 WALK_HOW = (
     "How to read: over {parts}. Covered are the errors within 1.96 of the standard uncertainty "
-    "that the filter states: 95 is "
-    "honest, below {least:g} a joint is called too sure of itself. An error that stays the same is "
-    "covered in whole or not at "
-    "all, so that few parts say little."
+    "that the filter states: 95 is honest, below {least:g} a joint is called too sure of itself. "
+    "An error that stays the same is covered in whole or not at all, so that few parts say little."
 )
 WALK_WHY = (
     "The first joints carry the pelvis about, the next turn it: the legs follow from the sensors "
-    "on either side of a joint, "
-    "the pelvis from gravity and its own sensor alone."
+    "on either side of a joint, the pelvis from gravity and its own sensor alone."
 )
 
 
@@ -115,8 +107,8 @@ def judged(question: Question, changes: Mapping[str, Change], runs: int) -> str:
         told = "; ".join(f"{word} in {', '.join(names)}" for word, names in signs.items() if names)
         which = question.less.replace(" has less error than ", " against ")
         return (
-            f"One run shows nothing of {which}: here its error is {told}; another sensor may "
-            f"turn that about. {end}"
+            f"One run shows nothing of {which}: here its error is {told}; another sensor may turn "
+            f"that about. {end}"
         )
     found = by_verdict(changes)
     said = []
@@ -141,10 +133,8 @@ def walked(state: str, means: Sequence[float], rms: Sequence[float], published: 
     """Errors of the seven axes of the leg by one state, with their spread."""
     return (
         f"Walking, by the {state} state: the seven axes of the leg have signed means of "
-        f"{_spread(means)} deg in magnitude "
-        f"(published {published:.3f}, of the best of five trials of a person) and an RMS of "
-        f"{_spread(rms)} "
-        f"deg{_of(len(means))}."
+        f"{_spread(means)} deg in magnitude (published {published:.3f}, of the best of five trials "
+        f"of a person) and an RMS of {_spread(rms)} deg{_of(len(means))}."
     )
 
 
@@ -174,8 +164,7 @@ def covered(state: str, lost: Mapping[str, tuple[float, float]], count: int, lea
     more = f"; and {len(lost) - MOST_NAMED} more" if len(lost) > MOST_NAMED else ""
     return (
         f"By the {state} state {len(lost)} of {count} joints are covered below {least:g} % by the "
-        "uncertainty that it states "
-        f"({named}{more})."
+        f"uncertainty that it states ({named}{more})."
     )
 
 
@@ -187,16 +176,14 @@ def sizes(ratios: Sequence[Sequence[float]]) -> str:
     spans = [f"{_short(min(values))} to {_short(max(values))}" for values in ratios]
     root = (
         " The printed formula divides by the number of samples outside the root, but that shrinks "
-        "all three columns alike, so "
-        "that it alone does not make the difference."
+        "all three columns alike, so that it alone does not make the difference."
     )
     return (
         "Sizes are not compared: table 4.1 gives degrees for all three columns and table 4.2 no "
-        "unit, dimensions and motions "
-        f"of their rigs are not stated, and ours are {spans[0]} times theirs in the angles, "
-        f"{spans[1]} in the rates and "
-        f"{spans[2]} in the accelerations.{root if apart else ''} What can be compared is the "
-        "order, in the tables below."
+        f"unit, dimensions and motions of their rigs are not stated, and ours are {spans[0]} times "
+        f"theirs in the angles, {spans[1]} in the rates and {spans[2]} in the "
+        f"accelerations.{root if apart else ''} What can be compared is the order, in the tables "
+        "below."
     )
 
 

@@ -29,14 +29,11 @@ KINDS = {"Xsens DOT": "", "MATRIX": "_matrix"}
 """What the names of the sensors end in."""
 CALIBRATION_WHY = (
     "Of which poses theirs are the means is not known to us; ours are eight poses of another "
-    "session, with nothing in them but "
-    "the errors of the part and of the arm. The map R = A' pinv(B') has no bias, so that a bias is "
-    "smeared over the map and "
-    "comes back in other poses, which can make the published size; how large and in which axis is "
-    "drawn with the part. With a "
+    "session, with nothing in them but the errors of the part and of the arm. The map R = A' "
+    "pinv(B') has no bias, so that a bias is smeared over the map and comes back in other poses, "
+    "which can make the published size; how large and in which axis is drawn with the part. With a "
     "bias in the model there is nothing to smear; what is left then is in the rows below theirs. "
-    "In 2D the third axis is left "
-    "as it is: no pose of the plane says anything of it."
+    "In 2D the third axis is left as it is: no pose of the plane says anything of it."
 )
 
 
@@ -79,9 +76,8 @@ def calibration_table(session: Session, check: Session, published: PublishedResu
         (*(f"|bias| {a} [mg]" for a in AXES), *(f"sd {a} [mg]" for a in AXES), "worst |bias| [mg]"),
         tuple(rows),
         "How to read: fitted to the three poses (2D) or six (3D) of the protocol, judged by eight "
-        "others. The worst is that of "
-        "all axes, of our 2D method that of the two axes of the plane. The standard deviation is "
-        "that of single readings.",
+        "others. The worst is that of all axes, of our 2D method that of the two axes of the "
+        "plane. The standard deviation is that of single readings.",
         CALIBRATION_WHY,
         "5.4 and 5.5",
         (2,) * 7,
@@ -153,8 +149,7 @@ def example_table(published: PublishedTables) -> StudyTable:
         "How to read: the readings are the published ones, put through our method; the last rows "
         "are what is left of them.",
         "They agree to the last digit printed. R is no rotation: it has taken in scale factors and "
-        "a bias of 24 mg in z, and "
-        "two of the six rows of A are equal.",
+        "a bias of 24 mg in z, and two of the six rows of A are equal.",
         "",
         (4, 4, 4),
         0,

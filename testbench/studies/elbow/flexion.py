@@ -27,28 +27,23 @@ MODEL_POINTS = 281
 """Of its line in the figure: every quarter of a degree."""
 DIFFERENCES = {
     "5.6": "theirs grows with the flexion, to 0.46 deg; why is not known, for gravity holds this "
-    "inclination at rest, whatever "
-    "the gyroscope's scale. Our `device` is an error model of a vendor's filter and not the "
-    "filter: it says nothing of theirs",
+    "inclination at rest, whatever the gyroscope's scale. Our `device` is an error model of a "
+    "vendor's filter and not the filter: it says nothing of theirs",
     "5.7": "theirs is consistent with a heading error between the sensors, see the next table; "
-    "ours is aligned in the "
-    "reference pose",
+    "ours is aligned in the reference pose",
     "5.8": "theirs jumps by degrees from pose to pose, as a field would make it that is disturbed "
-    "more than the one assumed "
-    "of ours; this angle is an inclination and hardly sees a heading",
+    "more than the one assumed of ours; this angle is an inclination and hardly sees a heading",
     "5.9": "as 5.8, for both methods see the same vectors",
     "5.10": "theirs may hold what was left of the bias after calibration: 10 to 26 mg are 0.6 to "
     "1.5 deg",
 }
 FLEXION_WHY = (
     "Theirs come from two sensors whose relative heading is unknown and changes with each "
-    "power-up, and no reference pose "
-    "aligns them; ours are aligned in one. Flexion by ZXZ and ZYZ is the angle between two axes of "
-    "the segments, here an "
-    "inclination that does not see the heading at all; by YXZ a heading error enters and grows "
-    "with the flexion. What is left "
-    "of ours is noise, the rest of the bias, the arm's repeatability, and by YXZ what a filter "
-    "loses of the heading."
+    "power-up, and no reference pose aligns them; ours are aligned in one. Flexion by ZXZ and ZYZ "
+    "is the angle between two axes of the segments, here an inclination that does not see the "
+    "heading at all; by YXZ a heading error enters and grows with the flexion. What is left of "
+    "ours is noise, the rest of the bias, the arm's repeatability, and by YXZ what a filter loses "
+    "of the heading."
 )
 
 
@@ -78,10 +73,8 @@ def noise_table(evaluation: Evaluation, published: PublishedTables) -> StudyTabl
         tuple(rows),
         "How to read: of the raw readings, slow changes of the bias included.",
         "The presets of the simulated sensors were made after the data sheets and these numbers: "
-        "where they agree, the "
-        "simulator does what its presets say, and no more is shown. The gyroscope of the MATRIX is "
-        "an exception: 0.72 deg/s is "
-        "of one part only.",
+        "where they agree, the simulator does what its presets say, and no more is shown. The "
+        "gyroscope of the MATRIX is an exception: 0.72 deg/s is of one part only.",
         "5.1",
         (0, 3, 3, 3),
         1,
@@ -111,8 +104,8 @@ def rest_table(session: Session, evaluation: Evaluation, published: PublishedTab
         tuple(rows),
         f"How to read: the norm beside local gravity, {gravity:.4f} m/s².",
         "Other parts in other poses: one part has one bias, drawn here from the data sheet's range "
-        "by the seed. Along the "
-        "vertical axis 1 % is a bias of 10 mg; the published parts are at 20 and 38 mg.",
+        "by the seed. Along the vertical axis 1 % is a bias of 10 mg; the published parts are at "
+        "20 and 38 mg.",
         "",
         (4, 4, 4, 2),
         3,
@@ -164,8 +157,7 @@ def flexion_table(evaluation: Evaluation, published: PublishedResults) -> StudyT
         (*(f"{f:g}°" for f in flexions), "mean"),
         tuple(rows),
         "How to read: a row of ours for each sensor, filter and sequence; the published row stands "
-        "beneath the one it belongs "
-        "to, its mean over the flexions computed here.",
+        "beneath the one it belongs to, its mean over the flexions computed here.",
         f"{FLEXION_WHY} One by one: "
         f"{'; '.join(f'table {number}: {text}' for number, text in DIFFERENCES.items())}.",
         "5.6 to 5.10",
@@ -195,11 +187,18 @@ def _printed_mean(row: FlexionErrors) -> float:
 
 
 def heading_model(flexion_deg: np.ndarray, offset_deg: float, heading_deg: float) -> np.ndarray:
-    """|error| [deg] of the middle angle of YXZ, shape (f,): the elbow starts off zero, one sensor
-    is turned about the vertical.
+    """|error| of the middle angle of YXZ with an elbow that starts off zero and one turned sensor.
 
     The angle is asin(sin(f + o) cos h), as of a misalignment h (Castellanos Alonso 2023, section
     4), judged by f.
+
+    Args:
+        flexion_deg: f, shape (f,) [deg].
+        offset_deg: o, where the elbow starts [deg].
+        heading_deg: h, by which one sensor is turned about the vertical [deg].
+
+    Returns:
+        Shape (f,) [deg].
     """
     start = np.radians(flexion_deg + offset_deg)
     wrong = middle_angle_error(start, np.full(len(flexion_deg), np.radians(heading_deg)))
@@ -208,14 +207,13 @@ def heading_model(flexion_deg: np.ndarray, offset_deg: float, heading_deg: float
 
 @dataclass(frozen=True)
 class HeadingFit:
-    """The two parameters of `heading_model` that come nearest to a published table, and what they
-    leave of it.
+    """The parameters of `heading_model` nearest to a published table, and what they leave of it.
 
     Attributes:
-        offset_deg: The elbow's start, and the size of the angle between the sensors' headings.
-        heading_deg: The elbow's start, and the size of the angle between the sensors' headings.
-        residual_deg: Model less published by flexion, shape (f,).
-        largest_at_deg: Flexion of the largest residual.
+        offset_deg: Where the elbow starts [deg].
+        heading_deg: Size of the angle between the sensors' headings [deg].
+        residual_deg: Model less published by flexion, shape (f,) [deg].
+        largest_at_deg: Flexion of the largest residual [deg].
     """
 
     offset_deg: float
@@ -268,15 +266,13 @@ def heading_table(published: PublishedResults) -> StudyTable:
             StudyRow("model less published", (*residual, _mean(residual))),
         ),
         f"How to read: |asin(sin(f + o) cos h) - f| with o = {fit.offset_deg:.2f} deg and h = "
-        f"{fit.heading_deg:.2f} deg, two "
-        f"parameters fitted to the fifteen published values; it leaves {fit.rms_deg:.3f} deg RMS "
-        f"and {fit.largest_deg:.3f} deg "
-        f"at most, at a flexion of {fit.largest_at_deg:g} deg.",
+        f"{fit.heading_deg:.2f} deg, two parameters fitted to the fifteen published values; it "
+        f"leaves {fit.rms_deg:.3f} deg RMS and {fit.largest_deg:.3f} deg at most, at a flexion of "
+        f"{fit.largest_at_deg:g} deg.",
         "The minimum near 40 deg, where offset and growth cancel, and the growth beyond it are "
-        "both in the model, and if it "
-        "holds, neither is an error of the filter. That two fitted parameters come near to fifteen "
-        "values shows that it can be "
-        "so; the publication has nothing to test it with.",
+        "both in the model, and if it holds, neither is an error of the filter. That two fitted "
+        "parameters come near to fifteen values shows that it can be so; the publication has "
+        "nothing to test it with.",
         GROWING,
         (2,) * (len(flexions) + 1),
         len(flexions),
@@ -320,8 +316,8 @@ def flexion_curves(evaluation: Evaluation, published: PublishedResults) -> Study
         "|error| [deg]",
         tuple(curves),
         "How to read: circles are published, diamonds of the same colour ours by the same method; "
-        "the line is that of two "
-        "sensors apart in heading. The axis is logarithmic and has no place for an error of zero.",
+        "the line is that of two sensors apart in heading. The axis is logarithmic and has no "
+        "place for an error of zero.",
         logarithmic=True,
     )
 
@@ -356,8 +352,7 @@ def growth_table(elbow: Result, misalignment_deg: float) -> StudyTable:
         "How to read: YXZ takes the misalignment for flexion, the more the larger it is; ZXZ does "
         "not.",
         "The published table 5.7 has no misalignment, and grows in the same way to 8.29 deg: a "
-        "heading error between the two "
-        "sensors would act as a misalignment does.",
+        "heading error between the two sensors would act as a misalignment does.",
         "",
         (2,) * (len(flexions) + 1),
         None,

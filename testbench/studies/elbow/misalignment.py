@@ -51,8 +51,8 @@ TURNS = {"X": "roll", "Y": "pitch", "Z": "yaw"}
 PROTOCOL, FILTERS = "elbow_flexion", ("device", "vqf_6d")
 """The session, and the filters that stand for the sensors in it."""
 QUESTION = (
-    "How wrong does a misaligned segment make a flexion angle, by which sequence, and how "
-    "much of a session's error is that?"
+    "How wrong does a misaligned segment make a flexion angle, by which sequence, and how much of "
+    "a session's error is that?"
 )
 
 
@@ -65,8 +65,8 @@ def run(bench: StudyBench) -> StudyRecord:
     measured = study.table("elbow measured")
     found = tuple(
         f"{row.label}: the definition is wrong by {row.values[1]:.3f} deg in the mean and "
-        f"{row.values[2]:.2f} deg at most, "
-        f"what was measured by {row.values[3]:.3f} and {row.values[4]:.2f} deg."
+        f"{row.values[2]:.2f} deg at most, what was measured by {row.values[3]:.3f} and "
+        f"{row.values[4]:.2f} deg."
         for row in measured.rows
     )
     settings = {"protocol": PROTOCOL, "seed": bench.seed, "parts": 1, "filters": ", ".join(FILTERS)}
@@ -94,13 +94,12 @@ def misalignment_study(
 
     Args:
         sequence: Intrinsic Euler sequence whose flexion is judged.
-        flexion_deg: Shape (f,), (d,) [deg].
-        misalignment_deg: Shape (f,), (d,) [deg].
+        flexion_deg: Rows of the grid, shape (f,) [deg].
+        misalignment_deg: Columns of the grid, shape (d,) [deg].
         flexion_about: Axis of the flexion.
         session: A session whose protocol varies the misalignment, to be shown beside theory and
             simulation.
-        evaluation: A session whose protocol varies the misalignment, to be shown beside theory and
-            simulation.
+        evaluation: Of that session.
 
     Raises:
         InputError: The flexion is no single angle of the sequence, or the session varies no
@@ -155,7 +154,18 @@ def error_grid(
     misalignment_deg: np.ndarray,
     flexion_about: AxisName = "Y",
 ) -> np.ndarray:
-    """Signed error of the flexion [deg], shape (f, d); NaN in gimbal lock."""
+    """Signed error of the flexion by a misalignment.
+
+    Args:
+        definition: Of the flexion.
+        about: Axis of the misalignment.
+        flexion_deg: Rows of the grid, shape (f,) [deg].
+        misalignment_deg: Columns of the grid, shape (d,) [deg].
+        flexion_about: Axis of the flexion.
+
+    Returns:
+        Shape (f, d) [deg]; NaN in gimbal lock.
+    """
     index = flexion_index(definition, flexion_about)
     errors = misalignment_errors(
         definition, about, np.radians(flexion_deg), np.radians(misalignment_deg), flexion_about
@@ -173,8 +183,8 @@ def fit_table(
 
     Args:
         magnitudes: Of the error, shape (f, d) [deg].
-        flexion_deg: Rows of the magnitudes, shape (f,).
-        misalignment_deg: Columns of the magnitudes, shape (d,).
+        flexion_deg: Rows of the grid, shape (f,) [deg].
+        misalignment_deg: Columns of the grid, shape (d,) [deg].
         published: Fits on the same grid, or None.
     """
     theirs = {row.label: row for row in published.tables["misalignment"].rows} if published else {}
@@ -193,8 +203,7 @@ def fit_table(
         ("a [1/deg]", "a from", "a to", "b", "c [deg]", "R²", "adjusted R²", "RMSE [deg]"),
         tuple(rows),
         "How to read: a is how fast the error grows with the square of the misalignment, with its "
-        "95 % confidence interval. "
-        "The residual is the model's, not noise: |error| is no parabola.",
+        "95 % confidence interval. The residual is the model's, not noise: |error| is no parabola.",
         " ".join(["They agree to the last digit printed.", *remarks]) if theirs else "",
         decimals=(5, 5, 5, 1, 5, 4, 4, 5),
         ratio_column=0,
@@ -222,7 +231,14 @@ def surface_table(
     misalignment_deg: np.ndarray,
     degrees: tuple[int, int] = SURFACE_DEGREES,
 ) -> StudyTable:
-    """Polynomial surface of |error| over flexion and misalignment about X."""
+    """Polynomial surface of |error| over flexion and misalignment about X.
+
+    Args:
+        magnitudes: Of the error, shape (f, d) [deg].
+        flexion_deg: Rows of the grid, shape (f,) [deg].
+        misalignment_deg: Columns of the grid, shape (d,) [deg].
+        degrees: Of the polynomial in flexion and in misalignment.
+    """
     flexion, misalignment = np.meshgrid(flexion_deg, misalignment_deg, indexing="ij")
     known = np.isfinite(magnitudes)
     fit = fit_surface(flexion[known], misalignment[known], magnitudes[known], degrees)
@@ -234,8 +250,7 @@ def surface_table(
         ("value [deg]", "from", "to"),
         tuple(StudyRow(name, (fit.value(name), *fit.interval(name))) for name in fit.fit.names),
         f"How to read: p_ij stands before F^i D^j, F = (f - {f_mean:.4g}) / {f_sd:.4g}, D = (d - "
-        f"{abs(d_mean):.4g}) / "
-        f"{d_sd:.4g}, all in degrees. R² {fit.r_squared:.4f}, adjusted "
+        f"{abs(d_mean):.4g}) / {d_sd:.4g}, all in degrees. R² {fit.r_squared:.4f}, adjusted "
         f"{fit.adjusted_r_squared:.4f}, RMSE {fit.rmse:.4g} deg.",
         "The source norms by the same means and deviations (35, 21.64; 0, 12.13); its degrees and "
         "coefficients are not known.",
@@ -247,7 +262,13 @@ def surface_table(
 def axes_table(
     grids: Mapping[AxisName, np.ndarray], misalignment_deg: np.ndarray, sequence: str
 ) -> StudyTable:
-    """How much of a misalignment about each axis arrives in the flexion."""
+    """How much of a misalignment about each axis arrives in the flexion.
+
+    Args:
+        grids: Signed error of the flexion by the axis of the misalignment, shape (f, d) each [deg].
+        misalignment_deg: Columns of the grids, shape (d,) [deg].
+        sequence: Intrinsic Euler sequence whose flexion is judged.
+    """
     rows = []
     for axis, grid in grids.items():
         passed = np.abs(grid[:, misalignment_deg != 0]) / np.abs(
@@ -277,7 +298,13 @@ def axes_table(
 def sequences_table(
     flexion_deg: np.ndarray, misalignment_deg: np.ndarray, flexion_about: AxisName = "Y"
 ) -> StudyTable:
-    """The largest error of the flexion for every sequence that has it as an angle of its own."""
+    """The largest error of the flexion for every sequence that has it as an angle of its own.
+
+    Args:
+        flexion_deg: Rows of the grid, shape (f,) [deg].
+        misalignment_deg: Columns of the grid, shape (d,) [deg].
+        flexion_about: Axis of the flexion.
+    """
     rows = []
     for sequence in SEQUENCES:
         if sequence.count(flexion_about) != 1:
@@ -294,9 +321,8 @@ def sequences_table(
         ("flexion is its", "about X [deg]", "about Y [deg]", "about Z [deg]"),
         tuple(rows),
         f"How to read: misaligned by up to {np.abs(misalignment_deg).max():g} deg, flexed by up to "
-        f"{flexion_deg.max():g} deg. "
-        f"A sequence with {flexion_about} twice is left out: there the flexion is a sum of two "
-        "angles.",
+        f"{flexion_deg.max():g} deg. A sequence with {flexion_about} twice is left out: there the "
+        "flexion is a sum of two angles.",
         decimals=(0, 3, 3, 3),
     )
 
@@ -304,7 +330,14 @@ def sequences_table(
 def sensor_table(
     flexion_deg: np.ndarray, error_deg: np.ndarray, sequence: str, flexion_about: AxisName = "Y"
 ) -> StudyTable:
-    """Errors of one sensor's orientation in yaw, pitch and roll (eq. 2.21)."""
+    """Errors of one sensor's orientation in yaw, pitch and roll (eq. 2.21).
+
+    Args:
+        flexion_deg: Shape (f,) [deg].
+        error_deg: Of the orientation, increasing, shape (d,) [deg].
+        sequence: Intrinsic Euler sequence whose flexion is judged.
+        flexion_about: Axis of the flexion.
+    """
     rows = []
     index = flexion_index(sequence, flexion_about)
     sides: tuple[Literal["proximal", "distal"], ...] = ("proximal", "distal")
@@ -359,7 +392,6 @@ def _findings(
 ) -> tuple[str, ...]:
     return tuple(
         f"{sequence}: misaligned about {axis}, a flexion of up to {flexion_deg.max():g} deg is "
-        "wrong by up to "
-        f"{np.nanmax(np.abs(grid)):.2f} deg without any error of a sensor."
+        f"wrong by up to {np.nanmax(np.abs(grid)):.2f} deg without any error of a sensor."
         for axis, grid in grids.items()
     )

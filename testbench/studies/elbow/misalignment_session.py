@@ -79,9 +79,8 @@ def session_curves(
                 "|error| [deg]",
                 tuple(curves),
                 "How to read: theory is the closed form, simulation the true poses of the arm "
-                "through the same code, the rest "
-                "what the filters gave. Where these lie on the theory, the error is the "
-                "definition's and no sensor's.",
+                "through the same code, the rest what the filters gave. Where these lie on the "
+                "theory, the error is the definition's and no sensor's.",
             )
         )
     return figures
@@ -118,9 +117,8 @@ def session_table(session: Session, evaluation: Evaluation, joint: str) -> Study
         "How to read: the definition's error is that of the true poses; what a filter adds or "
         "takes is the sensors'.",
         "A sequence that sees the heading also sees what a filter loses of it: where the sensors "
-        "drift apart in heading, this "
-        "adds to the misalignment on one side and takes from it on the other, most of all by a "
-        "filter without magnetometer.",
+        "drift apart in heading, this adds to the misalignment on one side and takes from it on "
+        "the other, most of all by a filter without magnetometer.",
         decimals=(0, 3, 3, 3, 3),
     )
 
@@ -133,10 +131,18 @@ def _mean_and_largest(values: np.ndarray) -> tuple[float | None, float | None]:
 def theoretical_error(
     definition: FlexionAngle, flexion_deg: float, misalignment_deg: np.ndarray
 ) -> np.ndarray | None:
-    """|error| [deg] by the closed form, shape (d,); None for definitions that it does not cover.
+    """|error| by the closed form.
 
     The middle angle of three different axes is off by asin(sin f cos d) - f; that of a sequence
     with equal outer axes sees nothing of a turn about them.
+
+    Args:
+        definition: Of the flexion.
+        flexion_deg: f [deg].
+        misalignment_deg: d, shape (d,) [deg].
+
+    Returns:
+        Shape (d,) [deg]; None for definitions that it does not cover.
     """
     kind = definition.rotation
     if isinstance(kind, str) or kind.euler is None or definition.flexion != "second":
@@ -151,11 +157,12 @@ def theoretical_error(
 def simulated_errors(
     session: Session, joint: str, definition: FlexionAngle, rows: list[JointRow]
 ) -> np.ndarray:
-    """|error| [deg] of the flexion of the segments' true orientations in the pose of each row,
-    shape (rows,).
+    """|error| of the flexion of the segments' true orientations in the pose of each row.
 
-    True is the arm's joint where the protocol names one, else there is nothing to compare with and
-    the result is NaN.
+    True is the arm's joint where the protocol names one, else there is nothing to compare with.
+
+    Returns:
+        Shape (rows,) [deg]; NaN where there is nothing to compare with.
     """
     spec: JointDefinition = session.analysis.joints[joint]
     proximal, distal, arm = session.truth(spec.proximal), session.truth(spec.distal), session.arm()

@@ -23,8 +23,8 @@ from testbench.studies.result import StudyResult
 
 QUESTION = (
     "How well do two kinds of inertial sensors measure an elbow's flexion that a robot arm plays, "
-    "calibrated and not, by "
-    "several filters and Euler sequences, and what does misalignment do to it?"
+    "calibrated and not, by several filters and Euler sequences, and what does misalignment do to "
+    "it?"
 )
 REST, TABLES, CHECK, ELBOW = "static_noise", "elbow_tables", "calibration_check", "elbow_flexion"
 TABLE_FILTERS = ("device", "imufilter", "ecompass", "triad")
@@ -120,30 +120,27 @@ def _findings(
     fit = next(row for row in theory.table("fits").rows if row.label == "70 deg")
     calibrated = (
         "Calibrated by the published map R = A' pinv(B'), an accelerometer is off by up to "
-        f"{worst(True):.1f} mg in poses that "
-        f"it has not seen (published: {theirs_mg:g} mg); with a bias in the "
-        f"model by up to {worst(False):.2f} mg in the axes it covers."
+        f"{worst(True):.1f} mg in poses that it has not seen (published: {theirs_mg:g} mg); with a "
+        f"bias in the model by up to {worst(False):.2f} mg in the axes it covers."
     )
     aligned = (
         f"Aligned in a reference pose, the mean |error| of the flexion is {min(means):.2f} to "
-        f"{max(means):.2f} deg, by filter "
-        f"and sequence; the published means reach from {min(theirs):.2f} to {max(theirs):.2f} deg."
+        f"{max(means):.2f} deg, by filter and sequence; the published means reach from "
+        f"{min(theirs):.2f} to {max(theirs):.2f} deg."
     )
     modelled = (
         "The published growth by YXZ (table 5.7) is consistent with two sensors "
-        f"{model.heading_deg:.1f} deg apart in heading "
-        f"on an elbow that starts at {model.offset_deg:.1f} deg: these two, fitted to its fifteen "
-        "values, leave "
+        f"{model.heading_deg:.1f} deg apart in heading on an elbow that starts at "
+        f"{model.offset_deg:.1f} deg: these two, fitted to its fifteen values, leave "
         f"{model.rms_deg:.2f} deg RMS and {model.largest_deg:.2f} deg at most."
     )
     grown = (
         f"Misaligned by {GROWN_DEG:g} deg and flexed by 70 deg, YXZ is wrong by "
-        f"{last['YXZ, theory']} deg in theory, "
-        f"{at_the_end('YXZ')}; ZXZ is wrong by {at_the_end('ZXZ')}."
+        f"{last['YXZ, theory']} deg in theory, {at_the_end('YXZ')}; ZXZ is wrong by "
+        f"{at_the_end('ZXZ')}."
     )
     fitted = (
         f"Theory at 70 deg: a = {fit.values[0]:.5f} and c = {fit.values[4]:.4f}, published "
-        f"{fit.published[0]} and "
-        f"{fit.published[4]}."
+        f"{fit.published[0]} and {fit.published[4]}."
     )
     return calibrated, aligned, modelled, grown, fitted

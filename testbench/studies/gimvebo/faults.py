@@ -27,7 +27,12 @@ FASTEST = 6.0
 
 
 def in_degrees(turns: Sequence[Turn], bias: np.ndarray) -> list[Turn]:
-    """The turns with rates whose number is that of deg/s, without bias."""
+    """The turns with rates whose number is that of deg/s, without bias.
+
+    Args:
+        turns: With rates in rad/s.
+        bias: Taken from the rates, shape (3,) [rad/s].
+    """
     return [replace(turn, gyr=np.degrees(turn.gyr - bias)) for turn in turns]
 
 

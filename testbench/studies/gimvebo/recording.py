@@ -35,9 +35,9 @@ class Part:
         session: Its name.
         gravity: Magnitude [m/s^2].
         accelerometer: Fitted to the section `poses`.
-        fit: Rests and turns of these sections, gravity by the calibrated accelerometer.
-        held_out: Rests and turns of these sections, gravity by the calibrated accelerometer.
-        held_out_raw: The same, gravity by the raw one.
+        fit: Rests and turns of the section `fit`, gravity by the calibrated accelerometer.
+        held_out: Rests and turns of the section `held_out`, gravity by the same.
+        held_out_raw: As held_out, gravity by the raw accelerometer.
         held_out_rests: Raw accelerations in the rests between the held-out turns, shape (n, 3) each
             [m/s^2].
     """

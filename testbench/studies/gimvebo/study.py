@@ -273,8 +273,7 @@ def _figure(
         ours,
         theirs,
         "How to read: boxes from the lower to the upper quartile with the median, whiskers to the "
-        "farthest value within 1.5 "
-        "interquartile ranges; the axis is logarithmic. Ours are held out, the published ones were "
-        "fitted.",
+        "farthest value within 1.5 interquartile ranges; the axis is logarithmic. Ours are held "
+        "out, the published ones were fitted.",
         logarithmic=True,
     )

@@ -60,15 +60,17 @@ def angles(
     raw: bool = False,
     stages: Stages | None = None,
 ) -> np.ndarray:
-    """Angle between gravity by the accelerometer and by integration after each held-out turn, shape
-    (10,) [deg].
+    """Angle between gravity by the accelerometer and by integration after each held-out turn.
 
     Args:
         part: Of the study.
         calibration: Of the gyroscope.
-        integrator: How to integrate.
-        stages: How to integrate.
+        integrator: Its name, as `get_integrator` takes it.
         raw: Gravity by the raw accelerometer.
+        stages: Where the integrator gets the rates between samples; its best if None.
+
+    Returns:
+        Shape (10,) [deg].
     """
     turns = (part.held_out_raw if raw else part.held_out).turns
     return np.degrees(gravity_direction_errors(calibration, turns, integrator, stages))
@@ -86,9 +88,7 @@ def box_values(box: BoxNumbers, decimals: int = 2) -> tuple[Value, ...]:
 
 
 def published_box(row: PublishedRow) -> tuple[Value, ...]:
-    """A published box plot as the cells of a row; the columns q1, median, q3, iqr, min, max stand
-    first.
-    """
+    """A published box plot, q1, median, q3, iqr, min and max first, as the cells of a row."""
     outliers = ", ".join(f"{value:g}" for value in row.outliers)
     if row.outlier_count:
         outliers = f"{row.outlier_count} values"
@@ -128,7 +128,13 @@ def magnitude_table(part: Part, published: PublishedTables) -> StudyTable:
 
 
 def norm_table(part: Part, published: PublishedTables, bias: np.ndarray) -> StudyTable:
-    """Table 4.2: the norm of the quaternion, by correct integrators."""
+    """Table 4.2: the norm of the quaternion, by correct integrators.
+
+    Args:
+        part: Of the study.
+        published: Tables of the source.
+        bias: Taken from the rates, shape (3,) [rad/s].
+    """
     rows, worst = [], {}
     for name in ("rk4", "trapezoid", "cg4", "midpoint", "euler_raw"):
         integrator = get_integrator(name)
@@ -319,7 +325,6 @@ def parts_table(parts: Sequence[Part]) -> StudyTable:
         titles,
         tuple(rows),
         "How to read: each row is a session with a part of its own errors; angle after the ten "
-        "held-out turns, everything "
-        "calibrated. The first row is the part of the tables above.",
+        "held-out turns, everything calibrated. The first row is the part of the tables above.",
         decimals=(3,) * len(titles),
     )

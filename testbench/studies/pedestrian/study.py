@@ -46,13 +46,11 @@ detection; the drift is from the one to the other.
 """
 DISTANCES = (
     "Distances are those of the published regression on the arm's swing, not of a walk; the truth "
-    "is the same regression on "
-    "the arm's true motion."
+    "is the same regression on the arm's true motion."
 )
 AREA = (
     "The yaw that is lost by taking body rates for Euler rates is the area that pitch and roll "
-    "enclose, pi A_pitch A_roll a "
-    "cycle, whatever the frequency; without roll there is none."
+    "enclose, pi A_pitch A_roll a cycle, whatever the frequency; without roll there is none."
 )
 
 COLUMNS = {
@@ -69,8 +67,8 @@ COLUMNS = {
 
 PROTOCOL = "shank_swing"
 QUESTION = (
-    "How far do two Euler filters drift in yaw on a walker's swing, and what of cycles, "
-    "distance and path is left?"
+    "How far do two Euler filters drift in yaw on a walker's swing, and what of cycles, distance "
+    "and path is left?"
 )
 FILTERS_OF_SOURCE = ("euler_ekf_simple", "euler_ekf")
 
@@ -121,8 +119,7 @@ def _findings(results: list[SwingResult]) -> tuple[str, ...]:
         return (
             (
                 "There is no gait cycle to count: in no sweep does the sensor's true pitch swing "
-                "as "
-                "far as the detection asks."
+                "as far as the detection asks."
             ),
         )
     wrong = [r for r in results if r.cycle_error]
@@ -144,8 +141,8 @@ def _findings(results: list[SwingResult]) -> tuple[str, ...]:
         if r.cycles is not None and true != r.cycles:
             found.append(
                 f"In {name} the arm's true motion itself counts as {true} gait cycles of "
-                f"{r.cycles} commanded: the sensor's "
-                "pitch does not swing as often, or not as far, as the step detection asks for."
+                f"{r.cycles} commanded: the sensor's pitch does not swing as often, or not as far, "
+                "as the step detection asks for."
             )
     for own in _by_step(_rolling(results)):
         if all(name in own for name in FILTERS_OF_SOURCE):
@@ -155,9 +152,8 @@ def _findings(results: list[SwingResult]) -> tuple[str, ...]:
             ends = [own[name].position_error for name in FILTERS_OF_SOURCE]
             found.append(
                 f"In {own[FILTERS_OF_SOURCE[0]].step.name} the yaw drifts by {simple:.1f} deg by "
-                "the simple prediction and by "
-                f"{improved:.1f} deg by the improved one; the path ends {ends[0]:.2f} and "
-                f"{ends[1]:.2f} m off."
+                f"the simple prediction and by {improved:.1f} deg by the improved one; the path "
+                f"ends {ends[0]:.2f} and {ends[1]:.2f} m off."
             )
     return tuple(found)
 
@@ -325,8 +321,7 @@ def cycle_table(results: list[SwingResult]) -> StudyTable:
         ),
         tuple(rows),
         "How to read: position is the end of the dead-reckoned path; lengths have a part in its "
-        "error and, the more the longer "
-        "the path, the heading.",
+        "error and, the more the longer the path, the heading.",
         decimals=(0, 0, 0, 2, 3, 2, 2),
         short="Gait cycles",
     )
@@ -366,10 +361,9 @@ def drift_table(results: list[SwingResult]) -> StudyTable:
         "How to read: error of the heading in the rest after the swing less that in the rest "
         "before it.",
         f"Published is {front.label}, in words: about 50 deg and below 10 deg, of walks whose "
-        "length, speed and roll are not "
-        "stated. The drift of the simple prediction is the area that pitch and roll enclose, cycle "
-        "by cycle; ours is chosen by "
-        "the protocol. The improved one has no such term.",
+        "length, speed and roll are not stated. The drift of the simple prediction is the area "
+        "that pitch and roll enclose, cycle by cycle; ours is chosen by the protocol. The improved "
+        "one has no such term.",
         decimals=(2, 3, 2),
         ratio_column=0,
         short="Yaw drift",
@@ -433,8 +427,8 @@ def path_curves(results: dict[str, SwingResult]) -> StudyCurves:
             )
         )
     how = (
-        "How to read: from above, a point after each gait cycle, both axes to one scale; the "
-        "path starts at the origin."
+        "How to read: from above, a point after each gait cycle, both axes to one scale; the path "
+        "starts at the origin."
     )
     return StudyCurves(f"Path, {first.step.name}", "x [m]", "y [m]", tuple(curves), how, plane=True)
 
