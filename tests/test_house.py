@@ -13,29 +13,19 @@ from tests import house
 OPEN: dict[str, dict[str, int]] = {
     "arguments": {
         "estimation": 14,
-        "evaluation": 1,
         "exceptions": 1,
-        "model": 1,
-        "planning": 1,
-        "reporting": 2,
+        "model": 4,
     },
-    "circles": {"records": 1},
     "entries": {
-        "drivers": 13,
-        "emulation": 5,
+        "drivers": 22,
+        "emulation": 14,
         "estimation": 65,
-        "evaluation": 20,
         "exceptions": 5,
-        "reporting": 7,
-        "studies": 10,
     },
     "shapes": {
         "drivers": 13,
-        "emulation": 5,
-        "estimation": 151,
-        "evaluation": 21,
-        "reporting": 6,
-        "studies": 15,
+        "emulation": 7,
+        "estimation": 148,
     },
 }
 

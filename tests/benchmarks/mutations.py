@@ -12,7 +12,7 @@ from typing import Any
 
 from testbench import execute, plan
 from testbench.execution import RunOptions
-from testbench.records.shipped import shipped_folder
+from testbench.records.specs.shipped import shipped_folder
 from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
 from tests.conftest import TINY
