@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from testbench.estimation.axes import AS_DOCUMENTED, STRAIGHT, identify_axes, remarks_on
-from testbench.estimation.estimator import STANDARD_DOWN
+from testbench.estimation.recording import STANDARD_DOWN
 from testbench.formats.axes import find_axes
 from testbench.model import rotation
 from testbench.records.samples import ImuSamples, Truth

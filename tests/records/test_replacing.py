@@ -21,7 +21,7 @@ from testbench.records.replacing import (
     stored_where_asked,
     write_text,
 )
-from tests.system.crashes import ROOT
+from tests.emulated_arms import ROOT
 
 HOLD = """\
 import sys, time

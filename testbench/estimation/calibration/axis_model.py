@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from testbench.estimation.calibration.least_squares import Parameter
+from testbench.estimation.calibration.least_squares import FitParameter
 from testbench.estimation.calibration.linear import solve_linear
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.rotational import axes_in_plane
@@ -111,10 +111,10 @@ def orthogonality(poses: StaticPoses) -> Orthogonality:
     sd, found, variance = poses.typical_sd(), [], 0.0
     for axis, name in zip(plane, names, strict=True):
         parameters = [
-            Parameter(f"response_{name}{j}", "1", float(name == j), ACCELEROMETER.response)
+            FitParameter(f"response_{name}{j}", "1", float(name == j), ACCELEROMETER.response)
             for j in names
         ]
-        parameters.append(Parameter(f"bias_{name}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias))
+        parameters.append(FitParameter(f"bias_{name}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias))
         fit = solve_linear(
             design / sd,
             poses.mean[:, axis] / sd,

@@ -30,7 +30,7 @@ from testbench.records.plan import PlannedStep
 from testbench.records.protocol_chain import ChainEstimation, ChainState
 from testbench.records.robot import Robot
 from testbench.records.samples import ImuSamples
-from testbench.records.sensor import ImuParameters, Triad
+from testbench.records.sensor import ImuParameters, TriadParameters
 from testbench.records.sensor_file import SensorFile
 from testbench.records.session import Session
 from testbench.records.storage import read_parquet
@@ -349,7 +349,7 @@ def _with_clock(noise: SensorNoise, clock: ClockFit, seconds: float) -> SensorNo
     return replace(noise, clock_sd=offset, clock_walk=drift * np.sqrt(seconds))
 
 
-def _wandering(triad: Triad) -> float:
+def _wandering(triad: TriadParameters) -> float:
     """Growth of the bias per square root of a second: random walk, and the beginning of a
     Gauss-Markov process.
     """
