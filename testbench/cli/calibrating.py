@@ -165,12 +165,10 @@ def calibrate(
 
 
 def _to_its_uncertainty(value: float, sd: float) -> str:
-    """A number to two digits of its standard uncertainty."""
-    import math
+    from testbench.records.numbers import decimals_by
 
-    if not math.isfinite(sd) or sd <= 0:
-        return f"{value:.6g}"
-    return f"{value:.{min(max(1 - math.floor(math.log10(sd)), 0), 12)}f}"
+    decimals = decimals_by(sd)
+    return f"{value:.6g}" if decimals is None else f"{value:.{decimals}f}"
 
 
 def calibrations(

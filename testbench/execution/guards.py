@@ -36,8 +36,8 @@ class Trip:
     Attributes:
         guard: Its name, with the unit.
         subject: Sensor or joint.
-        value: In the guard's unit.
-        limit: In the guard's unit.
+        value: What was found, in the guard's unit.
+        limit: What it may come to.
         action: What follows.
     """
 
@@ -128,8 +128,8 @@ class GuardWatch:
 
         Args:
             now_ns: Host time.
-            arm: What was recorded since the last look.
-            imus: What was recorded since the last look.
+            arm: What it reported since the last look.
+            imus: What each sensor delivered since then, by its name.
             events: Of the sensors.
         """
         self._now_ns = now_ns

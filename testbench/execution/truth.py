@@ -97,9 +97,9 @@ def kinematic_truth(
     needs joint accelerations, which are the smoothed derivative of the rates.
 
     Args:
-        kinematics: Arm, recording and mounting.
-        samples: Arm, recording and mounting.
-        sensor: Arm, recording and mounting.
+        kinematics: Of the arm.
+        samples: What it reported.
+        sensor: Whose mounting on it is believed.
         smoothing: Of the whole, where this is a piece of it.
     """
     acceleration = (smoothing or Smoothing.of(samples.host_time_ns)).acceleration(

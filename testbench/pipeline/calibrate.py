@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.clock import utc_name
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.exceptions import InputError
 from testbench.pipeline.request import CalibrationRequest
@@ -44,7 +45,7 @@ def calibrate(session: Session, asked: CalibrationRequest) -> MadeCalibration:
         if out.exists() and not out.is_dir():
             raise InputError(f"{out} is neither a .yaml file nor a folder")
         moment = session.recorded_at or session.started
-        file = out / f"{moment:%Y%m%dT%H%M%SZ}_{sensor}.yaml"
+        file = out / f"{utc_name(moment)}_{sensor}.yaml"
     page = file.with_suffix(".html")
     for target in (file, page) if asked.report else (file,):
         if target.exists():

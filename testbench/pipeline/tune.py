@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.clock import utc_text
 from testbench.estimation.estimator import PreparedSession
 from testbench.estimation.filters import FILTERS, OrientationFilter
 from testbench.estimation.filters.tuned import choose_tuned, with_parameters
@@ -148,7 +149,7 @@ def tune(asked: TuneRequest, watcher: Watcher | None = None) -> Tuning:
         asked.leave_one_out,
     )
     stored = None if asked.calibrations is None else load_calibrations(Path(asked.calibrations))
-    now = watcher.clock.utc().isoformat(timespec="seconds")
+    now = utc_text(watcher.clock.utc())
     found = find_parameters(kinds[0], _divided(asked), search, now, stored, watcher.say)
     if found.filter not in FILTERS:
         found = found.model_copy(update={"filter_source": asked.filter})

@@ -25,13 +25,12 @@ from testbench.records.arm_record import MODEL, RECORDED_MOTION, REPORTED_MOTION
 from testbench.records.json_record import first_problem
 from testbench.records.layout import MANIFEST
 from testbench.records.storage import plain_values, read_json, write_json
+from testbench.records.strict import EARLIER_NAME_PATTERN
 
 SCHEMA_VERSION = 1
 """The only one so far. Within it `source` was the name of one file before it was a list, and an
 arm's entry named only its driver.
 """
-SENSOR_NAME = r"^[A-Za-z0-9][A-Za-z0-9_]{0,99}$"
-"""Files are named after sensors: nothing that could lead out of the session's folder."""
 
 
 class RunStatus(StrEnum):
@@ -221,7 +220,7 @@ class Manifest(_Part):
 
     schema_version: int
     status: RunStatus = Field(strict=False)
-    sensors: dict[Annotated[str, StringConstraints(pattern=SENSOR_NAME)], SensorRecord]
+    sensors: dict[Annotated[str, StringConstraints(pattern=EARLIER_NAME_PATTERN)], SensorRecord]
     session: str | None = None
     kind: Literal["run", "import", "recording"] | None = None
     message: str | None = None

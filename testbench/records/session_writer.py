@@ -18,6 +18,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
+from testbench.clock import utc_text
 from testbench.exceptions import SessionError, StorageError
 from testbench.records.layout import EVENTS, MANIFEST, journal_file, table_file
 from testbench.records.manifest import SCHEMA_VERSION, Manifest, RunStatus
@@ -73,7 +74,7 @@ class SessionWriter:
             "schema_version": SCHEMA_VERSION,
             "session": path.name,
             "status": RunStatus.RUNNING,
-            "started_utc": started.isoformat(timespec="seconds"),
+            "started_utc": utc_text(started),
             "clocks": {
                 "host_time_ns": "nanoseconds since the start of the session, host clock",
                 "device_time_ns": "nanoseconds of the sensor's own clock",

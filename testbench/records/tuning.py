@@ -6,27 +6,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from testbench.exceptions import InputError
 from testbench.records.layout import imu_stream, table_file
 from testbench.records.replacing import stored_where_asked, write_text
 from testbench.records.session import Session
 from testbench.records.storage import json_text
-from testbench.records.strict import StrictModel
+from testbench.records.strict import StrictModel, UtcText
 from testbench.records.yaml_file import load_yaml
 
 Parameters = dict[str, float]
-
-
-def _utc(text: str) -> str:
-    if datetime.fromisoformat(text).tzinfo is None:
-        raise ValueError("needs a time zone, such as 2026-01-31T12:00:00+00:00")
-    return text
 
 
 class SessionTuning(StrictModel):
@@ -102,7 +95,7 @@ class Tuning(StrictModel):
     """The content of a tuning file."""
 
     schema_version: Literal[1] = Field(description="1.")
-    tuned_utc: Annotated[str, AfterValidator(_utc)] = Field(description="When, ISO 8601.")
+    tuned_utc: UtcText = Field(description="When, ISO 8601.")
     software: dict[str, str] = Field(description="Versions that did it.")
     filter: str = Field(description="Which filter.")
     filter_source: str = Field(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from testbench.clock import utc_shown
 from testbench.frames import NANOSECONDS
 from testbench.records.evaluation import Evaluation, Metric
 from testbench.records.manifest import CheckRecord, EnvironmentRecord, Manifest
@@ -144,7 +145,7 @@ def _recorded(manifest: Manifest) -> str:
 
 def _date(text: str | None) -> str:
     try:
-        return f"{datetime.fromisoformat(text or ''):%Y-%m-%d %H:%M:%S} UTC"
+        return utc_shown(datetime.fromisoformat(text or ""))
     except ValueError:
         return text or ""
 

@@ -90,7 +90,7 @@ class Part:
 
 def run(bench: StudyBench) -> StudyRecord:
     """Run the protocol for every part on the simulated arm and compute the tables."""
-    started = f"{bench.clock.utc():%Y-%m-%dT%H:%M:%SZ}"
+    started = bench.now()
     published = load_published_tables("reference_2")
     prepared = prepare(bench.request(PROTOCOL, bench.seed))
     the_plan = prepared.plan
@@ -123,12 +123,7 @@ def run(bench: StudyBench) -> StudyRecord:
         words.QUESTION,
         published.source,
         started,
-        {
-            "protocol": PROTOCOL,
-            "plan_hash": the_plan.hash,
-            "seed": bench.seed,
-            "parts": bench.parts,
-        },
+        bench.settings(PROTOCOL, the_plan),
         tuple(str(session.path) for session in sessions),
         _findings(tables, tunings),
         tuple(tables.values()),

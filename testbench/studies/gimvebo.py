@@ -84,12 +84,7 @@ def run(bench: StudyBench) -> StudyRecord:
         words.QUESTION,
         published.source,
         started,
-        {
-            "protocol": PROTOCOL,
-            "plan_hash": the_plan.hash,
-            "seed": bench.seed,
-            "parts": bench.parts,
-        },
+        bench.settings(PROTOCOL, the_plan),
         tuple(sessions),
         _findings(part, calibrated, {table.key: table for table in tables}),
         tuple(tables),

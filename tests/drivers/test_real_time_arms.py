@@ -24,6 +24,7 @@ from testbench.pipeline.request import ArmRequest, RunRequest
 from testbench.records.robot import Robot, load_robot
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus
+from tests.conftest import FakeClock
 
 SECOND = 1_000_000_000
 
@@ -108,7 +109,7 @@ def recorded(run_protocol, tiny):
 
 
 def replay(the_plan, log, logs):
-    time = SessionTime(SystemClock())
+    time = SessionTime(FakeClock())
     return execute_on_arm(
         the_plan,
         ReplayArm(the_plan.robot, log, time),

@@ -8,7 +8,6 @@ import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -38,11 +37,9 @@ from testbench.records.session import Session
 from tests.asking import going_on
 from tests.conftest import FakeClock
 from tests.drivers.fake_dots import Bench, FakeDot
-from tests.emulated_arms import REAL_TIME, EmulatedUr, drive_ur, emulated_xarm
 from tests.execution.test_record import Feeder
-from tests.system.test_xarm_arm import MOVES, drive, plan_of
-
-pytestmark = REAL_TIME
+from tests.lock_step.bench import virtual_bench
+from tests.system.test_xarm_arm import MOVES, plan_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "session_format.md"
 TIME = np.arange(400) / 100
@@ -176,9 +173,9 @@ def recordings(folder: Path) -> Iterator[Session]:
         yield record_devices(devices, folder, duration_s=0.6)
 
 
-def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator[Session]:
-    """A run that broke off and was resumed, a replay with live sensors, and a run on an emulated
-    arm.
+def runs(folder: Path, tiny: Path, short_plan: Plan) -> Iterator[Session]:
+    """A run that broke off and was resumed, a replay with live sensors, and runs on emulated
+    arms.
     """
     the_plan = plan(tiny)
 
@@ -204,32 +201,28 @@ def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator
         moved = plan(folder / "two.yaml")
         arm = ReplayArm(moved.robot, broken.path, time)
         yield execute_on_arm(moved, arm, Sensors.live(moved, devices), RunOptions(folder))
-    yield drive_ur(
-        short_plan, ur, folder, checklist={"by": "a test"}, resumes={"session": "none", "steps": []}
-    )
-    with emulated_xarm() as emulator:
-        yield drive(plan_of(folder, "moves", MOVES)[1], emulator.address, folder)
+    with virtual_bench() as bench:
+        told = {"checklist": {"by": "a test"}, "resumes": {"session": "none", "steps": []}}
+        yield bench.drive(short_plan, bench.ur(), folder, **told)
+        yield bench.drive(plan_of(folder, "moves", MOVES)[1], bench.xarm(), folder)
 
 
 @pytest.fixture(scope="module")
 def written(
     quick: Result,
     tiny: Path,
-    ur_emulator: EmulatedUr,
     short_plan: Plan,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> dict[str, set[str]]:
     """Kinds of session by the keys that were written into their manifests."""
     pytest.importorskip("serial")
-    if find_spec("xarm") is None:
-        pytest.skip("xarm-python-sdk is not installed")
     folder = tmp_path_factory.mktemp("kinds")
     found: dict[str, set[str]] = {}
     for session in [
         quick.session,
         *imports(folder),
         *recordings(folder),
-        *runs(folder / "runs", tiny, ur_emulator, short_plan),
+        *runs(folder / "runs", tiny, short_plan),
     ]:
         for key in keys(session.manifest.content):
             found.setdefault(key, set()).add(session.manifest.kind)

@@ -8,15 +8,15 @@ import os
 import re
 import shutil
 import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from testbench.exceptions import DriverError, InputError, RunInterrupted
+from testbench.cli.app import app
+from testbench.exceptions import ArmRefused, DriverError, InputError, RunInterrupted
 from testbench.pipeline.prepared import Prepared, make_plan
 from testbench.pipeline.request import ArmRequest
 from testbench.pipeline.run import prepare, run
@@ -24,11 +24,8 @@ from testbench.pipeline.watcher import Consent, Watcher
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
 from tests.asking import going_on, run_of
-from tests.emulated_arms import REAL_TIME, ROOT, SHORT, EmulatedUr, drive_ur
-
-pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
-pytestmark = REAL_TIME
-
+from tests.emulated_arms import ROOT, SHORT
+from tests.lock_step.bench import VirtualArm, VirtualBench, virtual_bench
 
 NO_ARM = ArmRequest(driver="ur", host="127.99.99.99", simulate_imus=True)
 
@@ -38,53 +35,40 @@ def resumption(session: Path, **run: Any) -> Prepared:
     return prepare(going_on(session, arm=NO_ARM, **run))
 
 
-def broken_off(ur3e: EmulatedUr, plan: Plan, logs: Path) -> Session:
+def broken_off(bench: VirtualBench, ur3e: VirtualArm, plan: Plan, logs: Path) -> Session:
     """A session that the operator stopped at once."""
     with pytest.raises(
         RunInterrupted, match=r"what was recorded is kept in .*: \d of \d steps are whole$"
     ):
-        drive_ur(plan, ur3e, logs, progress=lambda progress: os.kill(os.getpid(), signal.SIGINT))
+        bench.drive(plan, ur3e, logs, progress=lambda progress: os.kill(os.getpid(), signal.SIGINT))
     (session,) = list_sessions(logs)
     return session
 
 
 @pytest.fixture(scope="module")
-def stopped(
-    ur_emulator: EmulatedUr, short_plan: Plan, tmp_path_factory: pytest.TempPathFactory
-) -> Session:
+def stopped(short_plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Session:
     """A session of the short protocol; its files must not be changed."""
-    ur_emulator.control("clear")
-    ur_emulator.wait_until("at rest")
-    return broken_off(ur_emulator, short_plan, tmp_path_factory.mktemp("logs"))
+    with virtual_bench() as bench:
+        return broken_off(bench, bench.ur(), short_plan, tmp_path_factory.mktemp("logs"))
 
 
 def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_references(
-    ur3e, short_plan, short, tmp_path
+    bench, ur3e, short_plan, short, tmp_path
 ):
     def strike(progress) -> None:
         if progress.index == 2:  # the sweep
             ur3e.control("fault protective_stop")
 
     with pytest.raises(DriverError):
-        drive_ur(short_plan, ur3e, tmp_path, progress=strike)
+        bench.drive(short_plan, ur3e, tmp_path, progress=strike)
     (broken,) = list_sessions(tmp_path)
     assert [step.index for step in broken.steps] == [0, 1]
     ur3e.control("clear")
     before = ur3e.control("status")
-    dry = [
-        sys.executable,
-        "-m",
-        "testbench",
-        "run",
-        "--resume",
-        str(broken.path),
-        "--arm",
-        "ur",
-        "--host",
-        ur3e.address,
-    ]
-    shown = subprocess.run(dry, cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert shown.returncode == 2 and "dry run" in shown.stderr
+    dry = ["run", "--resume", str(broken.path), "--arm", "ur", "--host", ur3e.address]
+    shown = CliRunner().invoke(app, dry)
+    assert isinstance(shown.exception, ArmRefused) and shown.exception.exit_code == 2
+    assert "dry run" in str(shown.exception)
     assert f"{short} is still the same" in shown.stderr
     lines = [line.strip() for line in shown.stdout.partition("Motion, from")[2].splitlines()]
     lines = [line for line in lines if re.match(r"[0-9] |- ", line)]
@@ -112,7 +96,9 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
     assert result.session.manifest.resumes.session == broken.name
 
 
-def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_arm(ur3e, tmp_path):
+def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_arm(
+    bench, ur3e, tmp_path
+):
     steps = "".join(
         f"      - {{move_to_deg: {{wrist_3_joint: {2 * (k % 2)}}}}}\n" for k in range(15)
     )
@@ -123,7 +109,7 @@ def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_ar
     )
     the_plan = make_plan(run_of(path))
     every_other = [the_plan.steps[0], *the_plan.steps[2::2]]
-    session = drive_ur(the_plan, ur3e, tmp_path / "logs", steps=every_other)
+    session = bench.drive(the_plan, ur3e, tmp_path / "logs", steps=every_other)
     assert [step.index for step in session.steps] == [step.index for step in every_other]
     assert sum(event.event == "connecting_ended" for event in session.events) > 4
 
@@ -137,11 +123,11 @@ def test_a_changed_protocol_is_not_resumed_and_the_difference_shown(stopped, tmp
 
 
 def test_a_protocol_that_was_edited_since_is_not_resumed_unless_the_sessions_own_is_named(
-    ur3e, tmp_path
+    bench, ur3e, tmp_path
 ):
     edited = tmp_path / "short.yaml"
     edited.write_text(SHORT, encoding="utf-8")
-    session = broken_off(ur3e, make_plan(run_of(edited)), tmp_path / "logs")
+    session = broken_off(bench, ur3e, make_plan(run_of(edited)), tmp_path / "logs")
     edited.write_text(SHORT.replace("wrist_3_joint: 40", "wrist_3_joint: 20"), encoding="utf-8")
     with pytest.raises(InputError, match=r"short\.yaml was edited since") as caught:
         resumption(session.path)

@@ -105,7 +105,7 @@ class RemoteArm(SteppingArm):
                 does not take over.
             DriverError: There is no controller at the address, or it does not answer.
         """
-        self._link = Link(self.client, self.settings, self.entry)
+        self._link = Link(self.client, self.settings, self.entry, self.clock)
         try:
             (_, info), _ = self._link.wait_for("info")
         except BaseException:

@@ -98,6 +98,7 @@ def test_known_errors_are_recovered_within_their_stated_uncertainty(method, wand
     found = get_method(method).function(record(gyroscope, wandering, rng, up_sd=2e-4))
     assert np.abs(errors_in_sd(found, gyroscope)).max() < 4 and found.method == method
     (fit,) = found.fits
+    assert len(fit.names) == (12 if method == "gravity_turns" else 21)
     assert (fit.sd > 0).all() and np.isfinite(fit.condition)
     assert (fit.sd[:3] < 0.002).all()
 
@@ -289,9 +290,9 @@ def test_the_whole_calibration_takes_less_than_a_second(integrator, wandering):
     rng = np.random.default_rng(14)
     recording = record(Gyroscope.draw(rng, NOISE), wandering, rng, up_sd=2e-4)
     gravity_turns(recording, integrator)  # compiled now
-    begin = time.perf_counter()
+    begin = time.process_time()
     gravity_turns(recording, integrator)
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
 
 
 def test_a_calibration_is_validated_on_other_turns(ideal):
