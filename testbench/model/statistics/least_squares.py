@@ -21,7 +21,7 @@ Residuals = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Parameter:
+class FitParameter:
     """One unknown.
 
     Attributes:
@@ -56,7 +56,7 @@ class PoorExcitation(InputError):
 
 def solve(
     residuals: Residuals,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[FitParameter],
     *,
     jacobian: Residuals | None = None,
     known_scatter: bool = False,

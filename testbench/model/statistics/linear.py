@@ -8,7 +8,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from testbench.model.statistics.least_squares import Parameter, PoorExcitation, covariance_of
+from testbench.model.statistics.least_squares import (
+    FitParameter,
+    PoorExcitation,
+    covariance_of,
+)
 from testbench.records.results.fit import Fit
 
 SURPRISING = 0.95
@@ -18,7 +22,7 @@ SURPRISING = 0.95
 def solve_linear(
     design: np.ndarray,
     observed: np.ndarray,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[FitParameter],
     *,
     known_scatter: bool = False,
     residual_unit: str = "",
