@@ -105,11 +105,14 @@ class TruthFile:
         return Truth(table["host_time_ns"], q, table.get("rate"))
 
     def near(self, instants: np.ndarray) -> Truth:
-        """The rows around instants, of shape (n,) [ns]: what is interpolated there is not changed
-        by it, and the memory is bounded whatever the length.
+        """The rows around some instants.
 
-        A short one, and one that does not come from an arm, is read as a whole: whether one of its
-        orientations has jumped shows beside the others only.
+        What is interpolated there is not changed by it, and the memory is bounded whatever the
+        length. A short one, and one that does not come from an arm, is read as a whole: whether one
+        of its orientations has jumped shows beside the others only.
+
+        Args:
+            instants: Host times, increasing, shape (n,) [ns].
         """
         if not self.is_long or TRUTH_RATE[0] not in self.columns:
             return self.read()
