@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.evaluation.budgets import Arm, ChainTruth, chain_budget
+from testbench.evaluation.budgets import ChainTruth, TrueArm, chain_budget
 from testbench.evaluation.cycles import Found, chain_cycles, cycle_notes
 from testbench.evaluation.metrics import rms, summarise
 from testbench.frames import NANOSECONDS
@@ -32,7 +32,7 @@ def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, lis
     """Rows, error signals, budgets and remarks of every section and state, and their average
     cycles.
     """
-    arm = Arm.of(session) if estimate.chain else None
+    arm = TrueArm.of(session) if estimate.chain else None
     recorded = arm.samples if arm is not None else None
     result, found = ResultTables(), list[Found]()
     for one in estimate.chain:

@@ -67,7 +67,7 @@ def longest_rest(time_ns: np.ndarray, still: np.ndarray) -> slice | None:
 
 
 @dataclass(frozen=True)
-class Rest:
+class LongRest:
     """Every reading over a rest, one column at a time: a night at 1 kHz has 0.2 GB an axis.
 
     Attributes:
@@ -83,7 +83,7 @@ class Rest:
     read: Callable[[str], np.ndarray]
 
     @staticmethod
-    def longest(session: Session, name: str, estimate: SensorEstimate) -> Rest | None:
+    def longest(session: Session, name: str, estimate: SensorEstimate) -> LongRest | None:
         """The longest rest of a sensor, or None where it is shorter than `SHORTEST_S`."""
         rows = longest_rest(estimate.host_time_ns, estimate.static & ~estimate.flagged)
         if rows is None:
@@ -98,7 +98,7 @@ class Rest:
         )
         interval /= (rows.stop - rows.start - 1) * estimate.every
         columns = session.imu_columns(name)
-        return Rest(
+        return LongRest(
             end - begin,
             interval * (end - begin - 1),
             columns,
@@ -116,7 +116,7 @@ class Rest:
         return highest > lowest
 
 
-def noise_rows(sensor: str, rest: Rest | None) -> list[NoiseRow]:
+def noise_rows(sensor: str, rest: LongRest | None) -> list[NoiseRow]:
     """Mean, standard deviation and Allan coefficients of each axis over a rest."""
     if rest is None:
         return []
@@ -167,7 +167,7 @@ def noise_rows(sensor: str, rest: Rest | None) -> list[NoiseRow]:
     return rows
 
 
-def norm_error_percent(rest: Rest | None) -> float | None:
+def norm_error_percent(rest: LongRest | None) -> float | None:
     """Error of the mean norm of the specific force at rest against standard gravity [%]; None
     without a rest.
     """

@@ -21,7 +21,7 @@ from testbench.estimation.calibration.triad_model import (
     bias_parameters,
     response_parameters,
 )
-from testbench.model.statistics.least_squares import Parameter
+from testbench.model.statistics.least_squares import FitParameter
 from testbench.model.statistics.linear import solve_linear
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.fit import Fit
@@ -111,10 +111,10 @@ def orthogonality(poses: StaticPoses) -> Orthogonality:
     sd, found, variance = poses.typical_sd(), [], 0.0
     for axis, name in zip(plane, names, strict=True):
         parameters = [
-            Parameter(f"response_{name}{j}", "1", float(name == j), ACCELEROMETER.response)
+            FitParameter(f"response_{name}{j}", "1", float(name == j), ACCELEROMETER.response)
             for j in names
         ]
-        parameters.append(Parameter(f"bias_{name}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias))
+        parameters.append(FitParameter(f"bias_{name}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias))
         fit = solve_linear(
             design / sd,
             poses.mean[:, axis] / sd,

@@ -10,7 +10,7 @@ import numpy as np
 
 from testbench.estimation.calibration.triad_model import AXES
 from testbench.model.statistics.least_squares import (
-    Parameter,
+    FitParameter,
     PoorExcitation,
     covariance_of,
     solve,
@@ -136,7 +136,7 @@ def hinge_axes(
     j1, j2 = _best_start(w1, w2, forces)
     B1, B2 = _tangent(j1), _tangent(j2)
     parameters = [
-        Parameter(f"{which}_tilt_{k}", "rad", 0.0, VAGUE)
+        FitParameter(f"{which}_tilt_{k}", "rad", 0.0, VAGUE)
         for which in ("first", "second")
         for k in "ab"
     ]

@@ -21,7 +21,7 @@ from testbench.estimation.calibration.triad_model import (
     warming,
 )
 from testbench.model.statistics.least_squares import (
-    Parameter,
+    FitParameter,
     PoorExcitation,
     covariance_of,
     solve,
@@ -65,7 +65,7 @@ def ellipsoid_through(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray] | N
 def searched(
     residuals: Callable[[np.ndarray], np.ndarray],
     jacobian: Callable[[np.ndarray], np.ndarray],
-    parameters: Sequence[Parameter],
+    parameters: Sequence[FitParameter],
     begun: bool,
     advice: str,
 ) -> Fit:
@@ -99,7 +99,7 @@ def searched(
 
 def fit_norm(
     poses: StaticPoses,
-    shape: Sequence[Parameter],
+    shape: Sequence[FitParameter],
     start: Callable[[np.ndarray], np.ndarray],
     matrix_of: MatrixOf,
     gradient_of: MatrixOf,
@@ -129,7 +129,7 @@ def fit_norm(
     if guess is not None:
         bias, begin = guess[0], start(magnitude**2 * guess[1])
     parameters = [
-        Parameter(item.name, item.unit, float(value), item.size)
+        FitParameter(item.name, item.unit, float(value), item.size)
         for item, value in zip(shape, begin, strict=True)
     ]
     parameters += bias_parameters(tolerance, bias)

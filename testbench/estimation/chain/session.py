@@ -33,7 +33,7 @@ from testbench.records.session.sensor_file import SensorFile
 from testbench.records.session.session import Session
 from testbench.records.specs.protocol_chain import ChainEstimation, ChainState
 from testbench.records.specs.robot import Robot
-from testbench.records.specs.sensor import ImuParameters, Triad
+from testbench.records.specs.sensor import ImuParameters, TriadParameters
 
 SETTLED_NS = NANOSECONDS * 3 // 10
 """After a move the arm still swings in; this long is left out of a rest."""
@@ -349,7 +349,7 @@ def _with_clock(noise: SensorNoise, clock: ClockFit, seconds: float) -> SensorNo
     return replace(noise, clock_sd=offset, clock_walk=drift * np.sqrt(seconds))
 
 
-def _wandering(triad: Triad) -> float:
+def _wandering(triad: TriadParameters) -> float:
     """Growth of the bias per square root of a second: random walk, and the beginning of a
     Gauss-Markov process.
     """

@@ -27,7 +27,7 @@ from testbench.estimation.signals.quality import (
 )
 from testbench.estimation.signals.timing import (
     STRETCH,
-    Intervals,
+    IntervalAudit,
     arrival_jitter,
     asynchrony,
     audit_timing,
@@ -216,7 +216,7 @@ class PiecewiseRecording(SampleAccess):
 
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
         """See SampleAccess."""
-        intervals = Intervals(self._usual)
+        intervals = IntervalAudit(self._usual)
         for columns in self._file.tables(PIECE, ["device_time_ns", "counter"]):
             intervals.add(columns["device_time_ns"], columns["counter"])
         turning = np.nan_to_num(np.linalg.norm(self.samples.gyr, axis=1))

@@ -38,7 +38,7 @@ def audit_timing(
     if len(samples) < 2:
         return TimingAudit(samples=len(samples), nominal_rate_hz=nominal_rate)
     median = usual_interval(np.diff(samples.device_time_ns))
-    intervals = Intervals(median)
+    intervals = IntervalAudit(median)
     intervals.add(samples.device_time_ns, samples.counter)
     return intervals.audit(
         nominal_rate, arrival_jitter(samples), asynchrony(samples, median) + rate_age
@@ -51,7 +51,7 @@ def usual_interval(steps_ns: np.ndarray) -> float:
     return float(np.median(moving)) / NANOSECONDS if len(moving) else float("nan")
 
 
-class Intervals:
+class IntervalAudit:
     """Intervals between time stamps and steps of the counter, counted piece by piece.
 
     Args:

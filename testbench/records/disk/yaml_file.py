@@ -337,9 +337,9 @@ def fault_sentence(fault: Any) -> str:
         fault.get("ctx", {}),
     )
     last = fault["loc"][-1] if fault["loc"] else ""
-    if kind == "extra_forbidden":
+    if kind in {"extra_forbidden", "unexpected_keyword_argument"}:
         return f"unknown key '{last}'"
-    if kind == "missing":
+    if kind in {"missing", "missing_argument", "missing_keyword_only_argument"}:
         return f"the key '{last}' is missing"
     if kind == "value_error":
         return str(context["error"])
@@ -364,7 +364,7 @@ def fault_sentence(fault: Any) -> str:
             else (context["max_length"], "at most")
         )
         return f"must have {word} {bound} character{'s' if bound > 1 else ''}, not {len(given)}"
-    if kind in {"model_type", "dict_type", "model_attributes_type"}:
+    if kind in {"model_type", "dict_type", "model_attributes_type", "dataclass_type"}:
         message = "must be a mapping (key: value)"
     elif kind == "float_type":
         message = "must be a number"

@@ -26,7 +26,7 @@ _DEG = np.pi / 180
 
 
 @dataclass(frozen=True)
-class Triad:
+class TriadParameters:
     """Three orthogonal sensing axes in SI units; `unit` is m/s^2, rad/s or uT.
 
     Attributes:
@@ -112,9 +112,9 @@ class Accelerometer(TriadSheet):
         default=0.0, ge=0, description="Change of the bias with temperature, sd [mg/K]."
     )
 
-    def triad(self) -> Triad:
+    def triad(self) -> TriadParameters:
         """In SI units."""
-        return Triad(
+        return TriadParameters(
             unit="m/s^2",
             range=self.range_g * _G,
             resolution=_G / self.counts_per_g if self.counts_per_g else 0.0,
@@ -155,9 +155,9 @@ class Gyroscope(TriadSheet):
         description="Change of the bias with temperature, sd over parts [deg/s/K].",
     )
 
-    def triad(self) -> Triad:
+    def triad(self) -> TriadParameters:
         """In SI units."""
-        return Triad(
+        return TriadParameters(
             unit="rad/s",
             range=self.range_deg_s * _DEG,
             resolution=_DEG / self.counts_per_deg_s if self.counts_per_deg_s else 0.0,
@@ -185,9 +185,9 @@ class Magnetometer(TriadSheet):
         default=0.0, ge=0, description="Offset left after the maker's calibration, sd [uT]."
     )
 
-    def triad(self) -> Triad:
+    def triad(self) -> TriadParameters:
         """In uT."""
-        return Triad(
+        return TriadParameters(
             unit="uT",
             range=self.range_uT,
             resolution=self.resolution_uT,
