@@ -30,9 +30,9 @@ def test_disk():
 def test_a_module_or_a_test_that_skips_needlessly_fails_in_ci(tmp_path, without, failures) -> None:
     for name, text in MODULES.items():
         (tmp_path / name).write_text(text)
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.conftest", "-c", os.devnull]
+    command = [sys.executable, "-m", "pytest", "-rN", "-p", "tests.conftest", "-c", os.devnull]
     done = subprocess.run(
-        [*command, "--rootdir", str(tmp_path), str(tmp_path)],
+        [*command, "--continue-on-collection-errors", "--rootdir", str(tmp_path), str(tmp_path)],
         cwd=ROOT,
         env={**os.environ, "CI": "1", "CI_WITHOUT": without},
         capture_output=True,
