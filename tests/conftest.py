@@ -41,6 +41,12 @@ def pytest_make_collect_report(collector: pytest.Collector):
     return without_needless_skip((yield))
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests come first, so that no worker has one left at the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 def without_needless_skip(report):
     """The report of a test or a module, failed where it skipped what CI could have installed."""
     if report.skipped and not hasattr(report, "wasxfail"):
@@ -130,12 +136,6 @@ def run_protocol(tmp_path_factory: pytest.TempPathFactory) -> RunMaker:
 def quick(run_protocol: RunMaker) -> Result:
     """The protocol `quick`, run once; its files must not be changed."""
     return run_protocol("quick")
-
-
-@pytest.fixture(scope="session")
-def elbow_flexion(run_protocol: RunMaker) -> Result:
-    """The protocol `elbow_flexion`, run once; its files must not be changed."""
-    return run_protocol("elbow_flexion")
 
 
 TINY = """\
