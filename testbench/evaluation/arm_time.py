@@ -11,10 +11,10 @@ import numpy as np
 from testbench.evaluation.judged import SETTLING_NS
 from testbench.frames import NANOSECONDS
 from testbench.model.truth import WIDEST_GAP_NS
-from testbench.records.layout import ARM, table_file
-from testbench.records.plan import PlannedStep
-from testbench.records.session import Session
-from testbench.records.storage import read_parquet_batches
+from testbench.records.disk.tables import read_parquet_batches
+from testbench.records.session.layout import ARM, table_file
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.session import Session
 
 DEPARTED_RAD = float(np.radians(0.05))
 """The arm has left a pose when a joint is so far away [rad]: beyond what encoders hiss and a

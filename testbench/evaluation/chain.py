@@ -11,11 +11,11 @@ from testbench.evaluation.cycles import Found, chain_cycles, cycle_notes
 from testbench.evaluation.metrics import rms, summarise
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import joint_acceleration
-from testbench.records.chain import ChainEstimate
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import ChainRow, ResultTables
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Session
+from testbench.records.results.chain import ChainEstimate
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import ChainRow, ResultTables
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Session
 
 LEAST_ANGLE = np.radians(1.0)
 """Errors are not divided by angles smaller than this [rad]."""

@@ -13,11 +13,11 @@ import numpy as np
 
 from testbench.evaluation.flexion import JointErrors
 from testbench.frames import NANOSECONDS
-from testbench.records.chain import ChainEstimate
-from testbench.records.evaluation import ResultTables
-from testbench.records.evaluation_rows import CycleRow
-from testbench.records.layout import CYCLES
-from testbench.records.plan import PlannedStep
+from testbench.records.results.chain import ChainEstimate
+from testbench.records.results.evaluation import ResultTables
+from testbench.records.results.evaluation_rows import CycleRow
+from testbench.records.session.layout import CYCLES
+from testbench.records.session.plan import PlannedStep
 
 POINTS = 101
 """Points of an average cycle: each percent from 0 to 100, as gait laboratories draw it."""

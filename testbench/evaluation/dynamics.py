@@ -13,7 +13,7 @@ from numba import njit
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.windows import moving_mean
-from testbench.records.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep
 
 CONVERGENCE_BAND = np.radians(0.1)
 """An error has settled when it stays this near to its settled value, or within three standard

@@ -24,12 +24,12 @@ from testbench.model.joint_angle import (
     unwrapped,
 )
 from testbench.model.truth import WIDEST_GAP_NS, truth_at
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import JointRow
-from testbench.records.joint_definition import FlexionAngle
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol import JointDefinition
-from testbench.records.session import Session
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import JointRow
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.session import Session
+from testbench.records.specs.joint_definition import FlexionAngle
+from testbench.records.specs.protocol import JointDefinition
 
 Key = tuple[str, str]
 """Filter and label of the definition."""

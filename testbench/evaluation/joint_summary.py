@@ -6,16 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.evaluation.blocks import ErrorSeries, intervals, step_series
 from testbench.evaluation.dynamics import angle_delay
 from testbench.evaluation.flexion import JointErrors, Key
 from testbench.evaluation.metrics import correlation, summarise
 from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, rank_filters
 from testbench.model.noise import random_stream
-from testbench.records.evaluation import JointRow
-from testbench.records.evaluation_rows import Comparison, ErrorSummary, JointSummary, RankRow
-from testbench.records.plan import PlannedStep
-from testbench.records.uncertainty import UncertaintyBudget
+from testbench.model.statistics.blocks import ErrorSeries, intervals, step_series
+from testbench.records.results.evaluation import JointRow
+from testbench.records.results.evaluation_rows import (
+    Comparison,
+    ErrorSummary,
+    JointSummary,
+    RankRow,
+)
+from testbench.records.results.uncertainty import UncertaintyBudget
+from testbench.records.session.plan import PlannedStep
 
 Judged = list[tuple[PlannedStep, np.ndarray]]
 

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from testbench.evaluation.judged import window_rows
-from testbench.records.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep
 
 FEW = 0.5
 """Where less than this of the samples counts of those steps that count at all, that is said."""

@@ -13,9 +13,9 @@ from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.metrics import rms
 from testbench.evaluation.orientation import SensorErrors
 from testbench.model import rotation
-from testbench.records.evaluation_rows import FieldErrorRow, FieldRow
-from testbench.records.plan import PlannedStep
-from testbench.records.samples import ImuSamples
+from testbench.records.results.evaluation_rows import FieldErrorRow, FieldRow
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import ImuSamples
 
 EDGES = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, np.inf)
 """Of the classes of disturbance [%] of the norm, [deg] of dip and heading; VQF rejects a norm or

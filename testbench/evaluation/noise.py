@@ -9,10 +9,10 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model.allan import Coefficient, NoiseCoefficients, allan_deviation, fit_noise
-from testbench.records.estimate import SensorEstimate
-from testbench.records.evaluation import NoiseRow
-from testbench.records.samples import ACC, AXES, GYR, MAG
-from testbench.records.session import Session
+from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.evaluation import NoiseRow
+from testbench.records.session.samples import ACC, AXES, GYR, MAG
+from testbench.records.session.session import Session
 
 SHORTEST_S = 10.0
 """Rests shorter than this say little of noise [s]."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.evaluation.blocks import ErrorSeries, intervals, sample_series, step_series
 from testbench.evaluation.dynamics import (
     TrueTurning,
     amplitude_and_frequency,
@@ -25,19 +24,20 @@ from testbench.evaluation.metrics import (
 from testbench.evaluation.ranking import MEAN_SQUARE, rank_filters
 from testbench.model import rotation
 from testbench.model.noise import random_stream
+from testbench.model.statistics.blocks import ErrorSeries, intervals, sample_series, step_series
 from testbench.model.truth import truth_at
-from testbench.records.estimate import SensorEstimate
-from testbench.records.evaluation import OrientationRow
-from testbench.records.evaluation_rows import (
+from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.evaluation import OrientationRow
+from testbench.records.results.evaluation_rows import (
     Comparison,
     ErrorSummary,
     OrientationSummary,
     OrientationSweepRow,
     RankRow,
 )
-from testbench.records.plan import PlannedStep
-from testbench.records.samples import Truth
-from testbench.records.uncertainty import UncertaintyBudget
+from testbench.records.results.uncertainty import UncertaintyBudget
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import Truth
 
 
 @dataclass(frozen=True)

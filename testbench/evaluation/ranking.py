@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 from scipy.special import stdtr
 
-from testbench.evaluation.blocks import ErrorSeries, mean_and_error
-from testbench.records.evaluation_rows import Comparison, RankRow
+from testbench.model.statistics.blocks import ErrorSeries, mean_and_error
+from testbench.records.results.evaluation_rows import Comparison, RankRow
 
 SIGNIFICANCE = 0.05
 FEWEST_RANKED = 5

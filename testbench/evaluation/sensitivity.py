@@ -17,9 +17,9 @@ from testbench.model.joint_angle import (
     segment_orientation,
 )
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol import JointDefinition, Sensor
-from testbench.records.samples import ArmSamples
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.specs.protocol import JointDefinition, Sensor
 
 STEP = 1e-4
 """Of the differences [rad]: far above rounding, far below the angles over which the answer

@@ -8,7 +8,7 @@ from testbench.evaluation.uncertainty import JudgedMotion
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.joint_angle import flexion_of, joint_angle_series
-from testbench.records.joint_definition import FlexionAngle
+from testbench.records.specs.joint_definition import FlexionAngle
 
 
 def turned_by_sensor(

@@ -13,11 +13,15 @@ import numpy as np
 from numba import njit
 
 from testbench.evaluation.judged import window_rows
-from testbench.records.estimate import ClockFit
-from testbench.records.plan import PlannedStep
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples
-from testbench.records.uncertainty import COVERAGE_FACTOR, UncertaintyBudget, UncertaintySource
+from testbench.records.results.estimate import ClockFit
+from testbench.records.results.uncertainty import (
+    COVERAGE_FACTOR,
+    UncertaintyBudget,
+    UncertaintySource,
+)
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.specs.robot import Robot
 
 LEAST_SENSITIVITY = 1e-6
 """Joints that move the truth less than this are left out of the table."""

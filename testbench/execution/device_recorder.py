@@ -4,6 +4,7 @@ any other.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,17 +14,19 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.none import NoArm
 from testbench.drivers.imus.base import Imu
 from testbench.exceptions import DriverError, InputError
-from testbench.execution.devices import NAME, Devices
+from testbench.execution.devices import Devices
 from testbench.execution.loop import RunLoop
 from testbench.execution.options import RunOptions
-from testbench.execution.recorder import Recorder, dated_folder
+from testbench.execution.recorder import Recorder
 from testbench.execution.run_progress import SampleMeter
 from testbench.execution.sensors import Sensors
 from testbench.frames import NANOSECONDS
-from testbench.records.protocol import Analysis, Estimation
-from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import RunStatus, Session
-from testbench.records.session_writer import SessionWriter
+from testbench.records.disk.replacing import dated_folder
+from testbench.records.session.samples import ArmSamples, ImuSamples
+from testbench.records.session.session import RunStatus, Session
+from testbench.records.session.session_writer import SessionWriter
+from testbench.records.specs.protocol import Analysis, Estimation
+from testbench.records.specs.strict import NAME_PATTERN
 
 RATE_TOLERANCE = 0.05
 """A device whose rate differs from its nominal one by more is worth a note."""
@@ -55,7 +58,7 @@ def record_devices(
     options = options or RunOptions()
     clock = options.clock or SystemClock()
     try:
-        if not NAME.fullmatch(name):
+        if not re.fullmatch(NAME_PATTERN, name):
             raise InputError(
                 f"'{name}' is no name for a recording: a letter, then up to 63 letters, digits and "
                 "_"

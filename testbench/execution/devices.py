@@ -17,8 +17,7 @@ from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.drivers.imus.xsens_dot_sync import synchronise
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import BenchError, DriverError, InputError
-
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+from testbench.records.specs.strict import NAME_PATTERN
 
 
 @dataclass
@@ -159,7 +158,7 @@ def open_devices(
 def _split_name(text: str) -> tuple[str, str]:
     """`NAME=rest` in two; no name where what stands before the sign is none."""
     name, sign, rest = text.partition("=")
-    return (name, rest) if sign and NAME.fullmatch(name) else ("", text)
+    return (name, rest) if sign and re.fullmatch(NAME_PATTERN, name) else ("", text)
 
 
 def scan_devices(

@@ -20,7 +20,9 @@ from testbench.execution.sensors import Sensors
 from testbench.execution.state_machine import RunState
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.records.layout import (
+from testbench.records.disk.replacing import dated_folder, disk_reason, free_folder, stored
+from testbench.records.disk.tables import last_value
+from testbench.records.session.layout import (
     ARM,
     INCLUDED,
     MANIFEST,
@@ -31,40 +33,14 @@ from testbench.records.layout import (
     imu_stream,
     table_file,
 )
-from testbench.records.plan import Plan
-from testbench.records.replacing import disk_reason, stored
-from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import Event, RunStatus, Session, step_events
-from testbench.records.session_writer import SessionWriter
-from testbench.records.storage import last_value
+from testbench.records.session.plan import Plan
+from testbench.records.session.samples import IMU_NOTES, TABLE_UNITS, ArmSamples, ImuSamples
+from testbench.records.session.session import Event, RunStatus, Session, step_events
+from testbench.records.session.session_writer import SessionWriter
 
-IMU_NOTES = {
-    "content": "raw samples of an inertial sensor, in the sensor frame",
-    "device_q": "q_earth_from_sensor of the vendor's filter, w x y z, Hamilton",
-    "units": "the suffix of each column; times in nanoseconds",
-}
-ARM_NOTES = {
-    "content": "joint angles sent and measured",
-    "units": "the suffix of each column; times in nanoseconds",
-}
+ARM_NOTES = {"content": "joint angles sent and measured", **TABLE_UNITS}
 NOTHING_YET = "nothing was recorded; make room, then run it again"
 KEPT = "nothing of the recording is lost; make room, then `testbench run --resume {}`"
-
-
-def dated_folder(logs: Path, name: str, clock: Clock) -> Path:
-    """A folder for a session that begins now: `<logs>/<date>_<name>`, or that with a number where
-    it exists.
-    """
-    return free_folder(logs, f"{clock.utc():%Y%m%dT%H%M%SZ}_{name}")
-
-
-def free_folder(logs: Path, name: str) -> Path:
-    """A folder that does not exist yet: the name, or the name with a number."""
-    folder, count = logs / name, 1
-    while folder.exists():
-        count += 1
-        folder = logs / f"{name}_{count}"
-    return folder
 
 
 class Recorder(ABC):

@@ -21,7 +21,7 @@ from testbench.formats.options import Options
 from testbench.formats.units import Unit, find_unit, unit_names
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model import rotation
-from testbench.records.samples import ImuSamples
+from testbench.records.session.samples import ImuSamples
 
 REST_WINDOW_S = 0.5
 REST_SPREAD = 0.03

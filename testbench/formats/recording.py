@@ -10,23 +10,21 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from testbench.clock import Clock
+from testbench.clock import Clock, utc_text
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
-from testbench.records.layout import imu_stream, table_file, truth_stream
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol import Analysis
-from testbench.records.samples import ImuSamples, Truth
-from testbench.records.session import RunStatus, Session, step_events
-from testbench.records.session_writer import SessionWriter
-from testbench.records.storage import write_parquet_batches
+from testbench.records.disk.tables import to_arrow, write_parquet_batches
+from testbench.records.session.layout import imu_stream, table_file, truth_stream
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import IMU_NOTES, ImuSamples, Truth
+from testbench.records.session.session import RunStatus, Session, step_events
+from testbench.records.session.session_writer import SessionWriter
+from testbench.records.specs.protocol import Analysis
 
-IMU_NOTES = {
+IMPORTED_NOTES = IMU_NOTES | {
     "content": "imported samples of an inertial sensor, in the sensor frame; NaN: the file does "
     "not hold the quantity",
-    "device_q": "q_earth_from_sensor of the vendor's filter, w x y z, Hamilton",
-    "units": "the suffix of each column; times in nanoseconds",
 }
 TRUTH_NOTES = {
     "content": "truth that came with the recording; NaN where it was lost",
@@ -117,9 +115,7 @@ def write_recording(
             "kind": "import",
             "format": format_name,
             "source": [file.name for file in files],
-            "recorded_utc": recording.recorded.at.isoformat(timespec="seconds")
-            if recording.recorded
-            else None,
+            "recorded_utc": utc_text(recording.recorded.at) if recording.recorded else None,
             "recorded_by": recording.recorded.source if recording.recorded else None,
             "protocol": {"name": recording.name, "purpose": recording.purpose},
             "notes": recording.notes,
@@ -161,7 +157,7 @@ def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, 
     head = next(chunks)
     shape = (head.mag is not None, head.device_q is not None, head.temperature is not None)
     types = ImuSamples.columns(*shape)
-    metadata: Mapping[str, str] = IMU_NOTES
+    metadata: Mapping[str, str] = IMPORTED_NOTES
     schema = pa.schema(
         [(name, pa.from_numpy_dtype(dtype)) for name, dtype in types.items()], metadata=metadata
     )
@@ -179,7 +175,7 @@ def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, 
             columns = chunk.to_columns()
             last = int(chunk.host_time_ns[-1])
             yield pa.record_batch(
-                [pa.array(columns[name], type=schema.field(name).type) for name in schema.names],
+                [to_arrow(columns[name], schema.field(name).type) for name in schema.names],
                 schema=schema,
             )
 

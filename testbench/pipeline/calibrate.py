@@ -8,14 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.clock import utc_name
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.exceptions import InputError
 from testbench.pipeline.request import CalibrationRequest
 from testbench.planning.designed import DesignedProtocol, design_protocol
 from testbench.planning.experiment_design import Wanted
-from testbench.records.calibration_file import SUFFIXES, save_calibration
-from testbench.records.calibration_result import CalibrationResult
-from testbench.records.session import Session
+from testbench.records.results.calibration_file import SUFFIXES, save_calibration
+from testbench.records.results.calibration_result import CalibrationResult
+from testbench.records.session.session import Session
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ def calibrate(session: Session, asked: CalibrationRequest) -> MadeCalibration:
         if out.exists() and not out.is_dir():
             raise InputError(f"{out} is neither a .yaml file nor a folder")
         moment = session.recorded_at or session.started
-        file = out / f"{moment:%Y%m%dT%H%M%SZ}_{sensor}.yaml"
+        file = out / f"{utc_name(moment)}_{sensor}.yaml"
     page = file.with_suffix(".html")
     for target in (file, page) if asked.report else (file,):
         if target.exists():

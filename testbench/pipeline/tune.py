@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.clock import utc_text
 from testbench.estimation.estimator import PreparedSession
 from testbench.estimation.filters import FILTERS, OrientationFilter
 from testbench.estimation.filters.tuned import choose_tuned, with_parameters
@@ -23,10 +24,8 @@ from testbench.pipeline.analyse import sound_filters
 from testbench.pipeline.parameter_space import FAILED, Effort, Optimum, Point, Space, find_optimum
 from testbench.pipeline.request import TuneRequest
 from testbench.pipeline.watcher import Watcher
-from testbench.records.calibration_file import SensorCalibration, load_calibrations
-from testbench.records.session import Session
-from testbench.records.session_writer import software_versions
-from testbench.records.tuning import (
+from testbench.records.results.calibration_file import SensorCalibration, load_calibrations
+from testbench.records.results.tuning import (
     GridPoint,
     Parameters,
     Search,
@@ -36,6 +35,8 @@ from testbench.records.tuning import (
     refuse_file,
     refuse_repeated,
 )
+from testbench.records.session.session import Session
+from testbench.records.session.session_writer import software_versions
 
 Say = Callable[[str], None]
 
@@ -148,7 +149,7 @@ def tune(asked: TuneRequest, watcher: Watcher | None = None) -> Tuning:
         asked.leave_one_out,
     )
     stored = None if asked.calibrations is None else load_calibrations(Path(asked.calibrations))
-    now = watcher.clock.utc().isoformat(timespec="seconds")
+    now = utc_text(watcher.clock.utc())
     found = find_parameters(kinds[0], _divided(asked), search, now, stored, watcher.say)
     if found.filter not in FILTERS:
         found = found.model_copy(update={"filter_source": asked.filter})

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import yaml
 
 from testbench.planning.experiment_design import Design
-from testbench.records.protocol import Sensor
-from testbench.records.robot import Robot
+from testbench.records.specs.protocol import Sensor
+from testbench.records.specs.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,12 @@ from testbench.planning.experiment_design import (
 )
 from testbench.planning.optimal_design import efficiency
 from testbench.planning.planner import find_robot, plan
-from testbench.records.plan import Plan
-from testbench.records.protocol import Protocol, Sensor
-from testbench.records.protocol_file import load_protocol
-from testbench.records.replacing import stored_where_asked, write_text
-from testbench.records.robot import Robot, load_robot
-from testbench.records.strict import NAME_PATTERN
+from testbench.records.disk.replacing import stored_where_asked, write_text
+from testbench.records.session.plan import Plan
+from testbench.records.specs.protocol import Protocol, Sensor
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.robot import Robot, load_robot
+from testbench.records.specs.strict import NAME_PATTERN
 
 MOST_DETOURS = 20
 LEFT_OUT = (

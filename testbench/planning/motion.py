@@ -16,9 +16,9 @@ import ruckig
 from testbench.exceptions import PlanError
 from testbench.frames import NANOSECONDS
 from testbench.planning.expansion import Command, FourierCommand, SineCommand, TrapezoidCommand
-from testbench.records.protocol_steps import Motion
-from testbench.records.robot import Robot
-from testbench.records.trajectory import Trajectory
+from testbench.records.session.trajectory import Trajectory
+from testbench.records.specs.protocol_steps import Motion
+from testbench.records.specs.robot import Robot
 
 KNOTS_A_CYCLE, SINE_KNOT_S = 50, 0.004
 """Knots of a sine a cycle of its fastest harmonic, and their least spacing; the quintic between so

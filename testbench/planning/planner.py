@@ -19,11 +19,11 @@ from testbench.planning.joint_constraints import constraint_warnings
 from testbench.planning.motion import MotionBuilder
 from testbench.planning.segment_frames import segment_frame_warnings
 from testbench.planning.unit_slips import unit_warnings
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.protocol import Protocol
-from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
-from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import Robot, load_robot
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.specs.protocol import Protocol
+from testbench.records.specs.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.robot import Robot, load_robot
 
 FARTHEST_CENTRE_MM = 500.0
 """Of a tool that carries sensors: the reach of the smallest arm (UR3e, user manual). Farther is a

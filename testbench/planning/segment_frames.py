@@ -19,11 +19,11 @@ from testbench.model.joint_angle import (
     segment_pose,
 )
 from testbench.model.kinematics import Kinematics
-from testbench.records.joint_definition import FlexionAngle
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol import JointDefinition, Protocol
-from testbench.records.robot import Robot
-from testbench.records.trajectory import Trajectory
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.trajectory import Trajectory
+from testbench.records.specs.joint_definition import FlexionAngle
+from testbench.records.specs.protocol import JointDefinition, Protocol
+from testbench.records.specs.robot import Robot
 
 MOST_SEQUENCE_ERROR_DEG = 15.0
 """The error that an Euler sequence alone makes in the published study stays below 9 deg at 20 deg

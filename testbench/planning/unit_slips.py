@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbench.planning.expansion import Command
-from testbench.records.protocol import Protocol
+from testbench.records.specs.protocol import Protocol
 
 TYPED_TO = 0.005
 """How near a typed number comes to a part of pi: 1.57 and 3.14 count [1]."""

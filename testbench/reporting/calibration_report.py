@@ -6,16 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.clock import utc_shown
 from testbench.frames import STANDARD_GRAVITY
-from testbench.records.calibration import MountingCalibration, TriadCalibration
-from testbench.records.calibration_result import CalibrationResult
-from testbench.records.fit import Fit
-from testbench.records.published import load_published
-from testbench.records.replacing import stored, write_text
-from testbench.reporting.figures import Axis, heat_map
-from testbench.reporting.page import Block, Figures, Page, Section, Sentence, Tile
-from testbench.reporting.render import render_page
-from testbench.reporting.tables import (
+from testbench.records.disk.replacing import stored, write_text
+from testbench.records.results.calibration import MountingCalibration, TriadCalibration
+from testbench.records.results.calibration_result import CalibrationResult
+from testbench.records.results.fit import Fit
+from testbench.records.specs.published import load_published
+from testbench.reporting.page.figures import Axis, heat_map
+from testbench.reporting.page.page import Block, Figures, Page, Section, Sentence, Tile
+from testbench.reporting.page.render import render_page
+from testbench.reporting.page.tables import (
     Cell,
     Row,
     Table,
@@ -51,7 +52,7 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
     facts = [
         ("Sensor", calibration.sensor),
         ("Device", calibration.device or ""),
-        ("Recorded", f"{calibration.calibrated:%Y-%m-%d %H:%M:%S} UTC"),
+        ("Recorded", utc_shown(calibration.calibrated)),
         ("Session", calibration.session),
         (
             "Temperature",

@@ -7,33 +7,33 @@ from __future__ import annotations
 from pathlib import Path
 
 from testbench.frames import NANOSECONDS
-from testbench.records.earlier_steps import earlier_steps
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation, Outcome
-from testbench.records.layout import EVALUATION_SUMMARY, REPORT
-from testbench.records.published import load_published
-from testbench.records.replacing import stored, write_text
-from testbench.records.session import Session
-from testbench.records.session_lock import session_locked
-from testbench.reporting.axes_section import axes_section
-from testbench.reporting.chain_section import chain_section
-from testbench.reporting.figures import Span
-from testbench.reporting.fit_section import fit_section
-from testbench.reporting.joint_section import joint_section
-from testbench.reporting.orientation_section import orientation_section
-from testbench.reporting.page import Page, Section, Sentence
-from testbench.reporting.palette import filter_colours
-from testbench.reporting.recording_section import recording_section
-from testbench.reporting.render import render_page
-from testbench.reporting.session_section import (
+from testbench.records.disk.replacing import stored, write_text
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation, Outcome
+from testbench.records.session.earlier_steps import earlier_steps
+from testbench.records.session.layout import EVALUATION_SUMMARY, REPORT
+from testbench.records.session.session import Session
+from testbench.records.session.session_lock import session_locked
+from testbench.records.specs.published import load_published
+from testbench.reporting.page.figures import Span
+from testbench.reporting.page.page import Page, Section, Sentence
+from testbench.reporting.page.palette import filter_colours
+from testbench.reporting.page.render import render_page
+from testbench.reporting.sections.axes import axes_section
+from testbench.reporting.sections.chain import chain_section
+from testbench.reporting.sections.fit import fit_section
+from testbench.reporting.sections.joint import joint_section
+from testbench.reporting.sections.orientation import orientation_section
+from testbench.reporting.sections.recording import recording_section
+from testbench.reporting.sections.session import (
     facts,
     provenance_section,
     run_section,
     simulated_parts,
     verdict_section,
 )
-from testbench.reporting.tiles import result_tiles
-from testbench.reporting.uncertainty_section import uncertainty_section
+from testbench.reporting.sections.tiles import result_tiles
+from testbench.reporting.sections.uncertainty import uncertainty_section
 
 VENDORS_FILTER = "device"
 """The orientation that a sensor computes itself; simulated sensors have an error model of it."""

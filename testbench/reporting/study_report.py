@@ -9,8 +9,9 @@ from urllib.parse import quote
 
 import numpy as np
 
-from testbench.records.replacing import stored, write_text
-from testbench.records.study import (
+from testbench.clock import utc_shown
+from testbench.records.disk.replacing import stored, write_text
+from testbench.records.results.study import (
     StudyBoxes,
     StudyCurves,
     StudyRecord,
@@ -18,11 +19,11 @@ from testbench.records.study import (
     StudyTable,
     Value,
 )
-from testbench.reporting.figures import Axis, Curve, Figure, box_plots, error_curves, heat_map
-from testbench.reporting.page import Block, Figures, Page, Section, Sentence
-from testbench.reporting.palette import COLOURS, REFERENCE, ordered_colours
-from testbench.reporting.render import render_page
-from testbench.reporting.tables import (
+from testbench.reporting.page.figures import Axis, Curve, Figure, box_plots, error_curves, heat_map
+from testbench.reporting.page.page import Block, Figures, Page, Section, Sentence
+from testbench.reporting.page.palette import COLOURS, REFERENCE, ordered_colours
+from testbench.reporting.page.render import render_page
+from testbench.reporting.page.tables import (
     Cell,
     Row,
     Table,
@@ -91,7 +92,6 @@ def render_study(study: StudyRecord, folder: Path | None = None) -> str:
 
 
 def _facts(study: StudyRecord) -> list[tuple[str, str]]:
-    started = datetime.fromisoformat(study.started_utc)
     settings = [
         (key.replace("_", " ").capitalize(), str(value))
         for key, value in study.settings.items()
@@ -100,7 +100,7 @@ def _facts(study: StudyRecord) -> list[tuple[str, str]]:
     return [
         ("Study", study.name),
         ("Beside", study.source),
-        ("Started", f"{started:%Y-%m-%d %H:%M:%S} UTC"),
+        ("Started", utc_shown(datetime.fromisoformat(study.started_utc))),
         *settings,
     ]
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from testbench.clock import Clock
+from testbench.clock import Clock, utc_text
 from testbench.pipeline.analyse import Result
 from testbench.pipeline.prepared import Prepared
 from testbench.pipeline.request import AnalysisRequest, Request, RunRequest
 from testbench.pipeline.run import run
 from testbench.pipeline.watcher import Watcher
-from testbench.records.plan import Plan
+from testbench.records.session.plan import Plan
 
 
 def _nothing(text: str) -> None:
@@ -90,5 +91,15 @@ class StudyBench:
         return run(asked, Watcher(self.clock), prepared)
 
     def now(self) -> str:
-        """ISO 8601, UTC, to the second."""
-        return f"{self.clock.utc():%Y-%m-%dT%H:%M:%SZ}"
+        """As records keep it."""
+        return utc_text(self.clock.utc())
+
+    def settings(self, protocol: str, plan: Plan) -> dict[str, Any]:
+        """What a study of several parts says of itself.
+
+        Args:
+            protocol: Its name.
+            plan: Made of it.
+        """
+        parts = {"seed": self.seed, "parts": self.parts}
+        return {"protocol": protocol, "plan_hash": plan.hash, **parts}

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from testbench import execute, plan
 from testbench.execution import RunOptions
-from testbench.records.shipped import shipped_folder
+from testbench.records.specs.shipped import shipped_folder
 from tests.benchmarks.timing import Text, show
 from tests.conftest import TINY
 from tests.system.mutations import Campaign

@@ -17,9 +17,9 @@ from testbench.planning import designed
 from testbench.planning.designed import _gain
 from testbench.planning.experiment_design import ACCELEROMETER_SIZE, Designer, Wanted
 from testbench.planning.optimal_design import choose, efficiency, merit
-from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import load_robot
-from testbench.records.shipped import shipped_folder
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.robot import load_robot
+from testbench.records.specs.shipped import shipped_folder
 
 NOISE = ObservationNoise(0.001, np.radians(0.03), np.radians(0.01), np.radians(10 / 3600))
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.records.evaluation import Evaluation
-from testbench.records.evaluation_rows import CycleRow
-from testbench.reporting.cycle_section import MOST_FILTERS, MOST_SHOWN, TRUE, cycle_blocks
-from testbench.reporting.page import Figures, Page, Section
-from testbench.reporting.palette import filter_colours
-from testbench.reporting.render import render_page
-from testbench.reporting.tables import Table
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.results.evaluation_rows import CycleRow
+from testbench.reporting.page.page import Figures, Page, Section
+from testbench.reporting.page.palette import filter_colours
+from testbench.reporting.page.render import render_page
+from testbench.reporting.page.tables import Table
+from testbench.reporting.sections.cycle import MOST_FILTERS, MOST_SHOWN, TRUE, cycle_blocks
 
 CHROMIUM = shutil.which("chromium")
 OPEN = """

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.reporting.figures import Axis, Curve, error_curves, heat_map
-from testbench.reporting.outliers import common_top
-from testbench.reporting.palette import COLOURS, ORDERED, REFERENCE, rgb
+from testbench.reporting.page.figures import Axis, Curve, error_curves, heat_map
+from testbench.reporting.page.palette import COLOURS, ORDERED, REFERENCE, rgb
+from testbench.reporting.sections.outliers import common_top
 
 
 def test_curves_far_below_others_are_not_left_flat() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.reporting.figures import Axis, Curve, flat_on_a_linear_axis, heat_map
-from testbench.reporting.render import _breakable, _code
-from testbench.reporting.tables import (
+from testbench.reporting.page.figures import Axis, Curve, flat_on_a_linear_axis, heat_map
+from testbench.reporting.page.render import _breakable, _code
+from testbench.reporting.page.tables import (
     counted,
     powers_of_ten,
     significant_digits,

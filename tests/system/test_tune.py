@@ -14,10 +14,10 @@ from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.formats import import_recording
 from testbench.pipeline.parameter_space import Effort
 from testbench.pipeline.tune import SearchWanted, Sessions, find_parameters
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.session import Session
-from testbench.records.tuning import load_tunings
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.results.tuning import load_tunings
+from testbench.records.session.session import Session
 from tests.command_line import command
 from tests.studies.known_recordings import FixedClock, write_known
 
@@ -187,10 +187,15 @@ def best_of_a_scan(data: Path, number: str) -> float:
         axis=1
     )
     true = Rotation.from_quat(content["opt_quat"][counted], scalar_first=True)
-    errors = {}
-    for beta in np.geomspace(0.008, 0.2, 40):
-        q = get_filter("madgwick_marg", {"beta": beta}).run(samples)[counted]
-        errors[beta] = np.sqrt(
-            np.mean((Rotation.from_quat(q, scalar_first=True) * true.inv()).magnitude() ** 2)
-        )
-    return float(min(errors, key=errors.__getitem__))
+
+    def best_of(betas: np.ndarray) -> float:
+        errors = {}
+        for beta in betas:
+            q = get_filter("madgwick_marg", {"beta": beta}).run(samples)[counted]
+            left = Rotation.from_quat(q, scalar_first=True) * true.inv()
+            errors[beta] = np.sqrt(np.mean(left.magnitude() ** 2))
+        return min(errors, key=errors.__getitem__)
+
+    coarse = np.geomspace(0.008, 0.2, 10)
+    step = coarse[1] / coarse[0]
+    return float(best_of(best_of(coarse) * np.geomspace(1 / step, step, 9)))

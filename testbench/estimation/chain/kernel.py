@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numba import njit
 
+from testbench.estimation.chain.sensors import SensorArrays, read_sensor
 from testbench.estimation.chain.state import drive, joint_motion, propagate
-from testbench.model.chain_sensor import sensor_reading
 
 WIDE = 0.3
 """A joint whose standard deviation exceeds this part of its range is held by its limits though its
@@ -29,7 +29,7 @@ def filter_chain(
     P: np.ndarray,
     harmonics: int,
     indices: np.ndarray,
-    chain: tuple[np.ndarray, ...],
+    chain: SensorArrays,
     gravity: np.ndarray,
     limits: np.ndarray,
     confined: np.ndarray,
@@ -82,7 +82,7 @@ def filter_chain(
         logarithm of its likelihood, and the part of the raised level that held before it; states
         and covariances, shapes (e, n) and (e, n, n), empty unless kept.
     """
-    rotations, offsets, axes, columns, counts, tip_rotations, tip_offsets = chain
+    counts, columns = chain.counts, chain.columns
     e, n, m = len(time), len(x), indices.shape[0]
     bias = m * (2 * harmonics + 1) + 1 if harmonics else 3 * m
     clock = bias + 6 * len(counts)
@@ -92,7 +92,7 @@ def filter_chain(
     states = np.empty((e if keep else 0, n))
     covariances = np.empty((e if keep else 0, n, n))
     motion, slopes = np.empty((3, m)), np.empty((3, m, indices.shape[1]))
-    by_q, by_v, by_a = np.zeros((6, m)), np.zeros((6, m)), np.zeros((6, m))
+    by = np.zeros((3, 6, m))
     predicted, h, Ph, dx = np.empty(6), np.empty(n), np.empty(n), np.empty(n)
     likelihood, now = np.zeros(e), start
     for i in range(e):
@@ -105,23 +105,7 @@ def filter_chain(
             drive(P, m, harmonics, jerk, confined, walk + high[i] * raised, dt)
         s = sensor[i]
         joint_motion(x, indices, harmonics, motion, slopes)
-        sensor_reading(
-            rotations[s],
-            offsets[s],
-            axes[s],
-            columns[s],
-            counts[s],
-            tip_rotations[s],
-            tip_offsets[s],
-            gravity,
-            motion[0],
-            motion[1],
-            motion[2],
-            predicted,
-            by_q,
-            by_v,
-            by_a,
-        )
+        read_sensor(chain, s, gravity, motion, predicted, by)
         dx[:] = 0.0
         for r in range(6):
             h[:] = 0.0
@@ -129,9 +113,9 @@ def filter_chain(
                 j = columns[s, k]
                 for t in range(indices.shape[1]):
                     h[indices[j, t]] += (
-                        by_q[r, j] * slopes[0, j, t]
-                        + by_v[r, j] * slopes[1, j, t]
-                        + by_a[r, j] * slopes[2, j, t]
+                        by[0, r, j] * slopes[0, j, t]
+                        + by[1, r, j] * slopes[1, j, t]
+                        + by[2, r, j] * slopes[2, j, t]
                     )
             innovation = reading[i, r] - predicted[r]
             if n > bias:

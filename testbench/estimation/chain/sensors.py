@@ -6,12 +6,57 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from testbench.exceptions import InputError
+from testbench.model.chain import Chain, Tip
 from testbench.model.chain_sensor import sensor_reading
 from testbench.model.kinematics import Kinematics, Pose
+
+
+class SensorArrays(NamedTuple):
+    """The arrays of `ChainSensors`."""
+
+    rotations: np.ndarray
+    offsets: np.ndarray
+    axes: np.ndarray
+    columns: np.ndarray
+    counts: np.ndarray
+    tip_rotations: np.ndarray
+    tip_offsets: np.ndarray
+
+
+@njit(cache=True)
+def read_sensor(
+    sensors: SensorArrays,
+    s: int,
+    gravity: np.ndarray,
+    motion: np.ndarray,
+    reading: np.ndarray,
+    slopes: np.ndarray,
+) -> None:
+    """Ideal reading of one sensor, and its derivatives.
+
+    Args:
+        sensors: All of them.
+        s: Which one.
+        gravity: As for `sensor_reading`, shape (3,) [m/s^2].
+        motion: As for `sensor_reading`, shape (3, m).
+        reading: As for `sensor_reading`, shape (6,).
+        slopes: As for `sensor_reading`, shape (3, 6, m).
+    """
+    count = sensors.counts[s]
+    chain = Chain(
+        sensors.rotations[s, :count],
+        sensors.offsets[s, :count],
+        sensors.axes[s, :count],
+        sensors.columns[s, :count],
+    )
+    tip = Tip(sensors.tip_rotations[s], sensors.tip_offsets[s])
+    sensor_reading(chain, tip, gravity, motion, reading, slopes)
 
 
 @dataclass(frozen=True)
@@ -48,9 +93,9 @@ class ChainSensors:
     limits: np.ndarray
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """What compiled code takes, in its order."""
-        return (
+    def arrays(self) -> SensorArrays:
+        """What compiled code takes."""
+        return SensorArrays(
             self.rotations,
             self.offsets,
             self.axes,
@@ -77,9 +122,9 @@ class ChainSensors:
         s, m = len(self.sensors), len(self.joints)
         reading = np.zeros((s, 6))
         derivatives = np.zeros((3, s, 6, m))
+        motion = np.array([q, v, a], dtype=float)
         for i in range(s):
-            own = [array[i] for array in self.arrays]
-            sensor_reading(*own, self.gravity, q, v, a, reading[i], *derivatives[:, i])
+            read_sensor(self.arrays, i, self.gravity, motion, reading[i], derivatives[:, i])
         return reading, derivatives[0], derivatives[1], derivatives[2]
 
 
@@ -104,7 +149,7 @@ def chain_sensors(
     robot = kinematics.robot
     chains = {name: kinematics.chain_to(link) for name, (link, _) in places.items()}
     carrying = {
-        robot.joint_names[column] for _, _, _, columns, _ in chains.values() for column in columns
+        robot.joint_names[column] for chain, _ in chains.values() for column in chain.columns
     }
     chosen = [
         name for name in robot.joint_names if name in (carrying if joints is None else joints)
@@ -152,7 +197,7 @@ def chain_sensors(
 
 
 def _fold(
-    chain: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Pose],
+    carried_by: tuple[Chain, Pose],
     mounting: Pose,
     place: Mapping[int, int],
     standing: np.ndarray,
@@ -160,10 +205,10 @@ def _fold(
     """The chain of one sensor with the joints that stand still taken into the placement of the
     next.
     """
-    rotations, offsets, axes, columns, link = chain
+    chain, link = carried_by
     poses, own_axes, own_columns = [], [], []
     carried = Pose(np.eye(3), np.zeros(3))
-    for R, position, axis, column in zip(rotations, offsets, axes, columns, strict=True):
+    for R, position, axis, column in zip(*chain, strict=True):
         carried = carried @ Pose(R, position)
         if int(column) in place:
             poses.append(carried)

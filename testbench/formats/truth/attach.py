@@ -26,9 +26,9 @@ from testbench.formats.truth.robot_log import (
 )
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.protocol import Analysis
-from testbench.records.robot import load_robot
-from testbench.records.strict import Placement
+from testbench.records.specs.protocol import Analysis
+from testbench.records.specs.robot import load_robot
+from testbench.records.specs.strict import Placement
 
 _POSES = re.compile(
     r"(quat\w*|\bq|orientation\w*)[\s_.\[(]*[wxyz0]|^\W*time\W.*\b[wW]\b", re.IGNORECASE

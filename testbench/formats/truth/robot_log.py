@@ -33,9 +33,9 @@ from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.windows import savitzky_golay
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol_steps import Role
-from testbench.records.samples import Truth
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import Truth
+from testbench.records.specs.protocol_steps import Role
 
 SMOOTHING_S = 0.1
 """Width of the cubic Savitzky-Golay window that differentiates the joint angles [s]."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import rerun.blueprint as rrb
 
-from testbench.records.evaluation import Evaluation
-from testbench.records.session import Session
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.session import Session
 from testbench.reporting.viewer.scene import ROW, WORLD, arrangement, column_width
 from testbench.reporting.viewer.signals import PARTS, chain_joints
 from testbench.reporting.viewer.timeline import TIMELINE

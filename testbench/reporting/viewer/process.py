@@ -20,10 +20,10 @@ from urllib.parse import quote
 
 from testbench.exceptions import BenchError
 from testbench.frames import NANOSECONDS
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.layout import RECORDING
-from testbench.records.session import Session
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.layout import RECORDING
+from testbench.records.session.session import Session
 from testbench.reporting.viewer.recording import save_recording
 from testbench.reporting.viewer.timeline import TIMELINE
 
