@@ -290,7 +290,7 @@ def prepare_sensor(
     if thinned:
         truth = session.near(Instants({name: time}, time)).truth(name)
     uniform, rows = access.regular(clock)
-    static = detect_static(uniform.turning(), uniform.interval, rows)[rows]
+    static = detect_static(uniform.angular_rate(), uniform.interval, rows)[rows]
     quality = access.quality(clock, static)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:

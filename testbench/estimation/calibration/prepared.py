@@ -312,7 +312,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
             for key in ("settled_ns", "end_ns")
         )
         found["arm"] = by_events(settled, ended, time / NANOSECONDS)
-    turning = uniform.turning()
+    turning = uniform.angular_rate()
     found["gyroscope"] = by_gyroscope(turning, uniform.interval)
     found["peaks"] = between_peaks(turning, uniform.interval)
     if np.isfinite(uniform.acc).all():

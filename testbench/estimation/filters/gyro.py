@@ -5,36 +5,31 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from testbench.estimation.filters.kernel_filter import KernelFilter
+from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import started, turned
 
 
 @njit(cache=True)
 def integrate(
-    gyr: np.ndarray,
-    acc: np.ndarray,
-    mag: np.ndarray,
-    dt: np.ndarray,
+    readings: Readings,
     p: np.ndarray,
     state: np.ndarray,
 ) -> np.ndarray:
-    """Q <- q exp(rate dt / 2); the first sample's specific force, if there is one, gives the start.
+    """Integrate the rate; the first sample's specific force, if there is one, gives the start.
 
     Args:
-        gyr: Angular rate, shape (n, 3) [rad/s].
-        acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT].
-        dt: Interval before each sample, shape (n,) [s].
+        readings: Samples of the sensor.
         p: Unused, shape (0,).
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q.
     """
+    gyr, acc, mag, dt = readings
     n = gyr.shape[0]
     out = np.empty((n, 4))
     for i in range(n):
         if state[0] == 0.0:
             if not started(state, acc[i], mag[i], False):
                 state[0], state[1] = 1.0, 1.0
-        else:
+        else:  # q exp(rate dt / 2)
             state[1], state[2], state[3], state[4] = turned(
                 state[1],
                 state[2],
@@ -49,9 +44,7 @@ def integrate(
 
 
 class Gyro(KernelFilter):
-    """The gyroscope's rate integrated by the exponential map: what is left to a filter is to do
-    better than this.
-    """
+    """The gyroscope's rate integrated by the exponential map, which a filter has to better."""
 
     name, needs = "gyro", ("gyr",)
     source = (
