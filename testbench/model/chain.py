@@ -7,32 +7,50 @@ frame. Pinocchio, which gives the joints' placements, is the oracle of the tests
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
-def chain_motion(
-    rotations: np.ndarray,
-    offsets: np.ndarray,
-    axes: np.ndarray,
-    columns: np.ndarray,
-    tip_rotation: np.ndarray,
-    tip_offset: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    a: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Motion of the tip of a chain of k rotating joints.
+class Joints(NamedTuple):
+    """A chain of k rotating joints, from the base outwards.
 
-    Args:
+    Attributes:
         rotations: Rotation of each joint's frame in the previous one at zero angle, shape
             (k, 3, 3).
         offsets: Origin of each joint's frame in the previous one, shape (k, 3) [m].
         axes: Joint axes in the joint frames, unit vectors, shape (k, 3).
         columns: Column of q, v and a that belongs to each joint, shape (k,).
-        tip_rotation: Rotation of the tip's frame in the last joint's, shape (3, 3).
-        tip_offset: Origin of the tip's frame in the last joint's, shape (3,) [m].
+    """
+
+    rotations: np.ndarray
+    offsets: np.ndarray
+    axes: np.ndarray
+    columns: np.ndarray
+
+
+class Tip(NamedTuple):
+    """A frame that the last joint of a chain carries, or several, one a row.
+
+    Attributes:
+        rotation: Rotation of the frame in the last joint's, shape (3, 3), or (l, 3, 3) of l frames.
+        offset: Origin of the frame in the last joint's, shape (3,) or (l, 3) [m].
+    """
+
+    rotation: np.ndarray
+    offset: np.ndarray
+
+
+@njit(cache=True)
+def chain_motion(
+    joints: Joints, tip: Tip, q: np.ndarray, v: np.ndarray, a: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Motion of the tip of a chain.
+
+    Args:
+        joints: The chain.
+        tip: The frame at its end.
         q: Joint angles, shape (n, m) [rad].
         v: Joint rates, shape (n, m) [rad/s].
         a: Joint accelerations, shape (n, m) [rad/s^2].
@@ -42,6 +60,9 @@ def chain_motion(
         angular velocity (n, 3) [rad/s], classical linear acceleration (n, 3) [m/s^2] and angular
         acceleration (n, 3) [rad/s^2], all in the world frame.
     """
+    # Longer than a screen and of many branches: one walk along the chain, vector algebra written
+    # out, since arrays made in the loop would take most of the time.
+    rotations, offsets, axes, columns = joints
     n, k = q.shape[0], rotations.shape[0]
     position = np.empty((n, 3))
     rotation = np.empty((n, 3, 3))
@@ -65,11 +86,11 @@ def chain_motion(
             for c in range(3):
                 R[r, c] = 1.0 if r == c else 0.0
         for j in range(k + 1):
-            offset = offsets[j] if j < k else tip_offset
-            fixed = rotations[j] if j < k else tip_rotation
-            for r in range(3):
+            offset = offsets[j] if j < k else tip.offset
+            fixed = rotations[j] if j < k else tip.rotation
+            for r in range(3):  # d: offset to the next joint, in the world
                 d[r] = R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
-            # velocity and acceleration of a point fixed to the body at distance d
+            # a += alpha x d + omega x (omega x d) and v += omega x d of a point fixed to the body
             cx = w[1] * d[2] - w[2] * d[1]
             cy = w[2] * d[0] - w[0] * d[2]
             cz = w[0] * d[1] - w[1] * d[0]
@@ -88,8 +109,9 @@ def chain_motion(
                         R[r, c] = S[r, c]
                 break
             axis = axes[j]
-            for r in range(3):
+            for r in range(3):  # u: the joint's axis in the world
                 u[r] = S[r, 0] * axis[0] + S[r, 1] * axis[1] + S[r, 2] * axis[2]
+            # alpha += u q'' + (omega x u) q', then omega += u q'
             rate_j, acceleration_j = v[i, columns[j]], a[i, columns[j]]
             dw[0] += u[0] * acceleration_j + (w[1] * u[2] - w[2] * u[1]) * rate_j
             dw[1] += u[1] * acceleration_j + (w[2] * u[0] - w[0] * u[2]) * rate_j
@@ -111,30 +133,21 @@ def chain_motion(
 
 @njit(cache=True)
 def link_poses(
-    rotations: np.ndarray,
-    offsets: np.ndarray,
-    axes: np.ndarray,
-    columns: np.ndarray,
-    carriers: np.ndarray,
-    tip_rotations: np.ndarray,
-    tip_offsets: np.ndarray,
-    q: np.ndarray,
+    joints: Joints, carriers: np.ndarray, tips: Tip, q: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Poses of several frames along a chain of k rotating joints, in one walk.
 
     Args:
-        rotations: Placement of each joint in the previous one, shape (k, 3, 3).
-        offsets: Placement of each joint in the previous one, shape (k, 3) [m].
-        axes: Joint axes in the joint frames, shape (k, 3).
-        columns: Column of q of each joint, shape (k,).
+        joints: The chain.
         carriers: How many joints carry each frame, shape (l,), from 0 to k.
-        tip_rotations: Placement of each frame in the last joint that carries it, shape (l, 3, 3).
-        tip_offsets: Placement of each frame in the last joint that carries it, shape (l, 3) [m].
+        tips: The l frames, each in the last joint that carries it.
         q: Joint angles, shape (n, m) [rad].
 
     Returns:
         Position (n, l, 3) and rotation world from frame (n, l, 3, 3), as `chain_motion` gives them.
     """
+    rotations, offsets, axes, columns = joints
+    tip_rotations, tip_offsets = tips
     n, k, frames = q.shape[0], rotations.shape[0], carriers.shape[0]
     positions = np.empty((n, frames, 3))
     turned = np.empty((n, frames, 3, 3))
@@ -173,9 +186,8 @@ def _product(A: np.ndarray, B: np.ndarray, AB: np.ndarray) -> None:
 
 @njit(cache=True)
 def _turn(axis: np.ndarray, angle: float, T: np.ndarray) -> None:
-    """The rotation about a unit axis, shape (3,), by an angle [rad] into T, shape (3, 3)
-    (Rodrigues).
-    """
+    """The rotation by an angle [rad] about a unit axis, shape (3,), into T, shape (3, 3)."""
+    # Rodrigues: cos I + (1 - cos) u u' + sin [u x]
     sine, cosine = np.sin(angle), np.cos(angle)
     rest = 1.0 - cosine
     x, y, z = axis[0], axis[1], axis[2]

@@ -17,6 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from testbench.model.chain import Joints, Tip
+
 
 @njit(cache=True)
 def _cross(x: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
@@ -26,62 +28,45 @@ def _cross(x: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def sensor_reading(  # noqa: C901 - one loop over the chain and one over its joints, written out
-    rotations: np.ndarray,
-    offsets: np.ndarray,
-    axes: np.ndarray,
-    columns: np.ndarray,
+def sensor_reading(  # noqa: C901
+    joints: Joints,
     count: int,
-    tip_rotation: np.ndarray,
-    tip_offset: np.ndarray,
+    tip: Tip,
     gravity: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    a: np.ndarray,
+    motion: np.ndarray,
     reading: np.ndarray,
-    by_q: np.ndarray,
-    by_v: np.ndarray,
-    by_a: np.ndarray,
+    slopes: np.ndarray,
 ) -> None:
     """Reading of an ideal sensor, and its derivatives by the joints that carry it.
 
-    The chain is that of `chain.chain_motion`; the arrays that hold it may be longer than it is.
-
     Args:
-        rotations: Rotation of each joint's frame in the previous one, shape (k, 3, 3) with k >=
-            count.
-        offsets: Origin of each joint's frame in the previous one, shape (k, 3) [m].
-        axes: Joint axes in the joint frames, unit vectors, shape (k, 3).
-        columns: Entry of q, v and a that belongs to each joint, shape (k,).
+        joints: The chain, as for `chain.chain_motion`; its arrays may be longer than it is.
         count: Joints of the chain.
-        tip_rotation: Rotation of the sensor in the last joint's frame, shape (3, 3).
-        tip_offset: Place of the sensor in the last joint's frame, shape (3,) [m].
+        tip: The sensor in the last joint's frame.
         gravity: In the world, shape (3,) [m/s^2].
-        q: Joint angles, shape (m,) [rad].
-        v: Joint rates, shape (m,) [rad/s].
-        a: Joint accelerations, shape (m,) [rad/s^2].
+        motion: Angles [rad], rates [rad/s] and accelerations [rad/s^2] of the joints, shape (3, m).
         reading: Filled with angular rate [rad/s] and specific force [m/s^2] in the sensor, shape
             (6,).
-        by_q: Filled with the derivatives by q, shape (6, m); columns of other joints are left
-            alone.
-        by_v: Filled with the derivatives by v, shape (6, m); columns of other joints are left
-            alone.
-        by_a: Filled with the derivatives by a, shape (6, m); columns of other joints are left
-            alone.
+        slopes: Filled with the derivatives of the reading by angles, rates and accelerations, shape
+            (3, 6, m); columns of joints that do not carry the sensor are left alone.
     """
+    # Longer than a screen and of many branches: a walk along the chain and one over its joints,
+    # which share all of their vectors; algebra written out, as arrays made here would cost most.
+    rotations, offsets, axes, columns = joints
+    q, v, a = motion[0], motion[1], motion[2]
+    by_q, by_v, by_a = slopes[0], slopes[1], slopes[2]
     R = np.eye(3)
     S, T = np.empty((3, 3)), np.empty((3, 3))
     d, u, x, y = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     p, pv, pa, w, dw = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
-    at = np.empty(
-        (count, 6, 3)
-        # of each joint: axis, place, its velocity and acceleration, rate and its derivative before
-        # it
-    )
+    # of each joint: axis, place, velocity and acceleration; rate of the body before it and its
+    # derivative
+    at = np.empty((count, 6, 3))
     for j in range(count + 1):
         for r in range(3):
-            offset = offsets[j] if j < count else tip_offset
+            offset = offsets[j] if j < count else tip.offset
             d[r] = R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
+        # the recursions of `chain`: p, v and a of a point fixed to the body at distance d
         _cross(w, d, x)
         _cross(w, x, y)
         pa += y
@@ -89,7 +74,7 @@ def sensor_reading(  # noqa: C901 - one loop over the chain and one over its joi
         pa += y
         pv += x
         p += d
-        fixed = rotations[j] if j < count else tip_rotation
+        fixed = rotations[j] if j < count else tip.rotation
         for r in range(3):
             for c in range(3):
                 S[r, c] = R[r, 0] * fixed[0, c] + R[r, 1] * fixed[1, c] + R[r, 2] * fixed[2, c]
@@ -99,10 +84,11 @@ def sensor_reading(  # noqa: C901 - one loop over the chain and one over its joi
         for r in range(3):
             u[r] = S[r, 0] * axis[0] + S[r, 1] * axis[1] + S[r, 2] * axis[2]
         at[j, 0], at[j, 1], at[j, 2], at[j, 3], at[j, 4], at[j, 5] = u, p, pv, pa, w, dw
-        _cross(w, u, x)
+        _cross(w, u, x)  # alpha += u q'' + (omega x u) q', then omega += u q'
         for r in range(3):
             dw[r] += u[r] * a[column] + x[r] * v[column]
             w[r] += u[r] * v[column]
+        # the joint's rotation (Rodrigues), and the frame beyond it
         sine, cosine = np.sin(q[column]), np.cos(q[column])
         for r in range(3):
             for c in range(3):
@@ -130,28 +116,29 @@ def sensor_reading(  # noqa: C901 - one loop over the chain and one over its joi
         np.empty(3),
     )
     for j in range(count):
-        column, axis, rate, turning = columns[j], at[j, 0], at[j, 4], at[j, 5]
-        for r in range(3):
+        column, axis, rate, spin_up = columns[j], at[j, 0], at[j, 4], at[j, 5]
+        for r in range(3):  # r of the module's equations
             d[r] = p[r] - at[j, 1, r]
-        _cross(rate, d, x)
+        _cross(rate, d, x)  # r' = v_s - v_o - omega x r
         for r in range(3):
             rel_v[r] = pv[r] - at[j, 2, r] - x[r]
+        # r'' = a_s - a_o - alpha x r - omega x (omega x r) - 2 omega x r'
         _cross(rate, x, y)
-        _cross(turning, d, x)
+        _cross(spin_up, d, x)
         for r in range(3):
             rel_a[r] = pa[r] - at[j, 3, r] - x[r] - y[r]
         _cross(rate, rel_v, x)
         for r in range(3):
             rel_a[r] -= 2.0 * x[r]
-        _cross(axis, d, ur)
-        _cross(rate, axis, gyr_q)
-        _cross(rate, ur, x)  # by v: 2 rate x (u x r) + 2 u x r'
+        _cross(axis, d, ur)  # d a / d a_k
+        _cross(rate, axis, gyr_q)  # d omega / d q_k
+        _cross(rate, ur, x)  # d a / d v_k
         _cross(axis, rel_v, y)
         for r in range(3):
             acc_v[r] = 2.0 * x[r] + 2.0 * y[r]
-        _cross(rate, x, acc_q)  # by q, with -u x f from the turning of the sensor's axes
+        _cross(rate, x, acc_q)  # d a / d q_k, with -u x f as the sensor's axes turn with the joint
         _cross(rate, y, x)
-        _cross(turning, ur, y)
+        _cross(spin_up, ur, y)
         for r in range(3):
             acc_q[r] += 2.0 * x[r] + y[r]
             d[r] = rel_a[r] - f[r]

@@ -27,8 +27,8 @@ def first_order(b0: float, b1: float, a1: float, x: np.ndarray, state: np.ndarra
     form II transposed (Oppenheim & Schafer, Discrete-Time Signal Processing, section 6.3).
 
     Args:
-        b0: Of the numerator.
-        b1: Of the numerator.
+        b0: Of the numerator, of the present row.
+        b1: Of the numerator, of the row before.
         a1: Of the denominator, whose first coefficient is 1.
         x: Shape (n, k).
         state: What the filter remembers, shape (1, k); it is left as of the last row.

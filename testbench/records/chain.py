@@ -26,7 +26,7 @@ class ChainEstimate:
         host_time_ns: Shape (n,), int64.
         mean: Angles [rad], rates [rad/s] and accelerations [rad/s^2], shape (n, 3, m).
         sd: Their standard uncertainties, shape (n, 3, m), same units.
-        facts: What was found on the way: liveliness (process noise, unit in the key), base
+        facts: What was found on the way: process noise (unit in the key), base
             frequency with uncertainty [Hz], mean normalised innovation squared [1], whether it was
             smoothed.
     """

@@ -1,17 +1,41 @@
-"""The sensors on a chain as arrays that the compiled filter takes: which joints carry each of them,
-and where it sits.
-"""
+"""The sensors on a chain as arrays: which joints carry each of them, and where it sits."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.model.chain import Joints, Tip
 from testbench.model.chain_sensor import sensor_reading
 from testbench.model.kinematics import Kinematics, Pose
+
+
+class ChainArrays(NamedTuple):
+    """What compiled code takes of `ChainSensors`, which says what each is.
+
+    Attributes:
+        rotations: Shape (s, k, 3, 3).
+        offsets: Shape (s, k, 3) [m].
+        axes: Shape (s, k, 3).
+        columns: Shape (s, k).
+        counts: Shape (s,).
+        tip_rotations: Shape (s, 3, 3).
+        tip_offsets: Shape (s, 3) [m].
+        gravity: Shape (3,) [m/s^2].
+    """
+
+    rotations: np.ndarray
+    offsets: np.ndarray
+    axes: np.ndarray
+    columns: np.ndarray
+    counts: np.ndarray
+    tip_rotations: np.ndarray
+    tip_offsets: np.ndarray
+    gravity: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -21,16 +45,14 @@ class ChainSensors:
     Attributes:
         sensors: Names, s of them.
         joints: Names of the estimated joints, in the robot's order.
-        rotations: Placement of each estimated joint in the one before it, joints that stand still
-            folded in, shapes (s, k, 3, 3), (s, k, 3) [m], (s, k, 3).
-        offsets: Placement of each estimated joint in the one before it, joints that stand still
-            folded in, shapes (s, k, 3, 3), (s, k, 3) [m], (s, k, 3).
-        axes: Placement of each estimated joint in the one before it, joints that stand still folded
-            in, shapes (s, k, 3, 3), (s, k, 3) [m], (s, k, 3).
+        rotations: Rotation of each estimated joint's frame in the one before it, joints that stand
+            still folded in, shape (s, k, 3, 3).
+        offsets: Origin of each estimated joint's frame in the one before it, shape (s, k, 3) [m].
+        axes: Axis of each estimated joint in its own frame, unit vectors, shape (s, k, 3).
         columns: Which estimated joint it is, shape (s, k).
         counts: Number of estimated joints that carry each sensor, shape (s,).
-        tip_rotations: The sensor in the last of them.
-        tip_offsets: The sensor in the last of them.
+        tip_rotations: Rotation of the sensor in the frame of the last of them, shape (s, 3, 3).
+        tip_offsets: Place of the sensor in the frame of the last of them, shape (s, 3) [m].
         gravity: In the world, shape (3,) [m/s^2].
         limits: Lowest and highest angle, shape (m, 2) [rad].
     """
@@ -48,17 +70,9 @@ class ChainSensors:
     limits: np.ndarray
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """What compiled code takes, in its order."""
-        return (
-            self.rotations,
-            self.offsets,
-            self.axes,
-            self.columns,
-            self.counts,
-            self.tip_rotations,
-            self.tip_offsets,
-        )
+    def arrays(self) -> ChainArrays:
+        """What compiled code takes."""
+        return ChainArrays(*(getattr(self, name) for name in ChainArrays._fields))
 
     def readings(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray
@@ -66,9 +80,9 @@ class ChainSensors:
         """Ideal readings in one state, and their derivatives.
 
         Args:
-            q: Shape (m,) [rad], [rad/s], [rad/s^2].
-            v: Shape (m,) [rad], [rad/s], [rad/s^2].
-            a: Shape (m,) [rad], [rad/s], [rad/s^2].
+            q: Joint angles, shape (m,) [rad].
+            v: Joint rates, shape (m,) [rad/s].
+            a: Joint accelerations, shape (m,) [rad/s^2].
 
         Returns:
             Angular rate and specific force of every sensor, shape (s, 6); derivatives by q, v and
@@ -76,11 +90,12 @@ class ChainSensors:
         """
         s, m = len(self.sensors), len(self.joints)
         reading = np.zeros((s, 6))
-        derivatives = np.zeros((3, s, 6, m))
+        slopes, motion = np.zeros((s, 3, 6, m)), np.array([q, v, a], dtype=float)
         for i in range(s):
-            own = [array[i] for array in self.arrays]
-            sensor_reading(*own, self.gravity, q, v, a, reading[i], *derivatives[:, i])
-        return reading, derivatives[0], derivatives[1], derivatives[2]
+            joints = Joints(self.rotations[i], self.offsets[i], self.axes[i], self.columns[i])
+            tip = Tip(self.tip_rotations[i], self.tip_offsets[i])
+            sensor_reading(joints, self.counts[i], tip, self.gravity, motion, reading[i], slopes[i])
+        return reading, slopes[:, 0], slopes[:, 1], slopes[:, 2]
 
 
 def chain_sensors(
@@ -101,11 +116,10 @@ def chain_sensors(
     Raises:
         InputError: A joint carries none of the sensors: nothing would be known of it.
     """
+    # Longer than a screen: joints are chosen, folded and filled into arrays of one length.
     robot = kinematics.robot
     chains = {name: kinematics.chain_to(link) for name, (link, _) in places.items()}
-    carrying = {
-        robot.joint_names[column] for _, _, _, columns, _ in chains.values() for column in columns
-    }
+    carrying = {robot.joint_names[column] for own, _ in chains.values() for column in own.columns}
     chosen = [
         name for name in robot.joint_names if name in (carrying if joints is None else joints)
     ]
@@ -152,18 +166,16 @@ def chain_sensors(
 
 
 def _fold(
-    chain: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Pose],
+    chain: tuple[Joints, Pose],
     mounting: Pose,
     place: Mapping[int, int],
     standing: np.ndarray,
 ) -> tuple[list[Pose], list[np.ndarray], list[int], Pose]:
-    """The chain of one sensor with the joints that stand still taken into the placement of the
-    next.
-    """
-    rotations, offsets, axes, columns, link = chain
+    """The chain of one sensor, joints that stand still folded into the placement of the next."""
+    joints, link = chain
     poses, own_axes, own_columns = [], [], []
     carried = Pose(np.eye(3), np.zeros(3))
-    for R, position, axis, column in zip(rotations, offsets, axes, columns, strict=True):
+    for R, position, axis, column in zip(*joints, strict=True):
         carried = carried @ Pose(R, position)
         if int(column) in place:
             poses.append(carried)
