@@ -48,7 +48,7 @@ GYROSCOPE_METHODS = {
             "attitude",
             ("rests", "attitude", "force"),
             "bias, scale, misalignment, g-sensitivity",
-            "turns of the arm, piece by piece; docs/methods.md",
+            "turns of the arm, chunk by chunk; docs/methods.md",
             attitude,
         ),
         GyroscopeMethod(

@@ -25,8 +25,7 @@ def solve_linear(
     residual_scale: float = 1.0,
     advice: str = "more poses or motions about other axes are needed",
 ) -> Fit:
-    """Fit observed = design @ values, rows divided by their standard deviations, or by a typical
-    one.
+    """Fit observed = design @ values, rows divided by their standard deviations.
 
     With as many observations as parameters nothing is left to tell the scatter from, and the
     standard deviations are believed.
@@ -35,10 +34,11 @@ def solve_linear(
         design: Shape (m, p).
         observed: Shape (m,).
         parameters: Their `start` is not used.
-        known_scatter: As of `solve`.
-        residual_unit: As of `solve`.
-        residual_scale: As of `solve`.
-        advice: As of `solve`.
+        known_scatter: The standard deviations of the rows are known; else the scatter is estimated
+            from what the fit leaves.
+        residual_unit: Unit that the fit states its residuals in.
+        residual_scale: How many of that unit a residual of 1 is.
+        advice: Against poor excitation.
 
     Raises:
         PoorExcitation: Fewer observations than parameters, or a parameter that the data leave
@@ -68,8 +68,14 @@ def solve_linear(
 
 
 def axis_by_axis(regressors: np.ndarray, axes: int) -> np.ndarray:
-    """Design of several axes with the same regressors and own coefficients, axis after axis: (m, q)
-    to (m * axes, q * axes).
+    """Design of several axes with the same regressors and coefficients of their own.
+
+    Args:
+        regressors: Shape (m, q).
+        axes: Number of axes.
+
+    Returns:
+        Shape (m * axes, q * axes), rows pose by pose, columns axis by axis.
     """
     m, q = regressors.shape
     design = np.zeros((m, axes, axes * q))
@@ -98,7 +104,12 @@ def widened_by_misfit(fit: Fit) -> Fit:
 
 
 def whitening(covariance: np.ndarray) -> np.ndarray:
-    """Matrices W with W C W' = 1, shape (m, k, k) to (m, k, k): the inverse of the Cholesky factor
-    of each covariance.
+    """Matrices W with W C W' = 1: the inverse of the Cholesky factor of each covariance.
+
+    Args:
+        covariance: C, shape (m, k, k).
+
+    Returns:
+        Shape (m, k, k).
     """
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))

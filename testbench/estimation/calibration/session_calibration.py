@@ -1,6 +1,4 @@
-"""Calibration of one sensor from a session: its rests and turns, the methods asked for, and figures
-on poses held out.
-"""
+"""Calibration of one sensor from a session, with figures on poses and turns held out."""
 
 from __future__ import annotations
 
@@ -71,6 +69,7 @@ def calibrate(
         InputError: Two methods for one triad, or nothing to calibrate from.
         PoorExcitation: The recording does not determine a parameter of a method that was asked for.
     """
+    # Longer than a screen: triad after triad, each with what the ones before it gave.
     chosen = _by_triad(methods, field)
     if turn_angle is not None and chosen.get("gyroscope") != "ferraris_gyroscope":
         raise InputError(
@@ -209,9 +208,7 @@ def _with_in_run(triad: str, found: TriadCalibration) -> TriadCalibration:
 
 
 def _orthogonality(poses: StaticPoses) -> list[str]:
-    """What poses that turn two axes through the vertical say of the angle between these; nothing of
-    other poses.
-    """
+    """The angle between two axes, by poses that turn both through the vertical; else nothing."""
     try:
         found = orthogonality(poses)
     except InputError:
@@ -236,9 +233,7 @@ def _held_out_poses(found: TriadCalibration, others: list[Prepared]) -> dict[str
 
 
 def joined(several: list[StaticPoses]) -> StaticPoses:
-    """Poses of several recordings of one sensor, together; what not all of them know is left
-    out.
-    """
+    """Poses of several recordings of one sensor; what not all of them know is left out."""
 
     def all_of(name: str) -> np.ndarray | None:
         arrays = [getattr(poses, name) for poses in several]
@@ -301,9 +296,7 @@ def _gyroscope(
 
 
 def _unused_turns(recording: GyroscopeRecording, others: list[GyroscopeRecording]) -> list[Turn]:
-    """Turns that Ferraris did not calibrate from: of other recordings, or all but the largest about
-    each axis.
-    """
+    """Turns that Ferraris did not use: of other recordings, or all but the largest ones."""
     if others:
         return [turn for other in others for turn in other.turns]
     used = largest_turns(recording)

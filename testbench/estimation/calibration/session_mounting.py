@@ -53,7 +53,7 @@ def find_mounting(
             f"the method {name} compares the sensor with the arm; this recording has no truth"
         )
     samples = prepared.samples
-    gyr, acc, mag = calibration.apply(samples.gyr, samples.acc, samples.mag, prepared.warmth)
+    gyr, acc, mag = calibration.apply(samples.gyr, samples.acc, samples.mag, prepared.temperatures)
     rest = np.zeros(len(gyr), bool)
     for begin, end in prepared.rests:
         rest[begin:end] = True
@@ -151,13 +151,13 @@ def _by_hinge(
             best = power, within
     if best is None:
         raise InputError("mounting_hinge needs a sweep of one joint; the session has none")
-    turning = best[1]
-    seconds = max(float(turning.sum()) * prepared.samples.interval, 2.0)
+    moving = best[1]
+    seconds = max(float(moving.sum()) * prepared.samples.interval, 2.0)
     own, arms = (
-        axis_of_turn(prepared.samples.gyr[turning], seconds),
-        axis_of_turn(rate[turning], seconds),
+        axis_of_turn(prepared.samples.gyr[moving], seconds),
+        axis_of_turn(rate[moving], seconds),
     )
-    same = float(np.sum(prepared.samples.gyr[turning] @ own.values * (rate[turning] @ arms.values)))
+    same = float(np.sum(prepared.samples.gyr[moving] @ own.values * (rate[moving] @ arms.values)))
     axis = own.values * np.sign(same)
     q = truth_at(prepared.truth, time[prepared.rests.mean(axis=1).astype(int)])
     known = np.isfinite(q[:, 0])

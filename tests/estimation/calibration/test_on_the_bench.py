@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from testbench.estimation.calibration import (
     ACCELEROMETER_METHODS,
     StaticPoses,
+    TrueVector,
     static_poses,
     validate,
 )
@@ -62,7 +63,7 @@ def poses_of_session(result: Result, sensor: str = "forearm") -> StaticPoses:
         truth.host_time_ns, truth.q_world_from_sensor, (middle * NANOSECONDS).astype(np.int64)
     )
     expected = rotation.rotate(rotation.conjugate(q), -session.robot.gravity)
-    return static_poses(samples.acc, intervals, times=times, expected=expected)
+    return static_poses(samples.acc, intervals, times=times, true=TrueVector(expected=expected))
 
 
 @pytest.fixture(scope="module", params=["xsens_dot", "matrix"])

@@ -8,6 +8,7 @@ import pytest
 from testbench.estimation.calibration import (
     ACCELEROMETER_METHODS,
     StaticPoses,
+    TrueVector,
     cross_validate,
     static_poses,
     validate,
@@ -29,7 +30,7 @@ def test_means_variances_and_times_are_those_of_the_samples():
         samples,
         np.array([[100, 200], [500, 501], [600, 1000]]),
         times=times,
-        expected=np.eye(3),
+        true=TrueVector(expected=np.eye(3)),
         temperature=temperature,
         floor=0.02,
     )
@@ -124,7 +125,7 @@ def test_imu_tks_recording_is_calibrated_by_the_length_of_gravity(data):
     fits = []
     for intervals in (found.intervals, by_gyroscope(gyr, 0.01)):
         assert 36 <= len(intervals) <= 42
-        poses = static_poses(acc, intervals, times=counts[:, 0], magnitude=IMU_TK_GRAVITY)
+        poses = static_poses(acc, intervals, times=counts[:, 0], true=TrueVector(IMU_TK_GRAVITY))
         assert cross_validate(norm_only, poses)["gravity_norm_rms_mm_s2"] < 2.0
         calibration = norm_only(poses)
         halves = [norm_only(poses.subset(np.arange(len(poses)) % 2 == k)).fits[0] for k in (0, 1)]
