@@ -12,24 +12,22 @@ LEAST_SPREAD = np.radians(0.3)
 """A spread below this counts as rest however quiet the sensor is [rad/s]."""
 NOISE_FACTOR = 3.0
 MOST_BIAS = np.radians(2.0)
-"""A steady reading may differ by this from the quietest and still be rest: a bias moves with the
-pose [rad/s].
-"""
+"""A steady reading at rest may differ by this from the quietest [rad/s]: biases move with pose."""
 
 
 def detect_static(gyr: np.ndarray, interval: float, real: np.ndarray | None = None) -> np.ndarray:
     """Samples at which the sensor is at rest.
 
     The RMS of the angular rate about its own mean, over a window, must stay below three times its
-    quietest tenth, and the mean near the quietest one; a turn that is both steady and slower than 2
-    deg/s is taken for a bias. The borders of each rest are drawn in by half a window, so that no
-    transient is let in.
+    quietest tenth, and the mean close to the quietest one; a turn that is both steady and slower
+    than 2 deg/s is taken for a bias. The borders of each still interval are drawn in by half a
+    window, so that no transient is let in.
 
     Args:
         gyr: Shape (n, 3) [rad/s].
-        interval: [s].
-        real: Rows that were measured, not filled in: a straight line over a gap is quieter than any
-            sensor and must not set the measure; all if None.
+        interval: Between samples [s].
+        real: Rows that were measured, not filled in, shape (k,); all if None. A straight line over
+            a gap is quieter than any sensor and must not set the measure.
 
     Returns:
         Shape (n,), bool.

@@ -66,7 +66,7 @@ def test_a_model_without_noise_may_rest_in_a_recording_that_moves_for_the_most_p
         column[:800] = column[0]
     at_rest = np.arange(N) < 800
     assert assess(samples, samples.device_time_ns, at_rest).counts()["stuck"] == 799
-    assert not assess(samples, samples.device_time_ns, at_rest, hisses=False).flagged.any()
+    assert not assess(samples, samples.device_time_ns, at_rest, has_noise=False).flagged.any()
 
 
 def test_the_second_after_a_long_gap_is_flagged():
