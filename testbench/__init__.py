@@ -2,7 +2,8 @@
 
     from testbench import plan, execute, estimate, evaluate
 
-The four stages, and `Session` to open a recording; each is loaded when it is first used.
+The four stages, `RunOptions` of a run, and `Session` to open a recording; each is loaded when it is
+first used.
 """
 
 from __future__ import annotations
@@ -15,16 +16,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from testbench.estimation import estimate
     from testbench.evaluation import evaluate
-    from testbench.execution import execute
+    from testbench.execution import RunOptions, execute
     from testbench.planning import plan
     from testbench.records.session import Session
     from testbench.reporting.report import report
 
-__all__ = ["Session", "estimate", "evaluate", "execute", "plan", "report"]
+__all__ = ["RunOptions", "Session", "estimate", "evaluate", "execute", "plan", "report"]
 
 _HOMES = {
     "plan": "testbench.planning",
     "execute": "testbench.execution",
+    "RunOptions": "testbench.execution",
     "estimate": "testbench.estimation",
     "evaluate": "testbench.evaluation",
     "report": "testbench.reporting.report",

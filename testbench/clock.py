@@ -25,6 +25,31 @@ class Clock(Protocol):
         ...
 
 
+def seconds(clock: Clock) -> float:
+    """Seconds of a clock that never goes back."""
+    return clock.monotonic_ns() * 1e-9
+
+
+def utc_text(moment: datetime) -> str:
+    """A moment as records keep it: ISO 8601, UTC, to the second."""
+    return _in_utc(moment).isoformat(timespec="seconds")
+
+
+def utc_name(moment: datetime) -> str:
+    """A moment as names of files and folders begin with it: 20261121T223000Z."""
+    return f"{_in_utc(moment):%Y%m%dT%H%M%SZ}"
+
+
+def utc_shown(moment: datetime) -> str:
+    """A moment for people."""
+    return f"{_in_utc(moment):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def _in_utc(moment: datetime) -> datetime:
+    """A moment without a zone is taken for UTC."""
+    return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
 class SystemClock:
     """The clock of this machine."""
 

@@ -20,8 +20,10 @@ import yaml
 from hypothesis import settings
 
 from testbench import execute, plan
-from testbench.pipeline import Result, analyse
+from testbench.execution import RunOptions
+from testbench.pipeline.analyse import Result, analyse
 from testbench.records.shipped import shipped_folder
+from tests.asking import analysis
 
 # The same examples every time, however busy the machine is.
 settings.register_profile("repeatable", deadline=None, derandomize=True, database=None)
@@ -110,8 +112,10 @@ def run_protocol(tmp_path_factory: pytest.TempPathFactory) -> RunMaker:
 
     def run(protocol: str | Path, seed: int = 1, filters: list[str] | None = None) -> Result:
         the_plan = plan(protocol)
-        session = execute(the_plan, tmp_path_factory.mktemp("logs"), seed, clock=FakeClock())
-        return analyse(session, filters, with_report=False, the_plan=the_plan)
+        session = execute(
+            the_plan, tmp_path_factory.mktemp("logs"), seed, RunOptions(clock=FakeClock())
+        )
+        return analyse(session, analysis(*(filters or ())), the_plan)
 
     return run
 

@@ -292,3 +292,25 @@ def test_the_search_for_clocks_and_random_state_finds_them(
     assert (
         sum(map(uses_hidden_random_state, paths)) + len(list(unseeded_generators(tree))) == random
     )
+
+
+SLEEPERS = {
+    "drivers/test_serial_line.py": "a pseudo-terminal",
+    "execution/test_record.py": "a pseudo-terminal",
+    "emulated_arms.py": "makers' client libraries",
+    "system/test_real_clients.py": "makers' client libraries",
+}
+"""Tests that may sleep on the machine's time, and what for; everything else has a clock that a test
+moves on, such as `FakeClock` or `tests.lock_step`.
+"""
+
+
+def test_no_test_sleeps_on_the_machines_time_but_for_what_knows_no_other() -> None:
+    tests = ROOT / "tests"
+    sleeping = {
+        str(path.relative_to(tests))
+        for path in tests.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in {"time.sleep", "sleep"}
+    }
+    assert sleeping == set(SLEEPERS)

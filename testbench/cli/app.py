@@ -7,14 +7,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from testbench.cli.calibrating import CalibrationOption, calibrate, calibrations
+from testbench.cli.calibrating import calibrate, calibrations
 from testbench.cli.designing import design
 from testbench.cli.emulating import emulate
 from testbench.cli.exporting import export
-from testbench.cli.filtering import FiltersOption, JsonOption, filters, parse_filters
+from testbench.cli.filtering import filters
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
-from testbench.cli.options import ProtocolArgument, RobotOption, exit_code
+from testbench.cli.options import (
+    CalibrationOption,
+    FiltersOption,
+    JsonOption,
+    ProtocolArgument,
+    RobotOption,
+    SessionArgument,
+    SetOption,
+    TunedOption,
+    analysis_request,
+    exit_code,
+    optional,
+)
 from testbench.cli.output import (
     in_ranges,
     say,
@@ -27,7 +39,7 @@ from testbench.cli.output import (
 from testbench.cli.recording import record
 from testbench.cli.running import run
 from testbench.cli.studying import study
-from testbench.cli.tuning import TunedOption, tune
+from testbench.cli.tuning import tune
 
 if TYPE_CHECKING:
     from testbench.records.session import Session
@@ -38,9 +50,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-SessionArgument = Annotated[Path, typer.Argument(help="Folder of a session.")]
 
 
 def _version(shown: bool) -> None:
@@ -63,9 +72,10 @@ def _options(
 @app.command()
 def check(protocol: ProtocolArgument, robot: RobotOption = None, json: JsonOption = False) -> None:
     """Plan a protocol and show how near it comes to every limit; nothing moves."""
-    from testbench.pipeline import make_plan
+    from testbench.pipeline.prepared import make_plan
+    from testbench.pipeline.request import Request, RunRequest
 
-    plan = make_plan(protocol, robot)
+    plan = make_plan(Request(run=RunRequest(protocol=protocol, robot=robot)))
     if json:
         say_json(
             {
@@ -91,12 +101,13 @@ def plan(
     """Plan a protocol: its steps with their times, and the plan's hash."""
     from testbench.exceptions import InputError
     from testbench.frames import NANOSECONDS
-    from testbench.pipeline import make_plan
+    from testbench.pipeline.prepared import make_plan
+    from testbench.pipeline.request import Request, RunRequest
     from testbench.records.replacing import stored_where_asked
 
     if out is not None and not out.parent.is_dir():
         raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
-    the_plan = make_plan(protocol, robot)
+    the_plan = make_plan(Request(run=RunRequest(protocol=protocol, robot=robot)))
     if not json:
         say_warnings(the_plan)
     if out is not None:
@@ -149,19 +160,16 @@ app.command()(tune)
 def estimate(
     session: SessionArgument,
     filters: FiltersOption = None,
+    parameters: SetOption = None,
     calibration: CalibrationOption = None,
     tuned: TunedOption = None,
     json: JsonOption = False,
 ) -> None:
     """Align clocks and frames, run the filters, compute joint angles."""
-    from testbench.estimation import estimate as make_estimate
-    from testbench.records.calibration_file import load_calibrations
-    from testbench.records.tuning import load_tunings
+    from testbench.pipeline.analyse import make_estimate
 
     opened = _open(session)
-    stored = None if calibration is None else load_calibrations(calibration)
-    result = make_estimate(opened, parse_filters(filters), stored, load_tunings(tuned))
-    result.save(opened.path)
+    result = make_estimate(opened, analysis_request(filters, parameters, calibration, tuned))
     rows = [
         [
             name,
@@ -195,15 +203,16 @@ def estimate(
 def evaluate(
     session: SessionArgument,
     filters: FiltersOption = None,
+    parameters: SetOption = None,
     calibration: CalibrationOption = None,
     tuned: TunedOption = None,
     json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
-    from testbench.pipeline import judge_again
+    from testbench.pipeline.analyse import judge_again
 
     opened = _open(session)
-    result = judge_again(opened, parse_filters(filters), calibration, tuned or ())
+    result = judge_again(opened, analysis_request(filters, parameters, calibration, tuned))
     if json:
         say_json(result.to_dict())
     else:
@@ -215,16 +224,16 @@ def evaluate(
 def report(
     session: SessionArgument,
     filters: FiltersOption = None,
+    parameters: SetOption = None,
     calibration: CalibrationOption = None,
     tuned: TunedOption = None,
     json: JsonOption = False,
 ) -> None:
     """Estimate, evaluate and write report.html anew."""
-    from testbench.pipeline import analyse
+    from testbench.pipeline.analyse import analyse
 
-    result = analyse(
-        _open(session), parse_filters(filters), calibrations=calibration, tunings=tuned or ()
-    )
+    opened = _open(session)
+    result = analyse(opened, analysis_request(filters, parameters, calibration, tuned))
     if json:
         say_json(result.to_dict())
     else:
@@ -249,10 +258,12 @@ def view(
     json: JsonOption = False,
 ) -> None:
     """Open a session in rerun: the arm, the sensors, their signals and errors."""
-    from testbench.pipeline import show
+    from testbench.pipeline.request import ViewRequest
+    from testbench.pipeline.show import show
 
     opened = _open(session)
-    written = show(opened, web=web, save=save, screenshot=screenshot)
+    wanted = ViewRequest(web=web, save=optional(save), screenshot=optional(screenshot))
+    written = show(opened, wanted)
     if json:
         say_json({"session": str(opened.path), "files": [str(path) for path in written]})
     else:
@@ -311,18 +322,18 @@ def sessions(
             outcome = "-" if verdict is None else str(verdict[0]) if json else verdict[1]
         except SessionError as error:
             outcome, causes[session.name] = "damaged", str(error)
-        duration = session.manifest.get("duration_s")
+        duration = session.manifest.duration_s
         rows.append(
             [
                 session.name,
-                session.manifest.get("kind"),
+                session.manifest.kind,
                 "cut off"
                 if session.status == "running" and not session.is_being_recorded
                 else str(session.status),
                 outcome,
                 duration,
-                session.manifest.get("started_utc"),
-                _resumes(session).get("session"),
+                session.manifest.started_utc,
+                None if session.manifest.resumes is None else session.manifest.resumes.session,
             ]
         )
     damaged = damaged_sessions(logs)
@@ -356,16 +367,17 @@ def sessions(
 def recover(session: SessionArgument, json: JsonOption = False) -> None:
     """Make a session readable whose run was cut off by a kill or a power cut."""
     from testbench.execution.recovery import recover as make_readable
+    from testbench.records.earlier_steps import unfinished_steps
 
     opened = _open(session)
     recovered = make_readable(opened)
-    message = recovered.manifest.get("message") or "nothing to recover"
+    message = recovered.manifest.message or "nothing to recover"
     if opened.status != "running":
-        before = opened.manifest.get("message")
+        before = opened.manifest.message
         message = f"nothing to recover; it was closed as {opened.status}" + (
             f" before: {before}" if before else ""
         )
-    missing = _missing_steps(recovered)
+    missing = unfinished_steps(recovered)
     if json:
         told = {
             "session": str(recovered.path),
@@ -378,39 +390,13 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
     say(f"{recovered.path}: {message}")
     if missing:
         say(
-            f"missing: {len(missing)} of {recovered.manifest['plan']['check']['steps']} steps: "
+            f"missing: {len(missing)} of {recovered.manifest.plan.check.steps} steps: "
             f"{in_ranges(missing)}"
         )
         say(
             f"go on: testbench run --resume {recovered.path}, on a real arm with --arm and its "
             "options"
         )
-
-
-def _missing_steps(session: Session) -> list[int]:
-    """Indices of the planned steps that were not finished; none where nothing was planned."""
-    try:
-        planned = int(session.manifest["plan"]["check"]["steps"])
-    except (KeyError, TypeError, ValueError):
-        return []
-    done = {step.index for step in session.steps} | set(_left_out(session, planned))
-    return [index for index in range(planned) if index not in done]
-
-
-def _left_out(session: Session, planned: int) -> list[int]:
-    """Steps that a resuming session was not to do."""
-    wanted = _resumes(session).get("steps")
-    return (
-        [index for index in range(planned) if index not in wanted]
-        if isinstance(wanted, list)
-        else []
-    )
-
-
-def _resumes(session: Session) -> dict[str, Any]:
-    """The session that another goes on with, and the steps it was to do; empty if none."""
-    resumes = session.manifest.get("resumes")
-    return resumes if isinstance(resumes, dict) else {}
 
 
 def _open(path: Path) -> Session:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from testbench.cli.options import JsonOption, SensorOption
 from testbench.cli.output import say, say_json, say_table
 
 
@@ -20,32 +21,12 @@ class Witness(StrEnum):
     variance = "variance"
 
 
-CalibrationOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--calibration",
-        help="Stored calibration, or a folder of them: each sensor takes its own nearest in time.",
-    ),
-]
-
-
 def _list(asked: bool) -> None:
     if not asked:
         return
-    from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
-    from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
-    from testbench.estimation.calibration.session_mounting import MOUNTING_NEEDS
+    from testbench.estimation.calibration.methods import METHODS
 
-    rows: list[list[Any]] = []
-    for triad, methods in (
-        ("accelerometer", ACCELEROMETER_METHODS),
-        ("magnetometer", MAGNETOMETER_METHODS),
-    ):
-        rows += [[triad, method.name, method.needs, method.source] for method in methods.values()]
-    rows += [["mounting", name, needs, source] for name, (needs, source) in MOUNTING_NEEDS.items()]
-    rows += [
-        ["gyroscope", m.name, ", ".join(m.needs), m.source] for m in GYROSCOPE_METHODS.values()
-    ]
+    rows = [[m.calibrates, m.name, m.needs, m.source] for m in METHODS.values()]
     say_table("Calibration methods", ["triad", "method", "needs", "source"], rows)
     raise typer.Exit
 
@@ -65,10 +46,7 @@ def calibrate(
             help="Method, at most one a triad; without it the best that the recording allows.",
         ),
     ] = None,
-    sensor: Annotated[
-        str | None,
-        typer.Option("--sensor", help="Which sensor; needed where the session has several."),
-    ] = None,
+    sensor: SensorOption = None,
     segmentation: Annotated[
         Witness | None,
         typer.Option(
@@ -104,30 +82,29 @@ def calibrate(
     listed: Annotated[
         bool, typer.Option("--list", callback=_list, is_eager=True, help="List the methods.")
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """Calibrate a sensor from a session: corrections with their uncertainty, judged on poses held
     out.
     """
     import numpy as np
 
-    from testbench.pipeline import calibrate as make_calibration
+    from testbench.pipeline.calibrate import calibrate as make_calibration
+    from testbench.pipeline.request import CalibrationRequest
     from testbench.records.session import Session
 
     witness: Any = None if segmentation is None else segmentation.value
-    made = make_calibration(
-        Session(session),
-        sensor,
-        method or [],
-        out,
-        witness,
-        [Session(path) for path in held_out or []],
-        not no_report,
-        None if field is None else np.array(field),
-        None if turn is None else float(np.radians(turn)),
+    asked = CalibrationRequest(
+        out=str(out),
+        sensor=sensor,
+        methods=tuple(method or ()),
+        segmentation=witness,
+        held_out=tuple(map(str, held_out or ())),
+        field_ut=field,
+        turn_deg=turn,
+        report=not no_report,
     )
+    made = make_calibration(Session(session), asked)
     result = made.result
     if json:
         triads = {
@@ -188,19 +165,15 @@ def calibrate(
 
 
 def _to_its_uncertainty(value: float, sd: float) -> str:
-    """A number to two digits of its standard uncertainty."""
-    import math
+    from testbench.records.numbers import decimals_by
 
-    if not math.isfinite(sd) or sd <= 0:
-        return f"{value:.6g}"
-    return f"{value:.{min(max(1 - math.floor(math.log10(sd)), 0), 12)}f}"
+    decimals = decimals_by(sd)
+    return f"{value:.6g}" if decimals is None else f"{value:.{decimals}f}"
 
 
 def calibrations(
     path: Annotated[Path, typer.Argument(help="Folder of calibrations, or one file.")],
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """List stored calibrations by date."""
     from testbench.records.calibration_file import load_calibrations

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from testbench.cli.options import JsonOption, entries_of
 from testbench.cli.output import say, say_json, say_table
 
 
@@ -69,21 +70,26 @@ def design(
         ),
     ] = 90.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the candidate poses.")] = 0,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """Choose the poses and turns that leave a calibration least uncertain, and write them as a
     protocol.
     """
     import numpy as np
 
-    from testbench.pipeline import design_calibration
+    from testbench.pipeline.calibrate import design_calibration
     from testbench.planning.designed import LEFT_OUT
     from testbench.planning.experiment_design import Wanted
 
-    names = tuple(name.strip() for name in joints.split(",") if name.strip()) if joints else None
-    wanted = Wanted(poses, turns, names, criterion.value, dwell, float(np.radians(turn)), seed=seed)
+    wanted = Wanted(
+        poses,
+        turns,
+        entries_of(joints or None),
+        criterion.value,
+        dwell,
+        float(np.radians(turn)),
+        seed=seed,
+    )
     found = design_calibration(out, robot, like, sensor, wanted, link)
     rows: list[list[Any]] = [
         [row.parameter, row.unit, row.compared, row.designed, row.ratio] for row in found.rows

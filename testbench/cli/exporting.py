@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from testbench.cli.options import (
+    JsonOption,
+    SessionArgument,
+    SetOption,
+    filter_parameters,
+    optional,
+)
 from testbench.cli.output import say, say_json
 
 
@@ -25,7 +32,7 @@ def _complete_export(incomplete: str) -> list[str]:
 
 
 def export(
-    session: Annotated[Path, typer.Argument(help="Folder of a session.")],
+    session: SessionArgument,
     to: Annotated[
         str,
         typer.Option(
@@ -56,16 +63,24 @@ def export(
         ),
     ] = ExportFrame.opensim,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier export.")] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    parameters: SetOption = None,
+    json: JsonOption = False,
 ) -> None:
     """Write a session in a format that other programs read."""
-    from testbench.cli.filtering import parse_filter
-    from testbench.pipeline import export as write_export
+    from testbench.pipeline.request import ExportRequest
+    from testbench.pipeline.show import export as write_export
     from testbench.records.session import Session
 
-    result = write_export(Session(session), to, out, parse_filter(filter_name), frame.value, force)
+    where: Any = frame.value
+    asked = ExportRequest(
+        format=to,
+        out=optional(out),
+        filter=filter_name,
+        parameters=filter_parameters(parameters),
+        frame=where,
+        force=force,
+    )
+    result = write_export(Session(session), asked)
     if json:
         say_json(
             {

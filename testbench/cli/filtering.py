@@ -1,74 +1,13 @@
-"""The command `filters`, and the option that names filters for other commands."""
+"""The command `filters`."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from testbench.cli.options import JsonOption
 from testbench.cli.output import say_json, say_table
-
-if TYPE_CHECKING:
-    from testbench.estimation.filters import OrientationFilter
-
-FiltersOption = Annotated[
-    str | None,
-    typer.Option(
-        "--filters",
-        help="Orientation filters, separated by commas: names, or path/to/file.py:ClassName.",
-    ),
-]
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-]
-
-
-def parse_filters(text: str | None) -> list[str | OrientationFilter] | None:
-    """Filters of a comma-separated list, checked before anything moves; those that ship with the
-    bench stay names.
-    """
-    if text is None:
-        return None
-    from testbench.estimation.filters import FILTERS, choose_filters
-    from testbench.estimation.filters.plugins import find_filter
-    from testbench.exceptions import InputError
-
-    entries = [entry.strip() for entry in text.split(",") if entry.strip()]
-    if not entries:
-        raise InputError("--filters names no filter")
-    chosen = [entry if entry in FILTERS else _sound(find_filter(entry)) for entry in entries]
-    choose_filters(chosen)
-    return chosen
-
-
-def parse_filter(text: str | None) -> str | OrientationFilter | None:
-    """A filter by name, or a user's own from a file or an installed package, once it has passed the
-    self-test.
-
-    A name that is neither stays a name: an estimate may hold it.
-    """
-    if text is None:
-        return None
-    from testbench.estimation.filters import FILTERS
-    from testbench.estimation.filters.plugins import find_filter, installed_filters
-
-    own = text.rpartition(":")[0].endswith(".py") or (
-        text not in FILTERS and text in installed_filters()
-    )
-    return _sound(find_filter(text)) if own else text
-
-
-def _sound(kind: OrientationFilter) -> OrientationFilter:
-    """A user's own filter, once it has passed the self-test: one with a wrong unit or sign is not
-    ranked beside the others.
-    """
-    from testbench.estimation.filters.self_test import self_test
-    from testbench.exceptions import InputError
-
-    result = self_test(kind)
-    if not result.passed:
-        raise InputError(f"the filter {kind.name} fails the self-test: {result.reason}")
-    return kind
 
 
 def filters(

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
+from testbench.cli.options import JsonOption, complete_robot
 from testbench.cli.output import say, say_json, say_table
-
-if TYPE_CHECKING:
-    from testbench.formats.truth.attach import TruthOptions
-    from testbench.records.strict import Placement
 
 TRUTH_PANEL = "Truth from a file of its own"
 OPEN_PANEL = "What the files leave open"
@@ -29,12 +26,6 @@ def _complete_format(incomplete: str) -> list[str]:
     from testbench.formats import FORMATS
 
     return [name for name in FORMATS if name.startswith(incomplete)]
-
-
-def _complete_robot(incomplete: str) -> list[str]:
-    from testbench.records.robot import list_robots
-
-    return [name for name in list_robots() if name.startswith(incomplete)]
 
 
 def import_files(
@@ -106,7 +97,7 @@ def import_files(
             "--robot",
             help="The arm whose log it is.",
             rich_help_panel=TRUTH_PANEL,
-            autocompletion=_complete_robot,
+            autocompletion=complete_robot,
         ),
     ] = None,
     link: Annotated[
@@ -178,66 +169,69 @@ def import_files(
         JointUnit | None,
         typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """Turn a foreign recording into a session."""
-    from testbench.clock import SystemClock
     from testbench.exceptions import InputError
-    from testbench.formats import import_recording
-    from testbench.formats.options import Options
+    from testbench.pipeline.bring_in import bring_in
+    from testbench.pipeline.request import ImportRequest, TruthRequest
 
-    options = Options(mapping, rate, dict(_pair("--unit", text) for text in unit or []))
-    wanted = None
-    if truth is not None:
-        wanted = _truth(
-            truth,
-            robot,
-            link or [],
-            mounting or [],
-            dwell,
-            move,
-            truth_offset,
-            truth_rate,
-            joint_unit,
-        )
-        wanted.calibration_poses = calibration_poses
-    elif (
-        robot or link or mounting or dwell or move or truth_rate or joint_unit or calibration_poses
-    ):
+    described = (robot, link, mounting, dwell, move, truth_rate, joint_unit, calibration_poses)
+    if truth is None and any(described):
         raise InputError(
             "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate and "
             "--joint-unit describe the "
             "file of --truth"
         )
-    session = import_recording(
-        format_name, files, out, SystemClock(), options, wanted, axes, recorded_at
+    angles: Any = None if joint_unit is None else joint_unit.value
+    session = bring_in(
+        ImportRequest(
+            format=format_name,
+            files=tuple(map(str, files)),
+            out=str(out),
+            mapping=mapping,
+            rate_hz=rate,
+            units=tuple(unit or ()),
+            axes=axes,
+            recorded_at=recorded_at,
+            truth=None
+            if truth is None
+            else TruthRequest(
+                file=str(truth),
+                robot=robot,
+                links=tuple(link or ()),
+                mountings=tuple(mounting or ()),
+                dwell_s=dwell,
+                move_s=move,
+                offset_s=truth_offset,
+                rate_hz=truth_rate,
+                joint_unit=angles,
+                calibration_poses=calibration_poses,
+            ),
+        )
     )
     manifest = session.manifest
     if json:
         say_json(
             {
                 "session": str(session.path),
-                "samples": manifest["samples"],
-                "rate_hz": {
-                    name: sensor["rate_hz"] for name, sensor in manifest["sensors"].items()
-                },
-                "duration_s": manifest["duration_s"],
-                "recorded_utc": manifest["recorded_utc"],
-                "recorded_by": manifest["recorded_by"],
-                "notes": manifest["notes"],
+                "samples": manifest.samples,
+                "rate_hz": {name: sensor.rate_hz for name, sensor in manifest.sensors.items()},
+                "duration_s": manifest.duration_s,
+                "recorded_utc": manifest.recorded_utc,
+                "recorded_by": manifest.recorded_by,
+                "notes": manifest.notes,
             }
         )
         return
-    for name, count in manifest["samples"].items():
-        say(f"{name}: {count} samples at {manifest['sensors'][name]['rate_hz']:g} Hz")
-    for note in manifest["notes"]:
+    for name, count in manifest.samples.items():
+        say(f"{name}: {count} samples at {manifest.sensors[name].rate_hz:g} Hz")
+    for note in manifest.notes:
         say(f"note: {note}")
-    say(f"duration: {manifest['duration_s']:.1f} s")
+    say(f"duration: {manifest.duration_s or 0.0:.1f} s")
     dated = (
-        f"{manifest['recorded_utc']}, by {manifest['recorded_by']}"
-        if manifest["recorded_utc"]
+        f"{manifest.recorded_utc}, by {manifest.recorded_by}"
+        if manifest.recorded_utc
         else "date unknown"
     )
     say(f"recorded: {dated}")
@@ -245,9 +239,7 @@ def import_files(
 
 
 def formats(
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """List the file formats that can be imported, the mappings and the axis maps that ship."""
     from testbench.formats import FORMATS
@@ -279,61 +271,3 @@ def formats(
         say_table(
             titles[key], ["name", "description"], [[name, text] for name, text in rows.items()]
         )
-
-
-def _pair(option: str, text: str) -> tuple[str, str]:
-    from testbench.exceptions import InputError
-
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip() or not value.strip():
-        raise InputError(
-            f"{option} {text}: write it as "
-            f"{'WHAT=UNIT, e.g. acc=g' if option == '--unit' else 'SENSOR=...'}"
-        )
-    return key.strip(), value.strip()
-
-
-def _truth(
-    file: Path,
-    robot: str | None,
-    links: list[str],
-    mountings: list[str],
-    dwell: float | None,
-    move: float | None,
-    offset: float,
-    rate: float | None,
-    joint_unit: JointUnit | None,
-) -> TruthOptions:
-    from testbench.formats.truth.attach import TruthOptions
-
-    by_sensor = dict(_pair("--link", text) if "=" in text else ("", text) for text in links)
-    placements = dict(_placement(text) for text in mountings)
-    return TruthOptions(
-        file,
-        robot,
-        by_sensor,
-        placements,
-        dwell,
-        move,
-        offset,
-        rate,
-        joint_unit.value if joint_unit else None,
-    )
-
-
-def _placement(text: str) -> tuple[str, Placement]:
-    """Sensor ("" for all) and mounting, from `[SENSOR=]rotation_deg: {...}, position_mm: [...]`."""
-    from pydantic import ValidationError
-
-    from testbench.exceptions import FileProblems, InputError
-    from testbench.records.strict import Placement
-    from testbench.records.yaml_file import parse_yaml, validation_problems
-
-    sensor, equals, rest = text.partition("=")
-    sensor, rest = (sensor.strip(), rest) if equals else ("", text)
-    place = Path("--mounting")
-    data, places = parse_yaml(rest if rest.strip().startswith("{") else f"{{{rest}}}", place)
-    try:
-        return sensor, Placement.model_validate(data)
-    except ValidationError as error:
-        raise InputError(str(FileProblems(place, validation_problems(error, places)))) from None

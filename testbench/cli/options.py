@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from testbench.pipeline.request import AnalysisRequest
 
 
 def complete_protocol(incomplete: str) -> list[str]:
@@ -25,13 +29,12 @@ def complete_robot(incomplete: str) -> list[str]:
     return [name for name in list_robots() if name.startswith(incomplete)]
 
 
-ProtocolArgument = Annotated[
-    str,
-    typer.Argument(
-        help="Protocol file, or the name of one that ships with the bench.",
-        autocompletion=complete_protocol,
-    ),
-]
+PROTOCOL = typer.Argument(
+    help="Protocol file, or the name of one that ships with the bench.",
+    autocompletion=complete_protocol,
+)
+ProtocolArgument = Annotated[str, PROTOCOL]
+SessionArgument = Annotated[Path, typer.Argument(help="Folder of a session.")]
 RobotOption = Annotated[
     str | None,
     typer.Option(
@@ -40,6 +43,100 @@ RobotOption = Annotated[
         autocompletion=complete_robot,
     ),
 ]
+LogsOption = Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")]
+SensorOption = Annotated[
+    str | None,
+    typer.Option("--sensor", help="Which sensor; needed where the session has several."),
+]
+FiltersOption = Annotated[
+    str | None,
+    typer.Option(
+        "--filters",
+        help="Orientation filters, separated by commas: names, or path/to/file.py:ClassName.",
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="FILTER.PARAMETER=VALUE",
+        help="Set a parameter of a filter, whatever protocol or tuning say; may be repeated.",
+    ),
+]
+CalibrationOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration",
+        help="Stored calibration, or a folder of them: each sensor takes its own nearest in time.",
+    ),
+]
+TunedOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--tuned",
+        help="Parameters that `testbench tune` found (.json); once for each filter that was tuned.",
+    ),
+]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object instead of tables.")
+]
+
+
+def entries_of(text: str | None) -> tuple[str, ...] | None:
+    """The entries of a comma-separated list; None where the option was left away."""
+    if text is None:
+        return None
+    return tuple(entry.strip() for entry in text.split(",") if entry.strip())
+
+
+def filter_parameters(given: list[str] | None) -> dict[str, dict[str, float]]:
+    """Parameters by filter and name, as `--set` gives them.
+
+    Raises:
+        InputError: One is not written as FILTER.PARAMETER=VALUE, or is set twice.
+    """
+    from testbench.exceptions import InputError
+
+    found: dict[str, dict[str, float]] = {}
+    for text in given or []:
+        place, equals, value = text.partition("=")
+        name, dot, parameter = (part.strip() for part in place.rpartition("."))
+        if not (equals and dot and name and parameter):
+            raise InputError(
+                f"--set {text}: write it as FILTER.PARAMETER=VALUE, e.g. madgwick_marg.beta=0.12"
+            )
+        try:
+            number = float(value)
+        except ValueError:
+            raise InputError(f"--set {text}: '{value.strip()}' is no number") from None
+        if parameter in found.setdefault(name, {}):
+            raise InputError(f"--set gives {name}.{parameter} twice; which one?")
+        found[name][parameter] = number
+    return found
+
+
+def analysis_request(
+    filters: str | None,
+    parameters: list[str] | None,
+    calibration: Path | None,
+    tuned: list[Path] | None,
+    report: bool = True,
+) -> AnalysisRequest:
+    """How to analyse, as the options of a command say."""
+    from testbench.pipeline.request import AnalysisRequest
+
+    return AnalysisRequest(
+        filters=entries_of(filters),
+        parameters=filter_parameters(parameters),
+        calibrations=optional(calibration),
+        tunings=tuple(map(str, tuned or ())),
+        report=report,
+    )
+
+
+def optional(path: Path | None) -> str | None:
+    """A path as requests hold it; None where the option was left away."""
+    return None if path is None else str(path)
 
 
 def exit_code(evaluation: Any) -> int:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from testbench.exceptions import BenchError
-    from testbench.execution.executor import Progress as RunProgress
+    from testbench.execution.run_progress import Progress as RunProgress
     from testbench.records.evaluation import ChainRow, Evaluation, NoiseRow
     from testbench.records.plan import Plan
 
@@ -131,16 +131,22 @@ class RunDisplay:
     """A bar with step, part done and remaining time on stderr, and lines above it; where there is
     no terminal, the lines alone.
 
+    The bar appears with the first progress, so that whoever is asked something before has the
+    terminal alone.
+
     Args:
-        bar: Of rich.
-        task: Of rich.
+        bar: Of rich, not started.
     """
 
-    def __init__(self, bar: Any, task: Any):
-        self._bar, self._task = bar, task
+    def __init__(self, bar: Any):
+        self._bar, self._task = bar, bar.add_task("starting", total=None)
+        self._started = False
 
     def __call__(self, progress: RunProgress) -> None:
         """Show how far a run is."""
+        if not self._started:
+            self._bar.start()
+            self._started = True
         text = progress.doing or f"step {progress.index + 1}/{progress.steps}: {progress.step}"
         self._bar.update(
             self._task, description=text[:60], total=progress.duration, completed=progress.time
@@ -150,10 +156,15 @@ class RunDisplay:
         """Print a line that stays."""
         self._bar.console.print(line, markup=False, highlight=False, soft_wrap=True)
 
+    def close(self) -> None:
+        """Take the bar away."""
+        if self._started:
+            self._bar.stop()
+
 
 @contextmanager
-def progress_bar(shown: bool, first: str = "starting") -> Iterator[RunDisplay | None]:
-    """A display of a run, or None; `first` is what it says until it is told more."""
+def progress_bar(shown: bool) -> Iterator[RunDisplay | None]:
+    """A display of a run, or None."""
     if not shown:
         yield None
         return
@@ -167,10 +178,22 @@ def progress_bar(shown: bool, first: str = "starting") -> Iterator[RunDisplay | 
         TimeRemainingColumn(),
     )
     console = Console(stderr=True)
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        yield RunDisplay(bar, bar.add_task(first, total=None))
+    hidden = not console.is_terminal
+    display = RunDisplay(Progress(*columns, console=console, transient=True, disable=hidden))
+    try:
+        yield display
+    finally:
+        display.close()
+
+
+def teller(json: bool) -> Callable[[str], None]:
+    """What tells a person at a terminal, on stderr, what is being done; nobody else is told."""
+
+    def tell(text: str) -> None:
+        if not json and sys.stderr.isatty():
+            print(text, file=sys.stderr)
+
+    return tell
 
 
 def say_check(plan: Plan) -> None:

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from testbench.cli.options import JsonOption, LogsOption
 from testbench.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
+    from testbench.execution.run_progress import Progress
     from testbench.records.session import Session
 
 
@@ -37,9 +39,7 @@ def record(
             help="Length in seconds; without it, Ctrl-C is the normal end.",
         ),
     ] = None,
-    logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path(
-        "logs"
-    ),
+    logs: LogsOption = Path("logs"),
     name: Annotated[str, typer.Option("--name", help="Name of the recording.")] = "recording",
     dot_payload: Annotated[
         str, typer.Option("--dot-payload", help="Payload mode of the DOTs.")
@@ -57,31 +57,39 @@ def record(
     scan: Annotated[
         bool, typer.Option("--scan", help="List serial ports and DOTs instead.")
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """Record IMUs alone, without an arm; Ctrl-C ends it."""
-    from testbench.clock import SystemClock
-    from testbench.execution.device_recorder import open_devices, record_devices, scan_devices
+    from testbench.pipeline.record import record as record_devices
+    from testbench.pipeline.record import scan_devices
+    from testbench.pipeline.request import RecordRequest
+    from testbench.pipeline.watcher import Watcher
 
     if scan:
         return _say_found(scan_devices(), json)
-    clock = SystemClock()
-    devices = open_devices(
-        serial or [], dot or [], clock, dot_payload, dot_rate, synchronise_dots=dot_sync
+    asked = RecordRequest(
+        serial=tuple(serial or ()),
+        dots=tuple(dot or ()),
+        duration_s=duration,
+        logs=str(logs),
+        name=name,
+        dot_payload=dot_payload,
+        dot_rate_hz=dot_rate,
+        dot_sync=dot_sync,
     )
-    if not json:
-        length = "until Ctrl-C" if duration is None else f"for {duration:g} s"
-        say(f"connecting {', '.join(devices.imus)}, then recording {length}")
-    progress = None if json or not sys.stderr.isatty() else _say_progress
-    session = record_devices(devices, logs, duration, name, clock, progress)
-    return _say_recorded(session, json)
+    shown = _say_progress if sys.stderr.isatty() else None
+    watcher = Watcher() if json else Watcher(notify=say, progress=shown, say=_say_beside)
+    return _say_recorded(record_devices(asked, watcher), json)
 
 
-def _say_progress(time: float, counts: dict[str, int]) -> None:
-    listed = ", ".join(f"{name} {count}" for name, count in counts.items())
-    print(f"\r{time:7.1f} s, samples: {listed} ", end="", file=sys.stderr, flush=True)
+def _say_progress(progress: Progress) -> None:
+    listed = ", ".join(f"{name} {count}" for name, count in progress.samples.items())
+    print(f"\r{progress.time:7.1f} s, samples: {listed} ", end="", file=sys.stderr, flush=True)
+
+
+def _say_beside(line: str) -> None:
+    """A line that does not run into the progress."""
+    print(f"\n{line}" if sys.stderr.isatty() else line, file=sys.stderr)
 
 
 def _say_found(found: dict[str, list[Any]], json: bool) -> None:
@@ -103,17 +111,14 @@ def _say_found(found: dict[str, list[Any]], json: bool) -> None:
 
 
 def _say_recorded(session: Session, json: bool) -> None:
-    statistics = {
-        name: sensor["statistics"] for name, sensor in session.manifest["sensors"].items()
-    }
+    statistics = {name: sensor.statistics for name, sensor in session.manifest.sensors.items()}
     if json:
-        keys = ("duration_s", "notes")
-        summary = {key: session.manifest[key] for key in keys}
         return say_json(
             {
                 "session": str(session.path),
                 "status": session.status,
-                **summary,
+                "duration_s": session.manifest.duration_s,
+                "notes": session.manifest.notes,
                 "sensors": statistics,
             }
         )
@@ -138,7 +143,7 @@ def _say_recorded(session: Session, json: bool) -> None:
         "malformed packets",
         "reconnects",
     ]
-    say_table(f"Recorded, {session.manifest['duration_s']:.1f} s", columns, rows)
-    for note in session.manifest["notes"]:
+    say_table(f"Recorded, {session.manifest.duration_s or 0.0:.1f} s", columns, rows)
+    for note in session.manifest.notes:
         say(f"note: {note}")
     return say(f"session: {session.path}")

@@ -1,23 +1,32 @@
-"""The command `run`: simulated arms, and those that are not, with the dry run, the hazards, and the
-motion.
+"""The command `run`: what was typed becomes a request, and a person is shown what happens and asked
+what must be asked.
 """
 
 from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from testbench.cli.arm_choice import ArmChoice
-from testbench.cli.calibrating import CalibrationOption
-from testbench.cli.filtering import FiltersOption, JsonOption, parse_filters
-from testbench.cli.options import RobotOption, complete_protocol, exit_code
+from testbench.cli.options import (
+    PROTOCOL,
+    CalibrationOption,
+    FiltersOption,
+    JsonOption,
+    LogsOption,
+    RobotOption,
+    SetOption,
+    TunedOption,
+    analysis_request,
+    exit_code,
+    optional,
+)
 from testbench.cli.output import (
     progress_bar,
     say,
@@ -29,13 +38,14 @@ from testbench.cli.output import (
     say_warning,
     say_warnings,
 )
-from testbench.cli.tuning import TunedOption
-from testbench.drivers.arms.catalogue import ARMS, SIM, refuse_other_maker
+from testbench.drivers.arms.catalogue import ARMS, SIM, find_arm
 
 if TYPE_CHECKING:
-    from testbench.arm_pipeline import ArmSetup
-    from testbench.execution.arm_run import ArmRunOptions
-    from testbench.pipeline import Result
+    from testbench.cli.output import RunDisplay
+    from testbench.pipeline.analyse import Result
+    from testbench.pipeline.prepared import Prepared
+    from testbench.pipeline.request import RunRequest
+    from testbench.pipeline.watcher import Consent, Watcher
     from testbench.records.plan import Plan, PlannedStep
 
 
@@ -54,13 +64,7 @@ ARM_HELP = "Which arm to drive: " + ", ".join(f"{arm.name} {arm.title}" for arm 
 
 
 def run(
-    protocol: Annotated[
-        str | None,
-        typer.Argument(
-            help="Protocol file, or the name of one that ships with the bench.",
-            autocompletion=complete_protocol,
-        ),
-    ] = None,
+    protocol: Annotated[str | None, PROTOCOL] = None,
     robot: RobotOption = None,
     arm: Annotated[ArmName, typer.Option("--arm", help=ARM_HELP)] = ArmName("sim"),
     host: Annotated[
@@ -103,10 +107,9 @@ def run(
         Speed,
         typer.Option("--speed", help="Virtual time: as fast as possible, or a second a second."),
     ] = Speed.fast,
-    logs: Annotated[Path, typer.Option("--logs", help="Folder that sessions are made in.")] = Path(
-        "logs"
-    ),
+    logs: LogsOption = Path("logs"),
     filters: FiltersOption = None,
+    parameters: SetOption = None,
     calibration: CalibrationOption = None,
     tuned: TunedOption = None,
     no_report: Annotated[
@@ -117,56 +120,34 @@ def run(
     """Run a protocol: plan, check, move, record, estimate, evaluate, report. Keys: p pauses, r
     resumes, q stops.
     """
-    from testbench.exceptions import InputError
-    from testbench.pipeline import run as run_protocol
+    from testbench.pipeline.request import ArmRequest, Request, RunRequest
+    from testbench.pipeline.run import run as carry_out
 
-    names = parse_filters(filters)
-    choice = ArmChoice(
-        str(arm),
-        host,
-        log,
-        simulate_imus,
-        serial or [],
-        dot or [],
-        kinematics,
-        confirm_motion,
-        hazards_checked,
-        seed,
-        speed.value,
-        logs,
-        names,
-        calibration,
-        tuned or [],
-        not no_report,
-        json,
+    pace: Any = speed.value
+    asked = Request(
+        run=RunRequest(
+            protocol=protocol,
+            robot=robot,
+            arm=ArmRequest(
+                driver=str(arm),
+                host=host or "",
+                log=optional(log),
+                kinematics=optional(kinematics),
+                serial=tuple(serial or ()),
+                dots=tuple(dot or ()),
+                simulate_imus=simulate_imus,
+            ),
+            seed=seed,
+            speed=pace,
+            logs=str(logs),
+            resume=optional(resume),
+        ),
+        analysis=analysis_request(filters, parameters, calibration, tuned, not no_report),
     )
-    if resume is not None:
-        return _finish(resume_run(resume, protocol, robot, choice), json)
-    choice.refuse_ignored()
-    if protocol is None:
-        raise InputError("name a protocol, or a session with --resume")
-    if arm != SIM.name:
-        return _finish(run_real(protocol, robot, choice), json)
-    with (
-        progress_bar(not json) as progress,
-        _resumable(lambda path: shlex.join(["testbench", "run", "--resume", str(path)])),
-    ):
-        result = run_protocol(
-            protocol,
-            robot,
-            seed,
-            speed.value,
-            logs,
-            names,
-            not no_report,
-            progress=progress,
-            planned=None if json else say_warnings,
-            calibrations=calibration,
-            tunings=tuned or (),
-            keys=not json,
-            say=(lambda line: None) if progress is None else progress.say,
-        )
-    return _finish(result, json)
+    with _resumable(asked.run), progress_bar(not json) as display:
+        consent = consent_of(confirm_motion, hazards_checked)
+        result = carry_out(asked, _watcher(display, consent))
+    _finish(result, json)
 
 
 def _finish(result: Result, json: bool) -> None:
@@ -181,51 +162,8 @@ def _finish(result: Result, json: bool) -> None:
     raise typer.Exit(exit_code(result.evaluation))
 
 
-def run_real(protocol: str, robot: str | None, choice: ArmChoice) -> Result:
-    """Run a protocol on a real arm, or show what it would do.
-
-    Raises:
-        InputError: The motion was not confirmed; nothing moved, nothing was connected.
-    """
-    from testbench.arm_pipeline import calibrated_robot, run_on_arm
-    from testbench.pipeline import make_plan
-
-    setup = choice.setup()
-    own = (
-        calibrated_robot(protocol, robot, choice.kinematics)
-        if choice.kinematics is not None
-        else robot
-    )
-    plan = make_plan(protocol, own, choice.filters, choice.tuned)
-    refuse_other_maker(choice.arm, plan.robot.name)
-    if not choice.json:
-        say_warnings(plan)
-    options = _options(choice)
-    if choice.moves:
-        options.checklist = approve(plan, choice, setup)
-    with _shown(choice, options):
-        return run_on_arm(
-            plan,
-            setup,
-            options,
-            choice.filters,
-            choice.with_report,
-            calibrations=choice.calibration,
-            tunings=choice.tuned,
-        )
-
-
 @contextmanager
-def _shown(choice: ArmChoice, options: ArmRunOptions) -> Iterator[None]:
-    """Show a run on a real arm."""
-    with progress_bar(not choice.json, "connecting") as display, _resumable(choice.resume_line):
-        if display is not None:
-            options.progress, options.say = display, display.say
-        yield
-
-
-@contextmanager
-def _resumable(line: Callable[[Path], str]) -> Iterator[None]:
+def _resumable(asked: RunRequest) -> Iterator[None]:
     """Give an error after a session was made the line that goes on with it."""
     from testbench.exceptions import BenchError
     from testbench.records.session import Session
@@ -234,128 +172,81 @@ def _resumable(line: Callable[[Path], str]) -> Iterator[None]:
         yield
     except BenchError as error:
         if isinstance(error.session, Session):
-            error.add_note(f"go on: {line(error.session.path)}")
+            error.add_note(f"go on: {resume_line(asked, error.session.path)}")
         raise
 
 
-def resume_run(session: Path, protocol: str | None, robot: str | None, choice: ArmChoice) -> Result:
-    """Go on with a session whose run broke off."""
-    from testbench.arm_pipeline import prepare_resume, resume
-    from testbench.exceptions import InputError
-    from testbench.records.arm_record import arm_record
-    from testbench.records.session import Session
+def _watcher(display: RunDisplay | None, consent: Consent) -> Watcher:
+    """Shows a run on the terminal; without a display it is allowed what the person allows, and no
+    more.
+    """
+    from testbench.pipeline.watcher import Watcher
 
-    arm = arm_record(Session(session).manifest)
-    simulated = arm is None or arm.simulated  # one without an arm is refused below
-    driver = SIM.name if arm is None or simulated else arm.driver
-    if choice.arm == SIM.name and not simulated:
-        raise InputError(
-            f"{session} was run on a real arm; say --arm {driver} and its options again"
-        )
-    if choice.arm != driver:
-        own = (
-            "on a simulated arm; leave --arm away"
-            if simulated
-            else f"with --arm {driver}; say that"
-        )
-        raise InputError(f"{session} was run {own} to go on")
-    choice.refuse_ignored(resumed=True)
-    setup = None if simulated else choice.setup()
-    prepared = prepare_resume(session, protocol, robot, choice.filters, choice.tuned)
-    if not choice.json:
-        say_note(prepared.note)
-    options = None if simulated else _options(choice)
-    if options is not None and choice.moves:
-        assert setup is not None
-        options.checklist = approve(prepared.plan, choice, setup, prepared.steps)
-    with ExitStack() as stack:
-        progress = None
-        if options is None:
-            progress = stack.enter_context(progress_bar(not choice.json))
-        else:
-            stack.enter_context(_shown(choice, options))
-        return resume(
-            session,
-            setup,
-            options,
-            filters=choice.filters,
-            with_report=choice.with_report,
-            progress=progress,
-            calibrations=choice.calibration,
-            tunings=choice.tuned,
-            prepared=prepared,
-        )
-
-
-def _options(choice: ArmChoice) -> ArmRunOptions:
-    from testbench.execution.arm_run import ArmRunOptions
-
-    return ArmRunOptions(
-        choice.logs, choice.seed, keys=not choice.json, notify=None if choice.json else say_warning
+    if display is None:
+        return Watcher(consent=consent)
+    return Watcher(
+        prepared=_say_prepared,
+        motion=lambda prepared: say_motion(prepared.plan, prepared.steps),
+        progress=display,
+        say=display.say,
+        notify=say_warning,
+        keys=True,
+        consent=consent,
     )
 
 
-def approve(
-    plan: Plan, choice: ArmChoice, setup: ArmSetup, steps: list[PlannedStep] | None = None
-) -> dict[str, Any]:
-    """Show the whole motion, and ask; without --confirm-motion that is all.
+def _say_prepared(prepared: Prepared) -> None:
+    """By which protocol a session goes on, or what a plan warns of."""
+    if prepared.resumed is not None:
+        say_note(prepared.note)
+    else:
+        say_warnings(prepared.plan)
 
-    A person is asked last, when arm and options are such that the run will not be refused
-    afterwards.
 
-    Args:
-        plan: The motion.
-        choice: As asked for.
-        setup: As asked for.
-        steps: Those of its steps to do; all if None.
+def consent_of(confirm_motion: bool, hazards_checked: bool) -> Consent:
+    """What a person allows by the options of `run`, and at this terminal."""
+    from testbench.pipeline.watcher import Consent
 
-    Raises:
-        InputError: The arm was refused, or the motion or a hazard was not confirmed.
+    return Consent(confirm_motion, hazards_checked, _Asker() if sys.stdin.isatty() else None)
+
+
+class _Asker:
+    """Asks on the terminal; what was typed before a question stands there is no answer to it."""
+
+    def __init__(self) -> None:
+        self._introduced = False
+
+    def __call__(self, sentence: str) -> bool:
+        """Whether a person confirms a sentence."""
+        import termios
+
+        if not self._introduced:
+            print("Before the arm moves:", file=sys.stderr)
+            self._introduced = True
+        if sys.stdin.isatty():
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)
+        print(f"  {sentence} [y/N] ", end="", file=sys.stderr, flush=True)
+        return sys.stdin.readline().strip().lower() in {"y", "yes"}
+
+
+def resume_line(asked: RunRequest, session: Path) -> str:
+    """The command that goes on with a session, with the same arm and sensors; the hazards will be
+    asked for.
     """
-    if not choice.json:
-        say_motion(plan, steps)
-    _refuse_unconfirmed(choice)
-    if not choice.hazards_checked:
-        from testbench.arm_pipeline import look_at_arm
-
-        _refuse_without_terminal()
-        look_at_arm(plan, setup, steps)
-    return _hazards(choice)
-
-
-def _refuse_unconfirmed(choice: ArmChoice) -> None:
-    from testbench.exceptions import ArmRefused
-
-    if not choice.confirmed:
-        raise ArmRefused("nothing moved: this was a dry run; add --confirm-motion to move the arm")
-
-
-def _refuse_without_terminal() -> None:
-    from testbench.exceptions import ArmRefused
-
-    if not sys.stdin.isatty():
-        raise ArmRefused(
-            "nothing moves: the hazards must be confirmed on a terminal, or with --hazards-checked"
-        )
-
-
-def _hazards(choice: ArmChoice) -> dict[str, Any]:
-    from testbench.execution.checklist import confirm_hazards
-
-    if choice.hazards_checked:
-        return confirm_hazards(lambda sentence: True) | {"by": "--hazards-checked"}
-    print("Before the arm moves:", file=sys.stderr)
-    return confirm_hazards(_ask) | {"by": "asked on the terminal"}
-
-
-def _ask(sentence: str) -> bool:
-    """Ask on the terminal; what was typed before the question stands there is no answer to it."""
-    import termios
-
-    if sys.stdin.isatty():
-        termios.tcflush(sys.stdin, termios.TCIFLUSH)
-    print(f"  {sentence} [y/N] ", end="", file=sys.stderr, flush=True)
-    return sys.stdin.readline().strip().lower() in {"y", "yes"}
+    words, arm = ["testbench", "run", "--resume", str(session)], asked.arm
+    if arm.driver == SIM.name:
+        return shlex.join(words)
+    words += ["--arm", arm.driver]
+    words += ["--host", arm.host] if arm.host else []
+    words += ["--log", arm.log] if arm.log is not None else []
+    words += ["--confirm-motion"] if find_arm(arm.driver).commanded else []
+    words += ["--simulate-imus"] if arm.simulate_imus else []
+    words += [word for text in arm.serial for word in ("--serial", text)]
+    words += [word for text in arm.dots for word in ("--dot", text)]
+    words += ["--kinematics", arm.kinematics] if arm.kinematics is not None else []
+    words += ["--logs", asked.logs] if asked.logs != "logs" else []
+    words += ["--seed", str(asked.seed)] if asked.seed else []
+    return shlex.join(words)
 
 
 def say_motion(plan: Plan, steps: list[PlannedStep] | None = None) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from testbench.cli.output import say, say_json, say_table
+from testbench.cli.options import JsonOption
+from testbench.cli.output import say, say_json, say_table, teller
 
 if TYPE_CHECKING:
     from testbench.records.study import StudyRecord, StudyTable
@@ -58,9 +58,7 @@ def study(
         ),
     ] = False,
     listed: Annotated[bool, typer.Option("--list", help="List the studies instead.")] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """Run a study and write its tables and report."""
     from testbench.exceptions import InputError
@@ -80,29 +78,18 @@ def study(
         raise InputError(
             "--reproduce runs the protocols of the publications and takes no --protocol"
         )
-    tell = _tell if not json and sys.stderr.isatty() else _keep_quiet
-    bench = StudyBench(logs, SystemClock(), seed, parts, tell, protocol)
+    bench = StudyBench(logs, SystemClock(), seed, parts, teller(json), protocol)
     if name is None:
         return _reproduce(references(), bench, json)
-    record, folder, report = _run(get_study(name), bench)
+    kept = get_study(name).keep(bench)
     if json:
-        say_json({"study": str(folder), "report": str(report), **record.to_dict()})
+        files = {"study": str(kept.folder), "report": str(kept.report)}
+        say_json({**files, **kept.record.to_dict()})
     else:
-        _say_study(record)
-        say(f"study:  {folder}")
-        say(f"report: {report}")
+        _say_study(kept.record)
+        say(f"study:  {kept.folder}")
+        say(f"report: {kept.report}")
     return None
-
-
-def _run(chosen: Study, bench: StudyBench) -> tuple[StudyRecord, Path, Path]:
-    """The record of a study, its folder and its report."""
-    from testbench.reporting.study_report import study_report
-    from testbench.studies.folder import new_folder
-
-    record = chosen.run(bench)
-    folder = new_folder(bench.logs, chosen.name, bench.clock)
-    record.save(folder)
-    return record, folder, study_report(record, folder)
 
 
 def _reproduce(studies: list[Study], bench: StudyBench, json: bool) -> None:
@@ -110,12 +97,13 @@ def _reproduce(studies: list[Study], bench: StudyBench, json: bool) -> None:
     done = []
     for chosen in studies:
         begin = time.perf_counter()
-        record, folder, report = _run(chosen, bench)
+        kept = chosen.keep(bench)
         seconds = time.perf_counter() - begin
+        record = kept.record
         done.append(
             {
-                "study": str(folder),
-                "report": str(report),
+                "study": str(kept.folder),
+                "report": str(kept.report),
                 "seconds": seconds,
                 "findings": list(record.findings),
             }
@@ -124,17 +112,9 @@ def _reproduce(studies: list[Study], bench: StudyBench, json: bool) -> None:
             say(f"{chosen.name}: {record.title}, beside {record.source} ({seconds:.0f} s)")
             for finding in record.findings:
                 say(f"- {finding}")
-            say(f"report: {report}\n")
+            say(f"report: {kept.report}\n")
     if json:
         say_json({"studies": done})
-
-
-def _tell(text: str) -> None:
-    print(text, file=sys.stderr)
-
-
-def _keep_quiet(text: str) -> None:
-    """Say nothing."""
 
 
 def _say_list(studies: dict[str, str], json: bool) -> None:

@@ -1,28 +1,24 @@
-"""The command `tune`, and the option that gives tuned parameters to other commands."""
+"""The command `tune`."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from testbench.cli.calibrating import CalibrationOption
-from testbench.cli.filtering import parse_filters
-from testbench.cli.output import say, say_json, say_table
+from testbench.cli.options import (
+    CalibrationOption,
+    JsonOption,
+    SetOption,
+    entries_of,
+    filter_parameters,
+    optional,
+)
+from testbench.cli.output import say, say_json, say_table, teller
 
 if TYPE_CHECKING:
     from testbench.records.tuning import Tuning
-    from testbench.studies.tuning import Sessions
-
-TunedOption = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--tuned",
-        help="Parameters that `testbench tune` found (.json); once for each filter that was tuned.",
-    ),
-]
 
 
 def tune(
@@ -73,63 +69,37 @@ def tune(
     no_refinement: Annotated[
         bool, typer.Option("--no-refinement", help="The grid alone, without Nelder-Mead.")
     ] = False,
+    start: SetOption = None,
     calibration: CalibrationOption = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of tables.")
-    ] = False,
+    json: JsonOption = False,
 ) -> None:
     """Find the parameters of a filter that suit sessions best, each alone and all together."""
-    from testbench.clock import SystemClock
-    from testbench.estimation.filters import FILTERS, choose_filters
-    from testbench.exceptions import InputError
-    from testbench.records.calibration_file import load_calibrations
-    from testbench.records.tuning import refuse_file
-    from testbench.studies.parameter_space import Effort
-    from testbench.studies.tuning import tune as find_parameters
+    from testbench.pipeline.request import TuneRequest
+    from testbench.pipeline.tune import tune as find_parameters
+    from testbench.pipeline.watcher import Watcher
 
-    refuse_file(out)
-    chosen = choose_filters(parse_filters(filter_name) or [])
-    if len(chosen) != 1:
-        raise InputError("one filter is tuned at a time")
-    kind = chosen[0]
-    found = find_parameters(
-        kind,
-        _divide(sessions, test or [], test_share, seed),
-        objective,
-        SystemClock().utc().isoformat(timespec="seconds"),
-        None
-        if parameters is None
-        else [name.strip() for name in parameters.split(",") if name.strip()],
-        Effort(values, points, not no_refinement),
-        leave_one_out,
-        None if calibration is None else load_calibrations(calibration),
-        "" if kind.name in FILTERS else filter_name,
-        _tell if not json and sys.stderr.isatty() else None,
+    asked = TuneRequest(
+        sessions=tuple(map(str, sessions)),
+        filter=filter_name,
+        out=str(out),
+        objective=objective,
+        tuned=entries_of(parameters),
+        parameters=filter_parameters(start),
+        test=tuple(map(str, test or ())),
+        test_share=test_share,
+        seed=seed,
+        leave_one_out=leave_one_out,
+        values=values,
+        points=points,
+        refinement=not no_refinement,
+        calibrations=optional(calibration),
     )
-    found.save(out)
+    found = find_parameters(asked, Watcher(say=teller(json)))
     if json:
         say_json({"file": str(out), **found.model_dump()})
     else:
         _say_tuning(found)
         say(f"tuning: {out}")
-
-
-def _divide(sessions: list[Path], test: list[Path], share: float | None, seed: int) -> Sessions:
-    from testbench.exceptions import InputError
-    from testbench.records.session import Session
-    from testbench.studies.tuning import Sessions
-
-    if share is None:
-        return Sessions.given(
-            [Session(path) for path in sessions], [Session(path) for path in test]
-        )
-    if test:
-        raise InputError("--test names the sessions to test on, --test-share draws them: not both")
-    return Sessions.drawn([Session(path) for path in sessions], share, seed)
-
-
-def _tell(text: str) -> None:
-    print(text, file=sys.stderr)
 
 
 def _say_tuning(found: Tuning) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -24,27 +25,30 @@ class EmulatedController(ABC):
 
     Args:
         robot: The arm.
+        identity: What the controller says of itself.
         q: Joint angles at the start [rad]; the arm's home if None.
         seed: Of the encoders' noise.
         scenario: Faults to come.
-        period: Of the controller [s]; that of the robot file if None.
 
     Attributes:
+        period: Of the controller [s]; that of the robot file if None.
         messages: What happened, for whoever watches.
         heard_until: What clients sent later was not yet looked at [s]; a program must not take that
             for their silence.
     """
 
+    period: ClassVar[float | None] = None
+
     def __init__(
         self,
         robot: Robot,
+        identity: Any,
         q: np.ndarray | None = None,
         seed: int = 0,
         scenario: Scenario | None = None,
-        period: float | None = None,
     ):
-        self.robot = robot
-        self.joints = Joints(robot, robot.home if q is None else q, seed, period)
+        self.robot, self.identity = robot, identity
+        self.joints = Joints(robot, robot.home if q is None else q, seed, self.period)
         self.faults = Faults()
         self.scheduled: list[ScheduledFault] = list(scenario.faults) if scenario else []
         self.messages: list[str] = []
@@ -53,6 +57,11 @@ class EmulatedController(ABC):
         self._stamp_shift = 0.0
         self._to_clear: list[tuple[float, str]] = []
         self._rng = np.random.default_rng(seed + 1)
+        self._switch_on()
+
+    @abstractmethod
+    def _switch_on(self) -> None:
+        """Begin with the state of the vendor's controller."""
 
     @property
     def time(self) -> float:

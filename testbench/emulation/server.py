@@ -7,10 +7,8 @@ from __future__ import annotations
 import heapq
 import hmac
 import ipaddress
-import math
 import select
 import socket
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -18,9 +16,11 @@ from functools import partial
 from itertools import count
 from typing import ClassVar
 
+from testbench.clock import Clock, SystemClock
 from testbench.emulation.controller import EmulatedController
 from testbench.emulation.faults import FaultKind, parse_command
 from testbench.exceptions import InputError
+from testbench.frames import NANOSECONDS
 
 CONTROL, CONTROL_PORT = "control", 29998
 """The emulators' own port, for faults."""
@@ -30,6 +30,8 @@ REPORTED_TICKS = 250
 """Of the periods that are made up after a stall, the newest so many are reported; packages of older
 ones are lost.
 """
+LONGEST_DELAY_S = 1e6
+"""Of an answer."""
 MOVED_TICKS = 5000
 """In a longer stall the joints stand still at first: nobody watches a rehearsal that was held up
 for so many periods.
@@ -44,7 +46,6 @@ class Connection:
         self.text = bytearray()
         self.trusted = server.loopback
         sock.setblocking(False)
-        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def send(self, data: bytes) -> None:
         """Send what the client takes; one that does not read any more is let go."""
@@ -107,12 +108,14 @@ class Server(ABC):
         address: To listen on.
         token: What a client must say on port 29998 before any port answers it; needed for an
             address that is not loopback.
+        clock: What the control periods go by; the machine's if None.
 
     Raises:
         InputError: The address is none, is not loopback and has no token, or a port is taken.
 
     Attributes:
         faults: Those that the controller knows.
+        kinds: What its ports are for, by their numbers.
         open_ports: What answers where, for a person.
     """
 
@@ -125,7 +128,9 @@ class Server(ABC):
         ports: Mapping[int, str],
         address: str = "127.0.0.1",
         token: str | None = None,
+        clock: Clock | None = None,
     ):
+        self.clock = clock or SystemClock()
         try:
             parsed = ipaddress.ip_address(address)
         except ValueError:
@@ -140,13 +145,16 @@ class Server(ABC):
         self._admitted: set[str] = set()
         self._listeners: dict[socket.socket, str] = {}
         self._connections: dict[socket.socket, Connection] = {}
-        self._later: list[tuple[float, int, Callable[[], None]]] = []
+        self._later: list[tuple[int, int, Callable[[], None]]] = []
         self._number = count()
         self.stop_asked = False
-        self._said, self._due = 0, math.inf
+        self.kinds = {CONTROL_PORT: CONTROL, **ports}
+        self._said = 0
+        self._period_ns = round(controller.joints.period * NANOSECONDS)
+        self.begin()
         family = socket.AF_INET6 if parsed.version == 6 else socket.AF_INET
         try:
-            for port, kind in {CONTROL_PORT: CONTROL, **ports}.items():
+            for port, kind in self.kinds.items():
                 listener = socket.socket(family, socket.SOCK_STREAM)
                 self._listeners[listener] = kind
                 listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -175,7 +183,8 @@ class Server(ABC):
         if delay_s <= 0:
             action()
         else:
-            heapq.heappush(self._later, (time.monotonic() + delay_s, next(self._number), action))
+            at_ns = self.clock.monotonic_ns() + round(min(delay_s, LONGEST_DELAY_S) * NANOSECONDS)
+            heapq.heappush(self._later, (at_ns, next(self._number), action))
 
     def drop(self, connection: Connection) -> None:
         """Close a connection."""
@@ -188,34 +197,48 @@ class Server(ABC):
             sock.close()
         self._listeners, self._connections = {}, {}
 
+    @property
+    def due_ns(self) -> int:
+        """When the next control period begins, on the clock [ns]."""
+        return self._due_ns
+
+    def begin(self) -> None:
+        """The first control period begins one period from now."""
+        self._due_ns = self.clock.monotonic_ns() + self._period_ns
+
     def run(self, say: Callable[[str], None] = lambda text: None) -> None:
-        """Serve until asked to stop.
+        """Serve until asked to stop, on a clock that goes on by itself.
 
         Args:
             say: Told of what happens.
         """
-        self._due = time.monotonic() + self.controller.joints.period
+        self.begin()
         while not self.stop_asked:
-            now = time.monotonic()
-            if now < self._due:
-                self._serve(self._due - now)
+            early_ns = self._due_ns - self.clock.monotonic_ns()
+            if early_ns > 0:
+                self.serve(early_ns / NANOSECONDS)
                 continue
-            late = self._catch_up() > 1
-            while self._later and self._later[0][0] <= now:
-                heapq.heappop(self._later)[2]()
-            if late:
-                self._serve(0.0)
+            if self.step() > 1:
+                self.serve()
             for message in self.controller.messages[self._said :]:
                 say(f"{self.controller.time:9.3f} s: {message}")
             self._said = len(self.controller.messages)
         self.close()
 
+    def step(self) -> int:
+        """Let the control periods pass that are due by now, do what was put off until now, and say
+        how many periods there were.
+        """
+        passed = self._catch_up()
+        while self._later and self._later[0][0] <= self.clock.monotonic_ns():
+            heapq.heappop(self._later)[2]()
+        return passed
+
     def _catch_up(self) -> int:
-        """Let the control periods pass that are due by now, and say how many."""
-        late, period = time.monotonic() - self._due, self.controller.joints.period
-        passed = int(late / period) + 1 if late >= 0 else 0
+        late_ns = self.clock.monotonic_ns() - self._due_ns
+        passed = late_ns // self._period_ns + 1 if late_ns >= 0 else 0
         self._advance(passed)
-        self._due += passed * period
+        self._due_ns += passed * self._period_ns
         return passed
 
     def _advance(self, passed: int) -> None:
@@ -253,10 +276,11 @@ class Server(ABC):
                 continue
             self.later(faults.report_delay_s, partial(connection.send, data))
 
-    def _serve(self, timeout: float) -> None:
+    def serve(self, wait_s: float = 0.0) -> None:
+        """Hear the clients; where none says anything, wait for one [s]."""
         self.controller.heard_until = self.controller.time
         sockets = [*self._listeners, *self._connections]
-        readable, _, _ = select.select(sockets, [], [], timeout)
+        readable, _, _ = select.select(sockets, [], [], wait_s)
         for sock in readable:
             self._catch_up()
             if sock in self._listeners:
@@ -265,12 +289,22 @@ class Server(ABC):
                 self._receive(self._connections[sock])
 
     def _accept(self, listener: socket.socket) -> None:
-        kind = self._listeners[listener]
         try:
             sock, peer = listener.accept()
         except OSError:
             return
-        allowed = self.loopback or kind == CONTROL or peer[0] in self._admitted
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.take_in(sock, self._listeners[listener], peer[0])
+
+    def take_in(self, sock: socket.socket, kind: str, host: str) -> None:
+        """A client has connected.
+
+        Args:
+            sock: To the client.
+            kind: Of the port that it came in at.
+            host: Its address.
+        """
+        allowed = self.loopback or kind == CONTROL or host in self._admitted
         if (
             not allowed
             or (self.controller.cut_off and kind != CONTROL)

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
@@ -36,11 +35,11 @@ from testbench.estimation.timing import (
 )
 from testbench.estimation.uniform import MOST_FILLING, fill_gaps, fill_rows
 from testbench.frames import NANOSECONDS
+from testbench.model.windows import moving_mean
 from testbench.records.estimate import ClockFit, TimingAudit
 from testbench.records.pieces import overlapping
 from testbench.records.samples import ImuSamples
-from testbench.records.session import Session
-from testbench.records.storage import read_parquet_batches
+from testbench.records.sensor_file import SensorFile
 
 MOST_KEPT = 1_000_000
 """Estimates kept of a sensor; a recording with more samples is estimated in pieces, and every
@@ -65,35 +64,22 @@ def _unchanged(samples: ImuSamples) -> ImuSamples:
     return samples
 
 
-def open_samples(session: Session, sensor: str, stored: Change | None = None) -> SampleAccess:
+def open_samples(
+    raw: SensorFile, together: int, has_noise: bool = True, stored: Change | None = None
+) -> SampleAccess:
     """Access to a sensor's samples, in the way their number asks for.
 
     Args:
-        session: The recording.
-        sensor: Its name.
+        raw: The samples.
+        together: Samples of all sensors of the recording.
+        has_noise: Whether the readings must differ at rest.
         stored: A stored calibration, applied to all that is read.
     """
     change = stored or _unchanged
-    own = session.sample_count(sensor)
-    together = sum(session.sample_count(name) for name in session.sensor_names)
-    every = max(-(-own // MOST_KEPT), -(-together // MOST_KEPT_IN_ALL), 1)
-    return (
-        WholeRecording(session, sensor, change)
-        if every == 1
-        else PiecewiseRecording(session, sensor, every, change)
-    )
-
-
-def hisses(session: Session, sensor: str) -> bool:
-    """Whether a sensor's readings must differ at rest: not those of a simulated one whose data
-    sheet states no noise.
-    """
-    if session.manifest["sensors"].get(sensor, {}).get("driver") != "simulated":
-        return True
-    sheet = session.analysis.sensors[sensor].imu()
-    return any(
-        bool(triad.triad().noise_density.any()) for triad in (sheet.accelerometer, sheet.gyroscope)
-    )
+    every = max(-(-raw.count // MOST_KEPT), -(-together // MOST_KEPT_IN_ALL), 1)
+    if every == 1:
+        return WholeRecording(raw, has_noise, change)
+    return PiecewiseRecording(raw, every, has_noise, change)
 
 
 class SampleAccess(ABC):
@@ -113,7 +99,12 @@ class SampleAccess(ABC):
 
     @abstractmethod
     def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
-        """What the gates find; `static`, shape (n,), is where the kept samples are at rest."""
+        """What the gates find.
+
+        Args:
+            clock: Gives the samples' instants on the host's clock.
+            static: Whether each kept sample is at rest, shape (n,), bool.
+        """
 
     @abstractmethod
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
@@ -140,9 +131,9 @@ class SampleAccess(ABC):
 class WholeRecording(SampleAccess):
     """All samples at once."""
 
-    def __init__(self, session: Session, sensor: str, change: Change = _unchanged):
-        self.samples, self.every = change(session.imu(sensor)), 1
-        self._hisses = hisses(session, sensor)
+    def __init__(self, raw: SensorFile, has_noise: bool = True, change: Change = _unchanged):
+        self.samples, self.every = change(raw.read()), 1
+        self._has_noise = has_noise
         self._regular: tuple[ClockFit, tuple[UniformSamples, np.ndarray]] | None = None
 
     def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
@@ -154,7 +145,7 @@ class WholeRecording(SampleAccess):
     def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
         """See SampleAccess."""
         return assess(
-            self.samples, clock.to_host(self.samples.device_time_ns), static, self._hisses
+            self.samples, clock.to_host(self.samples.device_time_ns), static, self._has_noise
         )
 
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
@@ -178,14 +169,16 @@ class WholeRecording(SampleAccess):
 class PiecewiseRecording(SampleAccess):
     """Samples in pieces; of `every` of them the last is kept."""
 
-    def __init__(self, session: Session, sensor: str, every: int, change: Change = _unchanged):
-        self._session, self._sensor, self.every, self._change = session, sensor, every, change
-        self._count = session.sample_count(sensor)
-        self.samples = change(session.imu(sensor, every=every))
-        self._traits = Traits(hisses(session, sensor))
+    def __init__(
+        self, raw: SensorFile, every: int, has_noise: bool = True, change: Change = _unchanged
+    ):
+        self._file, self.every, self._change = raw, every, change
+        self._count = self._file.count
+        self.samples = change(self._file.read(every=every))
+        self._traits = Traits(has_noise)
         steps, ordered = [], True
         first = last = None
-        for piece in session.imu_batches(sensor, PIECE):
+        for piece in self._file.batches(PIECE):
             self._traits.add(change(piece))
             steps.append(np.diff(piece.device_time_ns[:OF_EACH_PIECE]))
             ordered &= bool((np.diff(piece.counter) > 0).all()) and (
@@ -229,15 +222,12 @@ class PiecewiseRecording(SampleAccess):
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
         """See SampleAccess."""
         intervals = Intervals(self._usual)
-        path = self._session.path / f"imu_{self._sensor}.parquet"
-        for columns in read_parquet_batches(path, ["device_time_ns", "counter"], PIECE):
+        for columns in self._file.tables(PIECE, ["device_time_ns", "counter"]):
             intervals.add(columns["device_time_ns"], columns["counter"])
         turning = np.nan_to_num(np.linalg.norm(self.samples.gyr, axis=1))
-        middle = (
-            int(np.argmax(uniform_filter1d(turning, max(STRETCH // self.every, 1)))) * self.every
-        )
+        middle = int(np.argmax(moving_mean(turning, max(STRETCH // self.every, 1)))) * self.every
         begin = min(max(middle - STRETCH // 2, 0), max(self._count - STRETCH, 0))
-        stretch = self._change(self._session.imu(self._sensor, begin, begin + STRETCH))
+        stretch = self._change(self._file.read(begin, begin + STRETCH))
         return intervals.audit(
             nominal_rate, arrival_jitter(self.samples), asynchrony(stretch, self._usual) + rate_age
         )
@@ -259,7 +249,7 @@ class PiecewiseRecording(SampleAccess):
             name: kind for name, kind in filters.items() if not isinstance(kind, RecursiveFilter)
         }
         for name, kind in at_once.items():
-            uniform, rows = fill_gaps(self._change(self._session.imu(self._sensor)), clock)
+            uniform, rows = fill_gaps(self._change(self._file.read()), clock)
             yield name, kind.run(correct(uniform))[rows[self.every - 1 :: self.every]]
         filters = {name: kind for name, kind in filters.items() if name not in at_once}
         interval = self._span / max(self._grid - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
@@ -305,10 +295,7 @@ class PiecewiseRecording(SampleAccess):
         """Pieces with a few neighbours at either end, and which of their samples are the piece
         itself.
         """
-        path = self._session.path / f"imu_{self._sensor}.parquet"
-        for columns, counted in overlapping(
-            read_parquet_batches(path, rows=PIECE), PIECE, STUCK_SAMPLES
-        ):
+        for columns, counted in overlapping(self._file.tables(PIECE), PIECE, STUCK_SAMPLES):
             if len(columns["counter"][counted]):
                 yield self._change(ImuSamples.from_columns(columns)), counted
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 from itertools import permutations, product
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
@@ -192,7 +191,8 @@ def _triad(read: np.ndarray, felt: np.ndarray, least: float) -> AxisFinding:
     if len(columns) == 2:  # the third by the right-hand rule
         third = ({0, 1, 2} - set(columns.tolist())).pop()
         full[:, third] = np.cross(full[:, (third + 1) % 3], full[:, (third + 2) % 3])
-    rows, places = linear_sum_assignment(-np.abs(full))
+    rows = np.arange(3)
+    places = max(permutations(range(3)), key=lambda order: np.abs(full[rows, order]).sum())
     nearest = np.zeros((3, 3))
     nearest[rows, places] = np.sign(full[rows, places])
     crooked = rotation.angle(rotation.from_matrix(rotation.nearest_rotation(full @ nearest.T)))

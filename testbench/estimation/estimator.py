@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from testbench.estimation.access import Correct, SampleAccess, open_samples
+from testbench.estimation.access import Correct, SampleAccess
 from testbench.estimation.axes import identify_axes, true_rates
 from testbench.estimation.axes import remarks_on as axes_remarks
 from testbench.estimation.calibration.static_poses import fit_static_poses
-from testbench.estimation.chain.session import estimate_chain
+from testbench.estimation.chain.session import ChainRecording, estimate_chain
 from testbench.estimation.filters import OrientationFilter, UniformSamples
-from testbench.estimation.filters.tuned import choose_tuned
+from testbench.estimation.filters.tuned import Parameters, choose_tuned
 from testbench.estimation.frame_alignment import (
     apply_frames,
     fit_frames,
@@ -23,23 +23,25 @@ from testbench.estimation.frame_alignment import (
     fit_frames_by_vectors,
 )
 from testbench.estimation.joints import estimate_joint
+from testbench.estimation.recording import RunFacts, SensorRecording
 from testbench.estimation.resting_heading import drift_remark
 from testbench.estimation.segmentation import detect_static
 from testbench.estimation.time_alignment import fit_clock
 from testbench.estimation.vector_mounting import VectorMounting, mounting_from_vectors
 from testbench.exceptions import InputError, SessionError
-from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
+from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.reference_step import aligning_part, before_judging, reference_step
 from testbench.model.truth import truth_at
 from testbench.records.calibration_file import SensorCalibration, find_calibration
 from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, SensorEstimate
-from testbench.records.near import Instants
+from testbench.records.manifest import SensorRecord
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import Session
 from testbench.records.tuning import Tuning
 
-STANDARD_DOWN = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+LEAST_SAMPLES = 10
+"""Of a sensor, for anything to be estimated."""
 MOST_COMPARED = 200_000
 """Longer recordings are aligned by some of their samples, evenly spread."""
 
@@ -49,40 +51,59 @@ def estimate(
     filters: Sequence[str | OrientationFilter] | None = None,
     calibrations: list[SensorCalibration] | None = None,
     tunings: Sequence[Tuning] = (),
+    parameters: Parameters | None = None,
 ) -> Estimate:
     """Compute what the sensors, filters and joint angles say.
 
     Args:
         session: A recording.
         filters: Those to run, by name (with the parameters that the protocol gives them) or as they
-            are; those of the protocol, and those that were tuned, if None.
+            are; those of the protocol, and those that were tuned or set, if None.
         calibrations: To correct the raw samples with first; each sensor takes its own that is
             nearest in time.
-        tunings: Whose parameters to use in place of all others, at most one a filter.
+        tunings: Whose parameters to use in place of the protocol's, at most one a filter.
+        parameters: Single ones to set, by filter and name, whatever protocol or tuning say.
 
     Raises:
         NotFoundError: An unknown filter or parameter.
-        InputError: A parameter's value is not allowed, or a tuned filter is not among those to run.
+        InputError: A parameter's value is not allowed, or a filter that was tuned or set is not
+            among those to run.
         SessionError: The session holds no samples.
     """
     settings = session.analysis.estimate
-    chosen = choose_tuned(filters, settings.filters, settings.filter_parameters, tunings)
+    chosen = choose_tuned(
+        filters, settings.filters, settings.filter_parameters, tunings, parameters
+    )
     _check_calibrations(session, calibrations or [])
+    run = RunFacts.of(session)
     sensors = {
-        name: prepare_sensor(session, name, calibrations).run(chosen)
+        name: _prepared(session, name, run, calibrations).run(chosen)
         for name in session.sensor_names
     }
     joints = {
-        name: estimate_joint(session, name, sensors, chosen) for name in session.analysis.joints
+        name: estimate_joint(joint, run, sensors, chosen)
+        for name, joint in session.analysis.joints.items()
     }
     chain, chain_remarks = (
-        estimate_chain(session, sensors, settings.chain) if settings.chain is not None else ([], [])
+        estimate_chain(ChainRecording.of(session, run), sensors, settings.chain)
+        if settings.chain is not None
+        else ([], [])
     )
     used = {kind.name: kind.parameters for kind in chosen}
-    tuned = {tuning.filter: tuning.used_on(session) for tuning in tunings}
+    given = {name: list(own) for name, own in (parameters or {}).items()}
+    tuned = {tuning.filter: tuning.used_on(session, given.get(tuning.filter)) for tuning in tunings}
     known = {kind.name: kind.behaviour for kind in chosen if kind.behaviour}
     return Estimate(
-        session.name, session.fingerprint, sensors, joints, used, tuned, chain, chain_remarks, known
+        session.name,
+        session.fingerprint,
+        sensors,
+        joints,
+        used,
+        {name: entry for name, entry in tuned.items() if entry.tuned},
+        chain,
+        chain_remarks,
+        known,
+        given,
     )
 
 
@@ -102,13 +123,15 @@ class PreparedSession:
         calibrations: list[SensorCalibration] | None = None,
         joints: Sequence[str] | None = None,
     ):
-        self.session, self._joints = session, list(joints or [])
+        self._session, self._facts = session.name, RunFacts.of(session)
+        self._fingerprint = session.fingerprint
+        self._joints = {name: session.analysis.joints[name] for name in joints or []}
         wanted = set(session.sensor_names)
         if joints is not None:
-            defined = [session.analysis.joints[name] for name in joints]
+            defined = self._joints.values()
             wanted = {sensor for joint in defined for sensor in (joint.proximal, joint.distal)}
         self.sensors = {
-            name: prepare_sensor(session, name, calibrations)
+            name: _prepared(session, name, self._facts, calibrations)
             for name in session.sensor_names
             if name in wanted
         }
@@ -117,10 +140,11 @@ class PreparedSession:
         """The estimate by some filters, of the sensors and joints that were prepared."""
         sensors = {name: sensor.run(filters) for name, sensor in self.sensors.items()}
         joints = {
-            name: estimate_joint(self.session, name, sensors, filters) for name in self._joints
+            name: estimate_joint(joint, self._facts, sensors, filters)
+            for name, joint in self._joints.items()
         }
         used = {kind.name: kind.parameters for kind in filters}
-        return Estimate(self.session.name, self.session.fingerprint, sensors, joints, used)
+        return Estimate(self._session, self._fingerprint, sensors, joints, used)
 
 
 @dataclass(frozen=True)
@@ -128,20 +152,18 @@ class PreparedSensor:
     """What of a sensor's estimate does not depend on the filters, and what is needed to run them.
 
     Attributes:
-        session: The recording.
+        facts: What is known of the recording.
         access: To its samples.
         truth: What it went through, or None.
-        aligned_every: Where motion aligns it, one of how many samples does so, and
-            q_world_from_sensor at those, shape (m, 4).
-        aligned_to: Where motion aligns it, one of how many samples does so, and q_world_from_sensor
-            at those, shape (m, 4).
+        aligned_every: Where motion aligns it: one of how many samples does so.
+        aligned_to: q_world_from_sensor at those samples, shape (m, 4), or None.
         uniform: The kept samples on a regular grid.
         correct: Calibration of what the filters get.
         mounting: As rates and gravity gave it, or None.
         estimate: Without any filter.
     """
 
-    session: Session
+    facts: RunFacts
     access: SampleAccess
     truth: Truth | None
     aligned_every: int
@@ -193,8 +215,8 @@ def _stored(
     session: Session, name: str, calibrations: list[SensorCalibration]
 ) -> SensorCalibration | None:
     """The stored calibration of a sensor that is nearest in time."""
-    tag = session.manifest["sensors"][name].get("device_tag")
-    return find_calibration(calibrations, name, str(tag) if tag else None, session.recorded_at)
+    tag = session.manifest.sensors[name].device_tag
+    return find_calibration(calibrations, name, tag, session.recorded_at)
 
 
 def _check_calibrations(session: Session, calibrations: list[SensorCalibration]) -> None:
@@ -217,7 +239,7 @@ def _check_calibrations(session: Session, calibrations: list[SensorCalibration])
 
 
 def _stored_remarks(
-    session: Session, name: str, stored: SensorCalibration | None, given: bool
+    tag: str | None, recorded: datetime | None, stored: SensorCalibration | None, given: bool
 ) -> list[str]:
     """What a reader must know of the correction of the raw samples."""
     if stored is None:
@@ -226,10 +248,9 @@ def _stored_remarks(
             if given
             else []
         )
-    tag = session.manifest["sensors"][name].get("device_tag")
     same = (
         f"of the same device, {tag}"
-        if tag and stored.device == str(tag)
+        if tag and stored.device == tag
         else "matched by the sensor's name alone"
     )
     methods = ", ".join(
@@ -239,9 +260,7 @@ def _stored_remarks(
         f"{stored.file}, " if stored.file else ""
     ) + f"session {stored.session} of {stored.calibrated:%Y-%m-%d}"
     undated = (
-        ""
-        if session.recorded_at
-        else "; when the session was recorded, and how long from that, is unknown"
+        "" if recorded else "; when the session was recorded, and how long from that, is unknown"
     )
     return [
         (
@@ -262,57 +281,72 @@ def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
     return correct
 
 
-def prepare_sensor(
-    session: Session, name: str, calibrations: list[SensorCalibration] | None = None
+def _prepared(
+    session: Session, name: str, run: RunFacts, calibrations: list[SensorCalibration] | None
 ) -> PreparedSensor:
-    """Fit a sensor's clock and calibration, and find what its alignment goes by.
-
-    Args:
-        session: The recording.
-        name: Of the sensor.
-        calibrations: As for `estimate`.
+    """A sensor of a session, opened and prepared.
 
     Raises:
         SessionError: It has too few samples.
     """
-    if session.sample_count(name) < 10:
-        count = session.sample_count(name)
+    recording = SensorRecording.of(session, name)
+    if recording.raw.count < LEAST_SAMPLES:
         raise SessionError(
-            f"{session.path}: sensor '{name}' has {count} samples; nothing can be estimated"
+            f"{session.path}: sensor '{name}' has {recording.raw.count} samples; nothing can be "
+            "estimated"
         )
-    settings, stored = session.analysis.estimate, _stored(session, name, calibrations or [])
-    access = open_samples(session, name, None if stored is None else _corrector(stored))
-    samples, (truth, thinned) = access.samples, session.thinned_truth(name)
-    description = session.manifest["sensors"][name]
-    rate_delay = float(description.get("rate_delay_s") or 0.0)
+    stored = _stored(session, name, calibrations or [])
+    tag = recording.described.device_tag
+    remarks = _stored_remarks(tag, run.recorded, stored, bool(calibrations))
+    return prepare_sensor(recording, run, stored, remarks)
+
+
+def prepare_sensor(
+    recording: SensorRecording,
+    run: RunFacts,
+    stored: SensorCalibration | None = None,
+    remarks: Sequence[str] = (),
+) -> PreparedSensor:
+    """Fit a sensor's clock and calibration, and find what its alignment goes by.
+
+    Args:
+        recording: Of the sensor.
+        run: What is known of it beside the samples.
+        stored: Calibration to correct the raw samples with first.
+        remarks: On that.
+    """
+    settings, description = run.settings, recording.described
+    access = recording.samples(None if stored is None else _corrector(stored))
+    samples = access.samples
+    truth = None if recording.truth is None else recording.truth.thinned()
+    rate_delay = description.rate_delay_s or 0.0
     clock = fit_clock(samples, truth, rate_delay) if settings.align_clock else ClockFit()
     time = clock.to_host(samples.device_time_ns)
-    if thinned:
-        truth = session.near(Instants({name: time}, time)).truth(name)
+    if recording.truth is not None and recording.truth.is_long:
+        truth = recording.truth.near(time)
     uniform, rows = access.regular(clock)
     static = detect_static(uniform.angular_rate(), uniform.interval, rows)[rows]
     quality = access.quality(clock, static)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(
-            session, samples.acc, samples.gyr, time, static & ~quality.flagged, truth
+            run, samples.acc, samples.gyr, time, static & ~quality.flagged, truth
         )
-    remarks = _stored_remarks(session, name, stored, bool(calibrations)) + list(quality.remarks)
+    remarks = [*remarks, *quality.remarks]
     if settings.align_clock and truth is not None and clock.method == "arrival":
         remarks.append(
             "its clock could not be fitted to the motion; it is late by the unknown latency of its "
             "samples"
         )
-    planned = sum(step.role == "calibration" and step.kind != "sweep" for step in session.steps)
+    planned = sum(step.role == "calibration" and step.kind != "sweep" for step in run.steps)
     if calibration.method == "static_poses" and calibration.poses < planned:
         remarks.append(
             f"{planned - calibration.poses} of {planned} calibration poses were not at rest and "
             "were left out"
         )
-    correct = partial(_corrected, calibration=calibration, sampling=description.get("sampling"))
-    gravity = session.robot.gravity if session.robot else STANDARD_DOWN
+    correct = partial(_corrected, calibration=calibration, sampling=description.sampling)
     axes = (
-        identify_axes(samples, time, static & ~quality.flagged, truth, gravity)
+        identify_axes(samples, time, static & ~quality.flagged, truth, run.gravity)
         if truth is not None
         else {}
     )
@@ -323,41 +357,37 @@ def prepare_sensor(
         aligned_to = truth_at(truth, time[::every])
         if settings.align == "rates":
             quiet = static & ~quality.flagged
-            mounting = _mounting(
-                session, correct(uniform), rows, time, quiet, truth, aligned_to, gravity
-            )
+            mounting = _mounting(run, correct(uniform), rows, time, quiet, truth, aligned_to)
     if access.every > 1:
         remarks.append(
             f"a long recording: its estimates are kept, and judged, at one of {access.every} "
             "samples"
         )
     estimated = SensorEstimate(
-        time,
-        static,
-        {},
-        clock,
-        calibration,
-        {},
-        {},
-        quality.flagged,
-        quality.counts(),
-        remarks,
-        access.timing(description.get("rate_hz"), _rate_age(description)),
-        access.every,
-        axes,
-        None if stored is None else stored.summary(),
+        host_time_ns=time,
+        static=static,
+        orientation={},
+        flagged=quality.flagged,
+        clock=clock,
+        calibration=calibration,
+        quality=quality.counts(),
+        remarks=remarks,
+        timing=access.timing(description.rate_hz, _rate_age(description)),
+        every=access.every,
+        axes=axes,
+        stored_calibration=None if stored is None else stored.summary(),
     )
     return PreparedSensor(
-        session, access, truth, every, aligned_to, uniform, correct, mounting, estimated
+        run, access, truth, every, aligned_to, uniform, correct, mounting, estimated
     )
 
 
-def _rate_age(description: dict[str, Any]) -> float:
+def _rate_age(description: SensorRecord) -> float:
     """Half an interval where rate and force are integrated over it: the force is seen in the axes
     at its end [s].
     """
-    rate = description.get("rate_hz")
-    return 0.5 / float(rate) if rate and description.get("sampling") == "integrated" else 0.0
+    rate = description.rate_hz
+    return 0.5 / rate if rate and description.sampling == "integrated" else 0.0
 
 
 def _corrected(
@@ -382,7 +412,7 @@ def _corrected(
 
 
 def _calibrate(
-    session: Session,
+    run: RunFacts,
     acc: np.ndarray,
     gyr: np.ndarray,
     time: np.ndarray,
@@ -390,9 +420,8 @@ def _calibrate(
     truth: Truth,
 ) -> CalibrationFit:
     """Static poses of the calibration sections, as the gyroscope confirms them."""
-    gravity = session.robot.gravity if session.robot else STANDARD_DOWN
     accs, gyrs, poses = [], [], []
-    for step in session.steps:
+    for step in run.steps:
         if step.role != "calibration" or step.kind == "sweep":
             continue
         rest = static & (time >= step.settled_ns) & (time <= step.end_ns)
@@ -403,23 +432,22 @@ def _calibrate(
             poses.append(
                 rotation.interpolate(truth.host_time_ns, truth.q_world_from_sensor, middle)[0]
             )
-    return fit_static_poses(accs, gyrs, poses, gravity)
+    return fit_static_poses(accs, gyrs, poses, run.gravity)
 
 
 def _mounting(
-    session: Session,
+    run: RunFacts,
     samples: UniformSamples,
     rows: np.ndarray,
     time: np.ndarray,
     static: np.ndarray,
     truth: Truth,
     q_true: np.ndarray,
-    gravity: np.ndarray,
 ) -> VectorMounting | None:
     """The mounting by rates while moving and by gravity at rest, over what comes before the first
     judged step.
     """
-    usable = before_judging(session.steps, time)
+    usable = before_judging(run.steps, time)
     gyr, acc = samples.gyr[rows], samples.acc[rows]
     rate, sound = true_rates(truth, time)
     moving = usable & sound & ~static & np.isfinite(gyr).all(axis=1)
@@ -430,7 +458,7 @@ def _mounting(
         gyr[rest].mean(axis=0) if rest.any() else np.zeros(3)
     )  # what no calibration has taken away
     seconds = float(np.median(np.diff(time))) / NANOSECONDS
-    force = rotation.rotate(rotation.conjugate(q_true[rest]), -gravity)
+    force = rotation.rotate(rotation.conjugate(q_true[rest]), -run.gravity)
     return mounting_from_vectors(
         [
             (
@@ -445,14 +473,14 @@ def _mounting(
 
 def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]:
     """The alignment of one filter, and what is doubtful about it."""
-    session, truth, time = sensor.session, sensor.truth, sensor.estimate.host_time_ns
-    method = session.analysis.estimate.align
+    run, truth, time = sensor.facts, sensor.truth, sensor.estimate.host_time_ns
+    method = run.settings.align
     if method == "none" or truth is None:
         return FrameFit(), None
     if sensor.aligned_to is not None:
         q, time = q[:: sensor.aligned_every], time[:: sensor.aligned_every]
         known = (
-            before_judging(session.steps, time)
+            before_judging(run.steps, time)
             & np.isfinite(sensor.aligned_to[:, 0])
             & np.isfinite(q[:, 0])
         )
@@ -464,7 +492,7 @@ def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]
         if sensor.mounting is None or not len(q):
             return FrameFit(), "the truth is known too seldom to align it by rates and gravity"
         return fit_frames_by_vectors(q, q_true, sensor.mounting)
-    step = reference_step(session.steps)
+    step = reference_step(run.steps)
     if step is None:
         return FrameFit(), "there is no dwell to align it in"
     begin, end = aligning_part(step)

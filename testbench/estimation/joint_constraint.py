@@ -19,12 +19,12 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from scipy.ndimage import uniform_filter1d
 
 from testbench.estimation.calibration.joint_heading import heading_1d, heading_2d
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.joint_axes import axes_in_world, heading_slope, heading_terms
+from testbench.model.windows import moving_mean
 from testbench.records.estimate import RelativeHeading
 from testbench.records.joint_definition import JointConstraint
 
@@ -149,8 +149,8 @@ def _response(
     )
     slope = heading_slope(terms, heading)
     width = min(max(int(WINDOW_S * RATE_HZ), 1), len(slope))
-    both = uniform_filter1d(slope[:, None] * levers, width, axis=0, mode="nearest")
-    known = uniform_filter1d(slope**2, width, mode="nearest")
+    both = moving_mean(slope[:, None] * levers, width, "held")
+    known = moving_mean(slope**2, width, "held")
     return np.asarray(np.sum(both**2, axis=1) / np.maximum(known, 1e-12) ** 2)
 
 

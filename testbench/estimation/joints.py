@@ -9,34 +9,33 @@ import numpy as np
 from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.filters import OrientationFilter
 from testbench.estimation.joint_constraint import track_heading
+from testbench.estimation.recording import RunFacts
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series, segment_orientation
 from testbench.model.reference_step import aligned_instant
 from testbench.records.estimate import JointEstimate, SensorEstimate
 from testbench.records.protocol import JointDefinition
-from testbench.records.session import Session
 
 VAGUE_DEG = 10.0
 """A heading that is known no better for half of the time is remarked on."""
 
 
 def estimate_joint(
-    session: Session,
-    name: str,
+    joint: JointDefinition,
+    run: RunFacts,
     sensors: Mapping[str, SensorEstimate],
     filters: Sequence[OrientationFilter],
 ) -> JointEstimate:
     """Joint angles at the proximal sensor's instants, with the distal one interpolated to them.
 
     Args:
-        session: The recording.
-        name: Of the joint.
+        joint: As defined.
+        run: That the sensors recorded.
         sensors: Their estimates, by name.
         filters: Those that ran.
     """
-    joint = session.analysis.joints[name]
     proximal, distal = sensors[joint.proximal], sensors[joint.distal]
-    placed, time = session.analysis.sensors, proximal.host_time_ns
+    placed, time = run.placed, proximal.host_time_ns
     found = JointEstimate(time, {})
     for kind in filters:
         key = kind.name
@@ -47,11 +46,7 @@ def estimate_joint(
         world_from_distal = segment_orientation(q_distal, placed[joint.distal])
         if _is_constrained(joint, kind):
             aligned = proximal.frames[key].method != "none" and distal.frames[key].method != "none"
-            start = (
-                aligned_instant(session.steps, session.analysis.estimate.align, time)
-                if aligned
-                else None
-            )
+            start = aligned_instant(run.steps, run.settings.align, time) if aligned else None
             world_from_distal = _constrained(
                 found, joint, key, world_from_proximal, world_from_distal, start
             )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from testbench.model import rotation
+from testbench.model.windows import moving_mean
 
 WINDOW_S = 0.2
 LEAST_SPREAD = np.radians(0.3)
@@ -33,12 +33,12 @@ def detect_static(gyr: np.ndarray, interval: float, real: np.ndarray | None = No
         Shape (n,), bool.
     """
     window = min(max(round(WINDOW_S / interval), 3), max(len(gyr), 1))
-    mean = uniform_filter1d(gyr, window, axis=0)
-    variance = uniform_filter1d(np.sum((gyr - mean) ** 2, axis=1), window)
+    mean = moving_mean(gyr, window)
+    variance = moving_mean(np.sum((gyr - mean) ** 2, axis=1), window)
     spread = np.sqrt(np.maximum(variance, 0))  # a running sum may round below 0
     measured = slice(None) if real is None else real
     quietest = float(np.quantile(spread[measured], 0.1))
     centre = np.median(mean[measured][spread[measured] <= quietest], axis=0)
     steady = spread <= max(NOISE_FACTOR * quietest, LEAST_SPREAD)
     moving = ~steady | (rotation.lengths(mean - centre) > MOST_BIAS)
-    return np.asarray(maximum_filter1d(moving.astype(np.int8), window) == 0)
+    return moving_mean(moving, window) == 0

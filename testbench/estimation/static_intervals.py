@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import TrueVector, static_poses
 from testbench.estimation.segmentation import detect_static
 from testbench.frames import STANDARD_GRAVITY
+from testbench.model.windows import moving_mean
 from testbench.records.calibration_result import Agreement
 
 LEAST_REST_S = 0.5
@@ -83,7 +83,7 @@ def between_peaks(gyr: np.ndarray, interval: float, least_s: float = LEAST_REST_
     if not len(gyr):
         return np.zeros((0, 2), int)
     window = max(round(SMOOTHING_S / interval), 1)
-    speed = uniform_filter1d(np.linalg.norm(gyr - np.median(gyr, axis=0), axis=1), window)
+    speed = moving_mean(np.linalg.norm(gyr - np.median(gyr, axis=0), axis=1), window)
     speed = speed - np.quantile(speed, 0.1)  # the noise at rest has a length too
     moving = np.zeros(len(gyr), bool)
     for begin, end in intervals_of(speed > FOOT):
@@ -137,8 +137,8 @@ def by_variance(
         least_s: Shortest still interval [s].
     """
     window = max(round(window_s / interval), 2)
-    mean = uniform_filter1d(acc, window, axis=0)
-    variance = uniform_filter1d((acc - mean) ** 2, window, axis=0)
+    mean = moving_mean(acc, window)
+    variance = moving_mean((acc - mean) ** 2, window)
     spread = np.linalg.norm(np.maximum(variance, 0.0), axis=1)
     if initial_s is not None:
         initial = float(np.linalg.norm(acc[: max(round(initial_s / interval), 2)].var(axis=0)))

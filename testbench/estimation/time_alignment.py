@@ -11,11 +11,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import correlate, correlation_lags
 
 from testbench.estimation.rates import RateMagnitude, sensor_rate, truth_rate
 from testbench.frames import NANOSECONDS
+from testbench.model.windows import moving_mean
 from testbench.records.estimate import ClockFit
 from testbench.records.samples import ImuSamples, Truth
 
@@ -94,7 +93,7 @@ def _averaged(measured: RateMagnitude, width: float) -> RateMagnitude:
     """The sensor's rate as a truth sees it that is a mean over `width` [s]."""
     interval = float(np.median(np.diff(measured.time)))
     count = round(width / interval)
-    rate = uniform_filter1d(measured.rate, count) if count > 1 else measured.rate
+    rate = moving_mean(measured.rate, count) if count > 1 else measured.rate
     # the centre of an even window lies half a sample before the sample it is assigned to
     shift = interval / 2 if count > 1 and count % 2 == 0 else 0.0
     return RateMagnitude(measured.time - shift, rate, max(width, measured.width), measured.gap)
@@ -106,10 +105,12 @@ def _coarse_lag(time: np.ndarray, rate: np.ndarray, true: RateMagnitude) -> floa
     grid = np.arange(start, end, GRID_S)
     a = np.interp(grid, time, rate, left=0, right=0)
     b = np.where(true.known_at(grid), np.interp(grid, true.time, true.rate, left=0, right=0), 0.0)
-    correlation = correlate(a - a.mean(), b - b.mean(), mode="full", method="fft")
-    lags = correlation_lags(len(grid), len(grid)) * GRID_S
-    within = np.abs(lags) <= SEARCH_S
-    return float(lags[within][np.argmax(correlation[within])])
+    size = 1 << (2 * len(grid)).bit_length()  # so long that neither end meets the other
+    spectrum = np.fft.rfft(a - a.mean(), size) * np.conj(np.fft.rfft(b - b.mean(), size))
+    correlation = np.fft.irfft(spectrum, size)
+    longest = min(int(SEARCH_S / GRID_S), len(grid) - 1)
+    lags = np.arange(-longest, longest + 1)
+    return float(lags[np.argmax(correlation[lags])] * GRID_S)
 
 
 def _refine(

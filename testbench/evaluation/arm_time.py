@@ -5,16 +5,15 @@ samples that did not come.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from testbench.evaluation.judged import SETTLING_NS
 from testbench.frames import NANOSECONDS
 from testbench.model.truth import WIDEST_GAP_NS
-from testbench.records.arm_record import arm_record
+from testbench.records.layout import ARM, table_file
 from testbench.records.plan import PlannedStep
-from testbench.records.session import ARM, Session
+from testbench.records.session import Session
 from testbench.records.storage import read_parquet_batches
 
 DEPARTED_RAD = float(np.radians(0.05))
@@ -37,10 +36,10 @@ def arm_notes(session: Session) -> list[str]:
     if (
         session.robot is None
         or not session.has_protocol
-        or not (session.path / f"{ARM}.parquet").is_file()
+        or not (session.path / table_file(ARM)).is_file()
     ):
         return []
-    arm = arm_record(session.manifest)
+    arm = session.manifest.arm.record
     if arm is None or arm.simulated:  # a model and its commands have one clock; no sample is missed
         return []
     leads, steps, count, gap_ns = _look(session, arm.commanded)
@@ -52,7 +51,7 @@ def arm_notes(session: Session) -> list[str]:
             "steps the arm moves before "
             "it was commanded, so the truth does not belong to the sensors' samples"
         )
-    missed = _missed(session.manifest)
+    missed = session.manifest.arm.timing.samples_missed
     if missed > MISSED_SHARE * (missed + count) or (missed and gap_ns > WIDEST_GAP_NS):
         share = 100 * missed / (missed + count)
         notes.append(
@@ -62,13 +61,6 @@ def arm_notes(session: Session) -> list[str]:
             f"{WIDEST_GAP_NS / NANOSECONDS:g} s"
         )
     return notes
-
-
-def _missed(manifest: dict[str, Any]) -> int:
-    arm = manifest.get("arm")
-    timing = arm.get("timing") if isinstance(arm, dict) else None
-    missed = timing.get("samples_missed") if isinstance(timing, dict) else None
-    return missed if isinstance(missed, int) else 0
 
 
 def _clock_notes(session: Session) -> list[str]:
@@ -109,7 +101,7 @@ def _look(session: Session, commanded: bool) -> tuple[list[int], int, int, int]:
     rest: dict[int, np.ndarray] = {}
     departed: dict[int, int] = {}
     count, gap, last = 0, 0, np.zeros(0, dtype=np.int64)
-    for piece in read_parquet_batches(session.path / f"{ARM}.parquet", ["host_time_ns", *columns]):
+    for piece in read_parquet_batches(session.path / table_file(ARM), ["host_time_ns", *columns]):
         times = piece["host_time_ns"]
         q = np.column_stack([piece[column] for column in columns])
         gap = max(gap, int(np.diff(np.concatenate([last, times])).max(initial=0)))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.stats import norm, t
+from scipy.special import ndtr, stdtrit
 
 LONGEST_SERIES = 1024
 """A longer series is first summed over equal runs: errors are far smoother than their sampling
@@ -179,19 +179,11 @@ def intervals(series: ErrorSeries, rng: np.random.Generator) -> Intervals:
     columns = np.column_stack([series.weight, series.mean, series.absolute, series.square])
     starts = rng.integers(0, n, (DRAWS, -(-n // length)))
     weight, mean, absolute, square = resampled_sums(columns, starts, length).T
-    tail = norm.cdf(np.sqrt(blocks / (blocks - 1)) * t.ppf((1 - CONFIDENCE) / 2, blocks - 1))
-    ends = [tail, 1 - tail]
-
-    def between(values: np.ndarray) -> list[float]:
-        return [float(value) for value in np.quantile(values, ends)]
-
-    return Intervals(
-        between(mean / weight),
-        between(absolute / weight),
-        between(np.sqrt(square / weight)),
-        blocks,
-        length,
-    )
+    tail = ndtr(np.sqrt(blocks / (blocks - 1)) * stdtrit(blocks - 1, (1 - CONFIDENCE) / 2))
+    found = np.stack([mean / weight, absolute / weight, np.sqrt(square / weight)])
+    ends = np.quantile(found, [tail, 1 - tail], axis=1)
+    of_mean, of_magnitude, of_rms = ends.T.tolist()
+    return Intervals(of_mean, of_magnitude, of_rms, blocks, length)
 
 
 @njit(cache=True)

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.evaluation.budgets import Arm, ChainTruth, chain_budget
-from testbench.evaluation.cycles import add_cycles, chain_cycles, cycle_notes
+from testbench.evaluation.cycles import Found, chain_cycles, cycle_notes
 from testbench.evaluation.metrics import rms, summarise
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import joint_acceleration
 from testbench.records.chain import ChainEstimate
 from testbench.records.estimate import Estimate
-from testbench.records.evaluation import ChainRow, Evaluation
+from testbench.records.evaluation import ChainRow, ResultTables
 from testbench.records.samples import ArmSamples
 from testbench.records.session import Session
 
@@ -28,10 +28,13 @@ LEAST_COVERED_PERCENT = 80.0
 """Stated uncertainties that cover fewer of the errors than this are remarked on; 95 is honest."""
 
 
-def judge_chain(session: Session, estimate: Estimate, result: Evaluation) -> None:
-    """Add the rows, error signals, budgets and remarks of every section and state to the result."""
+def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, list[Found]]:
+    """Rows, error signals, budgets and remarks of every section and state, and their average
+    cycles.
+    """
     arm = Arm.of(session) if estimate.chain else None
     recorded = arm.samples if arm is not None else None
+    result, found = ResultTables(), list[Found]()
     for one in estimate.chain:
         where = f"chain, section {one.section}, {one.state}"
         if recorded is None:
@@ -42,7 +45,7 @@ def judge_chain(session: Session, estimate: Estimate, result: Evaluation) -> Non
         rows, series = evaluate_chain(session, one, recorded)
         result.series[one.key] = series
         cycles = chain_cycles(session.steps, one, series)
-        add_cycles(result, cycles)
+        found += cycles
         own = [step for step in session.steps if step.section == one.section]
         notes = cycle_notes(f"chain, section {one.section}", own, cycles)
         result.notes.extend(
@@ -65,15 +68,23 @@ def judge_chain(session: Session, estimate: Estimate, result: Evaluation) -> Non
             result.chain.append(
                 replace(known, expanded_uncertainty_magnitude_deg=budget.expanded_magnitude_deg)
             )
-        low = [row for row in rows if row.covered_percent < LEAST_COVERED_PERCENT]
-        if low:
-            worst = min(low, key=lambda row: row.covered_percent)
-            result.notes.append(
-                f"{where}: the uncertainties that it states are too small for {len(low)} of "
-                f"{len(rows)} joints: 1.96 of them "
-                f"cover {worst.covered_percent:.0f} % of the errors of {worst.joint}, where 95 % "
-                "would be honest"
-            )
+        result.notes.extend(_coverage_notes(where, rows))
+    return result, found
+
+
+def _coverage_notes(where: str, rows: list[ChainRow]) -> list[str]:
+    """Whether the uncertainties that a state states cover its errors."""
+    low = [row for row in rows if row.covered_percent < LEAST_COVERED_PERCENT]
+    if not low:
+        return []
+    worst = min(low, key=lambda row: row.covered_percent)
+    note = (
+        f"{where}: the uncertainties that it states are too small for {len(low)} of "
+        f"{len(rows)} joints: 1.96 of them "
+        f"cover {worst.covered_percent:.0f} % of the errors of {worst.joint}, where 95 % "
+        "would be honest"
+    )
+    return [note]
 
 
 def evaluate_chain(

@@ -14,8 +14,9 @@ import numpy as np
 from testbench.evaluation.flexion import JointErrors
 from testbench.frames import NANOSECONDS
 from testbench.records.chain import ChainEstimate
-from testbench.records.evaluation import Evaluation
+from testbench.records.evaluation import ResultTables
 from testbench.records.evaluation_rows import CycleRow
+from testbench.records.layout import CYCLES
 from testbench.records.plan import PlannedStep
 
 POINTS = 101
@@ -213,24 +214,19 @@ def _rms_deg(angles: np.ndarray) -> float:
     return float(np.degrees(np.sqrt(np.mean(angles**2))))
 
 
-def add_cycles(result: Evaluation, found: list[Found]) -> None:
-    """Add rows to the result, and their average cycles to its table "cycles", which numbers them as
-    the rows are.
+def cycle_tables(found: list[Found]) -> ResultTables:
+    """The rows, and their average cycles as the table "cycles", which numbers them as the rows
+    are.
     """
     if not found:
-        return
-    first = len(result.cycles)
-    result.cycles.extend(row for row, _ in found)
+        return ResultTables()
     columns = {
-        "row": np.repeat(np.arange(first, len(result.cycles)), POINTS),
+        "row": np.repeat(np.arange(len(found)), POINTS),
         "cycle_percent": np.tile(np.arange(POINTS), len(found)),
     }
     for key in found[0][1]:
         columns[f"{key}_rad"] = np.concatenate([average[key] for _, average in found])
-    earlier = result.series.get("cycles", {})
-    result.series["cycles"] = {
-        key: np.concatenate([earlier.get(key, own[:0]), own]) for key, own in columns.items()
-    }
+    return ResultTables(cycles=[row for row, _ in found], series={CYCLES: columns})
 
 
 def cycle_notes(where: str, steps: Sequence[PlannedStep], found: list[Found]) -> list[str]:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.ndimage import uniform_filter1d
 
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.windows import moving_mean
 from testbench.records.plan import PlannedStep
 
 CONVERGENCE_BAND = np.radians(0.1)
@@ -122,7 +122,7 @@ class TrueTurning:
 
 def _without_slow(signal: np.ndarray, window: int) -> np.ndarray:
     """A signal less its moving average, shape (n, 3)."""
-    slow = uniform_filter1d(signal, window, axis=0)
+    slow = moving_mean(signal, window)
     return np.asarray(np.subtract(signal, slow, out=slow))
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from testbench.evaluation.arm_time import arm_notes
 from testbench.evaluation.budgets import Arm, flexion_clock_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
-from testbench.evaluation.cycles import add_cycles, cycle_notes, joint_cycles
+from testbench.evaluation.cycles import Found, cycle_notes, cycle_tables, joint_cycles
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.field_following import following_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
-from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.left_out import left_out_notes
 from testbench.evaluation.magnetic import field_deviation, field_error_rows, field_rows
 from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
@@ -32,10 +32,12 @@ from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.reference_step import reference_warning
 from testbench.records.earlier_steps import earlier_steps
 from testbench.records.estimate import Estimate
-from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome
-from testbench.records.evaluation_rows import Comparison, RankRow, TunedRow
+from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome, ResultTables
+from testbench.records.evaluation_rows import TunedRow
+from testbench.records.layout import joint_table, magnetic_table, orientation_table
 from testbench.records.near import Instants, united
-from testbench.records.plan import PlannedStep
+from testbench.records.plan import PlannedStep, judged_steps
+from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import RunStatus, Session
 
 MOST_OF_THE_ARM = 200_000
@@ -60,53 +62,66 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     instants = _instants(session, estimate)
     session = session.near(instants)
     steps = judged_steps(session.steps) if session.has_protocol or session.steps else None
-    result = Evaluation(session.name, [], [], [], Outcome.NOT_MEASURED)
-    result.notes.extend(session.manifest.get("plan", {}).get("check", {}).get("warnings", []))
-    doubt = reference_warning(session.steps, session.analysis.estimate.align)
-    if doubt is not None and doubt not in result.notes:  # else the plan has said so
-        result.notes.append(doubt)
-    if session.status is not RunStatus.COMPLETED:
-        result.notes.append(
-            f"{ENDED[session.status]}: {session.manifest.get('message') or 'it did not finish'}"
-        )
-    earlier = earlier_steps(session)
-    if earlier is not None:
-        result.notes.append(f"this session {earlier.sentence}")
-    result.notes.extend(arm_notes(session))
-    result.tuned.extend(_tuned_rows(estimate))
-    result.notes.extend(tuning_notes(result.tuned))
     sparse = max(-(-len(instants.arm) // MOST_OF_THE_ARM), 1)
     arm = Arm.of(session.near(replace(instants, arm=instants.arm[::sparse])))
-    norms = [
-        metric
-        for name in estimate.sensors
-        for metric in _judge_sensor(session, estimate, name, steps, arm, result)
-    ]
+    parts = [_bench_tables(session, estimate)]
+    cycles: list[Found] = []
+    norms: list[Metric] = []
+    for name in estimate.sensors:
+        rest = Rest.longest(session, name, estimate.sensors[name])
+        parts.append(ResultTables(noise=noise_rows(name, rest)))
+        parts.append(_sensor_tables(session, estimate, name, steps, arm))
+        norms += _norm_metrics(name, rest)
     if steps is not None and not steps:
-        result.notes.append("no step of the protocol was finished, so there is nothing to judge")
+        nothing = "no step of the protocol was finished, so there is nothing to judge"
+        parts.append(ResultTables(notes=[nothing]))
     for name in estimate.joints:
-        _judge_joint(session, estimate, name, steps or [], arm, result)
-    result.outliers.extend(outlier_rows(result, estimate.behaviour))
-    result.notes.extend(estimate.remarks)
-    judge_chain(session, estimate, result)
-    metrics, outcome = judge(session.analysis, summarise_metrics(result) + norms)
-    result.notes.extend(
+        joint, found = _joint_tables(session, estimate, name, steps or [], arm)
+        parts.append(joint)
+        cycles += found
+    outliers = outlier_rows(ResultTables.joined(parts), estimate.behaviour)
+    parts.append(ResultTables(outliers=outliers, notes=estimate.remarks))
+    chain, found = judge_chain(session, estimate)
+    tables = ResultTables.joined([*parts, chain, cycle_tables(cycles + found)])
+    metrics, outcome = judge(session.analysis, summarise_metrics(tables) + norms)
+    tables = replace(tables, notes=tables.notes + _verdict_notes(metrics))
+    if (
+        session.status is not RunStatus.COMPLETED
+    ):  # part of what was to be judged is missing: it cannot have passed
+        outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
+    return Evaluation(**vars(tables), session=session.name, metrics=metrics, outcome=outcome)
+
+
+def _bench_tables(session: Session, estimate: Estimate) -> ResultTables:
+    """What must be known of the run and of the filters, whatever they come to."""
+    notes = list(session.manifest.plan.check.warnings)
+    doubt = reference_warning(session.steps, session.analysis.estimate.align)
+    if doubt is not None and doubt not in notes:  # else the plan has said so
+        notes.append(doubt)
+    if session.status is not RunStatus.COMPLETED:
+        notes.append(f"{ENDED[session.status]}: {session.manifest.message or 'it did not finish'}")
+    earlier = earlier_steps(session)
+    if earlier is not None:
+        notes.append(f"this session {earlier.sentence}")
+    tuned = _tuned_rows(estimate)
+    notes += arm_notes(session) + tuning_notes(tuned) + _set_notes(estimate)
+    return ResultTables(notes=notes, tuned=tuned)
+
+
+def _verdict_notes(metrics: list[Metric]) -> list[str]:
+    """Why a metric with a limit was neither passed nor failed."""
+    unmeasured = [
         f"{m.name} by {m.filter} has a limit but was not measured"
         for m in metrics
         if m.outcome is Outcome.NOT_MEASURED
-    )
-    result.notes.extend(
+    ]
+    return unmeasured + [
         f"{m.name} by {m.filter}{f', section {m.section},' if m.section else ''} is marginal and "
         "cannot pass, for the "
         f"uncertainty of the truth is not known: {m.no_uncertainty}"
         for m in metrics
         if m.outcome is Outcome.MARGINAL and m.no_uncertainty
-    )
-    if (
-        session.status is not RunStatus.COMPLETED
-    ):  # part of what was to be judged is missing: it cannot have passed
-        outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
-    return replace(result, metrics=metrics, outcome=outcome)
+    ]
 
 
 def _instants(session: Session, estimate: Estimate) -> Instants:
@@ -125,76 +140,100 @@ def _instants(session: Session, estimate: Estimate) -> Instants:
     return Instants({name: united(times) for name, times in wanted.items()}, united(arm))
 
 
-def _judge_sensor(
+def _sensor_tables(
     session: Session,
     estimate: Estimate,
     name: str,
     steps: list[PlannedStep] | None,
     arm: Arm | None,
-    result: Evaluation,
-) -> list[Metric]:
-    """Add a sensor's rows to the result; returns the metric of its accelerometer at rest."""
+) -> ResultTables:
+    """A sensor's rows and error signals."""
     sensor = estimate.sensors[name]
-    result.notes.extend(f"{name}: {key} was left out: {why}" for key, why in sensor.skipped.items())
-    result.notes.extend(
+    notes = [f"{name}: {key} was left out: {why}" for key, why in sensor.skipped.items()]
+    notes += [
         f"{name}: {count} samples left out: {reason}"
         for reason, count in sensor.quality.items()
         if count
-    )
-    result.notes.extend(f"{name}: {remark}" for remark in sensor.remarks)
-    rest = Rest.longest(session, name, sensor)
-    result.noise.extend(noise_rows(name, rest))
-    norm_error = norm_error_percent(rest)
-    metrics = []
-    if norm_error is not None:
-        metrics.append(
-            Metric(
-                f"{name}.gravity_norm_error_percent",
-                norm_error,
-                "%",
-                None,
-                None,
-                None,
-                NORM_MEANING,
-            )
-        )
+    ]
+    notes += [f"{name}: {remark}" for remark in sensor.remarks]
     samples = session.imu(name, every=sensor.every) if sensor.stored_calibration is None else None
-    if samples is not None:
-        result.gyroscope_bias.extend(bias_rows(name, sensor, samples, session.steps))
     truth, jumps = sound_truth(session, name)
     if truth is None:
-        result.notes.append(f"{name}: no truth, so its orientation is not judged")
-        return metrics
-    result.notes.extend(
-        [f"{name}: {jumps} orientations of the truth left out: jumps"] if jumps else []
+        notes.append(f"{name}: no truth, so its orientation is not judged")
+    elif jumps:
+        notes.append(f"{name}: {jumps} orientations of the truth left out: jumps")
+    own = ResultTables(
+        notes=notes,
+        gyroscope_bias=[] if samples is None else bias_rows(name, sensor, samples, session.steps),
     )
+    if truth is None:
+        return own
+    return ResultTables.joined(
+        [own, *_orientation_tables(session, estimate, name, steps, arm, truth, samples)]
+    )
+
+
+def _orientation_tables(
+    session: Session,
+    estimate: Estimate,
+    name: str,
+    steps: list[PlannedStep] | None,
+    arm: Arm | None,
+    truth: Truth,
+    samples: ImuSamples | None,
+) -> list[ResultTables]:
+    """What a sensor's orientations come to against the truth."""
+    sensor = estimate.sensors[name]
     wanted = session.analysis.estimate.euler_ranges
-    result.euler_ranges.extend(euler_range_rows(name, sensor, truth, session.steps, wanted))
     errors = sensor_errors(name, sensor, truth, steps)
-    result.series[f"orientation_{name}"] = errors.series()
-    result.orientation.extend(sensor_rows(errors))
     defined = session.analysis.joints.values()
+    notes: list[str] = []
     if steps is not None and not any(
         name in {joint.proximal, joint.distal} for joint in defined
     ):  # else its joint tells
         known = np.isfinite(errors.q_true[:, 0])
-        result.notes.extend(
-            left_out_notes(name, steps, sensor.host_time_ns, sensor.static, known, ~sensor.flagged)
+        notes = left_out_notes(
+            name, steps, sensor.host_time_ns, sensor.static, known, ~sensor.flagged
         )
-    if errors.judged.any():
-        true = TrueTurning.of(sensor.host_time_ns, errors.q_true)
-        own = sensor_budgets(session, estimate, name, true, errors.judged, steps or [], arm)
-        result.uncertainty.extend(own)
-        result.orientation_summary.extend(summarise_sensor(errors, own, true))
-        result.orientation_sweeps.extend(sweep_rows(errors))
-        _add_ranking(result, *rank_sensor(errors))
-        deviation = None if samples is None else field_deviation(errors, samples, session.steps)
-        if deviation is not None:
-            result.magnetic_field.extend(field_rows(errors, deviation))
-            result.magnetic_errors.extend(field_error_rows(errors, deviation))
-            result.magnetic_following.extend(following_rows(errors, deviation))
-            result.series[f"magnetic_{name}"] = deviation.series(errors)
-    return metrics
+    parts = [
+        ResultTables(
+            notes=notes,
+            euler_ranges=euler_range_rows(name, sensor, truth, session.steps, wanted),
+            orientation=sensor_rows(errors),
+            series={orientation_table(name): errors.series()},
+        )
+    ]
+    if not errors.judged.any():
+        return parts
+    true = TrueTurning.of(sensor.host_time_ns, errors.q_true)
+    budgets = sensor_budgets(session, estimate, name, true, errors.judged, steps or [], arm)
+    ranks, comparisons = rank_sensor(errors)
+    parts.append(
+        ResultTables(
+            uncertainty=budgets,
+            orientation_summary=summarise_sensor(errors, budgets, true),
+            orientation_sweeps=sweep_rows(errors),
+            ranking=ranks,
+            comparisons=comparisons,
+        )
+    )
+    deviation = None if samples is None else field_deviation(errors, samples, session.steps)
+    if deviation is not None:
+        parts.append(
+            ResultTables(
+                magnetic_field=field_rows(errors, deviation),
+                magnetic_errors=field_error_rows(errors, deviation),
+                magnetic_following=following_rows(errors, deviation),
+                series={magnetic_table(name): deviation.series(errors)},
+            )
+        )
+    return parts
+
+
+def _norm_metrics(name: str, rest: Rest | None) -> list[Metric]:
+    """The metric of a sensor's accelerometer at rest, where it was at rest."""
+    error, label = norm_error_percent(rest), f"{name}.gravity_norm_error_percent"
+    return [] if error is None else [Metric(label, error, "%", None, None, None, NORM_MEANING)]
 
 
 def _tuned_rows(estimate: Estimate) -> list[TunedRow]:
@@ -210,6 +249,16 @@ def _tuned_rows(estimate: Estimate) -> list[TunedRow]:
         )
         for key, used in estimate.tuned.items()
     ]
+
+
+def _set_notes(estimate: Estimate) -> list[str]:
+    """Which parameters a person set for this estimate, in sentences."""
+    notes = []
+    for key, names in estimate.set_parameters.items():
+        values = estimate.filter_parameters[key]
+        chosen = ", ".join(f"{name} {values[name]:.4g}" for name in names)
+        notes.append(f"{key} ran with {chosen}, set for this estimate")
+    return notes
 
 
 def tuning_notes(rows: list[TunedRow]) -> list[str]:
@@ -229,35 +278,31 @@ def tuning_notes(rows: list[TunedRow]) -> list[str]:
     return notes
 
 
-def _judge_joint(
+def _joint_tables(
     session: Session,
     estimate: Estimate,
     name: str,
     steps: list[PlannedStep],
     arm: Arm | None,
-    result: Evaluation,
-) -> None:
-    """Add a joint's rows to the result."""
-    errors = joint_errors(session, name, estimate, steps)
+) -> tuple[ResultTables, list[Found]]:
+    """A joint's rows and error signals, and its average cycles."""
+    errors, joint = joint_errors(session, name, estimate, steps), estimate.joints[name]
     if errors is None:
-        result.notes.append(f"{name}: no truth, so its angle is not judged")
-        return
-    result.notes.extend(errors.notes)
-    result.notes.extend(f"joint '{name}': {remark}" for remark in estimate.joints[name].remarks)
-    result.series[f"joint_{name}"] = errors.series() | estimate.joints[name].heading_series()
+        return ResultTables(notes=[f"{name}: no truth, so its angle is not judged"]), []
     clock_sd = flexion_clock_sd(estimate, errors) if errors.steps else 0.0
     cycles = joint_cycles(errors)
-    add_cycles(result, cycles)
-    result.notes.extend(cycle_notes(f"joint '{name}'", [step for step, _ in errors.steps], cycles))
     rows = joint_rows(errors, clock_sd)
-    result.joint_angle.extend(rows)
-    own = joint_budgets(session, estimate, errors, arm)
-    result.uncertainty.extend(own)
-    summaries, ranks, comparisons = summarise_joint(errors, rows, own, clock_sd)
-    result.joint_summary.extend(summaries)
-    _add_ranking(result, ranks, comparisons)
-
-
-def _add_ranking(result: Evaluation, ranks: list[RankRow], comparisons: list[Comparison]) -> None:
-    result.ranking.extend(ranks)
-    result.comparisons.extend(comparisons)
+    budgets = joint_budgets(session, estimate, errors, arm)
+    summaries, ranks, comparisons = summarise_joint(errors, rows, budgets, clock_sd)
+    notes = errors.notes + [f"joint '{name}': {remark}" for remark in joint.remarks]
+    notes += cycle_notes(f"joint '{name}'", [step for step, _ in errors.steps], cycles)
+    tables = ResultTables(
+        notes=notes,
+        series={joint_table(name): errors.series() | joint.heading_series()},
+        joint_angle=rows,
+        uncertainty=budgets,
+        joint_summary=summaries,
+        ranking=ranks,
+        comparisons=comparisons,
+    )
+    return tables, cycles

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from testbench.evaluation.blocks import CONFIDENCE, FEWEST_BLOCKS, mean_and_error, sample_series
 from testbench.evaluation.magnetic import FEWEST_SAMPLES, FieldDeviation
@@ -92,7 +92,7 @@ def following_rows(sensor: SensorErrors, found: FieldDeviation) -> list[FieldFol
             and seen.blocks >= FEWEST_BLOCKS
             and np.isfinite(seen.share)
         ):
-            quantile = float(t.ppf((1 + CONFIDENCE) / 2, seen.blocks - 1))
+            quantile = float(stdtrit(seen.blocks - 1, (1 + CONFIDENCE) / 2))
             half = quantile * seen.error + GYROSCOPE_DEG / change_deg
             interval = [seen.share - half, seen.share + half]
             row = FieldFollowingRow(

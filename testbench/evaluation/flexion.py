@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -182,25 +183,33 @@ def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:
         >= LEAST_GIMBAL_MARGIN
         for label, true in errors.true_angles.items()
     }
-    by_key = {}
+    by_key = []
     for key, error in errors.error.items():
         by_step = summarise_each(np.degrees(error[every]), sizes)
         others = _others(errors, key, every, sizes, defined[key[1]])
-        settled = iter(convergence_times(errors.time_ns, error, poses))
-        by_key[key] = [
-            _row(errors, key, step, by_step[i], others[i])
-            | (
-                _of_sweep(errors, key, rows, clock_sd) | sweeps[step.index]
-                if step.kind == "sweep"
-                else {"convergence_s": _known(float(next(settled)))}
-            )
-            for i, (step, rows) in enumerate(errors.steps)
-        ]
-    return [JointRow(**row[i]) for i in range(len(sizes)) for row in by_key.values()]
+        settled = iter(convergence_times(errors.time_ns, error, poses).tolist())
+        by_key.append(
+            [
+                _row(
+                    errors,
+                    key,
+                    step,
+                    by_step[i],
+                    other_mean_abs_error_deg=others[i],
+                    **(
+                        _of_sweep(errors, key, rows, clock_sd) | sweeps[step.index]
+                        if step.kind == "sweep"
+                        else {"convergence_s": _known(next(settled))}
+                    ),
+                )
+                for i, (step, rows) in enumerate(errors.steps)
+            ]
+        )
+    return [row for of_step in zip(*by_key, strict=True) for row in of_step]
 
 
 def _known(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+    return value if math.isfinite(value) else None
 
 
 def _measured_sweeps(errors: JointErrors) -> dict[int, dict[str, float | None]]:
@@ -311,27 +320,28 @@ def _others(
 
 
 def _row(
-    errors: JointErrors, key: Key, step: PlannedStep, summary: Summary, others: list[float | None]
-) -> dict[str, Any]:
-    """What is said of poses and sweeps alike."""
-    return {
-        "joint": errors.name,
-        "filter": key[0],
-        "sequence": key[1],
-        "section": step.section,
-        "step": step.index,
-        "kind": step.kind,
-        "misalignment_deg": step.variables.get(errors.joint.misalignment),
-        "flexion_deg": step.variables.get(errors.joint.flexion_variable),
-        "variables": step.variables,
-        "n": summary.n,
-        "flexion_mean_error_deg": summary.mean,
-        "flexion_mean_abs_error_deg": summary.mean_abs,
-        "flexion_sd_deg": summary.sd,
-        "flexion_rmse_deg": summary.rmse,
-        "flexion_max_abs_error_deg": summary.max_abs,
-        "other_mean_abs_error_deg": others,
-        "flexion_median_error_deg": summary.median,
-        "flexion_iqr_deg": summary.iqr,
-        "flexion_p95_abs_error_deg": summary.p95_abs,
-    }
+    errors: JointErrors, key: Key, step: PlannedStep, summary: Summary, **further: Any
+) -> JointRow:
+    """The row of a step by a filter, with what is said of poses or sweeps alone."""
+    variables, joint = step.variables, errors.joint
+    return JointRow(
+        joint=errors.name,
+        filter=key[0],
+        sequence=key[1],
+        section=step.section,
+        step=step.index,
+        kind=step.kind,
+        misalignment_deg=variables.get(joint.misalignment),
+        flexion_deg=variables.get(joint.flexion_variable),
+        variables=variables,
+        n=summary.n,
+        flexion_mean_error_deg=summary.mean,
+        flexion_mean_abs_error_deg=summary.mean_abs,
+        flexion_sd_deg=summary.sd,
+        flexion_rmse_deg=summary.rmse,
+        flexion_max_abs_error_deg=summary.max_abs,
+        flexion_median_error_deg=summary.median,
+        flexion_iqr_deg=summary.iqr,
+        flexion_p95_abs_error_deg=summary.p95_abs,
+        **further,
+    )

@@ -21,14 +21,6 @@ within 1e-6 after 0.3 s).
 """
 
 
-def judged_steps(steps: list[PlannedStep]) -> list[PlannedStep]:
-    """Steps whose errors count: those of evaluation sections, or all but calibration where there is
-    none.
-    """
-    chosen = [step for step in steps if step.role == "evaluation"]
-    return chosen or [step for step in steps if step.role != "calibration"] or steps
-
-
 def window(step: PlannedStep) -> tuple[int, int]:
     """First and last host time of a step that count [ns]."""
     if step.kind == "sweep":

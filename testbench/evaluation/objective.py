@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.evaluation.flexion import JointErrors, flexion_error, joint_errors
-from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.metrics import orientation_errors, rms
 from testbench.evaluation.orientation import SensorErrors, sensor_errors
 from testbench.exceptions import InputError, NotFoundError, SessionError
 from testbench.records.estimate import Estimate, JointEstimate
+from testbench.records.plan import judged_steps
 from testbench.records.session import Session
 
 UNIT = "deg"

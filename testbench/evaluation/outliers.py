@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from testbench.model.robust import far_ones, outer_fence
-from testbench.records.evaluation import Evaluation
+from testbench.records.evaluation import ResultTables
 from testbench.records.evaluation_rows import OutlierRow
 
 
-def outlier_rows(evaluation: Evaluation, behaviour: Mapping[str, str]) -> list[OutlierRow]:
+def outlier_rows(evaluation: ResultTables, behaviour: Mapping[str, str]) -> list[OutlierRow]:
     """One row for each filter that is far from the others by an error of a sensor's orientation or
     of a joint.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import t
+from scipy.special import stdtr
 
 from testbench.evaluation.blocks import ErrorSeries, mean_and_error
 from testbench.records.evaluation_rows import Comparison, RankRow
@@ -130,7 +130,7 @@ def _exceeds(mean: float, error: float, blocks: int, relevant: float) -> float:
     excess = abs(mean) - relevant
     if excess <= 0:
         return 1.0
-    return float(2 * t.sf(excess / max(error, 1e-12), blocks - 1))
+    return float(2 * stdtr(blocks - 1, -excess / max(error, 1e-12)))
 
 
 def holm(p: list[float]) -> list[float]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.records.evaluation import SEVERITY, ChainRow, Evaluation, JointRow, Metric, Outcome
+from testbench.records.evaluation import SEVERITY, ChainRow, JointRow, Metric, Outcome, ResultTables
 from testbench.records.evaluation_rows import JointSummary
 from testbench.records.protocol import JOINT_METRICS, SENSOR_METRICS, AcceptanceLimit, Analysis
 from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
@@ -70,14 +70,14 @@ summary.
 """
 
 
-def summarise_metrics(evaluation: Evaluation) -> list[Metric]:
+def summarise_metrics(evaluation: ResultTables) -> list[Metric]:
     """Every metric of every filter, without limits; joint metrics give each pose or sweep the same
     weight.
     """
     return _joint_metrics(evaluation) + _chain_metrics(evaluation) + _sensor_metrics(evaluation)
 
 
-def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
+def _joint_metrics(evaluation: ResultTables) -> list[Metric]:
     metrics = []
     lacking = _lacking(evaluation)
     summaries: dict[tuple[str, str, str, str], list[JointSummary]] = {}
@@ -141,7 +141,7 @@ def _joint_metrics(evaluation: Evaluation) -> list[Metric]:
     return metrics
 
 
-def _chain_metrics(evaluation: Evaluation) -> list[Metric]:
+def _chain_metrics(evaluation: ResultTables) -> list[Metric]:
     metrics = []
     lacking = _lacking(evaluation)
     for place in dict.fromkeys((row.section, row.state) for row in evaluation.chain):
@@ -183,7 +183,7 @@ def _chain_metrics(evaluation: Evaluation) -> list[Metric]:
     return metrics
 
 
-def _sensor_metrics(evaluation: Evaluation) -> list[Metric]:
+def _sensor_metrics(evaluation: ResultTables) -> list[Metric]:
     metrics = []
     lacking = _lacking(evaluation)
     found = {
@@ -240,7 +240,7 @@ def _sensor_metrics(evaluation: Evaluation) -> list[Metric]:
     return metrics
 
 
-def _lacking(evaluation: Evaluation) -> dict[tuple[str, str, str | None], str]:
+def _lacking(evaluation: ResultTables) -> dict[tuple[str, str, str | None], str]:
     """What the budgets that could not be completed lack, by owner, quantity and section."""
     return {
         (b.owner, b.quantity, b.section): "; ".join(b.notes)

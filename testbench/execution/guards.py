@@ -36,8 +36,8 @@ class Trip:
     Attributes:
         guard: Its name, with the unit.
         subject: Sensor or joint.
-        value: In the guard's unit.
-        limit: In the guard's unit.
+        value: What was found, in the guard's unit.
+        limit: What it may come to.
         action: What follows.
     """
 
@@ -93,6 +93,7 @@ class GuardWatch:
 
     Attributes:
         counts: How often each limit was broken, told or not, by "guard of subject".
+        told: How often that was told.
     """
 
     def __init__(self, guards: Guards, sensors: list[str]):
@@ -101,6 +102,20 @@ class GuardWatch:
         self._limits: dict[tuple[str, str], _Limit] = {}
         self._now_ns = 0
         self.counts: Counter[str] = Counter()
+        self.told: Counter[str] = Counter()
+
+    @property
+    def summary(self) -> str:
+        """How often each limit was broken, and how often that was told where it was not every time;
+        empty if nothing was told.
+        """
+        if not self.told:
+            return ""
+        counted = [
+            f"{name} {count}" + (f" (told {self.told[name]})" if self.told[name] < count else "")
+            for name, count in sorted(self.counts.items())
+        ]
+        return f"guards: {', '.join(counted)}"
 
     def look(
         self,
@@ -113,8 +128,8 @@ class GuardWatch:
 
         Args:
             now_ns: Host time.
-            arm: What was recorded since the last look.
-            imus: What was recorded since the last look.
+            arm: What it reported since the last look.
+            imus: What each sensor delivered since then, by its name.
             events: Of the sensors.
         """
         self._now_ns = now_ns
@@ -152,6 +167,7 @@ class GuardWatch:
             self.counts[f"{guard} of {subject}"] += not known.broken
             if not known.told:
                 trips.append(Trip(guard, subject, value, setting.limit, setting.action))
+                self.told[f"{guard} of {subject}"] += 1
             known.told, known.calm_since_ns = True, None
         elif guard.endswith("_s"):
             known.told = False

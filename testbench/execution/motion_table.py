@@ -64,10 +64,11 @@ def motion_rows(plan: Plan, steps: Sequence[PlannedStep] | None = None) -> list[
 def _row(plan: Plan, step: PlannedStep) -> MotionRow:
     knots = plan.trajectory
     pose = knots.at(np.array([step.settled_ns]))[0][0]
-    inside = (knots.time_ns >= step.start_ns) & (knots.time_ns <= step.settled_ns)
-    fastest = float(np.degrees(np.abs(knots.v[inside]).max())) if inside.any() else 0.0
+    first = int(np.searchsorted(knots.time_ns, step.start_ns))
+    inside = slice(first, int(np.searchsorted(knots.time_ns, step.settled_ns, side="right")))
+    fastest = float(np.degrees(np.abs(knots.v[inside]).max(initial=0.0)))
     swings: dict[str, tuple[float, float]] = {}
-    if step.kind == "sweep" and inside.any():
+    if step.kind == "sweep" and inside.stop > inside.start:
         q = np.degrees(knots.q[inside])
         for joint, low, high in zip(
             plan.robot.joint_names, q.min(axis=0), q.max(axis=0), strict=True

@@ -33,6 +33,10 @@ class Operator:
             "r goes on, q stops" if self._keyboard is not None else "SIGUSR2 goes on, SIGINT stops"
         )
 
+    def pause(self, reason: str) -> None:
+        """Ask for a pause in the operator's place."""
+        self.pause_asked, self.pause_reason = True, reason
+
     def look(self) -> None:
         """Take the keys that were pressed."""
         while self._keyboard is not None and select.select([self._keyboard], [], [], 0)[0]:
@@ -62,18 +66,20 @@ class Operator:
 
 
 @contextmanager
-def operator_requests(keys: bool = False) -> Iterator[Operator]:
-    """An operator whose signals, and keys if wanted, are listened to; only the main thread gets
-    signals.
+def operator_requests(keys: bool = False, pauses: bool = True) -> Iterator[Operator]:
+    """An operator whose signals, and keys if wanted, are listened to instead of what they would do
+    in the middle of a piece of work; only the main thread gets signals.
 
     Args:
         keys: Whether to listen to the keyboard, where standard input is a terminal.
+        pauses: Whether there is anything to pause.
     """
     operator = Operator()
     if threading.current_thread() is not threading.main_thread():
         yield operator
         return
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2)
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    numbers += [signal.SIGUSR1, signal.SIGUSR2] if pauses else []
     previous = {number: signal.signal(number, operator._signalled) for number in numbers}
     try:
         with _single_keys(operator, keys):

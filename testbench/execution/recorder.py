@@ -1,177 +1,104 @@
-"""Record a run: the session's folder, its streams and its events."""
+"""Record a session: its folder, its streams and its events, of an arm's run or of devices alone."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from testbench.clock import Clock
+from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.imus.base import Imu
-from testbench.exceptions import StorageError
+from testbench.exceptions import DriverError, StorageError
 from testbench.execution.guards import Trip
+from testbench.execution.options import RunOptions
+from testbench.execution.sensors import Sensors
+from testbench.execution.state_machine import RunState
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.replacing import disk_reason, stored
-from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import ARM, PLAN, Event, RunStatus, Session, step_events
+from testbench.records.layout import (
+    ARM,
+    INCLUDED,
+    MANIFEST,
+    PLAN,
+    PROTOCOL,
+    ROBOT,
+    URDF,
+    imu_stream,
+    table_file,
+)
+from testbench.records.plan import Plan
+from testbench.records.replacing import dated_folder, disk_reason, free_folder, stored
+from testbench.records.samples import IMU_NOTES, TABLE_UNITS, ArmSamples, ImuSamples
+from testbench.records.session import Event, RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
 from testbench.records.storage import last_value
 
-IMU_NOTES = {
-    "content": "raw samples of an inertial sensor, in the sensor frame",
-    "device_q": "q_earth_from_sensor of the vendor's filter, w x y z, Hamilton",
-    "units": "the suffix of each column; times in nanoseconds",
-}
+ARM_NOTES = {"content": "joint angles sent and measured", **TABLE_UNITS}
+NOTHING_YET = "nothing was recorded; make room, then run it again"
 KEPT = "nothing of the recording is lost; make room, then `testbench run --resume {}`"
-ARM_NOTES = {
-    "content": "joint angles sent and measured",
-    "units": "the suffix of each column; times in nanoseconds",
-}
 
 
-class Recorder:
-    """Writes one run.
+class Recorder(ABC):
+    """Writes a session while it is recorded.
 
     Args:
-        plan: What is run.
+        path: Of the session.
         imus: The sensors, by name.
-        folder: The session's folder, to be made.
         clock: For the time of start and the rhythm of syncing.
-        seed: Of the run; None where nothing is drawn.
-        details: Further entries of the manifest.
-        arm_columns: What the arm's samples hold beyond angles and rates, name to type.
-        resumed: Go on with this session; what it holds already is not written again.
+        comfort: What became of the data, where the disk does not take the first of it.
+
+    Attributes:
+        kind: Of the session.
 
     Raises:
-        StorageError: The disk does not take it; a session that was to be gone on with keeps
-            everything.
+        StorageError: The disk does not take it.
     """
 
-    def __init__(
-        self,
-        plan: Plan,
-        imus: dict[str, Imu],
-        folder: Path,
-        clock: Clock,
-        seed: int | None,
-        details: dict[str, Any],
-        arm_columns: dict[str, Any] | None = None,
-        resumed: Session | None = None,
-    ):
-        self.plan, self.imus, self.clock = plan, imus, clock
-        self._noted: set[tuple[int, str, Any]] = set()
-        path = folder if resumed is None else resumed.path
-        comfort = (
-            "nothing was recorded; make room, then run it again"
-            if resumed is None
-            else KEPT.format(path)
-        )
+    kind: str
+
+    def __init__(self, path: Path, imus: dict[str, Imu], clock: Clock, comfort: str = NOTHING_YET):
+        self.path, self.imus, self.clock = path, imus, clock
         with stored(path, comfort):
-            self._writer = (
-                self._new(folder, clock, seed, details) if resumed is None else self._again(resumed)
-            )
+            self._writer = self._open()
             try:
-                self._open(arm_columns or {})
+                for name, (columns, notes) in self._streams().items():
+                    self._writer.open_journal(name, columns, notes)
+                self._present = {name: self._writer.rows(name) for name in self._streams()}
             except BaseException:
                 self._writer.abandon()
                 raise
-            if resumed is None:
+            if not (path / MANIFEST).is_file():
                 self._writer.announce()
         self._synced_ns = clock.monotonic_ns()
 
-    def _open(self, arm_columns: dict[str, Any]) -> None:
-        """Begin the streams, or go on with those that there are."""
-        self._writer.open_journal(
-            ARM, ArmSamples.columns(self.plan.robot.joint_names) | arm_columns, ARM_NOTES
-        )
-        for name, imu in self.imus.items():
-            self._writer.open_journal(f"imu_{name}", imu.columns(), IMU_NOTES)
-        streams = [ARM, *(f"imu_{name}" for name in self.imus)]
-        self._present = {name: self._writer.rows(name) for name in streams}
+    @abstractmethod
+    def _open(self) -> SessionWriter:
+        """The session, with everything that is known before anything moves."""
 
-    def _new(
-        self, folder: Path, clock: Clock, seed: int | None, details: dict[str, Any]
-    ) -> SessionWriter:
-        """A new session with everything that is known before anything moves."""
-        plan, imus, spec = self.plan, self.imus, self.plan.protocol.spec
-        writer = SessionWriter(
-            folder,
-            spec.analysis(),
-            {name: imu.describe() for name, imu in imus.items()},
-            clock.utc(),
-            {
-                "kind": "run",
-                "seed": seed,
-                "protocol_path": str(plan.protocol.document.file.resolve()),
-                "protocol": {
-                    "name": spec.name,
-                    "purpose": spec.purpose,
-                    "file": plan.protocol.document.file.name,
-                },
-                "robot": {
-                    "name": plan.robot.name,
-                    "file": None if plan.robot.file is None else str(plan.robot.file),
-                    "urdf": str(plan.robot.urdf),
-                },
-                "plan": {"hash": plan.hash, "check": plan.check.to_dict()},
-                **details,
-            },
-            announced=False,
-        )
-        writer.add_text("protocol.yaml", plan.protocol.document.text)
-        for name, text in plan.protocol.texts().items():
-            if name != plan.protocol.document.file.name:
-                writer.add_text(f"included_{name}", text)
-        writer.add_text("robot.yaml", plan.robot.text)
-        writer.add_text("robot.urdf", plan.robot.urdf.read_text(encoding="utf-8"))
-        plan.save(folder / PLAN)
-        return writer
+    def _streams(self) -> dict[str, tuple[Mapping[str, Any], Mapping[str, str]]]:
+        """Columns and notes of every stream, by its name."""
+        return {imu_stream(name): (imu.columns(), IMU_NOTES) for name, imu in self.imus.items()}
 
-    def _again(self, session: Session) -> SessionWriter:
-        """A session to go on with; its events are not written a second time."""
-        self._noted = {
-            (event.host_time_ns, event.event, event.details.get("index"))
-            for event in session.events
-        }
-        duration = session.manifest.get("duration_s")
-        writer = SessionWriter.reopen(session.path, {"at_s": duration, "was": str(session.status)})
-        if (
-            session.status is RunStatus.INTERRUPTED
-        ):  # it ends with the arm's stop, which must not stay in the middle
-            for stream in [ARM, *(f"imu_{name}" for name in self.imus)]:
-                (session.path / f"{stream}.parquet").unlink(missing_ok=True)
-        return writer
+    @abstractmethod
+    def began(self, arm: SteppingArm) -> None:
+        """Note that everything runs."""
 
-    @property
-    def path(self) -> Path:
-        """The session's folder."""
-        return self._writer.path
+    def ended(self, host_time_ns: int, status: RunStatus, message: str) -> None:
+        """Note how it ended."""
+        self.event(host_time_ns, f"{self.kind}_{status}", message=message)
 
     def event(self, host_time_ns: int, event: str, **details: Any) -> None:
         """Note that something happened."""
         self._writer.event(Event(host_time_ns, event, details))
 
-    def step_events(self, begin_ns: int, end_ns: int) -> None:
-        """Note what the steps of the plan did in [begin, end) [ns]."""
-        near = (
-            step for step in self.plan.steps if step.start_ns < end_ns and step.end_ns >= begin_ns
-        )
-        for event in step_events(near):
-            if begin_ns <= event.host_time_ns < end_ns:
-                self._once(event)
-
-    def step_event(self, host_time_ns: int, event: str, step: PlannedStep) -> None:
-        """Note that a step started, settled or ended, at a time that is not the plan's."""
-        details = next(planned.details for planned in step_events([step]) if planned.event == event)
-        self._once(Event(host_time_ns, event, details))
-
-    def _once(self, event: Event) -> None:
-        """Note what a step did, but for what a resumed session says already."""
-        if (event.host_time_ns, event.event, event.details.get("index")) not in self._noted:
-            self._writer.event(event)
+    def arm_event(self, event: Event) -> None:
+        """Note what the arm did."""
+        self._writer.event(event)
 
     def device_events(self, events: dict[str, list[Event]]) -> None:
         """Note what happened to the sensors, by name, in order of time."""
@@ -193,11 +120,20 @@ class Recorder:
         }
         self.event(host_time_ns, "guard", **details, action=trip.action)
 
-    def samples(self, arm: ArmSamples, imus: dict[str, ImuSamples]) -> None:
-        """Append what was read, and sync once a second."""
-        self._append(ARM, arm.to_columns())
+    def state_event(self, host_time_ns: int, old: RunState, new: RunState, why: str) -> None:
+        """Note a change of the run's state; a disk that does not take it is told of by the rest."""
+        details = {"why": why} if why else {}
+        with suppress(StorageError):
+            self.event(host_time_ns, "state", state=str(new), before=str(old), **details)
+
+    @abstractmethod
+    def arm_samples(self, samples: ArmSamples) -> None:
+        """Append what the arm reported."""
+
+    def sensor_samples(self, imus: dict[str, ImuSamples]) -> None:
+        """Append what the sensors delivered, and sync once a second."""
         for name, samples in imus.items():
-            self._append(f"imu_{name}", samples.to_columns())
+            self._append(imu_stream(name), samples.to_columns())
         self._writer.flush()
         if self.clock.monotonic_ns() - self._synced_ns >= NANOSECONDS:
             self._writer.sync()
@@ -212,17 +148,30 @@ class Recorder:
             {name: values[skipped:] for name, values in columns.items()} if skipped else columns,
         )
 
-    def close(
-        self, status: RunStatus, message: str = "", details: dict[str, Any] | None = None
-    ) -> Session:
-        """Compact the streams, add the truth, and finish the manifest with further entries.
+    def lacking(self) -> DriverError | None:
+        """Why what was recorded is of no use, or None."""
+        return None
+
+    @property
+    def kept(self) -> str:
+        """What there is of it, for people."""
+        return f"what was recorded is kept in {self.path}"
+
+    def close(self, status: RunStatus, message: str, arm: dict[str, Any]) -> Session:
+        """Compact the streams, and finish the manifest.
+
+        Args:
+            status: How it ended.
+            message: Why it ended early.
+            arm: What is known of the arm now.
 
         Raises:
             StorageError: The disk does not take it; the session is left unfinished, with everything
                 that was written.
         """
         try:
-            return self._close(status, message, details or {})
+            self._writer.compact()
+            self._writer.close(status, message=message, **self._closing(arm))
         except (StorageError, OSError) as error:
             self._writer.abandon()
             reason = (
@@ -233,12 +182,156 @@ class Recorder:
             raise StorageError(
                 f"{reason}; make room, then `testbench recover {self.path}`"
             ) from None
-
-    def _close(self, status: RunStatus, message: str, details: dict[str, Any]) -> Session:
-        self._writer.compact()
-        write_truth(self.path, self.plan.robot, self.plan.protocol.spec.sensors)
-        duration = (
-            float(last_value(self.path / f"{ARM}.parquet", "host_time_ns") or 0) / NANOSECONDS
-        )
-        self._writer.close(status, message=message, duration_s=duration, **details)
         return Session(self.path)
+
+    @abstractmethod
+    def _closing(self, arm: dict[str, Any]) -> dict[str, Any]:
+        """Add what follows from the whole, and give the last entries of the manifest."""
+
+    def _device_statistics(self) -> dict[str, Any]:
+        """What the live sensors counted."""
+        return {name: counted for name, imu in self.imus.items() if (counted := imu.statistics())}
+
+
+class RunRecorder(Recorder):
+    """Writes the run of an arm.
+
+    Args:
+        plan: What is run.
+        arm: Connected.
+        sensors: On it.
+        options: Of the run; what a session that it goes on with holds already is not written again.
+
+    Raises:
+        StorageError: The disk does not take it; a session that was to be gone on with keeps
+            everything.
+    """
+
+    kind = "run"
+
+    def __init__(self, plan: Plan, arm: SteppingArm, sensors: Sensors, options: RunOptions):
+        self.plan, self.sensors, self.options = plan, sensors, options
+        self.steps = plan.steps if options.steps is None else options.steps
+        self._by_index = {step.index: step for step in plan.steps}
+        self._arm_columns, self._arm = arm.extra_columns, arm.describe()
+        self._done = 0
+        resumed, logs = options.resumed, Path(options.logs)
+        past = resumed.events if resumed is not None else []
+        self._noted = {
+            (event.host_time_ns, event.event, event.details.get("index")) for event in past
+        }
+        self._whole = {event.details.get("index") for event in past if event.event == "step_ended"}
+        self._again_ns = recorded_ns(resumed)
+        clock, name = arm.time.clock, options.session_name
+        if resumed is not None:
+            super().__init__(resumed.path, sensors.imus, clock, KEPT.format(resumed.path))
+        elif name is not None:
+            super().__init__(free_folder(logs, name), sensors.imus, clock)
+        else:
+            folder = dated_folder(logs, plan.protocol.spec.name, clock)
+            super().__init__(folder, sensors.imus, clock)
+
+    def _open(self) -> SessionWriter:
+        resumed = self.options.resumed
+        return self._new() if resumed is None else self._again(resumed)
+
+    def _new(self) -> SessionWriter:
+        """A new session; its folder becomes one when everything is in it."""
+        plan, spec, simulated = self.plan, self.plan.protocol.spec, self.sensors.are_simulated
+        details: dict[str, Any] = {
+            "kind": self.kind,
+            "seed": self.options.seed if simulated else None,
+            "protocol_path": str(plan.protocol.document.file.resolve()),
+            "protocol": {
+                "name": spec.name,
+                "purpose": spec.purpose,
+                "file": plan.protocol.document.file.name,
+            },
+            "robot": {
+                "name": plan.robot.name,
+                "file": None if plan.robot.file is None else str(plan.robot.file),
+                "urdf": str(plan.robot.urdf),
+            },
+            "plan": {"hash": plan.hash, "check": plan.check.to_dict()},
+            "arm": self._arm,
+            "simulated_sensors": simulated,
+            "checklist": self.options.checklist,
+            "resumes": self.options.resumes,
+        }
+        if self.sensors.environment is not None:
+            details["environment"] = self.sensors.environment
+        writer = SessionWriter(
+            self.path,
+            spec.analysis(),
+            {name: imu.describe() for name, imu in self.imus.items()},
+            self.clock.utc(),
+            details,
+            announced=False,
+        )
+        writer.add_text(PROTOCOL, plan.protocol.document.text)
+        for name, text in plan.protocol.texts().items():
+            if name != plan.protocol.document.file.name:
+                writer.add_text(f"{INCLUDED}{name}", text)
+        writer.add_text(ROBOT, plan.robot.text)
+        writer.add_text(URDF, plan.robot.urdf.read_text(encoding="utf-8"))
+        plan.save(self.path / PLAN)
+        return writer
+
+    def _again(self, session: Session) -> SessionWriter:
+        """A session to go on with; its events are not written a second time."""
+        duration = session.manifest.duration_s
+        writer = SessionWriter.reopen(session.path, {"at_s": duration, "was": str(session.status)})
+        if (
+            session.status is RunStatus.INTERRUPTED
+        ):  # it ends with the arm's stop, which must not stay in the middle
+            for stream in self._streams():
+                (session.path / table_file(stream)).unlink(missing_ok=True)
+        return writer
+
+    def _streams(self) -> dict[str, tuple[Mapping[str, Any], Mapping[str, str]]]:
+        columns = ArmSamples.columns(self.plan.robot.joint_names) | self._arm_columns
+        return {ARM: (columns, ARM_NOTES)} | super()._streams()
+
+    def began(self, arm: SteppingArm) -> None:
+        name = "run_started" if self.options.resumed is None else "run_resumed"
+        self.event(self._again_ns, name, arm=type(arm).__name__)
+        if arm.notice:
+            self.event(self._again_ns, "arm_notice", message=arm.notice)
+
+    def arm_event(self, event: Event) -> None:
+        """Note what the arm did; of a step with what it is, and once."""
+        if event.event.startswith("step_"):
+            step = self._by_index[event.details["index"]]
+            details = next(own.details for own in step_events([step]) if own.event == event.event)
+            if (event.host_time_ns, event.event, step.index) not in self._noted:
+                self._writer.event(Event(event.host_time_ns, event.event, details))
+            if event.event == "step_ended":
+                self._done += 1
+                self._whole.add(step.index)
+        elif event.event.startswith("connecting_"):
+            step = self.steps[min(self._done, len(self.steps) - 1)]
+            self.event(event.host_time_ns, event.event, towards=step.index, name=step.name)
+        else:
+            self._writer.event(event)
+
+    def arm_samples(self, samples: ArmSamples) -> None:
+        self._append(ARM, samples.to_columns())
+
+    @property
+    def kept(self) -> str:
+        return f"{super().kept}: {len(self._whole)} of {len(self.steps)} steps are whole"
+
+    def _closing(self, arm: dict[str, Any]) -> dict[str, Any]:
+        """Add the truth; the recording is as long as the arm's."""
+        write_truth(self.path, self.plan.robot, self.plan.protocol.spec.sensors)
+        last = last_value(self.path / table_file(ARM), "host_time_ns")
+        return {
+            "duration_s": float(last or 0) / NANOSECONDS,
+            "arm": arm,
+            "device_statistics": self._device_statistics(),
+        }
+
+
+def recorded_ns(session: Session | None) -> int:
+    """How much a session holds that is to be gone on with [ns]."""
+    return 0 if session is None else round((session.manifest.duration_s or 0) * NANOSECONDS)

@@ -1,5 +1,5 @@
-"""Recover a session whose run was cut off by a kill or a power cut: keep every whole batch, and say
-what is missing.
+"""Recover a session whose recording was cut off by a kill or a power cut: keep every whole batch,
+and say what is missing.
 """
 
 from __future__ import annotations
@@ -9,12 +9,13 @@ from pathlib import Path
 from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
+from testbench.records.layout import ARM, JOURNALS, MANIFEST, imu_stream, sensor_of, table_file
 from testbench.records.replacing import clear_partials, stored
 from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import ARM, MANIFEST, Event, RunStatus, Session
+from testbench.records.session import Event, RunStatus, Session
 from testbench.records.session_lock import session_locked
 from testbench.records.session_writer import file_hashes, note_end
-from testbench.records.storage import Journal, compact, last_value, write_json
+from testbench.records.storage import Journal, compact, last_value
 
 SMALLEST_JOURNAL = 64
 """A journal of fewer bytes was cut off before its schema was whole; it held nothing."""
@@ -22,7 +23,8 @@ SMALLEST_JOURNAL = 64
 
 @session_locked
 def recover(session: Session) -> Session:
-    """Make a cut-off session readable; one that was closed is returned as it is.
+    """Make a cut-off session readable, of a run or of devices alone; one that was closed is
+    returned as it is.
 
     Raises:
         SessionError: It is still being recorded, or the arm's journal is lost, so that there is no
@@ -42,12 +44,8 @@ def recover(session: Session) -> Session:
 
 def _recovered(session: Session) -> Session:
     """Turn what was recorded into tables, and close the session."""
-    if session.manifest.get("kind") == "recording":
-        from testbench.execution.device_recorder import recover_recording
-
-        return recover_recording(session)
     path = session.path
-    for journal in sorted(path.glob("*.arrows")):
+    for journal in sorted(path.glob(JOURNALS)):
         if (
             journal.stat().st_size < SMALLEST_JOURNAL
             and not journal.with_suffix(".parquet").is_file()
@@ -56,27 +54,45 @@ def _recovered(session: Session) -> Session:
         compact(journal, journal.with_suffix(".parquet"))
     clear_partials(path)
     session = Session(path)
-    if not (path / f"{ARM}.parquet").is_file() or session.robot is None:
-        raise SessionError(
-            f"{path}: the arm's recording is lost; what the sensors recorded is in imu_*.parquet"
-        )
-    write_truth(path, session.robot, session.analysis.sensors)
-    duration = float(last_value(path / f"{ARM}.parquet", "host_time_ns") or 0) / NANOSECONDS
-    try:
-        planned = float(session.manifest["plan"]["check"]["duration_s"])
-    except (KeyError, TypeError, ValueError):
-        raise SessionError(
-            f"{path / MANIFEST} is damaged: it does not say how long the plan is"
-        ) from None
-    message = f"cut off after {duration:.1f} of {planned:.1f} s and recovered"
-    note_end(session, Event(round(duration * NANOSECONDS), "run_aborted", {"message": message}))
-    manifest = session.manifest | {
-        "status": RunStatus.ABORTED,
-        "message": message,
-        "duration_s": duration,
-    }
-    write_json(path / MANIFEST, manifest | {"files": file_hashes(path)})
+    kind, planned = "recording", ""
+    if session.manifest.kind == kind:
+        last_ns = max(_last_ns(session, imu_stream(name)) for name in session.sensor_names)
+    else:
+        _add_truth(session)
+        last_ns = _last_ns(session, ARM)
+        kind, planned = "run", f" of {_planned_s(session):.1f}"
+    duration = last_ns / NANOSECONDS
+    message = f"cut off after {duration:.1f}{planned} s and recovered"
+    note_end(session, Event(last_ns, f"{kind}_aborted", {"message": message}))
+    session.manifest.changed(
+        status=RunStatus.ABORTED, message=message, duration_s=duration, files=file_hashes(path)
+    ).write(path)
     return Session(path)
+
+
+def _add_truth(session: Session) -> None:
+    """Write the truth that follows from the arm's recording."""
+    if not (session.path / table_file(ARM)).is_file() or session.robot is None:
+        raise SessionError(
+            f"{session.path}: the arm's recording is lost; what the sensors recorded is in "
+            "imu_*.parquet"
+        )
+    write_truth(session.path, session.robot, session.analysis.sensors)
+
+
+def _planned_s(session: Session) -> float:
+    """How long the run was to last [s]."""
+    duration = session.manifest.plan.check.duration_s
+    if duration is None:
+        raise SessionError(
+            f"{session.path / MANIFEST} is damaged: it does not say how long the plan is"
+        )
+    return duration
+
+
+def _last_ns(session: Session, stream: str) -> int:
+    """When the last sample was taken, or arrived [ns]; 0 if there is none."""
+    return int(last_value(session.path / table_file(stream), "host_time_ns") or 0)
 
 
 def _write_empty(session: Session, journal: Path) -> None:
@@ -84,11 +100,8 @@ def _write_empty(session: Session, journal: Path) -> None:
     name = journal.stem
     if name == ARM and session.robot is not None:
         columns = ArmSamples.columns(session.robot.joint_names)
-    elif name.removeprefix("imu_") in session.manifest["sensors"]:
-        sensor = session.manifest["sensors"][name.removeprefix("imu_")]
-        columns = ImuSamples.columns(
-            *(bool(sensor.get(key)) for key in ("magnetometer", "orientation", "temperature"))
-        )
+    elif (sensor := session.manifest.sensors.get(sensor_of(name) or "")) is not None:
+        columns = ImuSamples.columns(sensor.magnetometer, sensor.orientation, sensor.temperature)
     else:
         return
     journal.unlink()

@@ -14,6 +14,7 @@ from typing import Any
 
 from testbench.exceptions import InputError, SessionError
 from testbench.execution.recovery import recover
+from testbench.records.layout import INCLUDED, MANIFEST, PROTOCOL, ROBOT, URDF
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.robot import Robot, load_robot, robot_from_text
 from testbench.records.session import RunStatus, Session
@@ -31,7 +32,7 @@ def open_for_resume(path: Path) -> Session:
         SessionError: It is no run, was completed, or is still being recorded.
     """
     session = Session(path)
-    if session.manifest.get("kind") != "run":
+    if session.manifest.kind != "run":
         raise SessionError(f"{path} is no run of a protocol; only those can be resumed")
     if session.status is RunStatus.COMPLETED:
         raise SessionError(f"{path} was completed; there is nothing to resume")
@@ -64,7 +65,7 @@ def refuse_other_robot(session: Session, robot: str | Path | None) -> None:
 
 def is_own_copy(session: Session, protocol: str | Path) -> bool:
     """Whether a protocol's file is the one that the session keeps."""
-    return Path(protocol).resolve() == (session.path / "protocol.yaml").resolve()
+    return Path(protocol).resolve() == (session.path / PROTOCOL).resolve()
 
 
 def refuse_edited_protocol(session: Session, plan: Plan) -> str:
@@ -82,9 +83,9 @@ def refuse_edited_protocol(session: Session, plan: Plan) -> str:
     """
     note, origin = (
         "resuming by the protocol that the session keeps",
-        session.manifest.get("protocol_path"),
+        session.manifest.protocol_path,
     )
-    if not isinstance(origin, str) or "\0" in origin or not Path(origin).is_file():
+    if origin is None or "\0" in origin or not Path(origin).is_file():
         return note
     found = []
     for name, text in plan.protocol.texts().items():
@@ -95,7 +96,7 @@ def refuse_edited_protocol(session: Session, plan: Plan) -> str:
                 [f"{file} was edited since:\n{_difference(text, today)}"] if today != text else []
             )
     if found:
-        copy = session.path / "protocol.yaml"
+        copy = session.path / PROTOCOL
         found.append(
             f"to go on by the protocol that the session keeps, name it: --resume {session.path} "
             f"{copy}"
@@ -109,12 +110,23 @@ def stored_protocol(session: Session) -> Iterator[Path]:
     """The protocol of a session with those it includes, as files under their own names, while the
     context lasts.
     """
-    name = Path(str(session.manifest["protocol"]["file"])).name
+    name = _protocol_name(session)
     with TemporaryDirectory(prefix="testbench-") as folder:
-        shutil.copy(session.path / "protocol.yaml", Path(folder) / name)
-        for included in session.path.glob("included_*"):
-            shutil.copy(included, Path(folder) / included.name.removeprefix("included_"))
+        shutil.copy(session.path / PROTOCOL, Path(folder) / name)
+        for included in session.path.glob(f"{INCLUDED}*"):
+            shutil.copy(included, Path(folder) / included.name.removeprefix(INCLUDED))
         yield Path(folder) / name
+
+
+def _protocol_name(session: Session) -> str:
+    """What the protocol's file was called."""
+    file = session.manifest.protocol.file
+    if file is None:
+        raise SessionError(
+            f"{session.path / MANIFEST} is damaged: it does not say what the protocol's file is "
+            "called"
+        )
+    return Path(file).name
 
 
 def stored_robot(session: Session) -> Robot:
@@ -126,7 +138,7 @@ def stored_robot(session: Session) -> Robot:
     robot = session.robot
     if robot is None:
         raise SessionError(f"{session.path} has no robot.yaml")
-    return robot_from_text(session.path / "robot.yaml", robot.urdf)
+    return robot_from_text(session.path / ROBOT, robot.urdf)
 
 
 def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[str]:
@@ -140,33 +152,31 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
     """
     found: list[str] = []
     own, named = (
-        Path(str(session.manifest["protocol"]["file"])).name,
+        _protocol_name(session),
         plan.protocol.document.file.name,
     )
-    stored = {named: session.path / "protocol.yaml"}
-    stored |= {
-        file.name.removeprefix("included_"): file for file in session.path.glob("included_*")
-    }
+    stored = {named: session.path / PROTOCOL}
+    stored |= {file.name.removeprefix(INCLUDED): file for file in session.path.glob(f"{INCLUDED}*")}
     for name, text in plan.protocol.texts().items():
         before = stored[name].read_text(encoding="utf-8") if name in stored else ""
         if before != text:
             found.append(f"the protocol's file {name} differs:\n{_difference(before, text)}")
     if named != own:
         found.append(f"the protocol's file is called {named}, that of the session {own}")
-    robot = (session.path / "robot.yaml").read_text(encoding="utf-8")
+    robot = (session.path / ROBOT).read_text(encoding="utf-8")
     today = _todays_robot(session) or plan.robot
     if robot != today.text:
         found.append(f"the robot file differs:\n{_difference(robot, today.text)}")
-    if (session.path / "robot.urdf").read_text(encoding="utf-8") != plan.robot.urdf.read_text(
+    if (session.path / URDF).read_text(encoding="utf-8") != plan.robot.urdf.read_text(
         encoding="utf-8"
     ):
         found.append("the robot's URDF differs")
-    known = session.manifest.get("sensors", {})
+    known = session.manifest.content["sensors"]
     for name in sorted(set(known) | set(sensors)):
         before, now = known.get(name), plain_values(sensors.get(name))
         if _identity(before) != _identity(now):
             found.append(f"sensor {name} differs: {_identity(before)} before, {_identity(now)} now")
-    software = session.manifest.get("software", {})
+    software = session.manifest.software
     changed = {
         key: (software.get(key), value)
         for key, value in deciding_versions(software_versions()).items()
@@ -176,7 +186,7 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
         f"software {key}: {before} before, {now} now"
         for key, (before, now) in sorted(changed.items())
     ]
-    if not found and plan.hash != session.manifest["plan"]["hash"]:
+    if not found and plan.hash != session.manifest.plan.hash:
         found.append("the plan made from the same files is another one")
     return found
 
@@ -199,9 +209,11 @@ def _todays_robot(session: Session) -> Robot | None:
     An arm's own file may bear the name of one that ships with the bench: the name alone would find
     the wrong one.
     """
-    named = session.manifest["robot"]
+    named = session.manifest.robot
+    if not named.file and not named.name:
+        return None
     try:
-        return load_robot(Path(named["file"]) if named.get("file") else str(named["name"]))
+        return load_robot(Path(named.file) if named.file else str(named.name))
     except InputError:
         return None
 

@@ -31,21 +31,27 @@ FOLLOWING: dict[RunState, set[RunState]] = {
 }
 
 
+Changed = Callable[[int, RunState, RunState, str], None]
+
+
 class StateMachine:
     """The state of one run.
 
     Args:
-        changed: Told of every change: old state, new state, why.
+        changed: Told of every change: when [ns], old state, new state, why.
     """
 
-    def __init__(
-        self, changed: Callable[[RunState, RunState, str], None] = lambda old, new, why: None
-    ):
+    def __init__(self, changed: Changed):
         self.state = RunState.PREPARED
         self._changed = changed
 
-    def to(self, state: RunState, why: str = "") -> None:
+    def to(self, state: RunState, at_ns: int = 0, why: str = "") -> None:
         """Change the state.
+
+        Args:
+            state: The new one.
+            at_ns: Host time at which it changes.
+            why: For people.
 
         Raises:
             BenchError: It cannot follow the present one; this is a fault of the bench.
@@ -53,4 +59,4 @@ class StateMachine:
         if state not in FOLLOWING[self.state]:
             raise BenchError(f"a run that is {self.state} cannot become {state}")
         old, self.state = self.state, state
-        self._changed(old, state, why)
+        self._changed(at_ns, old, state, why)

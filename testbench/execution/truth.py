@@ -15,11 +15,11 @@ from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import Smoothing
 from testbench.model.kinematics import Kinematics, Pose
+from testbench.records.layout import ARM, table_file, truth_stream
 from testbench.records.pieces import overlapping
 from testbench.records.protocol import Sensor
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples, Truth
-from testbench.records.session import ARM
 from testbench.records.storage import (
     parquet_shape,
     read_parquet_batches,
@@ -49,7 +49,7 @@ def write_truth(folder: Path, robot: Robot, sensors: Mapping[str, Sensor]) -> No
         SessionError: The arm's recording is missing or damaged.
     """
     kinematics = Kinematics(robot)
-    recorded = folder / f"{ARM}.parquet"
+    recorded = folder / table_file(ARM)
     wanted = list(ArmSamples.columns(robot.joint_names))
     present = parquet_shape(recorded)[1]
     missing = [name for name in wanted if name not in present]
@@ -71,7 +71,7 @@ def write_truth(folder: Path, robot: Robot, sensors: Mapping[str, Sensor]) -> No
         pieces = batches()
         first = next(pieces)
         write_parquet_batches(
-            folder / f"truth_{name}.parquet", first.schema, chain([first], pieces)
+            folder / table_file(truth_stream(name)), first.schema, chain([first], pieces)
         )
 
 
@@ -97,9 +97,9 @@ def kinematic_truth(
     needs joint accelerations, which are the smoothed derivative of the rates.
 
     Args:
-        kinematics: Arm, recording and mounting.
-        samples: Arm, recording and mounting.
-        sensor: Arm, recording and mounting.
+        kinematics: Of the arm.
+        samples: What it reported.
+        sensor: Whose mounting on it is believed.
         smoothing: Of the whole, where this is a piece of it.
     """
     acceleration = (smoothing or Smoothing.of(samples.host_time_ns)).acceleration(

@@ -89,8 +89,6 @@ def import_recording(
     clock: Clock,
     options: Options | None = None,
     truth: TruthOptions | None = None,
-    axes: str | None = None,
-    recorded_at: str | None = None,
 ) -> Session:
     """Turn foreign files into a session.
 
@@ -101,8 +99,6 @@ def import_recording(
         clock: For the date.
         options: Answers to what the files leave open.
         truth: Where the truth is, if not in the files.
-        axes: Axis map for every sensor, by name or as "x: -z, y: -y, z: -x".
-        recorded_at: When it was recorded, ISO 8601, where the files do not say, or say it wrongly.
 
     Raises:
         NotFoundError: No such format; lists those that exist.
@@ -120,8 +116,8 @@ def import_recording(
     if name not in FORMATS:
         raise NotFoundError("format", name, list(FORMATS))
     _check_out(out)
-    stated = None if recorded_at is None else stated_date(recorded_at)
     options = options if options is not None else Options()
+    stated = None if options.recorded_at is None else stated_date(options.recorded_at)
     recording = FORMATS[name].read(files, options)
     options.check_all_used(name)
     recording.recorded = (
@@ -134,8 +130,8 @@ def import_recording(
         if head is None or not len(head):
             raise FileProblems(files[0], [Problem(f"sensor '{key}' has no samples")])
         recording.notes += check_units(head, sensor.rate, key, options)
-    if axes is not None:
-        remap_axes(recording, find_axes(axes), axes)
+    if options.axes is not None:
+        remap_axes(recording, find_axes(options.axes), options.axes)
     if truth is not None:
         from testbench.formats.truth.attach import attach_truth
 

@@ -17,12 +17,16 @@ class Options:
         mapping: Path or name of a mapping of the generic format.
         rate: Sampling rate [Hz].
         units: Unit by quantity (acc, gyr, mag).
+        axes: Axis map for every sensor, by name or as "x: -z, y: -y, z: -x".
+        recorded_at: When it was recorded, ISO 8601, where the files do not say, or say it wrongly.
         asked: What an importer has asked for so far.
     """
 
     mapping: str | None = None
     rate: float | None = None
     units: dict[str, str] = field(default_factory=dict)
+    axes: str | None = None
+    recorded_at: str | None = None
     asked: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:

@@ -10,22 +10,21 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from testbench.clock import Clock
+from testbench.clock import Clock, utc_text
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
+from testbench.records.layout import imu_stream, table_file, truth_stream
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol import Analysis
-from testbench.records.samples import ImuSamples, Truth
+from testbench.records.samples import IMU_NOTES, ImuSamples, Truth
 from testbench.records.session import RunStatus, Session, step_events
 from testbench.records.session_writer import SessionWriter
 from testbench.records.storage import write_parquet_batches
 
-IMU_NOTES = {
+IMPORTED_NOTES = IMU_NOTES | {
     "content": "imported samples of an inertial sensor, in the sensor frame; NaN: the file does "
     "not hold the quantity",
-    "device_q": "q_earth_from_sensor of the vendor's filter, w x y z, Hamilton",
-    "units": "the suffix of each column; times in nanoseconds",
 }
 TRUTH_NOTES = {
     "content": "truth that came with the recording; NaN where it was lost",
@@ -116,9 +115,7 @@ def write_recording(
             "kind": "import",
             "format": format_name,
             "source": [file.name for file in files],
-            "recorded_utc": recording.recorded.at.isoformat(timespec="seconds")
-            if recording.recorded
-            else None,
+            "recorded_utc": utc_text(recording.recorded.at) if recording.recorded else None,
             "recorded_by": recording.recorded.source if recording.recorded else None,
             "protocol": {"name": recording.name, "purpose": recording.purpose},
             "notes": recording.notes,
@@ -128,11 +125,11 @@ def write_recording(
     try:
         for name, sensor in recording.sensors.items():
             counts[name], first, last = _write_samples(
-                out / f"imu_{name}.parquet", iter(sensor.chunks)
+                out / table_file(imu_stream(name)), iter(sensor.chunks)
             )
             begin, end = min(begin, first), max(end, last)
             if sensor.truth is not None:
-                writer.add_table(f"truth_{name}", sensor.truth.to_columns(), TRUTH_NOTES)
+                writer.add_table(truth_stream(name), sensor.truth.to_columns(), TRUTH_NOTES)
         for event in step_events(recording.steps):
             writer.event(event)
         writer.close(
@@ -160,7 +157,7 @@ def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, 
     head = next(chunks)
     shape = (head.mag is not None, head.device_q is not None, head.temperature is not None)
     types = ImuSamples.columns(*shape)
-    metadata: Mapping[str, str] = IMU_NOTES
+    metadata: Mapping[str, str] = IMPORTED_NOTES
     schema = pa.schema(
         [(name, pa.from_numpy_dtype(dtype)) for name, dtype in types.items()], metadata=metadata
     )

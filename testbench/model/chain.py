@@ -1,4 +1,4 @@
-"""Kinematics of one frame of a chain of rotating joints, compiled.
+"""Kinematics of frames on a chain of rotating joints, compiled.
 
 Pose, angular velocity and classical acceleration: the recursions of a rigid body carried by
 rotating axes (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 4), written in the world
@@ -13,15 +13,16 @@ import numpy as np
 from numba import njit
 
 
-class Joints(NamedTuple):
-    """A chain of k rotating joints, from the base outwards.
+class Chain(NamedTuple):
+    """The rotating joints that carry a frame, k of them from the world outwards.
 
     Attributes:
         rotations: Rotation of each joint's frame in the previous one at zero angle, shape
             (k, 3, 3).
         offsets: Origin of each joint's frame in the previous one, shape (k, 3) [m].
         axes: Joint axes in the joint frames, unit vectors, shape (k, 3).
-        columns: Column of q, v and a that belongs to each joint, shape (k,).
+        columns: Column of joint angles, rates and accelerations that belongs to each joint,
+            shape (k,).
     """
 
     rotations: np.ndarray
@@ -31,26 +32,115 @@ class Joints(NamedTuple):
 
 
 class Tip(NamedTuple):
-    """A frame that the last joint of a chain carries, or several, one a row.
+    """A frame in that of the last joint which carries it.
 
     Attributes:
-        rotation: Rotation of the frame in the last joint's, shape (3, 3), or (l, 3, 3) of l frames.
-        offset: Origin of the frame in the last joint's, shape (3,) or (l, 3) [m].
+        rotation: Shape (3, 3).
+        offset: Its origin, shape (3,) [m].
     """
 
     rotation: np.ndarray
     offset: np.ndarray
 
 
+U, P, V, A, W, DW, D = range(7)
+"""Rows of what is known of a body while a walk goes along the chain, shape (7, 3), in the world:
+axis of the joint that was passed last; place [m], velocity and acceleration of the origin of the
+frame that was reached; angular velocity [rad/s] and its derivative by time; distance of that origin
+from the joint [m].
+"""
+
+
+@njit(cache=True, inline="always")
+def rest(body: np.ndarray, R: np.ndarray) -> None:
+    """Begin a walk: in the world's frame, which does not move.
+
+    Args:
+        body: Overwritten, shape (7, 3).
+        R: Overwritten, shape (3, 3).
+    """
+    body[:] = 0.0
+    for r in range(3):
+        for c in range(3):
+            R[r, c] = 1.0 if r == c else 0.0
+
+
+@njit(cache=True, inline="always")
+def reach(
+    body: np.ndarray, R: np.ndarray, S: np.ndarray, rotation: np.ndarray, offset: np.ndarray
+) -> None:
+    """Go to a frame that is fixed to the body.
+
+    Args:
+        body: As it moves, shape (7, 3); place, velocity and acceleration become those of the frame.
+        R: World from body, shape (3, 3).
+        S: World from the frame, overwritten, shape (3, 3).
+        rotation: Of the frame in the body, shape (3, 3).
+        offset: Of its origin in the body, shape (3,) [m].
+    """
+    for r in range(3):
+        body[D, r] = R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
+    dx, dy, dz = body[D, 0], body[D, 1], body[D, 2]
+    wx, wy, wz = body[W, 0], body[W, 1], body[W, 2]
+    # of a point fixed to the body at distance d: v = w x d, a = dw x d + w x (w x d)
+    cx = wy * dz - wz * dy
+    cy = wz * dx - wx * dz
+    cz = wx * dy - wy * dx
+    body[A, 0] += body[DW, 1] * dz - body[DW, 2] * dy + wy * cz - wz * cy
+    body[A, 1] += body[DW, 2] * dx - body[DW, 0] * dz + wz * cx - wx * cz
+    body[A, 2] += body[DW, 0] * dy - body[DW, 1] * dx + wx * cy - wy * cx
+    body[V, 0] += cx
+    body[V, 1] += cy
+    body[V, 2] += cz
+    for r in range(3):
+        body[P, r] += body[D, r]
+    _product(R, rotation, S)
+
+
+@njit(cache=True, inline="always")
+def turn(
+    body: np.ndarray,
+    R: np.ndarray,
+    S: np.ndarray,
+    axis: np.ndarray,
+    q: float,
+    v: float,
+    a: float,
+) -> None:
+    """Go past a joint to the body that it carries.
+
+    Args:
+        body: As it moves before the joint, shape (7, 3); axis and angular velocity become those
+            beyond it.
+        R: World from the body beyond, overwritten, shape (3, 3).
+        S: World from the joint's frame, shape (3, 3).
+        axis: Of the joint, in its frame, shape (3,).
+        q: Its angle [rad].
+        v: Its rate [rad/s].
+        a: Its acceleration [rad/s^2].
+    """
+    for r in range(3):
+        body[U, r] = S[r, 0] * axis[0] + S[r, 1] * axis[1] + S[r, 2] * axis[2]
+    ux, uy, uz = body[U, 0], body[U, 1], body[U, 2]
+    wx, wy, wz = body[W, 0], body[W, 1], body[W, 2]
+    # dw' = dw + u a + (w x u) v,  w' = w + u v
+    body[DW, 0] += ux * a + (wy * uz - wz * uy) * v
+    body[DW, 1] += uy * a + (wz * ux - wx * uz) * v
+    body[DW, 2] += uz * a + (wx * uy - wy * ux) * v
+    for r in range(3):
+        body[W, r] += body[U, r] * v
+    _turned(S, axis, q, R)
+
+
 @njit(cache=True)
 def chain_motion(
-    joints: Joints, tip: Tip, q: np.ndarray, v: np.ndarray, a: np.ndarray
+    chain: Chain, tip: Tip, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Motion of the tip of a chain.
 
     Args:
-        joints: The chain.
-        tip: The frame at its end.
+        chain: Its joints.
+        tip: The frame that is asked for.
         q: Joint angles, shape (n, m) [rad].
         v: Joint rates, shape (n, m) [rad/s].
         a: Joint accelerations, shape (n, m) [rad/s^2].
@@ -60,98 +150,59 @@ def chain_motion(
         angular velocity (n, 3) [rad/s], classical linear acceleration (n, 3) [m/s^2] and angular
         acceleration (n, 3) [rad/s^2], all in the world frame.
     """
-    # Longer than a screen and of many branches: one walk along the chain, vector algebra written
-    # out, since arrays made in the loop would take most of the time.
-    rotations, offsets, axes, columns = joints
-    n, k = q.shape[0], rotations.shape[0]
+    n = q.shape[0]
     position = np.empty((n, 3))
     rotation = np.empty((n, 3, 3))
     velocity = np.empty((n, 3))
     rate = np.empty((n, 3))
     acceleration = np.empty((n, 3))
     rate_derivative = np.empty((n, 3))
-    R = np.empty((3, 3))
-    S = np.empty((3, 3))
-    T = np.empty((3, 3))
-    d = np.empty(3)
-    u = np.empty(3)
-    p = np.empty(3)
-    pv = np.empty(3)
-    pa = np.empty(3)
-    w = np.empty(3)
-    dw = np.empty(3)
+    rotations, offsets, axes, columns = chain
+    tip_rotation, tip_offset = tip
+    body, R, S = np.empty((7, 3)), np.empty((3, 3)), np.empty((3, 3))
     for i in range(n):
+        rest(body, R)
+        for j in range(rotations.shape[0]):
+            k = columns[j]
+            reach(body, R, S, rotations[j], offsets[j])
+            turn(body, R, S, axes[j], q[i, k], v[i, k], a[i, k])
+        reach(body, R, S, tip_rotation, tip_offset)
         for r in range(3):
-            p[r] = pv[r] = pa[r] = w[r] = dw[r] = 0.0
+            position[i, r] = body[P, r]
+            velocity[i, r] = body[V, r]
+            acceleration[i, r] = body[A, r]
+            rate[i, r] = body[W, r]
+            rate_derivative[i, r] = body[DW, r]
             for c in range(3):
-                R[r, c] = 1.0 if r == c else 0.0
-        for j in range(k + 1):
-            offset = offsets[j] if j < k else tip.offset
-            fixed = rotations[j] if j < k else tip.rotation
-            for r in range(3):  # d: offset to the next joint, in the world
-                d[r] = R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
-            # a += alpha x d + omega x (omega x d) and v += omega x d of a point fixed to the body
-            cx = w[1] * d[2] - w[2] * d[1]
-            cy = w[2] * d[0] - w[0] * d[2]
-            cz = w[0] * d[1] - w[1] * d[0]
-            pa[0] += dw[1] * d[2] - dw[2] * d[1] + w[1] * cz - w[2] * cy
-            pa[1] += dw[2] * d[0] - dw[0] * d[2] + w[2] * cx - w[0] * cz
-            pa[2] += dw[0] * d[1] - dw[1] * d[0] + w[0] * cy - w[1] * cx
-            pv[0] += cx
-            pv[1] += cy
-            pv[2] += cz
-            for r in range(3):
-                p[r] += d[r]
-            _product(R, fixed, S)
-            if j == k:
-                for r in range(3):
-                    for c in range(3):
-                        R[r, c] = S[r, c]
-                break
-            axis = axes[j]
-            for r in range(3):  # u: the joint's axis in the world
-                u[r] = S[r, 0] * axis[0] + S[r, 1] * axis[1] + S[r, 2] * axis[2]
-            # alpha += u q'' + (omega x u) q', then omega += u q'
-            rate_j, acceleration_j = v[i, columns[j]], a[i, columns[j]]
-            dw[0] += u[0] * acceleration_j + (w[1] * u[2] - w[2] * u[1]) * rate_j
-            dw[1] += u[1] * acceleration_j + (w[2] * u[0] - w[0] * u[2]) * rate_j
-            dw[2] += u[2] * acceleration_j + (w[0] * u[1] - w[1] * u[0]) * rate_j
-            for r in range(3):
-                w[r] += u[r] * rate_j
-            _turn(axis, q[i, columns[j]], T)
-            _product(S, T, R)
-        for r in range(3):
-            position[i, r] = p[r]
-            velocity[i, r] = pv[r]
-            acceleration[i, r] = pa[r]
-            rate[i, r] = w[r]
-            rate_derivative[i, r] = dw[r]
-            for c in range(3):
-                rotation[i, r, c] = R[r, c]
+                rotation[i, r, c] = S[r, c]
     return position, rotation, velocity, rate, acceleration, rate_derivative
 
 
 @njit(cache=True)
 def link_poses(
-    joints: Joints, carriers: np.ndarray, tips: Tip, q: np.ndarray
+    chain: Chain,
+    carriers: np.ndarray,
+    tip_rotations: np.ndarray,
+    tip_offsets: np.ndarray,
+    q: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Poses of several frames along a chain of k rotating joints, in one walk.
 
     Args:
-        joints: The chain.
+        chain: Its joints.
         carriers: How many joints carry each frame, shape (l,), from 0 to k.
-        tips: The l frames, each in the last joint that carries it.
+        tip_rotations: Placement of each frame in the last joint that carries it, shape (l, 3, 3).
+        tip_offsets: Placement of each frame in the last joint that carries it, shape (l, 3) [m].
         q: Joint angles, shape (n, m) [rad].
 
     Returns:
         Position (n, l, 3) and rotation world from frame (n, l, 3, 3), as `chain_motion` gives them.
     """
-    rotations, offsets, axes, columns = joints
-    tip_rotations, tip_offsets = tips
+    rotations, offsets, axes, columns = chain
     n, k, frames = q.shape[0], rotations.shape[0], carriers.shape[0]
     positions = np.empty((n, frames, 3))
     turned = np.empty((n, frames, 3, 3))
-    R, S, T, p = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    R, S, p = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for i in range(n):
         p[:] = 0.0
         for r in range(3):
@@ -171,12 +222,11 @@ def link_poses(
             for r in range(3):
                 p[r] += R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
             _product(R, rotations[j], S)
-            _turn(axes[j], q[i, columns[j]], T)
-            _product(S, T, R)
+            _turned(S, axes[j], q[i, columns[j]], R)
     return positions, turned
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _product(A: np.ndarray, B: np.ndarray, AB: np.ndarray) -> None:
     """The product of two matrices into a third, shapes (3, 3)."""
     for r in range(3):
@@ -184,19 +234,24 @@ def _product(A: np.ndarray, B: np.ndarray, AB: np.ndarray) -> None:
             AB[r, c] = A[r, 0] * B[0, c] + A[r, 1] * B[1, c] + A[r, 2] * B[2, c]
 
 
-@njit(cache=True)
-def _turn(axis: np.ndarray, angle: float, T: np.ndarray) -> None:
-    """The rotation by an angle [rad] about a unit axis, shape (3,), into T, shape (3, 3)."""
-    # Rodrigues: cos I + (1 - cos) u u' + sin [u x]
+@njit(cache=True, inline="always")
+def _turned(S: np.ndarray, axis: np.ndarray, angle: float, R: np.ndarray) -> None:
+    """S T into R, where T is the rotation about a unit axis by an angle (Rodrigues).
+
+    Args:
+        S: Shape (3, 3).
+        axis: Shape (3,).
+        angle: [rad].
+        R: Overwritten, shape (3, 3).
+    """
     sine, cosine = np.sin(angle), np.cos(angle)
     rest = 1.0 - cosine
     x, y, z = axis[0], axis[1], axis[2]
-    T[0, 0] = cosine + x * x * rest
-    T[0, 1] = x * y * rest - z * sine
-    T[0, 2] = x * z * rest + y * sine
-    T[1, 0] = y * x * rest + z * sine
-    T[1, 1] = cosine + y * y * rest
-    T[1, 2] = y * z * rest - x * sine
-    T[2, 0] = z * x * rest - y * sine
-    T[2, 1] = z * y * rest + x * sine
-    T[2, 2] = cosine + z * z * rest
+    xx, xy, xz = cosine + x * x * rest, x * y * rest - z * sine, x * z * rest + y * sine
+    yx, yy, yz = y * x * rest + z * sine, cosine + y * y * rest, y * z * rest - x * sine
+    zx, zy, zz = z * x * rest - y * sine, z * y * rest + x * sine, cosine + z * z * rest
+    for r in range(3):
+        a, b, c = S[r, 0], S[r, 1], S[r, 2]
+        R[r, 0] = a * xx + b * yx + c * zx
+        R[r, 1] = a * xy + b * yy + c * zy
+        R[r, 2] = a * xz + b * yz + c * zz

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from testbench.model.chain import Joints, Tip
+from testbench.model.chain import DW, A, Chain, P, Tip, U, V, W, reach, rest, turn
 
 
 @njit(cache=True)
@@ -28,9 +28,8 @@ def _cross(x: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def sensor_reading(  # noqa: C901
-    joints: Joints,
-    count: int,
+def sensor_reading(
+    chain: Chain,
     tip: Tip,
     gravity: np.ndarray,
     motion: np.ndarray,
@@ -40,70 +39,33 @@ def sensor_reading(  # noqa: C901
     """Reading of an ideal sensor, and its derivatives by the joints that carry it.
 
     Args:
-        joints: The chain, as for `chain.chain_motion`; its arrays may be longer than it is.
-        count: Joints of the chain.
-        tip: The sensor in the last joint's frame.
+        chain: Those joints.
+        tip: The sensor in the frame of the last of them.
         gravity: In the world, shape (3,) [m/s^2].
         motion: Angles [rad], rates [rad/s] and accelerations [rad/s^2] of the joints, shape (3, m).
         reading: Filled with angular rate [rad/s] and specific force [m/s^2] in the sensor, shape
             (6,).
-        slopes: Filled with the derivatives of the reading by angles, rates and accelerations, shape
-            (3, 6, m); columns of joints that do not carry the sensor are left alone.
+        slopes: Filled with the derivatives by angles, rates and accelerations, shape (3, 6, m);
+            columns of other joints are left alone.
     """
-    # Longer than a screen and of many branches: a walk along the chain and one over its joints,
-    # which share all of their vectors; algebra written out, as arrays made here would cost most.
-    rotations, offsets, axes, columns = joints
-    q, v, a = motion[0], motion[1], motion[2]
-    by_q, by_v, by_a = slopes[0], slopes[1], slopes[2]
-    R = np.eye(3)
-    S, T = np.empty((3, 3)), np.empty((3, 3))
-    d, u, x, y = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    p, pv, pa, w, dw = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
-    # of each joint: axis, place, velocity and acceleration; rate of the body before it and its
-    # derivative
+    # Longer than a screen and of many branches: the walk and the derivatives share all vectors,
+    # whose algebra is written out, since arrays made in the loops would take most of the time.
+    count, columns = chain.columns.shape[0], chain.columns
+    body, R, S = np.empty((7, 3)), np.empty((3, 3)), np.empty((3, 3))
+    d, x, y = np.empty(3), np.empty(3), np.empty(3)
+    # of each joint: axis, place, its velocity and acceleration, rate and its derivative before it
     at = np.empty((count, 6, 3))
-    for j in range(count + 1):
-        for r in range(3):
-            offset = offsets[j] if j < count else tip.offset
-            d[r] = R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
-        # the recursions of `chain`: p, v and a of a point fixed to the body at distance d
-        _cross(w, d, x)
-        _cross(w, x, y)
-        pa += y
-        _cross(dw, d, y)
-        pa += y
-        pv += x
-        p += d
-        fixed = rotations[j] if j < count else tip.rotation
-        for r in range(3):
-            for c in range(3):
-                S[r, c] = R[r, 0] * fixed[0, c] + R[r, 1] * fixed[1, c] + R[r, 2] * fixed[2, c]
-        if j == count:
-            break
-        axis, column = axes[j], columns[j]
-        for r in range(3):
-            u[r] = S[r, 0] * axis[0] + S[r, 1] * axis[1] + S[r, 2] * axis[2]
-        at[j, 0], at[j, 1], at[j, 2], at[j, 3], at[j, 4], at[j, 5] = u, p, pv, pa, w, dw
-        _cross(w, u, x)  # alpha += u q'' + (omega x u) q', then omega += u q'
-        for r in range(3):
-            dw[r] += u[r] * a[column] + x[r] * v[column]
-            w[r] += u[r] * v[column]
-        # the joint's rotation (Rodrigues), and the frame beyond it
-        sine, cosine = np.sin(q[column]), np.cos(q[column])
-        for r in range(3):
-            for c in range(3):
-                T[r, c] = axis[r] * axis[c] * (1.0 - cosine)
-            T[r, r] += cosine
-        T[0, 1] -= axis[2] * sine
-        T[1, 0] += axis[2] * sine
-        T[0, 2] += axis[1] * sine
-        T[2, 0] -= axis[1] * sine
-        T[1, 2] -= axis[0] * sine
-        T[2, 1] += axis[0] * sine
-        for r in range(3):
-            for c in range(3):
-                R[r, c] = S[r, 0] * T[0, c] + S[r, 1] * T[1, c] + S[r, 2] * T[2, c]
-    f = pa - gravity  # S now holds the sensor's axes in the world
+    rest(body, R)
+    for j in range(count):
+        reach(body, R, S, chain.rotations[j], chain.offsets[j])
+        at[j, 1:] = body[P : DW + 1]
+        k = columns[j]
+        turn(body, R, S, chain.axes[j], motion[0, k], motion[1, k], motion[2, k])
+        at[j, 0] = body[U]
+    reach(body, R, S, tip.rotation, tip.offset)
+    p, pv, pa, w = body[P], body[V], body[A], body[W]
+    f = pa - gravity
+    by_q, by_v, by_a = slopes[0], slopes[1], slopes[2]
     for c in range(3):
         reading[c] = S[0, c] * w[0] + S[1, c] * w[1] + S[2, c] * w[2]
         reading[3 + c] = S[0, c] * f[0] + S[1, c] * f[1] + S[2, c] * f[2]

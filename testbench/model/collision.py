@@ -47,13 +47,17 @@ class CollisionModel:
         self.links = [self._link(body) for body in self.geometry.geometryObjects]
         self._add_floor()
         self._add_pairs()
+        self._pairs = [
+            (self.links[pair.first], self.links[pair.second])
+            for pair in self.geometry.collisionPairs
+        ]
         self._data = kinematics.model.createData()
         self._geometry_data = self.geometry.createData()
 
     @property
     def pairs(self) -> int:
         """Number of pairs that are checked."""
-        return len(self.geometry.collisionPairs)
+        return len(self._pairs)
 
     def nearest(self, q: np.ndarray) -> NearestPair | None:
         """The two bodies nearest to one another; None when there is nothing to check.
@@ -61,15 +65,15 @@ class CollisionModel:
         Args:
             q: Joint angles in the robot's order, shape (n_joints,) [rad].
         """
-        if not self.pairs:
+        if not self._pairs:
             return None
         model, data = self.kinematics.model, self._data
         k = pin.computeDistances(
             model, data, self.geometry, self._geometry_data, self.kinematics.configuration(q)
         )
-        pair = self.geometry.collisionPairs[k]
         distance = float(self._geometry_data.distanceResults[k].min_distance)
-        return NearestPair(self.links[pair.first], self.links[pair.second], distance)
+        first, second = self._pairs[k]
+        return NearestPair(first, second, distance)
 
     def _link(self, body: pin.GeometryObject) -> str:
         return str(self.kinematics.model.frames[body.parentFrame].name)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from testbench.frames import NANOSECONDS
+from testbench.model.windows import savitzky_golay
 from testbench.records.samples import ArmSamples
 
 SMOOTHING_S = 0.1
@@ -59,7 +59,7 @@ class Smoothing:
         if self.window == 0:
             return np.zeros_like(v_measured)
         return np.asarray(
-            savgol_filter(v_measured, self.window, 3, deriv=1, delta=self.interval, axis=0)
+            savitzky_golay(v_measured, self.window, 3, derivative=1, interval=self.interval)
         )
 
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from testbench.exceptions import FileProblems, NotFoundError, Problem
 from testbench.model import rotation
-from testbench.model.chain import Joints, Tip, chain_motion, link_poses
+from testbench.model.chain import Chain, Tip, chain_motion, link_poses
 from testbench.records.robot import Robot
 from testbench.records.strict import Placement
 
@@ -197,11 +198,11 @@ class Kinematics:
         zero = np.zeros_like(q)
         v = zero if v is None else np.ascontiguousarray(np.atleast_2d(v), dtype=float)
         a = zero if a is None else np.ascontiguousarray(np.atleast_2d(a), dtype=float)
-        joints, tip = self.chain_to(link)
+        chain, tip = self.chain_to(link)
         if offset is not None:
             tip = tip @ offset
-        end = Tip(np.ascontiguousarray(tip.R), tip.position)
-        return FrameMotion(*chain_motion(joints, end, q, v, a))
+        arrays = chain_motion(chain, Tip(np.ascontiguousarray(tip.R), tip.position), q, v, a)
+        return FrameMotion(*arrays)
 
     def link_poses(self, links: Sequence[str], q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where several links are, in one walk along each chain that carries some of them.
@@ -219,35 +220,37 @@ class Kinematics:
         q = np.ascontiguousarray(np.atleast_2d(q), dtype=float)
         positions = np.empty((len(q), len(links), 3))
         rotations = np.empty((len(q), len(links), 3, 3))
-        for joints, carriers, tips, places in self._chains(tuple(links)):
-            positions[:, places], rotations[:, places] = link_poses(joints, carriers, tips, q)
+        for chain, places in self._chains(tuple(links)):
+            positions[:, places], rotations[:, places] = link_poses(*chain, q)
         return positions, rotations
 
     @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
-    def _chains(self, links: tuple[str, ...]) -> list[tuple[Joints, np.ndarray, Tip, list[int]]]:
+    def _chains(self, links: tuple[str, ...]) -> list[tuple[tuple[Any, ...], list[int]]]:
         """The chains that carry some links, longest first, as `link_poses` takes them, and the
         places of the links on each: those whose joints are the first ones of it.
         """
         for link in links:
             self.check_link(link)
         found = [self.chain_to(link) for link in links]
-        columns = [joints.columns for joints, _ in found]
+        columns = [chain.columns for chain, _ in found]
         left = sorted(range(len(links)), key=lambda i: -len(columns[i]))
-        chains: list[tuple[Joints, np.ndarray, Tip, list[int]]] = []
+        chains: list[tuple[tuple[Any, ...], list[int]]] = []
         while left:
-            longest = left[0]
-            own = [
-                i for i in left if np.array_equal(columns[longest][: len(columns[i])], columns[i])
-            ]
-            carriers = np.array([len(columns[i]) for i in own])
+            joints, longest = found[left[0]][0], columns[left[0]]
+            own = [i for i in left if np.array_equal(longest[: len(columns[i])], columns[i])]
             tips = [found[i][1] for i in own]
-            ends = Tip(np.array([tip.R for tip in tips]), np.array([tip.position for tip in tips]))
-            chains.append((found[longest][0], carriers, ends, own))
+            chain = (
+                joints,
+                np.array([len(columns[i]) for i in own]),
+                np.array([tip.R for tip in tips]),
+                np.array([tip.position for tip in tips]),
+            )
+            chains.append((chain, own))
             left = [i for i in left if i not in own]
         return chains
 
     @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
-    def chain_to(self, link: str) -> tuple[Joints, Pose]:
+    def chain_to(self, link: str) -> tuple[Chain, Pose]:
         """The joints that carry a link, and the pose of the link in the last of them."""
         model = self.model
         frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
@@ -272,7 +275,7 @@ class Kinematics:
         offsets = np.array([pose.position for pose in placements]).reshape(-1, 3)
         axes = np.array([self._axis(j) for j in joints]).reshape(-1, 3)
         columns = np.array([self._column[model.names[j]] for j in joints], dtype=np.int64)
-        return Joints(rotations, offsets, axes, columns), tip
+        return Chain(rotations, offsets, axes, columns), tip
 
     def _axis(self, joint: int) -> np.ndarray:
         """Axis of a rotating joint in its own frame, shape (3,): angular part of its subspace."""

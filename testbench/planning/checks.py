@@ -178,24 +178,28 @@ class _Clearance:
         due = np.diff(marks, prepend=np.floor(self._travelled / SWEPT_STEP_RAD)) > 0
         due[0] = due[-1] = True
         self._travelled, self._last = float(travelled[-1]), q[-1:]
-        for row in np.flatnonzero(due):
-            self._look_at(int(times[row]), q[row])
+        rows = np.flatnonzero(due)
+        for row, rounded in zip(rows, np.round(q[rows], 4), strict=True):
+            key = rounded.tobytes()
+            if key not in self._known:
+                if len(self._known) >= MOST_KNOWN:
+                    self._known.clear()
+                self._known.add(key)
+                self._look_at(int(times[row]), q[row])
 
     def _look_at(self, time: int, q: np.ndarray) -> None:
-        key = np.round(q, 4).tobytes()
-        if key in self._known:
-            return
-        if len(self._known) >= MOST_KNOWN:
-            self._known.clear()
-        self._known.add(key)
         nearest = self.model.nearest(q)
         if nearest is None:
             return
+        near = nearest.distance <= self.margin and self.contact is None
+        nearer = self.smallest is None or nearest.distance * 1000 < self.smallest.distance_mm
+        if not near and not nearer:
+            return
         seconds, step = time / NANOSECONDS, self.locate.step(time).name
-        if nearest.distance <= self.margin and self.contact is None:
+        if near:
             self.contact = Contact(nearest.first, nearest.second, nearest.distance, seconds, step)
             self._contact_ns = time
-        if self.smallest is None or nearest.distance * 1000 < self.smallest.distance_mm:
+        if nearer:
             self.smallest = Clearance(
                 nearest.first, nearest.second, nearest.distance * 1000, seconds, step
             )

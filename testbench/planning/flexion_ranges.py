@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.model.joint_angle import flexion_of, joint_angles, nearest_turn, segment_pose
+from testbench.model.joint_angle import flexion_of, joint_angles, nearest_turn
 from testbench.model.kinematics import Kinematics
-from testbench.planning.segment_frames import moments_of
-from testbench.records.plan import FlexionUse, PlannedStep
+from testbench.planning.segment_frames import moments_of, segments_of
+from testbench.records.plan import FlexionUse, PlannedStep, judged_steps
 from testbench.records.protocol import Protocol
 from testbench.records.robot import Robot
 from testbench.records.trajectory import Trajectory
@@ -23,8 +23,7 @@ def flexion_ranges(
 
     It is looked at at the end of each evaluated pose, and all along each evaluated sweep.
     """
-    judged = [step for step in steps if step.role == "evaluation"]
-    judged = judged or [step for step in steps if step.role != "calibration"] or steps
+    judged = judged_steps(steps)
     moments = moments_of(judged)
     if not moments or not protocol.spec.joints:
         return []
@@ -37,13 +36,7 @@ def flexion_ranges(
     begins = [i for i, (step, _) in enumerate(moments) if i == 0 or step is not moments[i - 1][0]]
     result = []
     for name, joint in protocol.spec.joints.items():
-        proximal, distal = (
-            kinematics.frame_motion(sensor.link, q, offset=segment_pose(sensor)).q_world_from_frame
-            for sensor in (
-                protocol.spec.sensors[joint.proximal],
-                protocol.spec.sensors[joint.distal],
-            )
-        )
+        proximal, distal = segments_of(joint, protocol, kinematics, q)
         arm = (
             None
             if joint.reference_joint is None

@@ -68,13 +68,7 @@ def segment_frame_warnings(
     posed = np.array([step.kind != "sweep" for step, _ in moments])
     warnings = []
     for name, joint in protocol.spec.joints.items():
-        proximal, distal = (
-            kinematics.frame_motion(sensor.link, q, offset=segment_pose(sensor)).q_world_from_frame
-            for sensor in (
-                protocol.spec.sensors[joint.proximal],
-                protocol.spec.sensors[joint.distal],
-            )
-        )
+        proximal, distal = segments_of(joint, protocol, kinematics, q)
         own = [
             _Read(definition, joint_angles(proximal, distal, definition))
             for definition in joint.definitions()
@@ -98,6 +92,27 @@ def segment_frame_warnings(
             )
             warnings += read.differs(what, true, called, frames)
     return warnings
+
+
+def segments_of(
+    joint: JointDefinition, protocol: Protocol, kinematics: Kinematics, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Orientations of the segments of a joint, proximal and distal, as the arm moves.
+
+    Args:
+        joint: Of the protocol.
+        protocol: With its sensors.
+        kinematics: Of the arm.
+        q: Joint angles of the arm, shape (n, k) [rad].
+
+    Returns:
+        q_world_from_segment, shape (n, 4) each.
+    """
+    proximal, distal = (
+        kinematics.frame_motion(sensor.link, q, offset=segment_pose(sensor)).q_world_from_frame
+        for sensor in (protocol.spec.sensors[name] for name in (joint.proximal, joint.distal))
+    )
+    return proximal, distal
 
 
 def moments_of(judged: list[PlannedStep]) -> list[tuple[PlannedStep, int]]:

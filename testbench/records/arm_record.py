@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,21 +38,3 @@ class ArmRecord:
             "provenance": self.provenance,
             "commanded": self.commanded,
         }
-
-
-def arm_record(manifest: Mapping[str, Any]) -> ArmRecord | None:
-    """The arm that a manifest names; None where the bench drove none.
-
-    Earlier sessions name only the driver: a model, a recorded motion, or that of some controller.
-    """
-    arm = manifest.get("arm")
-    if not isinstance(arm, dict) or not isinstance(arm.get("driver"), str):
-        return None
-    driver = arm["driver"]
-    before = {"simulated": (MODEL, False), "replay": (RECORDED_MOTION, False)}
-    provenance, commanded = before.get(driver, (REPORTED_MOTION, True))
-    return ArmRecord(
-        driver,
-        str(arm.get("provenance", provenance)),
-        bool(arm.get("commanded", commanded)),
-    )

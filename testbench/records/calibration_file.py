@@ -11,13 +11,13 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import yaml
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from testbench.exceptions import InputError
 from testbench.records.calibration import MountingCalibration, TriadCalibration
 from testbench.records.fit import Fit
 from testbench.records.replacing import stored_where_asked, write_text
-from testbench.records.strict import Angles3, Name, StrictModel
+from testbench.records.strict import Angles3, Name, StrictModel, UtcText
 from testbench.records.yaml_file import load_yaml
 
 SCHEMA_VERSION = 1
@@ -30,13 +30,6 @@ the pen.
 UNITS = {"accelerometer": "m_s2", "gyroscope": "rad_s", "magnetometer": "uT"}
 
 Rows = Annotated[list[Angles3], Field(min_length=3, max_length=3)]
-
-
-def _utc(text: str) -> str:
-    moment = datetime.fromisoformat(text)
-    if moment.tzinfo is None:
-        raise ValueError("needs a time zone, such as 2026-01-31T12:00:00+00:00")
-    return text
 
 
 class FitEntry(StrictModel):
@@ -139,9 +132,7 @@ class CalibrationEntry(StrictModel):
     device: str | None = Field(
         default=None, description="The device's own tag or serial number, where it has one."
     )
-    calibrated_utc: Annotated[str, AfterValidator(_utc)] = Field(
-        description="When that session was recorded, ISO 8601."
-    )
+    calibrated_utc: UtcText = Field(description="When that session was recorded, ISO 8601.")
     session: str = Field(description="Name of that session.")
     fingerprint: str = Field(description="SHA-256 of its manifest.")
     software: str = Field(description="Version that made it.")

@@ -1,14 +1,13 @@
-"""What of a protocol lies in the session that another one goes on from."""
+"""What of a protocol a session lacks, and what of it lies in the session that it goes on from."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
-from testbench.records.session import PLAN, Session
+from testbench.exceptions import SessionError
+from testbench.records.layout import PLAN
+from testbench.records.plan import judged_steps, stored_steps
+from testbench.records.session import Session
 
 MOST_NAMES = 12
 """Steps that are named; of more the number is said."""
@@ -49,22 +48,22 @@ def earlier_steps(session: Session) -> EarlierSteps | None:
     """What another session has of this one's plan; None where it goes on from none, or its plan
     cannot be read.
     """
-    resumes = session.manifest.get("resumes")
-    wanted = resumes.get("steps") if isinstance(resumes, dict) else None
-    if not isinstance(resumes, dict) or not isinstance(wanted, list):
+    resumes = session.manifest.resumes
+    if resumes is None or resumes.steps is None:
         return None
     try:
-        notes = pq.read_schema(session.path / PLAN).metadata or {}
-        steps = [
-            (int(step["index"]), str(step["role"]), str(step["name"]))
-            for step in json.loads(notes[b"steps"])
-        ]
-    except (OSError, pa.ArrowException, ValueError, KeyError, TypeError):
+        judged = judged_steps(stored_steps(session.path / PLAN))
+    except SessionError:
         return None
-    judged = (
-        [step for step in steps if step[1] == "evaluation"]
-        or [step for step in steps if step[1] != "calibration"]
-        or steps
-    )
-    names = [name for index, _, name in judged if index not in wanted]
-    return EarlierSteps(str(resumes.get("session")), names, len(judged))
+    names = [step.name for step in judged if step.index not in resumes.steps]
+    return EarlierSteps(resumes.session, names, len(judged))
+
+
+def unfinished_steps(session: Session) -> list[int]:
+    """Indices of the planned steps that were not finished; none where nothing was planned."""
+    planned = session.manifest.plan.check.steps or 0
+    resumes = session.manifest.resumes
+    wanted = None if resumes is None else resumes.steps
+    left_out = set() if wanted is None else set(range(planned)) - set(wanted)
+    done = {step.index for step in session.steps} | left_out
+    return [index for index in range(planned) if index not in done]

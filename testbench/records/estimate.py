@@ -4,19 +4,27 @@ derived, may be rebuilt.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, with_config
 
-from testbench.exceptions import SessionError
-from testbench.records.chain import ChainEstimate
+from testbench.records.chain import ChainEstimate, ChainFacts
+from testbench.records.json_record import AS_WRITTEN, Array, Number, read_record
+from testbench.records.layout import (
+    ESTIMATE,
+    ESTIMATE_SUMMARY,
+    joint_table,
+    orientation_table,
+    table_file,
+)
 from testbench.records.replacing import replaced_folder, stored
 from testbench.records.samples import QUATERNION, join, names, split
 from testbench.records.session_lock import session_lock
 from testbench.records.storage import (
-    read_json,
     read_parquet,
     read_stacked,
     write_json,
@@ -25,7 +33,6 @@ from testbench.records.storage import (
 from testbench.records.tuning import UsedTuning
 
 SCHEMA_VERSION = 1
-FOLDER, SUMMARY = "estimate", "estimate.json"
 
 
 @dataclass(frozen=True)
@@ -43,12 +50,12 @@ class ClockFit:
             truth to fit to.
     """
 
-    offset_s: float = 0.0
-    drift_ppm: float = 0.0
-    offset_sd_s: float = float("nan")
-    drift_sd_ppm: float = float("nan")
-    residual_deg_s: float = float("nan")
-    angle_error_deg: float = float("nan")
+    offset_s: Number = 0.0
+    drift_ppm: Number = 0.0
+    offset_sd_s: Number = float("nan")
+    drift_sd_ppm: Number = float("nan")
+    residual_deg_s: Number = float("nan")
+    angle_error_deg: Number = float("nan")
     method: str = "none"
 
     def to_host(self, device_time_ns: np.ndarray) -> np.ndarray:
@@ -80,11 +87,11 @@ class FrameFit:
         observability: RMS sine of the motion about the least moved axis.
     """
 
-    heading_deg: float = 0.0
-    mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    heading_deg: Number = 0.0
+    mounting_deg: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
     method: str = "none"
-    tilt_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    mounting_sd_deg: tuple[float, float, float] | None = None
+    tilt_deg: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    mounting_sd_deg: tuple[Number, Number, Number] | None = None
     observability: float | None = None
 
 
@@ -109,15 +116,15 @@ class CalibrationFit:
         method: Of the calibration, as a protocol spells it.
     """
 
-    acc_matrix: np.ndarray = field(default_factory=lambda: np.eye(3))
-    acc_bias: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    acc_bias_sd: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
-    gyr_bias: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    gyr_bias_sd: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
-    gyr_g_matrix: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
-    R_believed_from_sensor: np.ndarray = field(default_factory=lambda: np.eye(3))
+    acc_matrix: Array = field(default_factory=lambda: np.eye(3))
+    acc_bias: Array = field(default_factory=lambda: np.zeros(3))
+    acc_bias_sd: Array = field(default_factory=lambda: np.full(3, np.nan))
+    gyr_bias: Array = field(default_factory=lambda: np.zeros(3))
+    gyr_bias_sd: Array = field(default_factory=lambda: np.full(3, np.nan))
+    gyr_g_matrix: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    R_believed_from_sensor: Array = field(default_factory=lambda: np.eye(3))
     poses: int = 0
-    residual_m_s2: float = float("nan")
+    residual_m_s2: Number = float("nan")
     method: str = "none"
 
     def apply(
@@ -159,18 +166,18 @@ class TimingAudit:
 
     samples: int = 0
     nominal_rate_hz: float | None = None
-    effective_rate_hz: float = float("nan")
-    sampling_rate_hz: float = float("nan")
-    interval_median_ms: float = float("nan")
-    jitter_ms: float = float("nan")
+    effective_rate_hz: Number = float("nan")
+    sampling_rate_hz: Number = float("nan")
+    interval_median_ms: Number = float("nan")
+    jitter_ms: Number = float("nan")
     repeated_stamps: int = 0
     backward_stamps: int = 0
     gaps: int = 0
-    longest_gap_ms: float = 0.0
+    longest_gap_ms: Number = 0.0
     lost_packets: int = 0
-    lost_percent: float = 0.0
-    arrival_jitter_ms: float = float("nan")
-    acc_after_gyr_ms: float = float("nan")
+    lost_percent: Number = 0.0
+    arrival_jitter_ms: Number = float("nan")
+    acc_after_gyr_ms: Number = float("nan")
 
 
 @dataclass(frozen=True)
@@ -198,19 +205,15 @@ class AxisFinding:
     field_dip_deg: float | None = None
 
 
-@dataclass(frozen=True)
-class SensorEstimate:
-    """One sensor's orientation by every filter.
+@dataclass(frozen=True, kw_only=True)
+class SensorFits:
+    """What was found of one sensor, but for its samples: its entry in estimate.json.
 
     Attributes:
-        host_time_ns: Sampling instants on the host's clock, shape (n,), int64.
-        static: At rest by its own signals, shape (n,), bool.
-        orientation: q_world_from_sensor by filter, each of shape (n, 4), aligned.
         clock: The sensor's clock against the host's.
         calibration: What the readings were corrected by.
         frames: The alignment of each filter.
         skipped: Filters that could not run, and why.
-        flagged: Samples that the quality gates refuse, shape (n,), bool; they are not evaluated.
         quality: Number of samples by reason.
         remarks: What else is odd.
         timing: Audit of the time stamps.
@@ -221,20 +224,33 @@ class SensorEstimate:
             (`calibrated_utc`, `session`, `methods`).
     """
 
-    host_time_ns: np.ndarray
-    static: np.ndarray
-    orientation: dict[str, np.ndarray]
-    clock: ClockFit
-    calibration: CalibrationFit
-    frames: dict[str, FrameFit]
-    skipped: dict[str, str]
-    flagged: np.ndarray
+    clock: ClockFit = field(default_factory=ClockFit)
+    calibration: CalibrationFit = field(default_factory=CalibrationFit)
+    frames: dict[str, FrameFit] = field(default_factory=dict)
+    skipped: dict[str, str] = field(default_factory=dict)
     quality: dict[str, int] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     timing: TimingAudit = field(default_factory=TimingAudit)
     every: int = 1
     axes: dict[str, AxisFinding] = field(default_factory=dict)
     stored_calibration: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorEstimate(SensorFits):
+    """One sensor's orientation by every filter.
+
+    Attributes:
+        host_time_ns: Sampling instants on the host's clock, shape (n,), int64.
+        static: At rest by its own signals, shape (n,), bool.
+        orientation: q_world_from_sensor by filter, each of shape (n, 4), aligned.
+        flagged: Samples that the quality gates refuse, shape (n,), bool; they are not evaluated.
+    """
+
+    host_time_ns: np.ndarray
+    static: np.ndarray
+    orientation: dict[str, np.ndarray]
+    flagged: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -290,6 +306,7 @@ class Estimate:
         chain: Joints of the arm by the chain filter, by section and state.
         remarks: What is doubtful about the whole.
         behaviour: What the catalogue says of each filter that ran, in a sentence.
+        set_parameters: Names of those that a person set for this estimate, by filter.
     """
 
     session: str
@@ -301,69 +318,53 @@ class Estimate:
     chain: list[ChainEstimate] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     behaviour: dict[str, str] = field(default_factory=dict)
+    set_parameters: dict[str, list[str]] = field(default_factory=dict)
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session, in place of an earlier one."""
-        target = session_folder / FOLDER
+        target = session_folder / ESTIMATE
         with session_lock(session_folder), stored(target), replaced_folder(target) as folder:
-            self._write(folder)
+            for name, sensor in self.sensors.items():
+                _write_sensor(folder / table_file(orientation_table(name)), sensor)
+            for name, joint in self.joints.items():
+                _write_joint(folder / table_file(joint_table(name)), joint)
+            for chain in self.chain:
+                chain.write(folder)
+            write_json(folder / ESTIMATE_SUMMARY, self._summary())
 
-    def _write(self, folder: Path) -> None:
-        summary: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "session": self.session}
-        summary |= {"fingerprint": self.fingerprint, "filter_parameters": self.filter_parameters}
-        summary |= {
-            "tuned": {key: asdict(used) for key, used in self.tuned.items()},
-            "sensors": {},
-            "joints": {},
-        }
-        for name, sensor in self.sensors.items():
-            columns = {
-                "host_time_ns": sensor.host_time_ns,
-                "static": sensor.static,
-                "flagged": sensor.flagged,
+    def _summary(self) -> dict[str, Any]:
+        """The content of estimate.json."""
+        own = {name: getattr(self, name) for name in _field_names(_EstimateHead)}
+        return (
+            {"schema_version": SCHEMA_VERSION}
+            | own
+            | {
+                "sensors": {
+                    name: {"filters": list(sensor.orientation)}
+                    | {key: getattr(sensor, key) for key in _field_names(SensorFits)}
+                    for name, sensor in self.sensors.items()
+                },
+                "joints": {
+                    name: {
+                        "angles": [
+                            {"filter": key, "sequence": label} for key, label in joint.angles
+                        ],
+                        "headings": list(joint.headings),
+                        "remarks": joint.remarks,
+                    }
+                    for name, joint in self.joints.items()
+                },
+                "chain": [
+                    {key: getattr(chain, key) for key in _field_names(ChainFacts)}
+                    for chain in self.chain
+                ],
             }
-            for key, q in sensor.orientation.items():
-                columns |= split(names(f"{key}_q_world_from_sensor", "", QUATERNION), q)
-            write_parquet(
-                folder / f"orientation_{name}.parquet",
-                columns,
-                {"content": "estimated orientation, w x y z"},
-            )
-            summary["sensors"][name] = {
-                "filters": list(sensor.orientation),
-                "clock": asdict(sensor.clock),
-                "calibration": asdict(sensor.calibration),
-                "frames": {key: asdict(fit) for key, fit in sensor.frames.items()},
-                "skipped": sensor.skipped,
-                "quality": sensor.quality,
-                "remarks": sensor.remarks,
-                "timing": asdict(sensor.timing),
-                "every": sensor.every,
-                "axes": {triad: asdict(finding) for triad, finding in sensor.axes.items()},
-                "stored_calibration": sensor.stored_calibration,
-            }
-        for name, joint in self.joints.items():
-            columns = {"host_time_ns": joint.host_time_ns}
-            for (key, sequence), angles in joint.angles.items():
-                columns |= split(_angle_columns(key, sequence), angles)
-            columns |= joint.heading_series()
-            write_parquet(
-                folder / f"joint_{name}.parquet", columns, {"content": "intrinsic Euler angles"}
-            )
-            summary["joints"][name] = {
-                "angles": [{"filter": key, "sequence": sequence} for key, sequence in joint.angles],
-                "headings": list(joint.headings),
-                "remarks": joint.remarks,
-            }
-        summary["chain"] = [chain.save(folder) for chain in self.chain]
-        summary["remarks"] = self.remarks
-        summary["behaviour"] = self.behaviour
-        write_json(folder / SUMMARY, summary)
+        )
 
     @staticmethod
     def lies_in(session_folder: Path) -> bool:
         """Whether a session has an estimate."""
-        return (session_folder / FOLDER / SUMMARY).is_file()
+        return (session_folder / ESTIMATE / ESTIMATE_SUMMARY).is_file()
 
     @staticmethod
     def load(session_folder: Path) -> Estimate:
@@ -372,77 +373,128 @@ class Estimate:
         Raises:
             SessionError: It is missing or damaged.
         """
-        folder = session_folder / FOLDER
-        try:
-            with session_lock(session_folder):
-                return Estimate._load(folder)
-        except (KeyError, TypeError) as error:
-            raise SessionError(
-                f"{folder} was written by another version; run `testbench estimate` again ({error})"
-            ) from None
+        with session_lock(session_folder):
+            return Estimate._load(session_folder / ESTIMATE)
 
     @staticmethod
     def _load(folder: Path) -> Estimate:
-        summary = read_json(folder / SUMMARY)
-        if summary.get("schema_version") != SCHEMA_VERSION:
-            raise SessionError(
-                f"{folder} has schema {summary.get('schema_version')}; this version reads "
-                f"{SCHEMA_VERSION}"
-            )
-        sensors, joints = {}, {}
-        for name, data in summary["sensors"].items():
-            columns = {
-                key: names(f"{key}_q_world_from_sensor", "", QUATERNION) for key in data["filters"]
-            }
-            single = {key: key for key in ("host_time_ns", "static", "flagged")}
-            table = read_stacked(folder / f"orientation_{name}.parquet", {**single, **columns})
-            orientation = {key: table[key] for key in data["filters"]}
-            calibration = {
-                key: np.array(value, dtype=float) if isinstance(value, list) else value
-                for key, value in data["calibration"].items()
-            }
-            sensors[name] = SensorEstimate(
-                table["host_time_ns"],
-                table["static"],
-                orientation,
-                ClockFit(**_numbers(data["clock"])),
-                CalibrationFit(**_numbers(calibration)),
-                {key: _frame_fit(fit) for key, fit in data["frames"].items()},
-                data["skipped"],
-                table["flagged"],
-                data["quality"],
-                data["remarks"],
-                TimingAudit(**_numbers(data["timing"], keep=("nominal_rate_hz",))),
-                data["every"],
-                {triad: AxisFinding(**finding) for triad, finding in data["axes"].items()},
-                data["stored_calibration"],
-            )
-        for name, data in summary["joints"].items():
-            table = read_parquet(folder / f"joint_{name}.parquet")
-            angles = {
-                (row["filter"], row["sequence"]): join(
-                    table, _angle_columns(row["filter"], row["sequence"])
-                )
-                for row in data["angles"]
-            }
-            headings = {
-                key: RelativeHeading(*(table[column] for column in _heading_columns(key)))
-                for key in data["headings"]
-            }
-            joints[name] = JointEstimate(table["host_time_ns"], angles, headings, data["remarks"])
-        tuned = {key: UsedTuning(**used) for key, used in summary.get("tuned", {}).items()}
-        chain = [ChainEstimate.load(folder, data) for data in summary["chain"]]
-        return Estimate(
-            summary["session"],
-            summary["fingerprint"],
-            sensors,
-            joints,
-            summary["filter_parameters"],
-            tuned,
-            chain,
-            summary["remarks"],
-            summary.get("behaviour", {}),
+        summary = read_record(
+            folder / ESTIMATE_SUMMARY,
+            _as_written(),
+            SCHEMA_VERSION,
+            "run `testbench estimate` again",
         )
+        return Estimate(
+            sensors={
+                name: _read_sensor(folder / table_file(orientation_table(name)), sensor)
+                for name, sensor in summary.sensors.items()
+            },
+            joints={
+                name: _read_joint(folder / table_file(joint_table(name)), joint)
+                for name, joint in summary.joints.items()
+            },
+            chain=[ChainEstimate.read(folder, facts) for facts in summary.chain],
+            **{name: getattr(summary, name) for name in _field_names(_EstimateHead)},
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _EstimateHead:
+    """What an estimate and its summary share."""
+
+    session: str
+    fingerprint: str
+    filter_parameters: dict[str, dict[str, float]]
+    tuned: dict[str, UsedTuning] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    behaviour: dict[str, str] = field(default_factory=dict)
+    set_parameters: dict[str, list[str]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _SensorSummary(SensorFits):
+    filters: list[str]
+
+
+@dataclass(frozen=True)
+class _Angle:
+    filter: str
+    sequence: str
+
+
+@dataclass(frozen=True)
+class _JointSummary:
+    angles: list[_Angle]
+    headings: list[str]
+    remarks: list[str]
+
+
+@with_config(AS_WRITTEN)
+@dataclass(frozen=True, kw_only=True)
+class _Summary(_EstimateHead):
+    """The content of estimate.json."""
+
+    sensors: dict[str, _SensorSummary]
+    joints: dict[str, _JointSummary]
+    chain: list[ChainFacts]
+
+
+@cache
+def _as_written() -> TypeAdapter[_Summary]:
+    return TypeAdapter(_Summary)
+
+
+def _field_names(kind: type[Any]) -> list[str]:
+    return [own.name for own in fields(kind)]
+
+
+def _write_sensor(file: Path, sensor: SensorEstimate) -> None:
+    columns = {
+        "host_time_ns": sensor.host_time_ns,
+        "static": sensor.static,
+        "flagged": sensor.flagged,
+    }
+    for key, q in sensor.orientation.items():
+        columns |= split(_orientation_columns(key), q)
+    write_parquet(file, columns, {"content": "estimated orientation, w x y z"})
+
+
+def _read_sensor(file: Path, summary: _SensorSummary) -> SensorEstimate:
+    columns = {key: _orientation_columns(key) for key in summary.filters}
+    single = {key: key for key in ("host_time_ns", "static", "flagged")}
+    table = read_stacked(file, {**single, **columns})
+    return SensorEstimate(
+        **{key: getattr(summary, key) for key in _field_names(SensorFits)},
+        host_time_ns=table["host_time_ns"],
+        static=table["static"],
+        flagged=table["flagged"],
+        orientation={key: table[key] for key in summary.filters},
+    )
+
+
+def _write_joint(file: Path, joint: JointEstimate) -> None:
+    columns = {"host_time_ns": joint.host_time_ns}
+    for (key, sequence), angles in joint.angles.items():
+        columns |= split(_angle_columns(key, sequence), angles)
+    columns |= joint.heading_series()
+    write_parquet(file, columns, {"content": "intrinsic Euler angles"})
+
+
+def _read_joint(file: Path, summary: _JointSummary) -> JointEstimate:
+    table = read_parquet(file)
+    angles = {
+        (row.filter, row.sequence): join(table, _angle_columns(row.filter, row.sequence))
+        for row in summary.angles
+    }
+    headings = {
+        key: RelativeHeading(*(table[column] for column in _heading_columns(key)))
+        for key in summary.headings
+    }
+    return JointEstimate(table["host_time_ns"], angles, headings, summary.remarks)
+
+
+def _orientation_columns(key: str) -> list[str]:
+    return names(f"{key}_q_world_from_sensor", "", QUATERNION)
 
 
 def _angle_columns(key: str, sequence: str) -> list[str]:
@@ -451,19 +503,3 @@ def _angle_columns(key: str, sequence: str) -> list[str]:
 
 def _heading_columns(key: str) -> list[str]:
     return [f"{key}_relative_heading_rad", f"{key}_relative_heading_sd_rad"]
-
-
-def _numbers(data: dict[str, Any], keep: tuple[str, ...] = ()) -> dict[str, Any]:
-    """JSON has no NaN; null stands for it, but for the keys to keep."""
-    return {
-        key: float("nan") if value is None and key not in keep else value
-        for key, value in data.items()
-    }
-
-
-def _frame_fit(data: dict[str, Any]) -> FrameFit:
-    """JSON has no tuples."""
-    values: dict[str, Any] = {
-        key: tuple(value) if isinstance(value, list) else value for key, value in data.items()
-    }
-    return FrameFit(**values)

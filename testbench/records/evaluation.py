@@ -4,22 +4,25 @@ docs/session_format.md.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, with_config
 
 from testbench.exceptions import SessionError
 from testbench.records.evaluation_rows import (
     Comparison,
     CycleRow,
-    ErrorSummary,
     FieldErrorRow,
     FieldFollowingRow,
     FieldRow,
     GyroscopeBiasRow,
+    Interval,
     JointSummary,
     OrientationSummary,
     OrientationSweepRow,
@@ -27,6 +30,8 @@ from testbench.records.evaluation_rows import (
     RankRow,
     TunedRow,
 )
+from testbench.records.json_record import AS_WRITTEN, Number, read_record
+from testbench.records.layout import EVALUATION, EVALUATION_SUMMARY, table_file
 from testbench.records.replacing import replaced_folder, stored
 from testbench.records.session_lock import session_lock
 from testbench.records.storage import (
@@ -36,10 +41,9 @@ from testbench.records.storage import (
     write_json,
     write_parquet,
 )
-from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
+from testbench.records.uncertainty import UncertaintyBudget
 
 SCHEMA_VERSION = 2
-FILE, FOLDER = "evaluation.json", "evaluation"
 
 
 class Outcome(StrEnum):
@@ -110,11 +114,11 @@ class JointRow:
     flexion_deg: float | None
     variables: dict[str, float]
     n: int
-    flexion_mean_error_deg: float
-    flexion_mean_abs_error_deg: float
-    flexion_sd_deg: float
-    flexion_rmse_deg: float
-    flexion_max_abs_error_deg: float
+    flexion_mean_error_deg: Number
+    flexion_mean_abs_error_deg: Number
+    flexion_sd_deg: Number
+    flexion_rmse_deg: Number
+    flexion_max_abs_error_deg: Number
     other_mean_abs_error_deg: list[float | None]
     flexion_median_error_deg: float | None = None
     flexion_iqr_deg: float | None = None
@@ -134,10 +138,10 @@ class OrientationRow:
     sensor: str
     filter: str
     n: int
-    total_rmse_deg: float
-    heading_rmse_deg: float
-    inclination_rmse_deg: float
-    total_max_deg: float
+    total_rmse_deg: Number
+    heading_rmse_deg: Number
+    inclination_rmse_deg: Number
+    total_max_deg: Number
 
 
 @dataclass(frozen=True)
@@ -170,9 +174,9 @@ class NoiseRow:
     quantity: str
     axis: str
     samples: int
-    span_s: float
-    mean: float
-    sd: float
+    span_s: Number
+    mean: Number
+    sd: Number
     unit: str
     noise_density: float | None
     noise_density_sd: float | None
@@ -214,7 +218,7 @@ class EulerRangeRow:
     sequence: str
     true_deg: list[float | None]
     estimated_deg: list[float | None]
-    locked_percent: float
+    locked_percent: Number
     outer_true_deg: float | None
     outer_estimated_deg: float | None
 
@@ -253,21 +257,21 @@ class ChainRow:
     state: str
     joint: str
     n: int
-    mean_error_deg: float
-    median_error_deg: float
-    mean_abs_error_deg: float
-    rmse_deg: float
-    iqr_deg: float
-    outliers_percent: float
-    largest_error_deg: float
-    smallest_error_deg: float
+    mean_error_deg: Number
+    median_error_deg: Number
+    mean_abs_error_deg: Number
+    rmse_deg: Number
+    iqr_deg: Number
+    outliers_percent: Number
+    largest_error_deg: Number
+    smallest_error_deg: Number
     relative_percent: float | None
     correlation: float | None
-    rate_rmse_deg_s: float
-    acceleration_rmse_deg_s2: float
-    uncertainty_deg: float
-    normalised_error: float
-    covered_percent: float
+    rate_rmse_deg_s: Number
+    acceleration_rmse_deg_s2: Number
+    uncertainty_deg: Number
+    normalised_error: Number
+    covered_percent: Number
     expanded_uncertainty_deg: float | None = None
     expanded_uncertainty_magnitude_deg: float | None = None
 
@@ -305,20 +309,17 @@ class Metric:
     sequence: str | None = None
     section: str | None = None
     expanded_uncertainty: float | None = None
-    ci95: list[float] | None = None
+    ci95: Interval = None
     no_uncertainty: str | None = None
 
 
 @dataclass(frozen=True)
-class Evaluation:
-    """All results of a session.
+class ResultTables:
+    """Results of a sensor, of a joint or of all, by table; a further table is a further field here.
 
     Attributes:
-        session: Its name.
         joint_angle: Flexion errors by pose and sweep.
         orientation: Orientation errors by sensor and filter.
-        metrics: What limits are put on, with its verdict.
-        outcome: Of all limits together.
         notes: What a reader must know, as sentences.
         noise: Of the sensors at rest.
         euler_ranges: How far the sensors' own Euler angles went.
@@ -349,11 +350,8 @@ class Evaluation:
         cycles: Average cycles of sweeps.
     """
 
-    session: str
-    joint_angle: list[JointRow]
-    orientation: list[OrientationRow]
-    metrics: list[Metric]
-    outcome: Outcome
+    joint_angle: list[JointRow] = field(default_factory=list)
+    orientation: list[OrientationRow] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     noise: list[NoiseRow] = field(default_factory=list)
     euler_ranges: list[EulerRangeRow] = field(default_factory=list)
@@ -373,6 +371,35 @@ class Evaluation:
     magnetic_following: list[FieldFollowingRow] = field(default_factory=list)
     cycles: list[CycleRow] = field(default_factory=list)
 
+    @staticmethod
+    def joined(parts: Iterable[ResultTables]) -> ResultTables:
+        """The rows and error signals of several parts, in their order."""
+        parts = list(parts)
+        series = {name: columns for part in parts for name, columns in part.series.items()}
+        rows: dict[str, list[Any]] = {
+            name: [row for part in parts for row in getattr(part, name)] for name in TABLES
+        }
+        return ResultTables(**rows, series=series)
+
+
+TABLES = tuple(own.name for own in fields(ResultTables) if own.name != "series")
+
+
+@with_config(AS_WRITTEN)
+@dataclass(frozen=True, kw_only=True)
+class Evaluation(ResultTables):
+    """All results of a session.
+
+    Attributes:
+        session: Its name.
+        metrics: What limits are put on, with its verdict.
+        outcome: Of all limits together.
+    """
+
+    session: str
+    metrics: list[Metric] = field(default_factory=list)
+    outcome: Outcome = Outcome.NOT_MEASURED
+
     @property
     def limited(self) -> bool:
         """Whether the protocol states a limit for anything."""
@@ -385,14 +412,16 @@ class Evaluation:
 
     def to_dict(self) -> dict[str, Any]:
         """The content of evaluation.json."""
-        data = asdict(replace(self, series={}))  # `asdict` would copy them
-        del data["series"]
-        result: dict[str, Any] = plain_values({"schema_version": SCHEMA_VERSION, **data})
+        result: dict[str, Any] = plain_values(self._document())
         return result
+
+    def _document(self) -> dict[str, Any]:
+        names = ("session", "outcome", "metrics", *TABLES)
+        return {"schema_version": SCHEMA_VERSION} | {name: getattr(self, name) for name in names}
 
     def save(self, session_folder: Path) -> None:
         """Write evaluation.json and the error signals, in place of earlier ones."""
-        target, summary = session_folder / FOLDER, session_folder / FILE
+        target, summary = session_folder / EVALUATION, session_folder / EVALUATION_SUMMARY
         with (
             session_lock(session_folder),
             stored(target),
@@ -400,9 +429,9 @@ class Evaluation:
         ):
             for name, columns in self.series.items():
                 write_parquet(
-                    folder / f"{name}.parquet", columns, {"content": "errors against the truth"}
+                    folder / table_file(name), columns, {"content": "errors against the truth"}
                 )
-            write_json(folder / FILE, self.to_dict())
+            write_json(folder / EVALUATION_SUMMARY, self._document())
 
     @staticmethod
     def load(session_folder: Path) -> Evaluation:
@@ -416,61 +445,19 @@ class Evaluation:
 
     @staticmethod
     def _load(session_folder: Path) -> Evaluation:
-        data = read_json(session_folder / FILE)
-        if data.get("schema_version") != SCHEMA_VERSION:
-            raise SessionError(
-                f"{session_folder / FILE} has schema {data.get('schema_version')}; this version "
-                f"reads {SCHEMA_VERSION}: "
-                "run `testbench evaluate` again"
-            )
-        try:
-            return Evaluation._from_dict(data, session_folder)
-        except (KeyError, TypeError) as error:
-            file = session_folder / FILE
-            raise SessionError(
-                f"{file} was written by another version; run `testbench evaluate` again ({error})"
-            ) from None
-
-    @staticmethod
-    def _from_dict(data: dict[str, Any], session_folder: Path) -> Evaluation:
-        series = {
-            path.stem: read_parquet(path)
-            for path in sorted((session_folder / FOLDER).glob("*.parquet"))
-        }
-        return Evaluation(
-            data["session"],
-            [JointRow(**row) for row in data["joint_angle"]],
-            [OrientationRow(**row) for row in data["orientation"]],
-            [
-                Metric(**{**row, "outcome": row["outcome"] and Outcome(row["outcome"])})
-                for row in data["metrics"]
-            ],
-            Outcome(data["outcome"]),
-            data["notes"],
-            [NoiseRow(**row) for row in data["noise"]],
-            [EulerRangeRow(**row) for row in data["euler_ranges"]],
-            [
-                JointSummary(**{**row, "errors": ErrorSummary(**row["errors"])})
-                for row in data["joint_summary"]
-            ],
-            [
-                OrientationSummary(**{**row, "errors": ErrorSummary(**row["errors"])})
-                for row in data["orientation_summary"]
-            ],
-            [OrientationSweepRow(**row) for row in data["orientation_sweeps"]],
-            [RankRow(**row) for row in data["ranking"]],
-            [Comparison(**row) for row in data["comparisons"]],
-            [_budget(row) for row in data["uncertainty"]],
-            [GyroscopeBiasRow(**row) for row in data["gyroscope_bias"]],
-            [TunedRow(**row) for row in data.get("tuned", [])],
-            series,
-            [ChainRow(**row) for row in data["chain"]],
-            [FieldRow(**row) for row in data["magnetic_field"]],
-            [FieldErrorRow(**row) for row in data["magnetic_errors"]],
-            [OutlierRow(**row) for row in data["outliers"]],
-            [FieldFollowingRow(**row) for row in data.get("magnetic_following", [])],
-            [CycleRow(**row) for row in data.get("cycles", [])],
+        found = read_record(
+            session_folder / EVALUATION_SUMMARY,
+            _as_written(),
+            SCHEMA_VERSION,
+            "run `testbench evaluate` again",
         )
+        tables = sorted((session_folder / EVALUATION).glob(table_file("*")))
+        return replace(found, series={path.stem: read_parquet(path) for path in tables})
+
+
+@cache
+def _as_written() -> TypeAdapter[Evaluation]:
+    return TypeAdapter(Evaluation)
 
 
 def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
@@ -480,7 +467,7 @@ def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
     Raises:
         SessionError: What was written of it is damaged.
     """
-    file = session_folder / FILE
+    file = session_folder / EVALUATION_SUMMARY
     if not file.is_file():
         return None
     data = read_json(file)
@@ -498,9 +485,3 @@ def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
 
 def _words(outcome: Outcome, limited: bool) -> str:
     return outcome.words if limited or outcome is not Outcome.NOT_MEASURED else NO_LIMITS
-
-
-def _budget(row: dict[str, Any]) -> UncertaintyBudget:
-    return UncertaintyBudget(
-        **{**row, "sources": [UncertaintySource(**source) for source in row["sources"]]}
-    )

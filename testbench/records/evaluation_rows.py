@@ -6,7 +6,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-Interval = list[float] | None
+from testbench.records.json_record import Number
+
+Interval = list[Number] | None
 """Lower and upper end of a 95 % confidence interval, or None where too few independent blocks were
 judged.
 """
@@ -46,13 +48,13 @@ class ErrorSummary:
 
     n: int
     steps: int
-    mean_error_deg: float
-    mean_abs_error_deg: float
-    rmse_deg: float
-    median_error_deg: float
-    iqr_deg: float
-    p95_abs_error_deg: float
-    max_abs_error_deg: float
+    mean_error_deg: Number
+    mean_abs_error_deg: Number
+    rmse_deg: Number
+    median_error_deg: Number
+    iqr_deg: Number
+    p95_abs_error_deg: Number
+    max_abs_error_deg: Number
     correlation: float | None = None
     mean_error_ci95_deg: Interval = None
     mean_abs_error_ci95_deg: Interval = None
@@ -136,9 +138,9 @@ class OrientationSweepRow:
     step: int
     variables: dict[str, float]
     n: int
-    total_rmse_deg: float
-    heading_rmse_deg: float
-    inclination_rmse_deg: float
+    total_rmse_deg: Number
+    heading_rmse_deg: Number
+    inclination_rmse_deg: Number
     amplitude_deg: float | None
     frequency_hz: float | None
 
@@ -167,9 +169,9 @@ class Comparison:
     criterion: str
     first: str
     second: str
-    difference: float
-    p: float
-    p_holm: float
+    difference: Number
+    p: Number
+    p_holm: Number
     blocks: int
 
 
@@ -195,7 +197,7 @@ class RankRow:
     sequence: str | None
     criterion: str
     filter: str
-    value: float
+    value: Number
     best_rank: int
     worst_rank: int
     group: str
@@ -217,9 +219,9 @@ class GyroscopeBiasRow:
 
     sensor: str
     axis: str
-    estimated_deg_s: float
+    estimated_deg_s: Number
     estimated_sd_deg_s: float | None
-    error_deg_s: float
+    error_deg_s: Number
     error_sd_deg_s: float | None
     samples: int
 
@@ -266,14 +268,14 @@ class FieldRow:
     sensor: str
     motion: str
     n: int
-    norm_uT: float
-    dip_deg: float
-    norm_rms_percent: float
-    norm_p95_percent: float
-    field_dip_rms_deg: float
-    field_dip_p95_deg: float
-    field_heading_rms_deg: float
-    field_heading_p95_deg: float
+    norm_uT: Number
+    dip_deg: Number
+    norm_rms_percent: Number
+    norm_p95_percent: Number
+    field_dip_rms_deg: Number
+    field_dip_p95_deg: Number
+    field_heading_rms_deg: Number
+    field_heading_p95_deg: Number
 
 
 @dataclass(frozen=True)
@@ -294,11 +296,11 @@ class FieldErrorRow:
     sensor: str
     filter: str
     quantity: str
-    low: float
+    low: Number
     high: float | None
-    mean: float
+    mean: Number
     n: int
-    heading_rmse_deg: float
+    heading_rmse_deg: Number
 
 
 @dataclass(frozen=True)
@@ -320,7 +322,7 @@ class FieldFollowingRow:
     sensor: str
     filter: str
     n: int
-    field_change_deg: float
+    field_change_deg: Number
     followed: float | None
     followed_ci95: Interval
     blocks: int
@@ -349,8 +351,8 @@ class OutlierRow:
     motion: str
     quantity: str
     filter: str
-    value_deg: float
-    fence_deg: float
+    value_deg: Number
+    fence_deg: Number
     known: str
 
 
@@ -385,15 +387,15 @@ class CycleRow:
     section: str
     step: int
     variables: dict[str, float]
-    frequency_hz: float
+    frequency_hz: Number
     cycles: int
     left_out: int
-    rom_deg: float
-    true_rom_deg: float
-    rom_error_deg: float
-    rom_error_sd_deg: float
-    mean_error_deg: float
-    rmse_deg: float
-    error_sd_deg: float
-    true_sd_deg: float
+    rom_deg: Number
+    true_rom_deg: Number
+    rom_error_deg: Number
+    rom_error_sd_deg: Number
+    mean_error_deg: Number
+    rmse_deg: Number
+    error_sd_deg: Number
+    true_sd_deg: Number
     cmc: float | None

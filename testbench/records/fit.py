@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Fit:
         """Half of each parameter's confidence interval, shape (p,) (Student's t; JCGM 100:2008,
         annex G).
         """
-        return np.asarray(student.ppf(0.5 + level / 2, self.dof)) * self.sd
+        return np.asarray(stdtrit(self.dof, 0.5 + level / 2)) * self.sd
 
     def __getitem__(self, name: str) -> float:
         """A parameter by its name."""

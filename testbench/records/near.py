@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.records.storage import parquet_shape, read_parquet_batches, read_stacked
+from testbench.records.storage import read_parquet_batches, read_stacked
 
 MOST_ROWS = 500_000
 """Rows of the arm or of a truth that are read as a whole; of more, those are read that are
@@ -43,16 +43,15 @@ def united(times: Iterable[np.ndarray]) -> np.ndarray:
         Shape (n,), int64.
     """
     columns = list(times)
-    return (
-        columns[0]
-        if len(columns) == 1
-        else np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *columns]))
-    )
+    if len(columns) == 1:
+        return columns[0]
+    every = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *columns]))
+    return every[np.diff(every, prepend=every[:1] - 1) > 0]
 
 
-def is_long(path: Path) -> bool:
-    """Whether a table is too long to be read as a whole."""
-    return parquet_shape(path)[0] > MOST_ROWS
+def is_long(rows: int) -> bool:
+    """Whether a table of the arm or of a truth is too long to be read as a whole."""
+    return rows > MOST_ROWS
 
 
 def read_near(

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from math import floor, isfinite, log10
+
+MOST_DECIMALS = 9
+
 
 def show_number(value: float) -> str:
     """Three decimals below 100, fewer above, and a plain 0 for what rounds to it."""
@@ -17,3 +21,13 @@ def show_number(value: float) -> str:
         if magnitude < 10_000
         else f"{value:.0f}"
     )
+
+
+def decimals_by(sd: float | None) -> int | None:
+    """Decimals that show a value to the second significant digit of its standard uncertainty; None
+    where that is unknown, or too small to be written out.
+    """
+    if sd is None or not isfinite(sd) or sd <= 0:
+        return None
+    decimals = max(1 - floor(log10(sd)), 0)
+    return decimals if decimals <= MOST_DECIMALS else None

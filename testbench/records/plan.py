@@ -11,7 +11,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
+from testbench.exceptions import SessionError
 from testbench.records.protocol import Protocol
 from testbench.records.protocol_steps import Role
 from testbench.records.robot import Robot
@@ -87,6 +90,30 @@ class PlannedStep:
     end_ns: int
     place: str = ""
     cycles: PlannedCycles | None = None
+
+
+def judged_steps(steps: list[PlannedStep]) -> list[PlannedStep]:
+    """Steps whose errors count: those of evaluation sections, or all but calibration where there is
+    none.
+    """
+    chosen = [step for step in steps if step.role == "evaluation"]
+    return chosen or [step for step in steps if step.role != "calibration"] or steps
+
+
+def stored_steps(file: Path) -> list[PlannedStep]:
+    """The steps of a plan that was written to a file, without their places in the protocol.
+
+    Raises:
+        SessionError: The file is missing or damaged.
+    """
+    try:
+        notes = pq.read_schema(file).metadata or {}
+        return [
+            PlannedStep(**data | {"cycles": PlannedCycles.of(data.get("cycles"))})
+            for data in json.loads(notes[b"steps"])
+        ]
+    except (OSError, pa.ArrowException, ValueError, KeyError, TypeError) as error:
+        raise SessionError(f"the plan {file} cannot be read: {error}") from None
 
 
 @dataclass(frozen=True)

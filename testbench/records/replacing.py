@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from errno import EINVAL, ENOSPC
 from pathlib import Path
 
+from testbench.clock import Clock, utc_name
 from testbench.exceptions import InputError, StorageError
 
 PARTIAL = ".partial"
@@ -235,7 +236,7 @@ def _link(partial: Path, path: Path) -> None:
 
 
 def _taken(path: Path) -> InputError:
-    return InputError(f"{path} exists already; it is kept, and nothing was written")
+    return InputError(f"{path} exists already; it is kept, not replaced")
 
 
 def _sync(path: Path) -> None:
@@ -250,3 +251,19 @@ def _sync(path: Path) -> None:
             raise
     finally:
         os.close(opened)
+
+
+def free_folder(logs: Path, name: str) -> Path:
+    """A folder that does not exist yet: the name, or the name with a number."""
+    folder, count = logs / name, 1
+    while folder.exists():
+        count += 1
+        folder = logs / f"{name}_{count}"
+    return folder
+
+
+def dated_folder(logs: Path, name: str, clock: Clock) -> Path:
+    """A folder for what begins now: `<logs>/<date>_<name>`, or that with a number where it
+    exists.
+    """
+    return free_folder(logs, f"{utc_name(clock.utc())}_{name}")

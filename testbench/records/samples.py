@@ -108,6 +108,15 @@ DEVICE_Q = names("device_q", "", QUATERNION)
 TEMPERATURE = "temperature_deg_c"
 
 
+TABLE_UNITS = {"units": "the suffix of each column; times in nanoseconds"}
+IMU_NOTES = {
+    "content": "raw samples of an inertial sensor, in the sensor frame",
+    "device_q": "q_earth_from_sensor of the vendor's filter, w x y z, Hamilton",
+    **TABLE_UNITS,
+}
+"""What a table of `ImuSamples` says of itself."""
+
+
 @dataclass(frozen=True)
 class ImuSamples:
     """What an IMU reported; every vector in the sensor frame.

@@ -7,13 +7,11 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from copy import copy
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,47 +20,31 @@ import numpy as np
 from pydantic import ValidationError
 
 from testbench.exceptions import NotFoundError, SessionError
-from testbench.records.near import MOST_THINNED, Instants, is_long, read_near
+from testbench.records.json_record import first_problem
+from testbench.records.layout import (
+    ARM,
+    EVENTS,
+    JOURNALS,
+    MANIFEST,
+    ROBOT,
+    URDF,
+    imu_stream,
+    table_file,
+    truth_stream,
+)
+from testbench.records.manifest import Manifest
+from testbench.records.manifest import RunStatus as RunStatus  # its status is one of these
+from testbench.records.near import Instants, is_long, read_near
 from testbench.records.plan import PlannedCycles, PlannedStep
 from testbench.records.protocol import Analysis
 from testbench.records.robot import Robot, robot_from_text
-from testbench.records.samples import TRUTH_Q, TRUTH_RATE, ArmSamples, ImuSamples, Truth
+from testbench.records.samples import ArmSamples, ImuSamples, Truth
+from testbench.records.sensor_file import SensorFile, TruthFile
 from testbench.records.storage import (
     ROWS_PER_GROUP,
     parquet_shape,
-    read_json,
     read_parquet,
-    read_parquet_batches,
-    read_stacked,
 )
-
-SCHEMA_VERSION = 1
-MAPPINGS = (
-    "analysis",
-    "arm",
-    "clocks",
-    "environment",
-    "files",
-    "plan",
-    "protocol",
-    "robot",
-    "samples",
-    "software",
-)
-"""Parts of a manifest that are mappings where they are there."""
-SENSOR_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_]{0,99}")
-"""Files are named after sensors: nothing that could lead out of the session's folder."""
-MANIFEST, EVENTS, ARM, PLAN = "manifest.json", "events.jsonl", "arm", "plan.parquet"
-
-
-class RunStatus(StrEnum):
-    """How the bench fared; says nothing of the sensor."""
-
-    RUNNING = "running"
-    COMPLETED = "completed"
-    ABORTED = "aborted"
-    ERROR = "error"
-    INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
@@ -91,42 +73,13 @@ class Session:
     def __init__(self, path: str | Path):
         self.path = Path(path)
         self._near: Instants | None = None
+        self._sensors: dict[str, SensorFile] = {}
+        self._truths: dict[str, TruthFile] = {}
         if not (self.path / MANIFEST).is_file():
             what = "is a file; a session is a folder" if self.path.is_file() else "does not exist"
             what = "is not a session: it has no manifest.json" if self.path.is_dir() else what
             raise SessionError(f"{self.path} {what}")
-        self.manifest: dict[str, Any] = read_json(self.path / MANIFEST)
-        if not isinstance(self.manifest, dict):
-            raise SessionError(f"{self.path / MANIFEST} is damaged: it is no mapping")
-        version = self.manifest.get("schema_version")
-        if not isinstance(version, int) or version > SCHEMA_VERSION:
-            raise SessionError(
-                f"{self.path} has session schema {version}; this version reads up to "
-                f"{SCHEMA_VERSION}"
-            )
-        self._check_manifest()
-
-    def _check_manifest(self) -> None:
-        """A manifest may come from anywhere: what files are named after, and what every reader asks
-        for, must be in order.
-        """
-        sensors, status = self.manifest.get("sensors"), self.manifest.get("status")
-        if not isinstance(status, str) or status not in set(RunStatus):
-            raise SessionError(f"{self.path / MANIFEST} is damaged: its status is {status!r:.50}")
-        if not isinstance(sensors, dict) or not all(
-            isinstance(sensor, dict) for sensor in sensors.values()
-        ):
-            raise SessionError(f"{self.path / MANIFEST} is damaged: it names no sensors")
-        flat = next(
-            (key for key in MAPPINGS if not isinstance(self.manifest.get(key, {}), dict)), None
-        )
-        if flat is not None:
-            raise SessionError(f"{self.path / MANIFEST} is damaged: its {flat} is no mapping")
-        wrong = next((name for name in sensors if not SENSOR_NAME.fullmatch(name)), None)
-        if wrong is not None:
-            raise SessionError(
-                f"{self.path / MANIFEST} is refused: '{wrong[:50]}' is no name for a sensor"
-            )
+        self.manifest = Manifest.read(self.path)
 
     @property
     def name(self) -> str:
@@ -139,7 +92,7 @@ class Session:
         Raises:
             SessionError: The manifest has no date.
         """
-        return self._date("started_utc")
+        return self._date("started_utc", self.manifest.started_utc)
 
     @property
     def recorded_at(self) -> datetime | None:
@@ -149,21 +102,21 @@ class Session:
         Raises:
             SessionError: What the manifest has is no date.
         """
-        if self.manifest.get("kind") != "import":
+        if self.manifest.kind != "import":
             return self.started
-        return self._date("recorded_utc") if self.manifest.get("recorded_utc") else None
+        recorded = self.manifest.recorded_utc
+        return self._date("recorded_utc", recorded) if recorded else None
 
-    def _date(self, key: str) -> datetime:
-        text = str(self.manifest.get(key))
+    def _date(self, key: str, text: str | None) -> datetime:
         try:
-            moment = datetime.fromisoformat(text)
+            moment = datetime.fromisoformat(text or "")
         except ValueError:
             raise SessionError(f"{self.path}: {key} of the manifest is no date: {text}") from None
         return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
     @property
     def status(self) -> RunStatus:
-        return RunStatus(self.manifest["status"])
+        return self.manifest.status
 
     @cached_property
     def analysis(self) -> Analysis:
@@ -173,10 +126,10 @@ class Session:
             SessionError: The manifest does not hold them.
         """
         try:
-            return Analysis.model_validate(self.manifest["analysis"])
-        except (KeyError, ValidationError) as error:
+            return Analysis.model_validate(self.manifest.analysis)
+        except ValidationError as error:
             raise SessionError(
-                f"{self.path / MANIFEST}: the analysis is damaged: {error}"
+                f"{self.path / MANIFEST}: the analysis is damaged: {first_problem(error)}"
             ) from None
 
     @property
@@ -203,37 +156,47 @@ class Session:
         """Whether the bench ran it, step by step; of an imported recording at most the poses of the
         arm are known.
         """
-        return bool(self.manifest.get("kind") == "run")
+        return self.manifest.kind == "run"
 
     @property
     def simulated(self) -> list[str]:
         """What of a run was simulated: arm and sensors, the sensors alone, or nothing."""
-        if self.manifest.get("arm", {}).get("driver") == "simulated":
+        arm = self.manifest.arm.record
+        if arm is not None and arm.simulated:
             return ["arm", "sensors"]
-        return ["sensors"] if self.manifest.get("simulated_sensors") else []
+        return ["sensors"] if self.manifest.simulated_sensors else []
 
     @property
     def sensor_names(self) -> list[str]:
-        return list(self.manifest["sensors"])
+        return list(self.manifest.sensors)
 
     @cached_property
     def robot(self) -> Robot | None:
         """The arm, or None for an imported recording without one."""
-        file, copy = self.path / "robot.yaml", self.path / "robot.urdf"
+        file, copy = self.path / ROBOT, self.path / URDF
         if not file.is_file():
             return None
-        named = self.manifest.get("robot")
-        if (
-            not isinstance(named, dict)
-            or not isinstance(named.get("urdf"), str)
-            or "\0" in named["urdf"]
-        ):
+        urdf = self.manifest.robot.urdf
+        if urdf is None or "\0" in urdf:
             raise SessionError(
                 f"{self.path / MANIFEST} is damaged: it does not say which URDF the robot has"
             )
-        original = Path(named["urdf"])  # its meshes lie beside it
+        original = Path(urdf)  # its meshes lie beside it
         same = original.is_file() and copy.is_file() and original.read_bytes() == copy.read_bytes()
         return robot_from_text(file, original if same else copy)
+
+    def sensor(self, sensor: str) -> SensorFile:
+        """The raw samples of a sensor, opened the first time that they are asked for.
+
+        Raises:
+            NotFoundError: No such sensor.
+            SessionError: They are being recorded, were cut off, or are damaged.
+        """
+        self._check(sensor)
+        self._check_closed()
+        if sensor not in self._sensors:
+            self._sensors[sensor] = SensorFile(self.path / table_file(imu_stream(sensor)))
+        return self._sensors[sensor]
 
     def imu(
         self, sensor: str, begin: int = 0, end: int | None = None, every: int = 1
@@ -249,39 +212,27 @@ class Session:
         Raises:
             NotFoundError: No such sensor.
         """
-        path, names = self._samples(sensor)
-        return ImuSamples.from_groups(
-            read_stacked(path, ImuSamples.groups(names), begin, end, every)
-        )
+        return self.sensor(sensor).read(begin, end, every)
 
     def imu_batches(self, sensor: str, rows: int = ROWS_PER_GROUP) -> Iterator[ImuSamples]:
         """Raw samples of a sensor in pieces of at most so many, for recordings that do not fit in
         memory.
         """
-        path, _ = self._samples(sensor)
-        for columns in read_parquet_batches(path, rows=rows):
-            yield ImuSamples.from_columns(columns)
+        return self.sensor(sensor).batches(rows)
 
     def imu_columns(self, sensor: str) -> list[str]:
         """Names of the columns of a sensor's raw samples."""
-        return self._samples(sensor)[1]
+        return self.sensor(sensor).columns
 
     def imu_column(
         self, sensor: str, column: str, begin: int = 0, end: int | None = None
     ) -> np.ndarray:
         """One column of a sensor's raw samples, from sample `begin` to before `end`, shape (n,)."""
-        return read_stacked(self._samples(sensor)[0], {column: column}, begin, end)[column]
+        return self.sensor(sensor).column(column, begin, end)
 
     def sample_count(self, sensor: str) -> int:
         """How many samples of a sensor there are."""
-        return parquet_shape(self._samples(sensor)[0])[0]
-
-    def _samples(self, sensor: str) -> tuple[Path, list[str]]:
-        """File of a sensor's samples, and its columns."""
-        self._check(sensor)
-        self._check_closed()
-        path = self.path / f"imu_{sensor}.parquet"
-        return path, parquet_shape(path)[1]
+        return self.sensor(sensor).count
 
     def near(self, instants: Instants) -> Session:
         """The same session, of whose long truths and arm only those samples are read that lie
@@ -295,56 +246,34 @@ class Session:
         copied._near = instants
         return copied
 
-    def thinned_truth(self, sensor: str) -> tuple[Truth | None, bool]:
-        """The truth of a sensor, for what looks at the whole of it; of a long one perhaps evenly
-        spread samples.
-
-        Returns:
-            The truth, and whether it is long: then it has rates or, where it has none,
-            orientations, and `near` gives the rest.
-        """
-        file = self._truth_file(sensor)
-        if file is None or not is_long(file):
-            return self.truth(sensor), False
-        rows, columns = parquet_shape(file)
-        rates = TRUTH_RATE[0] in columns
-        groups: dict[str, str | list[str]] = {"host_time_ns": "host_time_ns"}
-        groups |= {"rate": TRUTH_RATE} if rates else {"q": TRUTH_Q}
-        table = read_stacked(file, groups, every=-(-rows // MOST_THINNED))
-        q = np.broadcast_to(np.nan, (len(table["host_time_ns"]), 4)) if rates else table["q"]
-        return Truth(table["host_time_ns"], q, table.get("rate")), True
-
     def truth(self, sensor: str) -> Truth | None:
         """What the sensor went through, or None where nobody knows."""
-        file = self._truth_file(sensor)
+        file = self.truth_file(sensor)
         if file is None:
             return None
-        columns = parquet_shape(file)[1]
-        if (
-            self._near is not None
-            and sensor in self._near.sensors
-            and TRUTH_RATE[0] in columns
-            and is_long(file)
-        ):
-            return Truth(**read_near(file, Truth.groups(columns), self._near.sensors[sensor]))
-        return Truth.from_columns(read_parquet(file))
+        if self._near is not None and sensor in self._near.sensors:
+            return file.near(self._near.sensors[sensor])
+        return file.read()
 
-    def _truth_file(self, sensor: str) -> Path | None:
+    def truth_file(self, sensor: str) -> TruthFile | None:
+        """The same, opened the first time that it is asked for."""
         self._check(sensor)
-        file = self.path / f"truth_{sensor}.parquet"
-        if not file.is_file() and file.name in self.manifest.get("files", {}):
+        file = self.path / table_file(truth_stream(sensor))
+        if file.is_file() and sensor not in self._truths:
+            self._truths[sensor] = TruthFile(file)
+        if not file.is_file() and file.name in self.manifest.files:
             raise SessionError(
                 f"{file} is missing, though the manifest lists it; the session is damaged"
             )
-        return file if file.is_file() else None
+        return self._truths[sensor] if file.is_file() else None
 
     def arm(self) -> ArmSamples | None:
         """What the arm reported, or None when there was none."""
-        file = self.path / f"{ARM}.parquet"
+        file = self.path / table_file(ARM)
         if not file.is_file() or self.robot is None:
             return None
         names = self.robot.joint_names
-        if self._near is not None and is_long(file):
+        if self._near is not None and is_long(parquet_shape(file)[0]):
             near = read_near(file, ArmSamples.groups(names), self._near.arm)
             return ArmSamples(
                 names, near["host_time_ns"], near["q_sent"], near["q_measured"], near["v_measured"]
@@ -355,11 +284,11 @@ class Session:
         """When one joint of the arm was measured [ns], and its angles [rad], shape (n,) each; None
         where there is none.
         """
-        file = self.path / f"{ARM}.parquet"
+        file = self.path / table_file(ARM)
         if not file.is_file() or self.robot is None or joint not in self.robot.joint_names:
             return None
         columns = ["host_time_ns", f"q_measured_{joint}_rad"]
-        if self._near is not None and is_long(file):
+        if self._near is not None and is_long(parquet_shape(file)[0]):
             table = read_near(file, {name: name for name in columns}, self._near.arm)
         else:
             table = read_parquet(file, columns)
@@ -369,7 +298,7 @@ class Session:
     def events(self) -> list[Event]:
         """Everything that happened, in order; a last line cut off by a crash is left out."""
         file = self.path / EVENTS
-        stated = self.manifest.get("files", {}).get(EVENTS)
+        stated = self.manifest.files.get(EVENTS)
         if (
             stated is not None
             and file.is_file()
@@ -436,7 +365,7 @@ class Session:
     def _check_closed(self) -> None:
         if self.is_being_recorded:
             raise SessionError(f"{self.path} is still being recorded")
-        if any(self.path.glob("*.arrows")):
+        if any(self.path.glob(JOURNALS)):
             raise SessionError(
                 f"{self.path} was cut off while it was recorded; `testbench recover {self.path}` "
                 "makes it readable"

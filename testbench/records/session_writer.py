@@ -18,16 +18,18 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
+from testbench.clock import utc_text
 from testbench.exceptions import SessionError, StorageError
+from testbench.records.layout import EVENTS, MANIFEST, journal_file, table_file
+from testbench.records.manifest import SCHEMA_VERSION, Manifest, RunStatus
 from testbench.records.protocol import Analysis
 from testbench.records.replacing import disk_reason, write_text
-from testbench.records.session import EVENTS, MANIFEST, SCHEMA_VERSION, Event, RunStatus, Session
+from testbench.records.session import Event, Session
 from testbench.records.storage import (
     Columns,
     Journal,
     compact,
-    read_json,
-    write_json,
+    plain_values,
     write_parquet,
 )
 
@@ -68,11 +70,11 @@ class SessionWriter:
             raise SessionError(
                 f"the session folder {path} cannot be made: {disk_reason(error)}"
             ) from None
-        self.manifest: dict[str, Any] = {
+        content = {
             "schema_version": SCHEMA_VERSION,
             "session": path.name,
             "status": RunStatus.RUNNING,
-            "started_utc": started.isoformat(timespec="seconds"),
+            "started_utc": utc_text(started),
             "clocks": {
                 "host_time_ns": "nanoseconds since the start of the session, host clock",
                 "device_time_ns": "nanoseconds of the sensor's own clock",
@@ -82,6 +84,7 @@ class SessionWriter:
             "analysis": analysis.model_dump(mode="json"),
             **(details or {}),
         }
+        self.manifest = Manifest.of(plain_values(content), path / MANIFEST)
         self._journals: dict[str, Journal] = {}
         self._events = (path / EVENTS).open("w", encoding="utf-8")
         fcntl.flock(
@@ -103,18 +106,17 @@ class SessionWriter:
         """
         writer = cls.__new__(cls)
         writer.path, writer._journals = path, {}
-        writer.manifest = read_json(path / MANIFEST)
+        manifest = Manifest.read(path)
         writer._events = _appended(path / EVENTS)
         try:
             fcntl.flock(writer._events, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise SessionError(f"{path} is still being recorded") from None
-        for key in ("message", "duration_s", "files"):
-            writer.manifest.pop(key, None)
-        writer.manifest |= {
-            "status": RunStatus.RUNNING,
-            "resumed": [*writer.manifest.get("resumed", []), dict(resumed)],
-        }
+        writer.manifest = manifest.changed(
+            without=("message", "duration_s", "files"),
+            status=RunStatus.RUNNING,
+            resumed=[*manifest.resumed, dict(resumed)],
+        )
         writer._write_manifest()
         return writer
 
@@ -130,7 +132,7 @@ class SessionWriter:
         self, name: str, columns: Columns, notes: Mapping[str, str] | None = None
     ) -> None:
         """Write a whole table at once, as `<name>.parquet`."""
-        write_parquet(self.path / f"{name}.parquet", columns, notes)
+        write_parquet(self.path / table_file(name), columns, notes)
 
     def open_journal(
         self, name: str, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None
@@ -138,13 +140,13 @@ class SessionWriter:
         """Begin a stream that becomes `<name>.parquet` when the session is closed, or go on with
         one that became it.
         """
-        table = self.path / f"{name}.parquet"
+        table = self.path / table_file(name)
         if table.is_file():
             self._journals[name] = Journal.continued(
-                self.path / f"{name}.arrows", columns, table, notes
+                self.path / journal_file(name), columns, table, notes
             )
         else:
-            self._journals[name] = Journal(self.path / f"{name}.arrows", columns, notes)
+            self._journals[name] = Journal(self.path / journal_file(name), columns, notes)
 
     def rows(self, name: str) -> int:
         """How many samples a stream holds."""
@@ -182,14 +184,16 @@ class SessionWriter:
         for name, journal in self._journals.items():
             journal.close()
             if journal.path.exists():
-                compact(journal.path, self.path / f"{name}.parquet")
+                compact(journal.path, self.path / table_file(name))
 
     def close(self, status: RunStatus, **details: Any) -> None:
         """Finish the session: compact, hash the files, write the final manifest."""
         with self._writing():
             self.compact()
             self.sync_events()
-            self.manifest |= {"status": status, **details, "files": file_hashes(self.path)}
+            self.manifest = self.manifest.changed(
+                status=status, **details, files=file_hashes(self.path)
+            )
             self._write_manifest()
 
     def abandon(self) -> None:
@@ -225,7 +229,7 @@ class SessionWriter:
             self._events.close()
 
     def _write_manifest(self) -> None:
-        write_json(self.path / MANIFEST, self.manifest)
+        self.manifest.write(self.path)
 
 
 def note_end(session: Session, event: Event) -> None:

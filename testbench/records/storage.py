@@ -8,11 +8,13 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import fields, is_dataclass
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import orjson
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -247,13 +249,18 @@ def last_value(path: Path, column: str) -> int | None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write readable JSON in one step; NaN becomes null, as JSON wants."""
+    """Write readable JSON in one step; see `json_text`."""
     write_text(path, json_text(data))
 
 
 def json_text(data: Any) -> str:
-    """Readable JSON; NaN becomes null, as JSON wants."""
-    return json.dumps(plain_values(data), indent=2, allow_nan=False) + "\n"
+    """Readable JSON of mappings, lists, dataclasses, arrays and numbers, one value a line; NaN
+    becomes null, as JSON wants.
+    """
+    try:
+        return orjson.dumps(data, default=_plain, option=_READABLE).decode() + "\n"
+    except orjson.JSONEncodeError:  # an integer beyond 64 bits, or a file's name that is no text
+        return json.dumps(_plain_tree(data), indent=2, allow_nan=False) + "\n"
 
 
 def read_json(path: Path) -> Any:
@@ -449,17 +456,34 @@ def _same_values(first: pa.Table, second: pa.Table) -> bool:
 
 
 def plain_values(value: Any) -> Any:
-    """The value with arrays, numpy numbers and NaN turned into what JSON knows; NaN becomes
-    null.
+    """The value as JSON knows it: of dataclasses, arrays and numbers of NumPy only mappings, lists
+    and numbers are left; NaN becomes null.
     """
+    return json.loads(json_text(value))
+
+
+_READABLE = orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS
+
+
+def _plain(value: Any) -> Any:
+    """What orjson does not know by itself."""
     if isinstance(value, Mapping):
-        return {str(key): plain_values(item) for key, item in value.items()}
+        return dict(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} has no place in JSON")
+
+
+def _plain_tree(value: Any) -> Any:
+    """The same without orjson."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _plain_tree(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain_values(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return plain_values(value.tolist())
-    if isinstance(value, np.generic):
-        return plain_values(value.item())
+        return [_plain_tree(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain_tree(value.tolist())
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value

@@ -4,6 +4,7 @@ infinite.
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
@@ -27,6 +28,20 @@ EulerSequence = Literal[
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
 Name = Annotated[str, Field(pattern=NAME_PATTERN)]
 """A word that can stand in an expression, a file name and a metric."""
+EARLIER_NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_]{0,99}$"
+"""What a sensor may be called in a session that is read: earlier versions let more pass. Files are
+named after sensors: nothing that could lead out of the session's folder.
+"""
+
+
+def _zoned(text: str) -> str:
+    if datetime.fromisoformat(text).tzinfo is None:
+        raise ValueError("needs a time zone, such as 2026-01-31T12:00:00+00:00")
+    return text
+
+
+UtcText = Annotated[str, AfterValidator(_zoned)]
+"""A date and time with its zone, ISO 8601."""
 
 Angles3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 

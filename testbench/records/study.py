@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter, with_config
 
-from testbench.exceptions import SessionError
+from testbench.records.json_record import AS_WRITTEN, Array, read_record
 from testbench.records.replacing import stored
-from testbench.records.storage import read_json, write_json
+from testbench.records.storage import plain_values, write_json
 
 SCHEMA_VERSION = 1
 FILE = "study.json"
@@ -18,6 +20,7 @@ FILE = "study.json"
 Value = float | str | None
 
 
+@with_config(ConfigDict(extra="ignore"))  # the ratio, which is written beside its values
 @dataclass(frozen=True)
 class StudyRow:
     """One row of ours, and the published one beside it.
@@ -169,20 +172,10 @@ class StudyCurve:
     """
 
     name: str
-    x: np.ndarray
-    y: np.ndarray
+    x: Array
+    y: Array
     kind: CurveKind
     group: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON, which has no NaN."""
-        return {
-            "name": self.name,
-            "x": _numbers(self.x),
-            "y": _numbers(self.y),
-            "kind": self.kind,
-            "group": self.group,
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,10 +202,6 @@ class StudyCurves:
     plane: bool = False
     ordered: bool = False
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**vars(self), "curves": [curve.to_dict() for curve in self.curves]}
-
 
 @dataclass(frozen=True, eq=False)
 class StudySurface:
@@ -224,21 +213,13 @@ class StudySurface:
     x_axis: str
     y_axis: str
     z_axis: str
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
+    x: Array
+    y: Array
+    z: Array
     how: str = ""
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON, which has no NaN."""
-        return {
-            **vars(self),
-            "x": _numbers(self.x),
-            "y": _numbers(self.y),
-            "z": [_numbers(row) for row in self.z],
-        }
 
-
+@with_config(AS_WRITTEN)
 @dataclass(frozen=True)
 class StudyRecord:
     """A finished study.
@@ -285,9 +266,7 @@ class StudyRecord:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; rows carry the ratio of their table's ratio column."""
-        data = {"schema_version": SCHEMA_VERSION, **asdict(replace(self, curves=(), surfaces=()))}
-        data["curves"] = [curves.to_dict() for curves in self.curves]
-        data["surfaces"] = [surface.to_dict() for surface in self.surfaces]
+        data: dict[str, Any] = plain_values({"schema_version": SCHEMA_VERSION} | vars(self))
         for table, plain in zip(self.tables, data["tables"], strict=True):
             for row, entry in zip(table.rows, plain["rows"], strict=True):
                 entry["ratio"] = (
@@ -312,64 +291,9 @@ class StudyRecord:
         Raises:
             SessionError: It is missing, damaged, or of another version.
         """
-        data = read_json(folder / FILE)
-        if not isinstance(data, dict) or data.pop("schema_version", None) != SCHEMA_VERSION:
-            raise SessionError(f"{folder / FILE} is no study of schema {SCHEMA_VERSION}")
-        try:
-            data["tables"] = tuple(_table(table) for table in data["tables"])
-            data["figures"] = tuple(_boxes(figure) for figure in data["figures"])
-            data["curves"] = tuple(_curves(curves) for curves in data.get("curves", ()))
-            data["surfaces"] = tuple(_surface(surface) for surface in data.get("surfaces", ()))
-            data["sessions"], data["findings"] = tuple(data["sessions"]), tuple(data["findings"])
-            return StudyRecord(**data)
-        except (KeyError, TypeError, ValueError) as error:
-            raise SessionError(f"{folder / FILE} is damaged: {error}") from None
+        return read_record(folder / FILE, _as_written(), SCHEMA_VERSION, "run the study again")
 
 
-def _table(data: dict[str, Any]) -> StudyTable:
-    rows = tuple(
-        StudyRow(row["label"], tuple(row["values"]), tuple(row["published"]), row["note"])
-        for row in data["rows"]
-    )
-    return StudyTable(
-        **{
-            **data,
-            "columns": tuple(data["columns"]),
-            "decimals": tuple(data["decimals"]),
-            "rows": rows,
-        }
-    )
-
-
-def _boxes(data: dict[str, Any]) -> StudyBoxes:
-    def read(boxes: dict[str, Any]) -> dict[str, BoxNumbers]:
-        return {
-            name: BoxNumbers(**{**box, "outliers": tuple(box["outliers"])})
-            for name, box in boxes.items()
-        }
-
-    return StudyBoxes(
-        **{**data, "boxes": read(data["boxes"]), "published": read(data["published"])}
-    )
-
-
-def _numbers(values: np.ndarray) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in values]
-
-
-def _array(values: list[Any]) -> np.ndarray:
-    return np.array(values, dtype=float)  # None becomes NaN
-
-
-def _curves(data: dict[str, Any]) -> StudyCurves:
-    curves = tuple(
-        StudyCurve(**{**curve, "x": _array(curve["x"]), "y": _array(curve["y"])})
-        for curve in data["curves"]
-    )
-    if unknown := {curve.kind for curve in curves} - set(get_args(CurveKind)):
-        raise ValueError(f"no kind of curve: {', '.join(sorted(unknown))}")
-    return StudyCurves(**{**data, "curves": curves})
-
-
-def _surface(data: dict[str, Any]) -> StudySurface:
-    return StudySurface(**{**data, **{name: _array(data[name]) for name in "xyz"}})
+@cache
+def _as_written() -> TypeAdapter[StudyRecord]:
+    return TypeAdapter(StudyRecord)

@@ -6,26 +6,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from testbench.exceptions import InputError
+from testbench.records.layout import imu_stream, table_file
 from testbench.records.replacing import stored_where_asked, write_text
 from testbench.records.session import Session
 from testbench.records.storage import json_text
-from testbench.records.strict import StrictModel
+from testbench.records.strict import StrictModel, UtcText
 from testbench.records.yaml_file import load_yaml
 
 Parameters = dict[str, float]
-
-
-def _utc(text: str) -> str:
-    if datetime.fromisoformat(text).tzinfo is None:
-        raise ValueError("needs a time zone, such as 2026-01-31T12:00:00+00:00")
-    return text
 
 
 class SessionTuning(StrictModel):
@@ -38,7 +32,7 @@ class SessionTuning(StrictModel):
         description="Whether it chose the parameters, or only shows what they are worth."
     )
     default_value: float | None = Field(
-        description="Objective by the defaults; null: the filter failed."
+        description="Objective by what the search began with; null: the filter failed."
     )
     value: float | None = Field(description="Objective by the one set for all.")
     own_parameters: Parameters | None = Field(
@@ -101,7 +95,7 @@ class Tuning(StrictModel):
     """The content of a tuning file."""
 
     schema_version: Literal[1] = Field(description="1.")
-    tuned_utc: Annotated[str, AfterValidator(_utc)] = Field(description="When, ISO 8601.")
+    tuned_utc: UtcText = Field(description="When, ISO 8601.")
     software: dict[str, str] = Field(description="Versions that did it.")
     filter: str = Field(description="Which filter.")
     filter_source: str = Field(
@@ -110,11 +104,13 @@ class Tuning(StrictModel):
     objective: str = Field(description="The metric that was made small, as evaluate spells it.")
     unit: str = Field(description="Of the metric.")
     tuned: list[str] = Field(
-        description="Parameters that were tuned; the others kept their defaults."
+        description="Parameters that were tuned; the others kept their defaults, or what was set."
     )
     parameters: Parameters = Field(description="The one set for all sessions, whole.")
     value: float = Field(description="Mean of the objective over the tuning sessions by that set.")
-    default_value: float | None = Field(description="By the defaults.")
+    default_value: float | None = Field(
+        description="By what the search began with: the defaults, or what was set."
+    )
     at_edge: list[str] = Field(
         description="Tuned parameters whose best value is an end of their range."
     )
@@ -128,14 +124,19 @@ class Tuning(StrictModel):
         """The sessions of one kind."""
         return [entry for entry in self.sessions if entry.role == role]
 
-    def used_on(self, session: Session) -> UsedTuning:
-        """What is said of a session's estimate that uses these parameters."""
+    def used_on(self, session: Session, replaced: Sequence[str] | None = None) -> UsedTuning:
+        """What is said of a session's estimate that uses these parameters.
+
+        Args:
+            session: The recording.
+            replaced: Names of those that a person set to other values.
+        """
         own = describe(session, "test")
         return UsedTuning(
             self.objective,
             self.tuned_utc,
             self.software.get("imu-testbench", ""),
-            list(self.tuned),
+            [name for name in self.tuned if name not in (replaced or ())],
             [entry.session for entry in self.of_role("tuning")],
             any(entry.is_recording_of(own) for entry in self.of_role("tuning")),
         )
@@ -174,11 +175,11 @@ class UsedTuning:
 
 def describe(session: Session, role: Literal["tuning", "test"]) -> SessionTuning:
     """A session by what tells it from others, not judged yet."""
-    files = session.manifest.get("files", {})
+    files = session.manifest.files
     samples = {
-        name: str(files[f"imu_{name}.parquet"])
+        name: files[file]
         for name in session.sensor_names
-        if f"imu_{name}.parquet" in files
+        if (file := table_file(imu_stream(name))) in files
     }
     return SessionTuning(
         session=session.name,

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-Evaluation = Literal["A", "B"]
+from testbench.records.json_record import Number
+
+Kind = Literal["A", "B"]
 COVERAGE_FACTOR = 2.0
 """k of every expanded uncertainty; about 95 % for a normal distribution (JCGM 100:2008, 6.3.3)."""
 
@@ -33,15 +35,15 @@ class UncertaintySource:
     """
 
     source: str
-    kind: Evaluation
-    value: float
+    kind: Kind
+    value: Number
     unit: str
     distribution: str
-    divisor: float
-    standard_uncertainty: float
-    sensitivity: float
-    contribution_deg: float
-    magnitude_deg: float
+    divisor: Number
+    standard_uncertainty: Number
+    sensitivity: Number
+    contribution_deg: Number
+    magnitude_deg: Number
     degrees_of_freedom: float | None
     why: str
 
@@ -75,7 +77,7 @@ class UncertaintyBudget:
     combined_deg: float | None
     combined_magnitude_deg: float | None
     degrees_of_freedom: float | None
-    coverage_factor: float
+    coverage_factor: Number
     expanded_deg: float | None
     expanded_magnitude_deg: float | None
     notes: list[str] = field(default_factory=list)

@@ -211,7 +211,7 @@ def _construct(
     places.setdefault(path, place)
 
     def refuse(message: str) -> None:
-        problems.append(Problem(_one_line(message), _dotted(path), *place))
+        problems.append(Problem(_one_line(message), dotted(path), *place))
 
     if len(path) > DEEPEST_NESTING:
         return refuse(f"nested deeper than {DEEPEST_NESTING} levels")
@@ -233,16 +233,16 @@ def _construct(
         for key_node, value_node in node.value:
             key_place = (key_node.start_mark.line + 1, key_node.start_mark.column + 1)
             if not isinstance(key_node, yaml.ScalarNode):
-                problems.append(Problem("keys must be plain words", _dotted(path), *key_place))
+                problems.append(Problem("keys must be plain words", dotted(path), *key_place))
                 continue
             key = key_node.value
             if not _is_unicode(key):
-                problems.append(Problem("keys must be plain words", _dotted(path), *key_place))
+                problems.append(Problem("keys must be plain words", dotted(path), *key_place))
                 continue
             if key in mapping:
                 first = places[(*path, key)]
                 message = _one_line(f"the key '{key}' stands twice (first in line {first[0]})")
-                problems.append(Problem(message, _dotted(path), *key_place))
+                problems.append(Problem(message, dotted(path), *key_place))
                 continue
             places[(*path, key)] = key_place
             mapping[key] = _construct(loader, value_node, (*path, key), places, problems, seen)
@@ -306,7 +306,7 @@ def validation_problems(
     """
     problems, seen = [], set()
     for fault in error.errors(include_url=False, include_context=True):
-        message = _message(fault)
+        message = fault_sentence(fault)
         if fault["type"] == "extra_forbidden" and record is not None:
             message += _allowed_keys(record, fault["loc"])
         found = locate(places, (*prefix, *fault["loc"]), message)
@@ -325,11 +325,11 @@ def locate(places: dict[Location, tuple[int, int]], path: Location, message: str
         if (*known, part) in places:
             known = (*known, part)
     line, column = places.get(known, (1, None))
-    return Problem(_one_line(message), _dotted(known), line, column)
+    return Problem(_one_line(message), dotted(known), line, column)
 
 
-def _message(fault: Any) -> str:
-    """One sentence for one fault, in the words of a person who writes YAML."""
+def fault_sentence(fault: Any) -> str:
+    """One sentence for one fault that pydantic found, in the words of a person who writes YAML."""
     kind, message, given, context = (
         fault["type"],
         fault["msg"],
@@ -390,7 +390,8 @@ def _quoted(given: Any) -> str:
     return text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}..."
 
 
-def _dotted(path: Location) -> str:
+def dotted(path: Location) -> str:
+    """A place in a file, such as `sensors.arm.axes[2]`."""
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else (f".{part}" if text else str(part))

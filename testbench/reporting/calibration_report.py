@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.clock import utc_shown
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.calibration import MountingCalibration, TriadCalibration
 from testbench.records.calibration_result import CalibrationResult
@@ -51,7 +52,7 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
     facts = [
         ("Sensor", calibration.sensor),
         ("Device", calibration.device or ""),
-        ("Recorded", f"{calibration.calibrated:%Y-%m-%d %H:%M:%S} UTC"),
+        ("Recorded", utc_shown(calibration.calibrated)),
         ("Session", calibration.session),
         (
             "Temperature",

@@ -9,6 +9,7 @@ import numpy as np
 from testbench.frames import NANOSECONDS
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import ChainRow, Evaluation
+from testbench.records.layout import chain_table
 from testbench.reporting.cycle_section import cycle_blocks
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Span, time_panels
@@ -76,12 +77,12 @@ def chain_section(
         worst = sorted(own, key=lambda row: -row.rmse_deg)
         joints = list(dict.fromkeys(row.joint for row in worst))
         drawn = joints[:MOST_PANELS]
-        series = evaluation.series[f"chain_{name}_{states[0]}"]
+        series = evaluation.series[chain_table(name, states[0])]
         envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series["judged"])
         panels = {
             f"{joint} [deg]": {
                 state: envelope(
-                    np.degrees(evaluation.series[f"chain_{name}_{state}"][f"{joint}_error_rad"])
+                    np.degrees(evaluation.series[chain_table(name, state)][f"{joint}_error_rad"])
                 )
                 for state in states
             }

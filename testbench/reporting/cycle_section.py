@@ -10,6 +10,7 @@ import numpy as np
 
 from testbench.records.evaluation import Evaluation
 from testbench.records.evaluation_rows import CycleRow
+from testbench.records.layout import CYCLES
 from testbench.reporting.figure_parts import Figure, axis, layout, rounded, text
 from testbench.reporting.page import Block, Figures
 from testbench.reporting.palette import REFERENCE, translucent
@@ -49,7 +50,7 @@ def cycle_blocks(
         what: Its name in captions.
         colours: By filter or state.
     """
-    if not rows or "cycles" not in evaluation.series:
+    if not rows or CYCLES not in evaluation.series:
         return []
     places = _places(rows.values())
     widest = sorted(places, key=lambda place: -places[place])[:MOST_SHOWN]
@@ -158,7 +159,7 @@ def _figures(
 
 def _average(evaluation: Evaluation, row: int) -> dict[str, np.ndarray]:
     """The columns of one average cycle in degrees, thinned out."""
-    table = evaluation.series["cycles"]
+    table = evaluation.series[CYCLES]
     mine = slice(*np.searchsorted(table["row"], [row, row + 1]))
     names = [name for name in table if name.endswith("_rad")]
     cycle = {

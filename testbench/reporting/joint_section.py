@@ -9,6 +9,7 @@ import numpy as np
 from testbench.frames import NANOSECONDS
 from testbench.records.evaluation import Evaluation, JointRow
 from testbench.records.evaluation_rows import JointSummary, OutlierRow
+from testbench.records.layout import joint_table
 from testbench.records.published import PublishedResults
 from testbench.reporting.cycle_section import cycle_blocks
 from testbench.reporting.decimation import Envelope
@@ -504,7 +505,7 @@ def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
 def _time_blocks(
     joint: str, rows: list[JointRow], evaluation: Evaluation, colours: Colours, spans: list[Span]
 ) -> list[Block]:
-    series = evaluation.series.get(f"joint_{joint}")
+    series = evaluation.series.get(joint_table(joint))
     if not series:
         return [
             Sentence(f"The error signals of {joint} were not kept: there is no figure over time.")

@@ -6,6 +6,7 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.records.evaluation import Evaluation
+from testbench.records.layout import magnetic_table
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Curve, Span, error_curves, time_panels
 from testbench.reporting.outliers import hidden_names, outliers_of
@@ -172,7 +173,7 @@ def _against(evaluation: Evaluation, sensor: str, colours: dict[str, str]) -> li
 
 
 def _over_time(evaluation: Evaluation, sensor: str, spans: list[Span]) -> list[Block]:
-    series = evaluation.series.get(f"magnetic_{sensor}")
+    series = evaluation.series.get(magnetic_table(sensor))
     if not series:
         return []
     envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series.get("judged"))

@@ -14,6 +14,7 @@ from testbench.records.evaluation_rows import (
     OrientationSummary,
     OrientationSweepRow,
 )
+from testbench.records.layout import orientation_table
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Span, time_panels
 from testbench.reporting.magnetic_section import magnetic_blocks
@@ -53,7 +54,7 @@ def orientation_section(
         section.blocks += ranking_blocks(evaluation, sensor)
         section.blocks += ranking_doubts(evaluation, sensor)
         filters = [row.filter for row in evaluation.orientation if row.sensor == sensor]
-        series = evaluation.series.get(f"orientation_{sensor}")
+        series = evaluation.series.get(orientation_table(sensor))
         if not series:
             section.blocks.append(
                 Sentence(

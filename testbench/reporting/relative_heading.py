@@ -6,6 +6,7 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.records.evaluation import Evaluation
+from testbench.records.layout import joint_table
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Span, time_panels
 from testbench.reporting.page import Block, Figures
@@ -21,7 +22,7 @@ def relative_heading_blocks(
     spans: list[Span],
 ) -> list[Block]:
     """A figure over time for a joint whose protocol states its axes; nothing for others."""
-    series = evaluation.series.get(f"joint_{joint}", {})
+    series = evaluation.series.get(joint_table(joint), {})
     known = [name for name in filters if f"{name}_relative_heading_rad" in series]
     if not known:
         return []

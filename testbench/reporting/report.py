@@ -9,8 +9,8 @@ from pathlib import Path
 from testbench.frames import NANOSECONDS
 from testbench.records.earlier_steps import earlier_steps
 from testbench.records.estimate import Estimate
-from testbench.records.evaluation import FILE as EVALUATION_FILE
 from testbench.records.evaluation import Evaluation, Outcome
+from testbench.records.layout import EVALUATION_SUMMARY, REPORT
 from testbench.records.published import load_published
 from testbench.records.replacing import stored, write_text
 from testbench.records.session import Session
@@ -35,7 +35,6 @@ from testbench.reporting.session_section import (
 from testbench.reporting.tiles import result_tiles
 from testbench.reporting.uncertainty_section import uncertainty_section
 
-FILE = "report.html"
 VENDORS_FILTER = "device"
 """The orientation that a sensor computes itself; simulated sensors have an error model of it."""
 
@@ -62,7 +61,7 @@ def report(
     """
     estimate = estimate or load_estimate(session)
     evaluation = evaluation or load_evaluation(session)
-    path = session.path / FILE
+    path = session.path / REPORT
     page = render(session, estimate, evaluation)
     with stored(path):
         write_text(path, page)
@@ -76,17 +75,16 @@ def load_estimate(session: Session) -> Estimate | None:
 
 def load_evaluation(session: Session) -> Evaluation | None:
     """The evaluation in the session's folder, or None."""
-    return Evaluation.load(session.path) if (session.path / EVALUATION_FILE).is_file() else None
+    return Evaluation.load(session.path) if (session.path / EVALUATION_SUMMARY).is_file() else None
 
 
 def render(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> str:
     """The report as HTML."""
     sections = _sections(session, estimate, evaluation)
-    protocol, earlier = session.manifest.get("protocol"), earlier_steps(session)
-    described = protocol if isinstance(protocol, dict) else {}
+    protocol, earlier = session.manifest.protocol, earlier_steps(session)
     return render_page(
-        title=described.get("name") or session.name,
-        purpose=described.get("purpose") or "",
+        title=protocol.name or session.name,
+        purpose=protocol.purpose or "",
         outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
         verdict=evaluation.verdict if evaluation else "not evaluated",
         simulated=simulated_parts(session),

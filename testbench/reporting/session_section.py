@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from testbench.clock import utc_shown
 from testbench.frames import NANOSECONDS
-from testbench.records.arm_record import arm_record
 from testbench.records.evaluation import Evaluation, Metric
+from testbench.records.manifest import CheckRecord, EnvironmentRecord, Manifest
 from testbench.records.session import Session
 from testbench.records.strict import Placement
 from testbench.reporting.page import Block, Section, Sentence
@@ -61,21 +62,19 @@ NO_ROBOT = {"import": "none: an imported recording", "recording": "none: devices
 def facts(session: Session) -> list[tuple[str, str]]:
     """What was run, as pairs for the head of the page."""
     manifest = session.manifest
-    protocol, robot, arm = (_mapping(manifest.get(key)) for key in ("protocol", "robot", "arm"))
     ran = session.has_protocol
-    files = manifest.get("source")
     rows: list[tuple[str, Any]] = [
-        ("Protocol" if ran else "Recording", protocol.get("name")),
-        ("Files", ", ".join(map(str, files)) if isinstance(files, list) else None),
-        ("Robot", _robot(session, robot, arm)),
-        ("Recorded", _recorded(manifest) if manifest.get("kind") == "import" else None),
-        (DATES.get(str(manifest.get("kind")), "Started"), _date(manifest.get("started_utc"))),
-        ("Duration", duration(manifest.get("duration_s"))),
+        ("Protocol" if ran else "Recording", manifest.protocol.name),
+        ("Files", ", ".join(manifest.source)),
+        ("Robot", _robot(session)),
+        ("Recorded", _recorded(manifest) if manifest.kind == "import" else None),
+        (DATES.get(str(manifest.kind), "Started"), _date(manifest.started_utc)),
+        ("Duration", duration(manifest.duration_s)),
         ("Steps", f"{len(session.steps)} finished" if session.steps else None),
-        ("Seed", manifest.get("seed")),
+        ("Seed", manifest.seed),
         (
             "Bench" if ran else "Status",
-            session.status.value + (f": {manifest['message']}" if manifest.get("message") else ""),
+            session.status.value + (f": {manifest.message}" if manifest.message else ""),
         ),
         ("Session", session.name),
     ]
@@ -84,11 +83,8 @@ def facts(session: Session) -> list[tuple[str, str]]:
 
 def simulated_parts(session: Session) -> str:
     """What of a recording came from a model, in a few words; empty if nothing did."""
-    arm = arm_record(session.manifest)
-    sensors = [
-        _mapping(sensor).get("driver") == "simulated"
-        for sensor in session.manifest["sensors"].values()
-    ]
+    arm = session.manifest.arm.record
+    sensors = [sensor.driver == "simulated" for sensor in session.manifest.sensors.values()]
     if arm is not None and arm.simulated:
         return (
             "models of the arm and of the sensors, not from real ones"
@@ -127,30 +123,31 @@ def _interruptions(session: Session) -> list[Sentence]:
                 f"Limits of guards that were broken ({len(trips)} in all): {', '.join(limits)}."
             )
         )
-    missed = _mapping(_mapping(session.manifest.get("arm")).get("timing")).get("samples_missed")
-    if isinstance(missed, int) and missed > 0:
+    missed = session.manifest.arm.timing.samples_missed
+    if missed > 0:
         sentences.append(Sentence(f"Of the controller's samples {missed} did not come."))
     return sentences
 
 
-def _robot(session: Session, robot: dict[str, Any], arm: dict[str, Any]) -> str:
+def _robot(session: Session) -> str:
+    manifest = session.manifest
     if session.robot is None:
-        return str(robot.get("name") or NO_ROBOT.get(str(session.manifest.get("kind")), "none"))
+        return manifest.robot.name or NO_ROBOT.get(str(manifest.kind), "none")
     described = session.robot.spec.description or session.robot.name
-    return described + (f" ({arm['driver']})" if arm.get("driver") else "")
+    return described + (f" ({manifest.arm.driver})" if manifest.arm.driver else "")
 
 
-def _recorded(manifest: dict[str, Any]) -> str:
+def _recorded(manifest: Manifest) -> str:
     """Date of the recording that was imported, and who says so."""
-    date = manifest.get("recorded_utc")
-    return f"{_date(date)}, by {manifest.get('recorded_by')}" if date else "date unknown"
+    date = manifest.recorded_utc
+    return f"{_date(date)}, by {manifest.recorded_by}" if date else "date unknown"
 
 
-def _date(value: Any) -> str:
+def _date(text: str | None) -> str:
     try:
-        return f"{datetime.fromisoformat(str(value)):%Y-%m-%d %H:%M:%S} UTC"
+        return utc_shown(datetime.fromisoformat(text or ""))
     except ValueError:
-        return str(value or "")
+        return text or ""
 
 
 def duration(seconds: Any) -> str:
@@ -172,24 +169,23 @@ def run_section(session: Session) -> Section:
         if session.steps
         else Sentence("The session lists no steps: it is judged as a whole.")
     )
-    environment = _mapping(session.manifest.get("environment"))
-    if environment:
+    environment = session.manifest.environment
+    if environment is not None:
         blocks.append(
-            _environment(environment) if environment.get("dipoles") else _undisturbed(environment)
+            _environment(environment) if environment.dipoles else _undisturbed(environment)
         )
     blocks += _interruptions(session)
-    noticed = session.manifest.get("notes")
-    if isinstance(noticed, list):
-        blocks += [
-            Sentence(f"Note: {note}{'' if str(note).endswith('.') else '.'}") for note in noticed
-        ]
+    blocks += [
+        Sentence(f"Note: {note}{'' if note.endswith('.') else '.'}")
+        for note in session.manifest.notes
+    ]
     return Section("run", "What was run" if session.has_protocol else "What was recorded", blocks)
 
 
 def _sensors(session: Session) -> Table:
     rows = []
     for name in session.sensor_names:
-        described = _mapping(session.manifest["sensors"].get(name))
+        described = session.manifest.sensors[name]
         sensor = session.analysis.sensors.get(name)
         carried = [NOTHING] * 4
         if sensor is not None:
@@ -204,16 +200,14 @@ def _sensors(session: Session) -> Table:
                 carried[2] += f", injected error {_rotation(sensor.mounting_error)}"
                 if any(sensor.mounting_error.position_mm):
                     carried[3] += f", injected error {vector(sensor.mounting_error.position_mm, 1)}"
-        kind = described.get("description") or described.get("preset") or described.get("driver")
-        rate = described.get("rate_hz")
+        kind = described.description or described.preset or described.driver
+        rate = described.rate_hz
         rows.append(
             Row(
                 [
                     label(name),
                     text(kind, kind="wide"),
-                    Cell(
-                        f"{rate:.4g}" if isinstance(rate, int | float) else NOTHING, kind="number"
-                    ),
+                    Cell(NOTHING if rate is None else f"{rate:.4g}", kind="number"),
                     *(text(value) for value in carried),
                 ]
             )
@@ -236,30 +230,30 @@ def _sensors(session: Session) -> Table:
     )
 
 
-def _undisturbed(environment: dict[str, Any]) -> Sentence:
-    earth = vector(environment.get("magnetic_field_uT") or [], 1)
+def _undisturbed(environment: EnvironmentRecord) -> Sentence:
+    earth = vector(environment.magnetic_field_uT, 1)
     return Sentence(
         f"Magnetic field that was simulated: the earth's of ({earth}) µT in the world; nothing "
         "disturbs it."
     )
 
 
-def _environment(environment: dict[str, Any]) -> Table:
+def _environment(environment: EnvironmentRecord) -> Table:
     """The magnetic field that the simulated sensors feel, and what disturbs it."""
-    earth = environment.get("magnetic_field_uT") or []
+    earth = environment.magnetic_field_uT
     rows = [
         Row(
             [
-                label(str(dipole.get("name") or NOTHING)),
-                text(dipole.get("link")),
-                text(vector(dipole["position_mm"], 1)),
-                text(vector(dipole["moment_A_m2"], 3)),
-                number(dipole.get("iron_radius_mm") or None, 0),
+                label(dipole.name or NOTHING),
+                text(dipole.link),
+                text(vector(dipole.position_mm, 1)),
+                text(vector(dipole.moment_A_m2, 3)),
+                number(dipole.iron_radius_mm or None, 0),
             ]
         )
-        for dipole in environment.get("dipoles", [])
+        for dipole in environment.dipoles
     ]
-    why = f" {environment['why']}" if environment.get("why") else ""
+    why = f" {environment.why}" if environment.why else ""
     return Table(
         f"Magnetic field that was simulated: the earth's of ({vector(earth, 1)}) µT in the world, "
         "and what disturbs it",
@@ -412,25 +406,22 @@ def _limits(metric: Metric) -> str:
 def provenance_section(session: Session) -> Section:
     """Quality of the recording, and what would be needed to repeat it."""
     manifest = session.manifest
-    plan = _mapping(manifest.get("plan"))
     blocks: list[Block] = [_quality(session)]
-    check = _mapping(plan.get("check"))
-    if check.get("joints"):
-        blocks.append(_joint_use(check))
+    if manifest.plan.check.joints:
+        blocks.append(_joint_use(manifest.plan.check))
     status = "status of the bench" if session.has_protocol else "status"
     entries = [
         (status, session.status.value),
-        ("kind", manifest.get("kind")),
-        ("seed", manifest.get("seed")),
+        ("kind", manifest.kind),
+        ("seed", manifest.seed),
     ]
-    entries += [("SHA-256 of the plan", plan.get("hash"))]
-    entries += [
-        (f"version of {name}", version)
-        for name, version in _mapping(manifest.get("software")).items()
-    ]
-    entries += list(_scalars({key: value for key, value in manifest.items() if key not in SHOWN}))
+    entries += [("SHA-256 of the plan", manifest.plan.hash)]
+    entries += [(f"version of {name}", version) for name, version in manifest.software.items()]
+    entries += list(
+        _scalars({key: value for key, value in manifest.content.items() if key not in SHOWN})
+    )
     blocks.append(_pairs("Provenance", entries, f"How to read: {_repeatable(session)}.", False))
-    files = list(_mapping(manifest.get("files")).items())
+    files = list(manifest.files.items())
     if files:
         blocks.append(
             _pairs(
@@ -445,7 +436,7 @@ def provenance_section(session: Session) -> Section:
 
 def _repeatable(session: Session) -> str:
     """What gives the same raw files again."""
-    if session.manifest.get("kind") == "import":
+    if session.manifest.kind == "import":
         return (
             "the same files, options and versions give the same session; the files themselves "
             "are not in it"
@@ -498,28 +489,28 @@ def _quality(session: Session) -> Table:
     )
 
 
-def _joint_use(check: dict[str, Any]) -> Table:
+def _joint_use(check: CheckRecord) -> Table:
     rows = [
         Row(
             [
-                label(use["joint"]),
-                number(use["lowest_deg"], 1),
-                number(use["highest_deg"], 1),
-                number(use["peak_speed_deg_s"], 1),
-                number(100 * use["peak_speed_deg_s"] / use["speed_limit_deg_s"], 0),
-                number(use["peak_acceleration_deg_s2"], 0),
-                number(100 * use["peak_acceleration_deg_s2"] / use["acceleration_limit_deg_s2"], 0),
+                label(use.joint),
+                number(use.lowest_deg, 1),
+                number(use.highest_deg, 1),
+                number(use.peak_speed_deg_s, 1),
+                number(100 * use.peak_speed_deg_s / use.speed_limit_deg_s, 0),
+                number(use.peak_acceleration_deg_s2, 0),
+                number(100 * use.peak_acceleration_deg_s2 / use.acceleration_limit_deg_s2, 0),
             ]
         )
-        for use in check["joints"]
+        for use in check.joints
     ]
     how = "How to read: as planned, before anything moved; 100 % is the limit in the robot file."
-    near = check.get("clearance")
+    near = check.clearance
     if near:
         how += (
-            f" The smallest clearance was {digits(near['distance_mm'], 1)} mm, between "
-            f"{near['first']} and {near['second']} at "
-            f"{digits(near['time_s'], 1)} s."
+            f" The smallest clearance was {digits(near.distance_mm, 1)} mm, between "
+            f"{near.first} and {near.second} at "
+            f"{digits(near.time_s, 1)} s."
         )
     return Table(
         "What the plan asked of the arm",
@@ -553,7 +544,3 @@ def _scalars(data: dict[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]
             yield from _scalars(value, f"{prefix}{key}.")
         elif not isinstance(value, list):
             yield f"{prefix}{key}", value
-
-
-def _mapping(value: Any) -> dict[str, Any]:
-    return value if isinstance(value, dict) else {}

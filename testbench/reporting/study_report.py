@@ -9,6 +9,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from testbench.clock import utc_shown
 from testbench.records.replacing import stored, write_text
 from testbench.records.study import (
     StudyBoxes,
@@ -89,7 +90,6 @@ def render_study(study: StudyRecord, folder: Path | None = None) -> str:
 
 
 def _facts(study: StudyRecord) -> list[tuple[str, str]]:
-    started = datetime.fromisoformat(study.started_utc)
     settings = [
         (key.replace("_", " ").capitalize(), str(value))
         for key, value in study.settings.items()
@@ -98,7 +98,7 @@ def _facts(study: StudyRecord) -> list[tuple[str, str]]:
     return [
         ("Study", study.name),
         ("Beside", study.source),
-        ("Started", f"{started:%Y-%m-%d %H:%M:%S} UTC"),
+        ("Started", utc_shown(datetime.fromisoformat(study.started_utc))),
         *settings,
     ]
 

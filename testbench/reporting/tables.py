@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from math import floor, log10
 from typing import Any
 
 import numpy as np
+
+from testbench.records.numbers import decimals_by
 
 NOTHING = "–"
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -111,10 +112,8 @@ def to_uncertainty(value: float | None, sd: float | None) -> str:
     """A value to the second significant digit of its standard uncertainty; by itself where that is
     unknown.
     """
-    if value is None or not np.isfinite(value) or sd is None or not np.isfinite(sd) or sd <= 0:
-        return significant_digits(value)
-    decimals = 1 - floor(log10(sd))
-    return digits(value, max(decimals, 0)) if decimals <= 9 else significant_digits(value)
+    decimals = decimals_by(sd)
+    return significant_digits(value) if decimals is None else digits(value, decimals)
 
 
 def powers_of_ten(text: str) -> str:

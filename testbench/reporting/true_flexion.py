@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.records.evaluation import Evaluation, JointRow
+from testbench.records.layout import joint_table
 from testbench.reporting.decimation import Envelope
 from testbench.reporting.figures import Span, time_panels
 from testbench.reporting.page import Block, Figures
@@ -26,7 +27,7 @@ def flexion_blocks(
     """True flexion and that of every filter by the joint's own definition; nothing where the
     signals were not kept.
     """
-    series = evaluation.series.get(f"joint_{joint}")
+    series = evaluation.series.get(joint_table(joint))
     if not series or not rows:
         return []
     own = rows[0].sequence

@@ -16,17 +16,20 @@ def parameter_table(estimate: Estimate) -> Table:
         used = estimate.tuned.get(key)
         values = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()) or "none"
         cells = [label(key), text(values, kind="wide")]
+        own = estimate.set_parameters.get(key)
+        set_here = [f"{', '.join(own)} set for this estimate"] if own else []
         if used is None:
-            rows.append(Row([*cells, text("defaults, or the protocol's"), text(""), text("")]))
+            origin = "; ".join([*set_here, "defaults, or the protocol's"])
+            rows.append(Row([*cells, text(origin), text(""), text("")]))
             continue
         where = TUNED_HERE if used.on_this_session else "not tuned on this session"
         badge = Cell(where, kind="badge marginal" if used.on_this_session else "")
-        origin = f"{', '.join(used.tuned)} tuned for {used.objective}, {used.tuned_utc[:10]}"
+        found = f"{', '.join(used.tuned)} tuned for {used.objective}, {used.tuned_utc[:10]}"
         rows.append(
             Row(
                 [
                     *cells,
-                    text(origin, kind="wide"),
+                    text("; ".join([*set_here, found]), kind="wide"),
                     text(", ".join(used.tuned_on), kind="wide"),
                     badge,
                 ]
@@ -39,7 +42,7 @@ def parameter_table(estimate: Estimate) -> Table:
         "How to read: the errors of a filter that was tuned on this very session are those of a "
         "fit; what its parameters are "
         "worth shows on sessions that they were not tuned on.",
-        folded=not estimate.tuned,
+        folded=not estimate.tuned and not estimate.set_parameters,
     )
 
 

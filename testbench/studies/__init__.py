@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from testbench.exceptions import InputError, NotFoundError
@@ -12,6 +13,21 @@ from testbench.exceptions import InputError, NotFoundError
 if TYPE_CHECKING:
     from testbench.records.study import StudyRecord
     from testbench.studies.bench import StudyBench
+
+
+@dataclass(frozen=True)
+class KeptStudy:
+    """What a study found, and where that is kept.
+
+    Attributes:
+        record: What it found.
+        folder: Of the record.
+        report: The page.
+    """
+
+    record: StudyRecord
+    folder: Path
+    report: Path
 
 
 @dataclass(frozen=True)
@@ -42,6 +58,20 @@ class Study:
             )
         function: Callable[[StudyBench], StudyRecord] = import_module(self.module).run
         return replace(function(bench), name=self.name)
+
+    def keep(self, bench: StudyBench) -> KeptStudy:
+        """Run it, and keep its record and its report in a folder beside the sessions.
+
+        Raises:
+            InputError: As for `run`, or the folder cannot be made.
+        """
+        from testbench.reporting.study_report import study_report
+        from testbench.studies.folder import new_folder
+
+        record = self.run(bench)
+        folder = new_folder(bench.logs, self.name, bench.clock)
+        record.save(folder)
+        return KeptStudy(record, folder, study_report(record, folder))
 
 
 STUDIES = {

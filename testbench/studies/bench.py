@@ -5,14 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from testbench.clock import Clock
-from testbench.pipeline import Result, run
+from testbench.clock import Clock, utc_text
+from testbench.pipeline.analyse import Result
+from testbench.pipeline.prepared import Prepared
+from testbench.pipeline.request import AnalysisRequest, Request, RunRequest
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.records.plan import Plan
 
 
 def _nothing(text: str) -> None:
     """Say nothing."""
+
+
+def _go_on(plan: Plan) -> None:
+    """Let a run go on."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +44,16 @@ class StudyBench:
     say: Callable[[str], None] = _nothing
     protocol: str | Path | None = None
 
+    @property
+    def seeds(self) -> range:
+        """One for each part."""
+        return range(self.seed, self.seed + self.parts)
+
     def run(
         self,
         protocol: str | Path,
         filters: Sequence[str] | None = None,
-        planned: Callable[[Plan], None] | None = None,
+        planned: Callable[[Plan], None] = _go_on,
     ) -> Result:
         """Run a protocol on the simulated bench and keep its session with its report.
 
@@ -49,15 +63,43 @@ class StudyBench:
             planned: Called with the plan before it is run; what it raises stops the run.
         """
         self.say(f"running {protocol}")
-        return run(
-            protocol,
-            seed=self.seed,
-            logs=self.logs,
-            filters=filters,
-            clock=self.clock,
-            planned=planned,
+        asked = self.request(protocol, self.seed)
+        if filters is not None:
+            asked = Request(run=asked.run, analysis=AnalysisRequest(filters=tuple(filters)))
+        return run(asked, Watcher(self.clock, lambda prepared: planned(prepared.plan)))
+
+    def request(self, protocol: str | Path, seed: int, report: bool = True) -> Request:
+        """A run of a protocol with one part, analysed as the protocol says.
+
+        Args:
+            protocol: Name of a shipped one, or a file.
+            seed: Of the part.
+            report: Whether its session gets a report.
+        """
+        return Request(
+            run=RunRequest(protocol=str(protocol), seed=seed, logs=str(self.logs)),
+            analysis=AnalysisRequest(report=report),
         )
 
+    def run_part(self, asked: Request, prepared: Prepared) -> Result:
+        """Run one part of a protocol that was planned for all of them.
+
+        Args:
+            asked: As `request` makes it.
+            prepared: Of a request for the same protocol.
+        """
+        return run(asked, Watcher(self.clock), prepared)
+
     def now(self) -> str:
-        """ISO 8601, UTC, to the second."""
-        return f"{self.clock.utc():%Y-%m-%dT%H:%M:%SZ}"
+        """As records keep it."""
+        return utc_text(self.clock.utc())
+
+    def settings(self, protocol: str, plan: Plan) -> dict[str, Any]:
+        """What a study of several parts says of itself.
+
+        Args:
+            protocol: Its name.
+            plan: Made of it.
+        """
+        parts = {"seed": self.seed, "parts": self.parts}
+        return {"protocol": protocol, "plan_hash": plan.hash, **parts}

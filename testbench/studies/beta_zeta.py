@@ -16,14 +16,15 @@ from testbench.estimation.filters import (
     UniformSamples,
     get_filter,
 )
-from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.objective import Objective
 from testbench.evaluation.orientation import sensor_errors
-from testbench.execution import execute
 from testbench.model import rotation
 from testbench.model.noise import random_stream
-from testbench.pipeline import analyse, make_plan
-from testbench.records.plan import PlannedStep
+from testbench.pipeline.parameter_space import Effort
+from testbench.pipeline.run import prepare
+from testbench.pipeline.tune import SearchWanted, Sessions, SessionTrials, find_parameters
+from testbench.records.plan import PlannedStep, judged_steps
 from testbench.records.published import PublishedTable, load_published_tables
 from testbench.records.session import Session
 from testbench.records.session_writer import software_versions
@@ -31,9 +32,7 @@ from testbench.records.study import BoxNumbers, StudyBoxes, StudyRecord, StudyRo
 from testbench.records.tuning import Tuning
 from testbench.studies import beta_zeta_words as words
 from testbench.studies.bench import StudyBench
-from testbench.studies.parameter_space import Effort
 from testbench.studies.spread import Change, told
-from testbench.studies.tuning import Sessions, SessionTrials, tune
 
 PROTOCOL, SENSOR = "beta_zeta", "thigh"
 PRINTED, MARG, IMU = "madgwick_zeta_as_printed", "madgwick_marg", "madgwick_imu"
@@ -91,16 +90,16 @@ class Part:
 
 def run(bench: StudyBench) -> StudyRecord:
     """Run the protocol for every part on the simulated arm and compute the tables."""
-    started = f"{bench.clock.utc():%Y-%m-%dT%H:%M:%SZ}"
+    started = bench.now()
     published = load_published_tables("reference_2")
-    the_plan = make_plan(PROTOCOL)
+    prepared = prepare(bench.request(PROTOCOL, bench.seed))
+    the_plan = prepared.plan
     sessions: list[Session] = []
-    for seed in range(bench.seed, bench.seed + bench.parts):
+    for seed in bench.seeds:
         bench.say(f"part {len(sessions) + 1} of {bench.parts} on the arm")
-        sessions.append(execute(the_plan, bench.logs, seed, clock=bench.clock))
-        analyse(
-            sessions[-1], the_plan=the_plan
-        )  # for its report; the study tunes and judges by itself
+        # analysed for its report alone: the study tunes and judges by itself
+        result = bench.run_part(bench.request(PROTOCOL, seed), prepared)
+        sessions.append(result.session)
     bench.say("gains and tables")
     part = Part.of(sessions[0])
     tunings = gains(sessions, started)
@@ -124,12 +123,7 @@ def run(bench: StudyBench) -> StudyRecord:
         words.QUESTION,
         published.source,
         started,
-        {
-            "protocol": PROTOCOL,
-            "plan_hash": the_plan.hash,
-            "seed": bench.seed,
-            "parts": bench.parts,
-        },
+        bench.settings(PROTOCOL, the_plan),
         tuple(str(session.path) for session in sessions),
         _findings(tables, tunings),
         tuple(tables.values()),
@@ -303,14 +297,11 @@ def gains(sessions: Sequence[Session], now: str) -> dict[str, Tuning]:
         ("beta alone, without magnetometer", IMU, ["beta"], INCLINATION),
         ("with a bias state, without magnetometer", IMU, ["beta", "zeta"], INCLINATION),
     ):
-        found[label] = tune(
+        found[label] = find_parameters(
             get_filter(name),
             Sessions.given(sessions, []),
-            objective,
+            SearchWanted(objective, parameters, Effort(values=7), len(sessions) > 1),
             now,
-            parameters,
-            Effort(values=7),
-            leave_one_out=len(sessions) > 1,
         )
     return found
 

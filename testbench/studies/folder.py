@@ -6,6 +6,7 @@ from pathlib import Path
 
 from testbench.clock import Clock
 from testbench.exceptions import InputError
+from testbench.records.replacing import dated_folder
 
 
 def new_folder(logs: Path, name: str, clock: Clock) -> Path:
@@ -14,11 +15,7 @@ def new_folder(logs: Path, name: str, clock: Clock) -> Path:
     Raises:
         InputError: It cannot be made.
     """
-    stem = f"{clock.utc():%Y%m%dT%H%M%SZ}_study_{name}"
-    folder, count = logs / stem, 1
-    while folder.exists():
-        count += 1
-        folder = logs / f"{stem}_{count}"
+    folder = dated_folder(logs, f"study_{name}", clock)
     try:
         folder.mkdir(parents=True)
     except OSError as error:

@@ -9,9 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbench.estimation.calibration.gyroscope import static_bias
-from testbench.execution import execute
 from testbench.model.imu import TriadErrors, TriadModel
-from testbench.pipeline import analyse, make_plan
+from testbench.pipeline.run import prepare
 from testbench.records.calibration import TriadCalibration
 from testbench.records.plan import Plan
 from testbench.records.published import PublishedTables, load_published_tables
@@ -55,14 +54,15 @@ def run(bench: StudyBench) -> StudyRecord:
     """Run the protocol for every part on the simulated gimbal and compute the tables."""
     started = bench.now()
     published = load_published_tables("reference_3")
-    the_plan = make_plan(PROTOCOL)
+    prepared = prepare(bench.request(PROTOCOL, bench.seed))
+    the_plan = prepared.plan
     parts: list[Part] = []
     sessions = []
-    for seed in range(bench.seed, bench.seed + bench.parts):
+    for seed in bench.seeds:
         bench.say(f"part {len(parts) + 1} of {bench.parts} on the gimbal")
-        session = execute(the_plan, bench.logs, seed, clock=bench.clock)
-        parts.append(read_part(session, analyse(session).estimate))
-        sessions.append(str(session.path))
+        result = bench.run_part(bench.request(PROTOCOL, seed), prepared)
+        parts.append(read_part(result.session, result.estimate))
+        sessions.append(str(result.session.path))
     bench.say("calibrations and tables")
     part = parts[0]
     calibrated = {name: calibrate(part, name) for name in TITLES}
@@ -84,12 +84,7 @@ def run(bench: StudyBench) -> StudyRecord:
         words.QUESTION,
         published.source,
         started,
-        {
-            "protocol": PROTOCOL,
-            "plan_hash": the_plan.hash,
-            "seed": bench.seed,
-            "parts": bench.parts,
-        },
+        bench.settings(PROTOCOL, the_plan),
         tuple(sessions),
         _findings(part, calibrated, {table.key: table for table in tables}),
         tuple(tables),

@@ -4,7 +4,7 @@ Castellanos Alonso 2023.
 
 from __future__ import annotations
 
-from testbench.pipeline import Result
+from testbench.pipeline.analyse import Result
 from testbench.records.published import load_published, load_published_tables
 from testbench.records.study import StudyRecord, StudyTable
 from testbench.studies.bench import StudyBench

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS
+from testbench.estimation.calibration.methods import get_method
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.prepared import Prepared, prepare
 from testbench.estimation.calibration.rotational import likeness
@@ -63,7 +63,7 @@ def calibration_table(session: Session, check: Session, published: PublishedResu
                 if r.sensor == kind and r.method.startswith(dimension)
             )
             for method in METHODS[dimension]:
-                found = ACCELEROMETER_METHODS[method].function(poses)
+                found = get_method(method).function(poses)
                 beside = method == METHODS[dimension][0]
                 rows.append(
                     StudyRow(
@@ -128,7 +128,7 @@ def example_table(published: PublishedTables) -> StudyTable:
     )
     A = STANDARD_GRAVITY * forces
     poses = StaticPoses(B, np.full(B.shape, 1e-6), expected=A)
-    mapped = ACCELEROMETER_METHODS["rotational_3d"].function(poses)
+    mapped = get_method("rotational_3d").function(poses)
     near = likeness(mapped.matrix)
     theirs = tables["annex G"]
     rows = [
@@ -142,7 +142,7 @@ def example_table(published: PublishedTables) -> StudyTable:
     )
     rows.append(StudyRow("distance from the nearest rotation", (near.distance, None, None)))
     for method in ("rotational_3d", "rotational_3d_bias"):
-        left = ACCELEROMETER_METHODS[method].function(poses).apply(B) - A
+        left = get_method(method).function(poses).apply(B) - A
         rms = np.sqrt(np.mean(left**2, axis=0)) * MILLI_G
         rows.append(StudyRow(f"left by {method}, rms [mg]", tuple(map(float, rms))))
     return StudyTable(

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model.misalignment import middle_angle_error
-from testbench.pipeline import Result
+from testbench.pipeline.analyse import Result
 from testbench.records.evaluation import Evaluation
 from testbench.records.published import FlexionErrors, PublishedResults, PublishedTables
 from testbench.records.session import Session

@@ -13,18 +13,15 @@ joints themselves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from testbench.clock import Clock
-from testbench.execution import execute
-from testbench.pipeline import analyse, make_plan
+from testbench.pipeline.run import prepare
 from testbench.records.evaluation import ChainRow
-from testbench.records.protocol import Protocol
 from testbench.records.published_chain import GaitErrors, PublishedChain, load_published_chain
+from testbench.studies.bench import StudyBench
 from testbench.studies.spread import Change
 
 SERVO_PROTOCOLS = {"4.1": "pendulum", "4.2": "squat"}
@@ -151,24 +148,18 @@ class Reference5:
 
 
 def reference_5(
-    logs: str | Path = "logs",
-    seeds: Sequence[int] = tuple(range(5)),
-    protocols: dict[str, Protocol | str | Path] | None = None,
+    bench: StudyBench,
+    protocols: dict[str, str | Path] | None = None,
     with_report: bool = True,
-    clock: Clock | None = None,
-    say: Callable[[str], None] | None = None,
     rigs_a_part: int = RIGS_A_PART,
 ) -> Reference5:
     """Run pendulum, squat and gait and put our errors beside the published ones.
 
     Args:
-        logs: Folder of the sessions.
-        seeds: Of the simulated arms and sensors, one for each part.
+        bench: Where the sessions are made; each part has a simulated arm and sensors of its own.
         protocols: Others in place of the shipped ones, by name.
         with_report: Whether the first sessions of each protocol, as many as there are parts, get
             their report.html.
-        clock: The machine's if None.
-        say: Called with what is being run.
         rigs_a_part: Runs of pendulum and squat for each part; part s takes the seeds from s times
             that on.
     """
@@ -178,14 +169,16 @@ def reference_5(
     for name in (*SERVO_PROTOCOLS.values(), GAIT_PROTOCOL):
         rows, sessions[name] = [], []
         each = 1 if name == GAIT_PROTOCOL else rigs_a_part
-        the_plan = make_plan((protocols or {}).get(name, name))
-        for i, seed in enumerate(each * part + k for part in seeds for k in range(each)):
-            if say is not None and (each == 1 or i % each == 0):
-                say(f"running {name}, seed {seed}" + (f" to {seed + each - 1}" if each > 1 else ""))
-            session = execute(the_plan, logs, seed, clock=clock)
-            result = analyse(session, with_report=with_report and i < len(seeds), the_plan=the_plan)
+        protocol = (protocols or {}).get(name, name)
+        prepared = prepare(bench.request(protocol, bench.seed))
+        for i, seed in enumerate(each * part + k for part in bench.seeds for k in range(each)):
+            if each == 1 or i % each == 0:
+                last = f" to {seed + each - 1}" if each > 1 else ""
+                bench.say(f"running {name}, seed {seed}{last}")
+            asked = bench.request(protocol, seed, report=with_report and i < bench.parts)
+            result = bench.run_part(asked, prepared)
             rows.extend(result.evaluation.chain)
-            sessions[name].append(session.path)
+            sessions[name].append(result.session.path)
         found[name] = _by_joint_and_state(rows)
     servo = []
     for table in published.servo_rms:

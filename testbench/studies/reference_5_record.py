@@ -27,8 +27,7 @@ too sure of itself.
 def run(bench: StudyBench) -> StudyRecord:
     """Run pendulum, squat and gait with every part and put the errors beside the published ones."""
     started = bench.now()
-    seeds = tuple(range(bench.seed, bench.seed + bench.parts))
-    found = reference_5(bench.logs, seeds, clock=bench.clock, say=bench.say)
+    found = reference_5(bench)
     return StudyRecord(
         "reference-5",
         "A Kalman filter over a kinematic chain",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 LEVEL = 0.95
 """Of the interval that decides."""
@@ -48,7 +48,7 @@ class Change:
         if n < 2:
             return None
         logarithms = np.log(self.ratios)
-        half = float(student.ppf(0.5 + LEVEL / 2, n - 1) * logarithms.std(ddof=1) / np.sqrt(n))
+        half = float(stdtrit(n - 1, 0.5 + LEVEL / 2) * logarithms.std(ddof=1) / np.sqrt(n))
         low, high = (100 * float(np.expm1(logarithms.mean() + sign * half)) for sign in (-1, 1))
         return low, high
 

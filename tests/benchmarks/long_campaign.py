@@ -76,14 +76,15 @@ found = {}
 def tell(progress):
     print(progress.time / progress.duration, flush=True)
 if stage in {"plan", "run"}:
-    from testbench import execute
-    from testbench.pipeline import make_plan
-    plan = make_plan(folder / "campaign.yaml")
-    found = {"duration_s": plan.duration, "knots": len(plan.trajectory.time_ns)}
+    from testbench import plan
+    from testbench.execution import RunOptions, execute
+    the_plan = plan(folder / "campaign.yaml")
+    found = {"duration_s": the_plan.duration, "knots": len(the_plan.trajectory.time_ns)}
     if stage == "run":
-        execute(plan, folder / "logs", seed=1, progress=tell, session_name="campaign")
+        execute(the_plan, folder / "logs", 1, RunOptions(progress=tell, session_name="campaign"))
 elif stage == "resume":
-    from testbench import execute
+    from testbench import plan
+    from testbench.execution import RunOptions, execute
     from testbench.execution.executor import simulated_sensors
     from testbench.execution.resume import (
         open_for_resume,
@@ -91,14 +92,13 @@ elif stage == "resume":
         stored_protocol,
         stored_robot,
     )
-    from testbench.pipeline import make_plan
     session = open_for_resume(path)
-    found = {"had_s": session.manifest["duration_s"]}
+    found = {"had_s": session.manifest.duration_s}
     with stored_protocol(session) as protocol:
-        plan = make_plan(protocol, stored_robot(session))
-        refuse_differences(session, plan, simulated_sensors(plan))
-        session = execute(plan, seed=1, resumed=session)
-    found |= {"status": session.status, "duration_s": session.manifest["duration_s"]}
+        the_plan = plan(protocol, stored_robot(session))
+        refuse_differences(session, the_plan, simulated_sensors(the_plan))
+        session = execute(the_plan, seed=1, options=RunOptions(resumed=session))
+    found |= {"status": session.status, "duration_s": session.manifest.duration_s}
 else:
     from testbench.estimation import estimate
     from testbench.evaluation import evaluate

@@ -8,6 +8,7 @@ import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,45 +28,50 @@ STAGES = ("import", "estimate", "evaluate", "report")
 PROGRAM = """
 import json, resource, sys, time
 from pathlib import Path
-stage, folder, kept = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
-path = folder / "session"
-begun = time.perf_counter()
-found = {}
-if stage == "import":
-    from testbench.clock import SystemClock
-    from testbench.formats import import_recording
-    from testbench.formats.options import Options
-    files = sorted(folder.glob("sensor*.csv"))
-    options = Options(str(folder / "map.yaml"))
-    session = import_recording("generic", files, path, SystemClock(), options)
-    manifest = session.manifest
-    found = {"duration_s": manifest["duration_s"], "samples": sum(manifest["samples"].values())}
-else:
-    from testbench.estimation import access, estimate
-    from testbench.evaluation import evaluate
-    from testbench.records.estimate import Estimate
-    from testbench.records.session import Session
+from testbench.clock import SystemClock
+from testbench.estimation import access, estimate
+from testbench.evaluation import evaluate
+from testbench.formats import import_recording
+from testbench.formats.options import Options
+from testbench.records.estimate import Estimate
+from testbench.records.session import Session
+from testbench.reporting.report import report
+
+stage, kept = sys.argv[1], int(sys.argv[2])
+access.MOST_KEPT = kept or access.MOST_KEPT
+
+
+def run(folder):
+    path = folder / "session"
+    if stage == "import":
+        files = sorted(folder.glob("sensor*.csv"))
+        options = Options(str(folder / "map.yaml"))
+        manifest = import_recording("generic", files, path, SystemClock(), options).manifest
+        samples = sum(manifest.samples.values())
+        return {"duration_s": manifest.duration_s, "samples": samples}
     session = Session(path)
-    access.MOST_KEPT = kept or access.MOST_KEPT
     if stage == "estimate":
         made = estimate(session)
         made.save(path)
         sensors = made.sensors.values()
-        found = {"clock": [s.clock.offset_s for s in sensors],
-                 "drift_ppm": [s.clock.drift_ppm for s in sensors],
-                 "frames": [f.method for s in sensors for f in s.frames.values()]}
-    elif stage == "evaluate":
+        return {"clock": [s.clock.offset_s for s in sensors],
+                "drift_ppm": [s.clock.drift_ppm for s in sensors],
+                "frames": [f.method for s in sensors for f in s.frames.values()]}
+    if stage == "evaluate":
         made = evaluate(session, Estimate.load(path))
         made.save(path)
         rows = made.orientation
-        found = {"errors": {f"{r.sensor} {r.filter}": r.inclination_rmse_deg for r in rows},
-                 "samples": {r.sensor: r.n for r in rows}, "noise": len(made.noise)}
-    else:
-        from testbench.reporting.report import report
-        found = {"report_mb": report(session).stat().st_size / 1e6}
-took = time.perf_counter() - begun
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-print(json.dumps({"took_s": took, "cpu_s": time.process_time(), "peak_mb": peak, **found}))
+        return {"errors": {f"{r.sensor} {r.filter}": r.inclination_rmse_deg for r in rows},
+                "samples": {r.sensor: r.n for r in rows}, "noise": len(made.noise)}
+    return {"report_mb": report(session).stat().st_size / 1e6}
+
+
+for name in sys.argv[3:]:
+    begun = time.perf_counter()
+    found = run(Path(name))
+    took = time.perf_counter() - begun
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(json.dumps({"took_s": took, "cpu_s": time.process_time(), "peak_mb": peak, **found}))
 """
 
 
@@ -160,16 +166,18 @@ def write_case(folder: Path, sensors: int, seconds: float, rate: float) -> None:
     (folder / "map.yaml").write_text("\n".join(lines) + "\n")
 
 
-def measure(folder: Path, stage: str, kept: int = 0) -> Measured:
-    """Run a stage on the case in a folder, in a process of its own; `kept` is in place of
-    `access.MOST_KEPT` unless 0.
+def measure(folders: Sequence[Path], stage: str, kept: int = 0) -> list[Measured]:
+    """Run a stage on the cases in some folders, one after the other in a process of its own;
+    `kept` is in place of `access.MOST_KEPT` unless 0.
+
+    The peak of a case is that of all before it, too: give them from short to long.
     """
-    words = [sys.executable, "-c", PROGRAM, stage, str(folder), str(kept)]
+    words = [sys.executable, "-c", PROGRAM, stage, str(kept), *map(str, folders)]
     result = subprocess.run(words, capture_output=True, text=True, check=False)
     if result.returncode != 0:
         raise RuntimeError(f"{stage} failed:\n{result.stderr}")
-    found = json.loads(result.stdout)
-    return Measured(found.pop("took_s"), found.pop("cpu_s"), found.pop("peak_mb"), found)
+    told = [json.loads(line) for line in result.stdout.splitlines()]
+    return [Measured(f.pop("took_s"), f.pop("cpu_s"), f.pop("peak_mb"), f) for f in told]
 
 
 def bench_long_recordings(hours_of_one: float = 8.0, hours_of_four: float = 1.0) -> None:
@@ -180,7 +188,7 @@ def bench_long_recordings(hours_of_one: float = 8.0, hours_of_four: float = 1.0)
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             write_case(folder, sensors, 3600 * hours, rate)
-            measured = {stage: measure(folder, stage) for stage in STAGES}
+            measured = {stage: measure([folder], stage)[0] for stage in STAGES}
         total = sum(m.took_s for m in measured.values())
         rows: list[list[str | Text]] = [
             [

@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 from testbench import execute, plan
+from testbench.execution import RunOptions
 from testbench.records.shipped import shipped_folder
 from tests.benchmarks.timing import Text, show
 from tests.conftest import TINY
@@ -24,7 +25,7 @@ def bench_mutations(count: int = 10_000) -> bool:
         (folder / "inside").mkdir()
         protocol = folder / "tiny.yaml"
         protocol.write_text(TINY, encoding="utf-8")
-        session = execute(plan(protocol), folder, 1, session_name="session")
+        session = execute(plan(protocol), folder, 1, RunOptions(session_name="session"))
         campaign = Campaign(
             folder / "inside",
             protocol,

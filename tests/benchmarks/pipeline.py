@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from testbench import estimate, evaluate, execute, plan, report
+from testbench.execution import RunOptions
 from tests.benchmarks.timing import Text, duration, once, show
 
 PROTOCOL = "elbow_flexion"
@@ -43,7 +44,9 @@ def _run(folder: Path) -> tuple[dict[str, float], float]:
         return result
 
     the_plan = timed("plan and check", lambda: plan(PROTOCOL))
-    session = timed("execute", lambda: execute(the_plan, folder, session_name="session"))
+    session = timed(
+        "execute", lambda: execute(the_plan, folder, options=RunOptions(session_name="session"))
+    )
     estimated = timed("estimate", lambda: estimate(session))
     timed("save estimate", lambda: estimated.save(session.path))
     evaluated = timed("evaluate", lambda: evaluate(session, estimated))

@@ -16,11 +16,14 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.drivers.session_time import SessionTime
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.pipeline import make_plan
+from testbench.execution import RunOptions
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
+from testbench.pipeline.prepared import make_plan
 from testbench.records.plan import Plan
 from testbench.records.session import Session
 from testbench.records.shipped import shipped_folder
+from tests.asking import run_of
 from tests.benchmarks.timing import Text, show
 from tests.emulated_arms import COMMAND_PORT, emulated_ur, emulated_xarm
 
@@ -42,7 +45,7 @@ def flexion_of_40_poses(folder: Path) -> Plan:
     content["accept"] = []
     path = folder / "elbow_flexion.yaml"
     path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    return make_plan(path)
+    return make_plan(run_of(path))
 
 
 XARM = """\
@@ -75,7 +78,7 @@ def run(plan: Plan, address: str, logs: Path) -> Session:
         arm: SteppingArm = XArm(plan.robot, xarm_settings(plan, f"{address}:{COMMAND_PORT}"), time)
     else:
         arm = UrArm(plan.robot, ur_settings(plan, address), time)
-    return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), time, ArmRunOptions(logs))
+    return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), RunOptions(logs))
 
 
 def worst_pose(session: Session, plan: Plan) -> tuple[int, float]:
@@ -117,7 +120,7 @@ def show_figures(title: str, poses: tuple[Session, Plan], sweep: tuple[Session, 
     """Print the figures of an arm; whether every pose was within a hundredth of a degree."""
     count, worst = worst_pose(*poses)
     lag, rms, largest = following(*sweep)
-    arm = sweep[0].manifest["arm"]
+    arm = sweep[0].manifest.content["arm"]
     timing = arm["timing"]
     rows: list[list[str | Text]] = [
         [Text("static poses"), str(count)],
@@ -139,7 +142,7 @@ def bench_real_arm() -> bool:
     """A Universal Robots arm."""
     with tempfile.TemporaryDirectory() as name, emulated_ur() as emulator:
         folder = Path(name)
-        poses, sweep = flexion_of_40_poses(folder), make_plan("quick")
+        poses, sweep = flexion_of_40_poses(folder), make_plan(run_of("quick"))
         first = run(poses, emulator.address, folder / "logs")
         second = run(sweep, emulator.address, folder / "logs")
         return show_figures(
@@ -152,7 +155,7 @@ def bench_xarm() -> bool:
     with tempfile.TemporaryDirectory() as name, emulated_xarm() as emulator:
         folder = Path(name)
         (folder / "xarm.yaml").write_text(XARM, encoding="utf-8")
-        plan = make_plan(folder / "xarm.yaml")
+        plan = make_plan(run_of(folder / "xarm.yaml"))
         done = run(plan, emulator.address, folder / "logs")
         return show_figures(
             "xarm-python-sdk against the emulated controller", (done, plan), (done, plan)

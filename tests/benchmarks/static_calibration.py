@@ -7,12 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.calibration import (
-    ACCELEROMETER_METHODS,
-    MAGNETOMETER_METHODS,
-    Method,
-    StaticPoses,
-)
+from testbench.estimation.calibration.methods import Method, methods_of
+from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.static_intervals import by_gyroscope, by_variance
 from testbench.frames import STANDARD_GRAVITY
 from tests.benchmarks.timing import Text, duration, rate, seconds, show
@@ -27,8 +23,8 @@ def bench_static_calibration() -> None:
     """
     rows: list[list[str | Text]] = []
     for kind, methods, vector in (
-        ("accelerometer", ACCELEROMETER_METHODS, np.array([0.0, 0.0, STANDARD_GRAVITY])),
-        ("magnetometer", MAGNETOMETER_METHODS, np.array([3.0, 22.0, -40.0])),
+        ("accelerometer", methods_of("accelerometer"), np.array([0.0, 0.0, STANDARD_GRAVITY])),
+        ("magnetometer", methods_of("magnetometer"), np.array([3.0, 22.0, -40.0])),
     ):
         for method in methods.values():
             poses = _poses(method, vector)
@@ -81,4 +77,4 @@ def _poses(method: Method, vector: np.ndarray) -> StaticPoses:
     mean = expected @ response.T + 0.02 * length * rng.standard_normal(3)
     noisy = mean + 1e-4 * length * rng.standard_normal(mean.shape)
     poses = StaticPoses(noisy, np.full(mean.shape, (1e-4 * length) ** 2), length, expected)
-    return replace(poses, vertical=vertical) if method.needs_vertical else poses
+    return replace(poses, vertical=vertical) if "vertical" in method.asks else poses

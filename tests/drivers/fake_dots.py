@@ -10,11 +10,11 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from testbench.clock import SystemClock
 from testbench.drivers.imus.bluetooth import BluetoothLoop
 from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.drivers.imus.xsens_dot_payload import LONG_PAYLOAD
 from testbench.drivers.session_time import SessionTime
+from tests.conftest import FakeClock
 
 G = 9.80665
 TICK_US = 16667  # 60 Hz, as real recordings of the DOT show
@@ -161,7 +161,8 @@ class Bench:
         self.loop = BluetoothLoop(
             type("Client", (FakeClient,), air), type("Scanner", (FakeScanner,), air)
         )
-        self.time = SessionTime(SystemClock())
+        self.clock = FakeClock()
+        self.time = SessionTime(self.clock)
         self.made: list[XsensDot] = []
 
     def sensor(self, target: str | int = 0, **options: Any) -> XsensDot:
@@ -170,6 +171,22 @@ class Bench:
             XsensDot(address, self.time, self.loop, **{"backoff_s": (0.01, 0.05)} | options)
         )
         return self.made[-1]
+
+    def until(self, done: Callable[[], bool]) -> None:
+        """Let the loop work until something has happened."""
+        for _ in range(30_000):
+            if done():
+                return
+            self.loop.call(asyncio.sleep(0.001), 30)
+        raise AssertionError("it did not happen")
+
+    def tasks(self) -> int:
+        """What the loop is still busy with."""
+
+        async def count() -> int:
+            return len(asyncio.all_tasks()) - 1
+
+        return self.loop.call(count(), 30)
 
     def close(self) -> None:
         for sensor in self.made:

@@ -10,23 +10,24 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from testbench.arm_pipeline import ArmSetup, run_on_arm
 from testbench.cli.app import app
-from testbench.cli.arm_choice import ArmChoice
 from testbench.drivers.arms import catalogue
 from testbench.drivers.arms.catalogue import ARMS, find_arm
 from testbench.drivers.arms.entry import ArmEntry
 from testbench.exceptions import DriverError, InputError, NotFoundError
-from testbench.execution.arm_run import ArmRunOptions
-from testbench.pipeline import make_plan
-from testbench.records.arm_record import arm_record
+from testbench.pipeline.arm import refuse_arm
+from testbench.pipeline.request import ArmRequest, RunRequest
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Consent, Watcher
 from testbench.records.robot import load_robot
 from testbench.records.session import Session
 from testbench.records.storage import read_json, write_json
 from testbench.reporting.session_section import simulated_parts
+from tests.asking import run_of
 from tests.conftest import FakeClock
 from tests.drivers.trial_arm import ENTRY
 
+ALLOWED = Watcher(FakeClock(), consent=Consent(motion=True, hazards_checked=True))
 ROOT = Path(__file__).resolve().parents[2]
 ON_TRIAL = """
 import sys
@@ -73,19 +74,18 @@ def test_a_new_entry_is_offered_and_asked_for_its_options(tiny):
 
 
 def test_a_new_entry_drives_a_run_whose_report_says_where_the_motion_is_from(trial, tiny, tmp_path):
-    setup = ArmSetup("trial", host="bright", simulate_imus=True, seed=3)
-    options = ArmRunOptions(tmp_path, 3)
-    result = run_on_arm(make_plan(tiny), setup, options, clock=FakeClock())
+    arm = ArmRequest(driver="trial", host="bright", simulate_imus=True)
+    result = run(run_of(tiny, report=True, arm=arm, seed=3, logs=tmp_path), ALLOWED)
     session = Session(result.session.path)
     assert [step.name for step in session.steps] == ["start", "out", "wave"]
-    assert arm_record(session.manifest) == trial.record
+    assert session.manifest.arm.record == trial.record
     assert "which followed the motion that nobody measured" in result.report.read_text("utf-8")
 
 
 def test_a_fault_of_a_new_entry_comes_with_its_own_words(trial, tiny, tmp_path):
-    setup = ArmSetup("trial", host="dark", simulate_imus=True)
+    arm = ArmRequest(driver="trial", host="dark", simulate_imus=True)
     with pytest.raises(DriverError, match="it is dark") as caught:
-        run_on_arm(make_plan(tiny), setup, ArmRunOptions(tmp_path), clock=FakeClock())
+        run(run_of(tiny, arm=arm, logs=tmp_path), ALLOWED)
     assert "what to do: put the plug back" in caught.value.__notes__
 
 
@@ -110,7 +110,7 @@ def test_an_entry_holds_together(name, tiny):
     assert not unknown, f"{unknown} is offered by no option of run"
     if entry.needs is not None:
         with pytest.raises(InputError, match=f"--arm {name} needs {entry.needs[0]}, "):
-            ArmChoice(name).setup()
+            refuse_arm(RunRequest(arm=ArmRequest(driver=name)), Consent())
 
 
 @pytest.mark.parametrize(("name", "robot"), [("ur", "ur3e"), ("ur", "ur10e"), ("xarm", "xarm6")])
@@ -151,7 +151,7 @@ def test_an_earlier_session_still_says_where_its_motion_is_from(earlier, driver,
     write_json(earlier.path / "manifest.json", manifest | {"arm": {"driver": driver}})
     session = Session(earlier.path)
     assert simulated_parts(session).startswith(said)
-    record = arm_record(session.manifest)
+    record = session.manifest.arm.record
     assert record is not None and record == find_arm(driver).record
     done = CliRunner().invoke(app, ["report", str(session.path)])
     assert done.exit_code == 0, done.output

@@ -141,7 +141,7 @@ class Listener:
 
 def test_a_motion_that_seems_to_precede_its_command_is_an_event(packages):
     packages.send(50)
-    client = SimpleNamespace(clock=packages.clock, now_ns=lambda: packages.arrived)
+    client = SimpleNamespace(clock=packages.clock, now_ns=lambda: packages.arrived, now=lambda: 0.0)
     listener = Listener()
     worker = Worker(listener, client, UrSettings("nowhere"))
     worker.origin_ns = 0
@@ -164,7 +164,7 @@ def test_a_motion_that_seems_to_precede_its_command_is_an_event(packages):
 
 
 def test_a_step_of_the_clock_is_an_event_and_the_sample_that_shows_it_has_the_new_time(packages):
-    client = SimpleNamespace(clock=packages.clock, now_ns=lambda: packages.arrived)
+    client = SimpleNamespace(clock=packages.clock, now_ns=lambda: packages.arrived, now=lambda: 0.0)
     worker = Worker(Listener(), client, UrSettings("nowhere"))
     worker.origin_ns, place = 0, np.zeros(6)
     packages.shift = -SECOND // 2

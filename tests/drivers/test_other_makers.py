@@ -14,7 +14,8 @@ from testbench.drivers.arms.catalogue import refuse_other_maker
 from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.exceptions import InputError
-from testbench.pipeline import make_plan
+from testbench.pipeline.prepared import make_plan
+from tests.asking import run_of
 
 
 @pytest.mark.parametrize(
@@ -65,7 +66,7 @@ def test_each_driver_takes_its_own_arms_and_a_replay_takes_all():
 
 
 def test_the_drivers_themselves_refuse_too():
-    ours, theirs = make_plan("quick"), make_plan("quick_xarm6")
+    ours, theirs = make_plan(run_of("quick")), make_plan(run_of("quick_xarm6"))
     with pytest.raises(InputError, match="the plan is for xarm6"):
         UrArm(theirs.robot, ur_settings(theirs, "192.0.2.1"))
     with pytest.raises(InputError, match="the plan is for ur3e"):

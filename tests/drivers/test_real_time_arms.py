@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from testbench import plan
-from testbench.arm_pipeline import ArmSetup, make_arm
 from testbench.clock import SystemClock
 from testbench.drivers.arms.catalogue import REPLAY
 from testbench.drivers.arms.controller_clock import ControllerClock
@@ -16,11 +15,16 @@ from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.following import ReportedMotion
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import Devices
+from testbench.execution import RunOptions
+from testbench.execution.devices import Devices
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.sensors import Sensors
+from testbench.pipeline.arm import make_arm
+from testbench.pipeline.request import ArmRequest, RunRequest
 from testbench.records.robot import Robot, load_robot
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus
+from tests.conftest import FakeClock
 
 SECOND = 1_000_000_000
 
@@ -105,13 +109,12 @@ def recorded(run_protocol, tiny):
 
 
 def replay(the_plan, log, logs):
-    time = SessionTime(SystemClock())
+    time = SessionTime(FakeClock())
     return execute_on_arm(
         the_plan,
         ReplayArm(the_plan.robot, log, time),
         Sensors.simulated(the_plan, 1),
-        time,
-        ArmRunOptions(logs),
+        RunOptions(logs),
     )
 
 
@@ -119,7 +122,7 @@ def test_a_recorded_session_drives_the_bench_as_if_live(recorded, tiny, tmp_path
     the_plan = plan(tiny)
     session = replay(the_plan, recorded.path, tmp_path)
     assert session.status is RunStatus.COMPLETED
-    assert session.manifest["arm"]["driver"] == "replay"
+    assert session.manifest.arm.driver == "replay"
     np.testing.assert_allclose(
         session.arm().q_measured, recorded.arm().q_measured[: len(session.arm().q_measured)]
     )
@@ -171,8 +174,9 @@ def test_a_log_that_is_none_is_refused_in_a_sentence(tmp_path, content, sentence
 def test_a_log_that_is_none_is_told_before_a_missing_sensor(tmp_path, tiny):
     log = tmp_path / "log.csv"
     log.write_text("a,b\n1,2\n3,4\n")
+    asked = RunRequest(arm=ArmRequest(driver="replay", log=log))
     with pytest.raises(InputError, match="neither time_s nor host_time_ns"):
-        make_arm(plan(tiny), ArmSetup("replay", log=log), SystemClock())
+        make_arm(plan(tiny), asked, SystemClock())
 
 
 def test_a_log_that_never_reaches_a_pose_is_refused(recorded, tmp_path):
@@ -197,5 +201,5 @@ def test_a_sensor_that_delivers_nothing_ends_the_run_before_the_arm_is_even_conn
     monkeypatch.setattr(arm, "connect", lambda: pytest.fail("the arm was connected"))
     sensors = Sensors(dict(Sensors.simulated(the_plan, 1).imus), MuteDevices({}, time))
     with pytest.raises(DriverError, match="delivers no sample"):
-        execute_on_arm(the_plan, arm, sensors, time, ArmRunOptions(tmp_path / "logs"))
+        execute_on_arm(the_plan, arm, sensors, RunOptions(tmp_path / "logs"))
     assert not (tmp_path / "logs").exists()

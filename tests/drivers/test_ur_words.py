@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,12 +10,13 @@ import pytest
 from testbench.drivers.arms.client import ArmFault
 from testbench.drivers.arms.ur_client import UrClient, UrSettings
 from testbench.drivers.arms.worker import Worker
+from tests.conftest import FakeClock
 
 JOINTS = ("pan", "lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 
 
 def worker(silent_for: float) -> Worker:
-    client = SimpleNamespace(q=np.zeros(6), silent_for=silent_for)
+    client = SimpleNamespace(q=np.zeros(6), silent_for=silent_for, now=lambda: 0.0)
     return Worker(
         None, client, UrSettings("127.0.0.1", tracking=np.radians(5.0), joint_names=JOINTS)
     )
@@ -44,22 +44,22 @@ def test_where_the_arm_is_nobody_knows_after_a_silence():
     assert caught.value.kind == "report_silence"
 
 
-def client(running: bool = False) -> UrClient:
-    made = UrClient(UrSettings("127.0.0.1", watchdog=0.1))
+def client(clock: FakeClock, running: bool = False) -> UrClient:
+    made = UrClient(UrSettings("127.0.0.1", watchdog=0.1), clock)
     made._control = SimpleNamespace(isProgramRunning=lambda: running)
     made._receive = SimpleNamespace(isConnected=lambda: True)
     made._modes, made._program_seen = (7, 1), True
     return made
 
 
-def answer_after(seconds: float) -> bool:
-    time.sleep(seconds)
+def answer_after(clock: FakeClock, seconds: float) -> bool:
+    clock.sleep(seconds)
     return True
 
 
-def test_a_program_that_ended_while_the_controller_kept_the_client_waiting_was_stopped_by_nobody():
-    slow = client()
-    slow._command("", answer_after, 0.25)
+def test_a_program_that_ended_while_the_controller_was_waited_for_was_stopped_by_nobody(clock):
+    slow = client(clock)
+    slow._command("", answer_after, clock, 0.25)
     with pytest.raises(
         ArmFault, match=r"did not answer a command within 0\.\d s: its watchdog, which waits 0\.1 s"
     ) as caught:
@@ -67,23 +67,23 @@ def test_a_program_that_ended_while_the_controller_kept_the_client_waiting_was_s
     assert caught.value.kind == "slow_response"
 
 
-def test_a_program_that_ended_while_this_machine_was_busy_was_not_stopped_by_anybody():
-    busy = client()
-    busy._command("", answer_after, 0.0)
-    time.sleep(0.25)
+def test_a_program_that_ended_while_this_machine_was_busy_was_not_stopped_by_anybody(clock):
+    busy = client(clock)
+    busy._command("", answer_after, clock, 0.0)
+    clock.sleep(0.25)
     with pytest.raises(
         ArmFault, match=r"nothing was sent to the controller for 0\.\d s, this machine is too busy"
     ):
         busy.check()
 
 
-def test_a_program_that_ended_though_it_was_fed_was_stopped_by_somebody():
-    fed = client()
-    fed._command("", answer_after, 0.0)
+def test_a_program_that_ended_though_it_was_fed_was_stopped_by_somebody(clock):
+    fed = client(clock)
+    fed._command("", answer_after, clock, 0.0)
     with pytest.raises(ArmFault, match="the program on the controller was stopped") as caught:
         fed.check()
     assert caught.value.kind == "program_stopped"
-    client(running=True).check()
+    client(clock, running=True).check()
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,11 @@ def test_a_program_that_ended_though_it_was_fed_was_stopped_by_somebody():
     ],
     ids=["paused", "running", "ended by its watchdog while it was asked for"],
 )
-def test_a_program_on_the_controller_is_somebody_elses_unless_it_is_just_ending(states, told):
+def test_a_program_on_the_controller_is_somebody_elses_unless_it_is_just_ending(
+    clock, states, told
+):
     asked = iter(states)
     dashboard = SimpleNamespace(programState=lambda: next(asked))
-    assert UrClient(UrSettings("127.0.0.1", watchdog=0.1))._program_of_others(dashboard) == told
+    assert (
+        UrClient(UrSettings("127.0.0.1", watchdog=0.1), clock)._program_of_others(dashboard) == told
+    )

@@ -15,6 +15,7 @@ from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.arms.ur_client import UrClient, UrSettings
 from testbench.drivers.arms.worker import Worker
 from testbench.exceptions import DriverError
+from tests.conftest import FakeClock
 
 
 class Bench:
@@ -36,17 +37,20 @@ class Bench:
 class Client(SimpleNamespace):
     """A controller whose watchdog cannot be fed any more; stopping it takes a second and a half."""
 
-    now, stopped, listening = 7_000_000_000, 0, False
+    time_ns, stopped, listening = 7_000_000_000, 0, False
 
     def now_ns(self) -> int:
-        return self.now
+        return self.time_ns
+
+    def now(self) -> float:
+        return 1e-9 * self.now_ns()
 
     def keep_alive(self) -> None:
         raise ArmFault("refused", "the watchdog could not be fed")
 
     def stop(self, deceleration: float) -> None:
         self.stopped += 1
-        self.now += 1_500_000_000
+        self.time_ns += 1_500_000_000
 
 
 def test_a_fault_between_motions_is_told_and_what_was_asked_meanwhile_is_not_done():
@@ -89,8 +93,8 @@ def test_a_fault_has_the_time_at_which_it_was_found():
     )
 
 
-def test_a_controller_that_sent_nothing_yet_has_no_sample_and_is_called_silent(monkeypatch):
-    client = UrClient(UrSettings("1.2.3.4"))
+def test_a_controller_that_sent_nothing_yet_has_no_sample_and_is_called_silent():
+    client = UrClient(UrSettings("1.2.3.4"), FakeClock())
     empty = [
         f"get{name}"
         for name in ("ActualQ", "ActualQd", "TargetQ", "ActualCurrent", "JointTemperatures")
@@ -110,7 +114,6 @@ def test_a_controller_that_sent_nothing_yet_has_no_sample_and_is_called_silent(m
         **{name: (lambda value=value: value) for name, value in values.items()}
     )
     assert client.samples() == []
-    monkeypatch.setattr("testbench.drivers.arms.client.SILENT_S", 0.02)
     with pytest.raises(ArmFault, match=r"1\.2\.3\.4 takes connections and sends no data") as caught:
         client._wait_for_sample()
     assert caught.value.kind == "silence"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import inspect
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,15 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from testbench.clock import SystemClock
 from testbench.drivers.imus.bluetooth import import_bleak
 from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.drivers.imus.xsens_dot_payload import MEDIUM_PAYLOAD
+from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError, NotFoundError
-from testbench.execution.device_recorder import open_devices, record_devices
-from testbench.pipeline import analyse
+from testbench.execution.device_recorder import record_devices
+from testbench.execution.devices import open_devices
+from testbench.pipeline.analyse import analyse
+from tests.asking import analysis
+from tests.conftest import FakeClock
 from tests.drivers.fake_dots import TICK_US, Bench, FakeClient, FakeDot, FakeScanner, G, events_of
-from tests.drivers.waiting import wait_for
 
 NEVER = 10**18
 
@@ -61,7 +63,7 @@ def test_a_sensor_is_set_up_started_and_stopped_in_the_order_of_the_specificatio
     sensor, dot = bench.sensor(), bench.dots[0]
     sensor.kickoff()
     dot.send(*(dot.payload(k) for k in range(30)))
-    wait_for(lambda: sensor.queue.received == 26)  # four are held back for late ones
+    bench.until(lambda: sensor.queue.received == 26)  # four are held back for late ones
     samples = samples_of(sensor)
     assert numbers(samples) == list(range(30))
     np.testing.assert_array_equal(samples.device_time_ns, np.arange(30) * TICK_US * 1000)
@@ -88,7 +90,7 @@ def test_several_sensors_stream_at_once_and_keep_apart(make_bench: Benches) -> N
     for k in range(50):
         for i, dot in enumerate(bench.dots):
             dot.send(dot.payload(100 * i + k))
-    wait_for(lambda: all(sensor.queue.received == 46 for sensor in sensors))
+    bench.until(lambda: all(sensor.queue.received == 46 for sensor in sensors))
     for i, sensor in enumerate(sensors):
         assert numbers(samples_of(sensor)) == list(range(100 * i, 100 * i + 50))
 
@@ -119,7 +121,7 @@ def test_packets_that_come_late_twice_or_never_are_put_right_and_counted(
         16,
     ]  # 8 is lost; 7 comes when it is too late
     dot.send(*(dot.payload(k) for k in order), bytearray(10))
-    wait_for(lambda: "malformed_packets" in sensor.notices.totals)
+    bench.until(lambda: "malformed_packets" in sensor.notices.totals)
     samples = samples_of(sensor)
     assert numbers(samples) == [0, 1, 2, 3, 4, 5, 6, 9, 10, 11, 12, 13, 14, 15, 16]
     np.testing.assert_array_equal(samples.counter, numbers(samples))
@@ -141,7 +143,7 @@ def test_the_32_bit_stamp_wraps_and_time_goes_on(make_bench: Benches) -> None:
     first = 2**32 - 10 * TICK_US
     order = [*range(9), 10, 9, *range(11, 30)]  # the packets at the wrap itself change places
     dot.send(*(dot.payload(k, first + k * TICK_US) for k in order))
-    wait_for(lambda: sensor.queue.received == 26)
+    bench.until(lambda: sensor.queue.received == 26)
     samples = samples_of(sensor)
     np.testing.assert_array_equal(samples.device_time_ns, (first + np.arange(30) * TICK_US) * 1000)
     assert numbers(samples) == list(range(30)) and "samples_lost" not in events_of(sensor)
@@ -155,15 +157,17 @@ def test_a_lost_link_is_made_again_and_the_gap_is_known(
     sensor, dot = bench.sensor(), bench.dots[0]
     sensor.kickoff()
     dot.send(*(dot.payload(k, 5_000_000 + k * TICK_US) for k in range(20)))
-    wait_for(lambda: sensor.queue.received == 16)
+    bench.until(lambda: sensor.queue.received == 16)
     dot.refuse_connections = 2
     lost = bench.time.now_ns()
     dot.drop_link()
-    wait_for(lambda: "reconnected" in sensor.notices.totals)
+    bench.until(lambda: "disconnected" in sensor.notices.totals)
+    bench.clock.sleep(0.3)
+    bench.until(lambda: "reconnected" in sensor.notices.totals)
     passed = (bench.time.now_ns() - lost) // 1000
     begin = 0 if restarts else 5_000_000 + 19 * TICK_US + passed
     dot.send(*(dot.payload(100 + k, begin + k * TICK_US) for k in range(10)))
-    wait_for(lambda: sensor.queue.received >= 26)
+    bench.until(lambda: sensor.queue.received >= 26)
     samples = samples_of(sensor)
     assert numbers(samples) == [
         *range(20),
@@ -171,7 +175,7 @@ def test_a_lost_link_is_made_again_and_the_gap_is_known(
     ]  # what was held back when the link broke is there
     assert (np.diff(samples.device_time_ns) > 0).all()
     gap = samples.device_time_ns[20] - samples.device_time_ns[19]
-    assert gap == pytest.approx(samples.host_time_ns[20] - samples.host_time_ns[19], abs=60e6)
+    assert gap == pytest.approx(samples.host_time_ns[20] - samples.host_time_ns[19], abs=20e6)
     happened = events_of(sensor)
     assert happened["reconnected"]["attempts"] == 3 and happened["reconnect_failed"]["count"] == 2
     assert ("device_clock_restarted" in happened) == restarts
@@ -184,11 +188,9 @@ def test_stopping_while_the_link_is_down_ends_the_attempts(make_bench: Benches) 
     sensor.kickoff()
     dot.refuse_connections = 10**6
     dot.drop_link()
-    wait_for(lambda: sensor.notices.totals.get("reconnect_failed", 0) >= 2)
+    bench.until(lambda: sensor.notices.totals.get("reconnect_failed", 0) >= 2)
     sensor.stop()
-    refused = dot.refuse_connections
-    time.sleep(0.1)
-    assert dot.refuse_connections == refused
+    assert bench.tasks() == 0
 
 
 def test_nobody_reading_drops_samples_and_counts_them(make_bench: Benches) -> None:
@@ -196,7 +198,7 @@ def test_nobody_reading_drops_samples_and_counts_them(make_bench: Benches) -> No
     sensor, dot = bench.sensor(queue_s=0.5), bench.dots[0]  # 30 samples
     sensor.kickoff()
     dot.send(*(dot.payload(k) for k in range(100)))
-    wait_for(lambda: sensor.notices.totals.get("samples_dropped") == 66)
+    bench.until(lambda: sensor.notices.totals.get("samples_dropped") == 66)
     assert numbers(samples_of(sensor)) == list(range(30))
 
 
@@ -244,35 +246,40 @@ def test_a_sensor_that_refuses_to_connect_is_one_sentence(make_bench: Benches) -
         bench.sensor().kickoff()
 
 
+class Streaming(FakeClock):
+    """Time in which the sensors send at 60 Hz; the first loses its link after 40 packets, and
+    nothing goes on until it is back.
+    """
+
+    def __init__(self, bench: Bench):
+        super().__init__()
+        self.bench, self.sent = bench, 0
+
+    def sleep(self, seconds: float) -> None:
+        super().sleep(seconds)
+        due = round((self.now_ns - 1_000_000_000) * 60e-9)
+        for number in range(self.sent, due):
+            for dot in self.bench.dots:
+                if dot.streaming is not None:
+                    dot.send(dot.payload(number))
+            if number == 40:
+                self.bench.dots[0].drop_link()
+                self.bench.until(lambda: self.bench.dots[0].connections == 2)
+                self.bench.until(lambda: self.bench.dots[0].streaming is not None)
+        self.sent = max(due, self.sent)
+        self.bench.loop.call(asyncio.sleep(0), 30)  # what was sent is heard
+
+
 def test_a_recording_of_two_sensors_through_a_lost_link_is_one_session(
     make_bench: Benches, tmp_path: Path
 ) -> None:
     bench = make_bench(FakeDot("D4:22:CD:00:00:01"), FakeDot("D4:22:CD:00:00:02"))
     dots = [f"shank={bench.dots[0].address}", bench.dots[1].address]
-    devices = open_devices([], dots, SystemClock(), bluetooth=bench.loop)
+    clock = Streaming(bench)
+    devices = open_devices([], dots, SessionTime(clock), bluetooth=bench.loop)
     for imu in devices.imus.values():
         imu._backoff_s = (0.01, 0.05)  # type: ignore[attr-defined]
-    ended = threading.Event()
-
-    def live() -> None:
-        begin, sent = time.monotonic(), 0
-        while not ended.wait(0.01):
-            passed = time.monotonic() - begin
-            for number in range(sent, int(passed * 60)):
-                for dot in bench.dots:
-                    if dot.streaming is not None:
-                        dot.send(dot.payload(number))
-                if number == 40:
-                    bench.dots[0].drop_link()
-            sent = int(passed * 60)
-
-    life = threading.Thread(target=live)
-    life.start()
-    try:
-        session = record_devices(devices, tmp_path, duration_s=1.5, name="gait")
-    finally:
-        ended.set()
-        life.join()
+    session = record_devices(devices, tmp_path, duration_s=1.5, name="gait")
     assert session.sensor_names == ["shank", "dot_D422CD000002"]
     assert session.analysis.estimate.filters == ["device", "vqf_6d"]
     lost = [
@@ -285,7 +292,7 @@ def test_a_recording_of_two_sensors_through_a_lost_link_is_one_session(
         samples = session.imu(name)
         assert len(samples) > 60 and (np.diff(samples.device_time_ns) > 0).all()
         assert samples.device_q is not None
-    result = analyse(session, with_report=False)
+    result = analyse(session, analysis())
     assert set(result.estimate.sensors["shank"].orientation) == {"device", "vqf_6d"}
 
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-from testbench.clock import SystemClock
 from testbench.drivers.imus import xsens_dot_messages, xsens_dot_sync
 from testbench.drivers.imus.bluetooth import BluetoothLoop
 from testbench.drivers.imus.xsens_dot import XsensDot
@@ -25,7 +24,7 @@ from testbench.drivers.imus.xsens_dot_messages import (
 )
 from testbench.drivers.imus.xsens_dot_sync import synchronise
 from testbench.exceptions import DriverError, InputError
-from testbench.execution.device_recorder import open_devices
+from testbench.execution.devices import open_devices
 from tests.drivers.fake_dots import Bench, FakeClient, FakeDot, FakeScanner, events_of
 
 ROOT, OTHER, THIRD = "D4:22:CD:AA:BB:CC", "D4:22:CD:00:00:02", "D4:22:CD:00:00:03"
@@ -210,9 +209,7 @@ def test_devices_are_synchronised_before_any_of_them_streams(
 ) -> None:
     own = bench(SyncDot(ROOT), SyncDot(OTHER))
     monkeypatch.setattr(xsens_dot_sync, "LISTEN_S", 0.01)
-    devices = open_devices(
-        [], [ROOT, OTHER], SystemClock(), bluetooth=own.loop, synchronise_dots=True
-    )
+    devices = open_devices([], [ROOT, OTHER], bluetooth=own.loop, synchronise_dots=True)
     devices.kickoff()
     assert [dot.log for dot in own.dots] == [["sync CC", "disconnect", "start 26"]] * 2
     devices.close()
@@ -221,4 +218,4 @@ def test_devices_are_synchronised_before_any_of_them_streams(
 
 def test_a_single_sensor_has_nobody_to_be_synchronised_with(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="several DOTs together; there is one"):
-        open_devices([], [ROOT], SystemClock(), synchronise_dots=True)
+        open_devices([], [ROOT], synchronise_dots=True)

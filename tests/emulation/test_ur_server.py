@@ -1,40 +1,40 @@
-"""The emulated controller over TCP, through the maker-independent client library and by hand."""
+"""The emulated controller: by hand in lock step, through its client library over TCP."""
 
 from __future__ import annotations
 
 import contextlib
-import signal
 import socket
 import struct
 import threading
-import time
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 
+from testbench.clock import SystemClock, seconds
+from testbench.drivers.arms.ur_client import VARIABLES
+from testbench.emulation.server import CONTROL
 from testbench.emulation.ur.script import SET_WATCHDOG, ControlScript
 from testbench.emulation.ur.server import UrServer
 from testbench.emulation.ur.setup import make_controller
 from testbench.emulation.ur.state import RuntimeState
 from testbench.exceptions import InputError
-from tests.emulated_arms import REAL_TIME, EmulatedUr, emulated_ur, free_address
-
-rtde_control = pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
-rtde_receive = pytest.importorskip("rtde_receive")
-dashboard_client = pytest.importorskip("dashboard_client")
-pytestmark = REAL_TIME
-
-
-@pytest.fixture(scope="module")
-def robot():
-    with emulated_ur() as emulator:
-        yield emulator
+from tests.conftest import FakeClock
+from tests.emulated_arms import Emulated, emulated_ur, free_address
+from tests.lock_step.bench import VirtualArm, VirtualBench
 
 
 @pytest.fixture
-def clear(robot: EmulatedUr):
-    robot.control("clear")
-    return robot
+def robot(bench: VirtualBench) -> VirtualArm:
+    return bench.ur()
+
+
+@pytest.fixture(scope="module")
+def real() -> Iterator[Emulated]:
+    """A controller in a process of its own, for the real client library."""
+    pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
+    with emulated_ur() as emulator:
+        yield emulator
 
 
 def rtde(address: str) -> socket.socket:
@@ -60,8 +60,8 @@ def take(connection: socket.socket) -> tuple[str, bytes]:
     return chr(kind), exactly(size - 3)
 
 
-def test_rtde_negotiates_versions_recipes_and_sends_what_was_asked_for(clear):
-    with rtde(clear.address) as connection:
+def test_rtde_negotiates_versions_recipes_and_sends_what_was_asked_for(robot):
+    with rtde(robot.address) as connection:
         assert ask(connection, "V", struct.pack(">H", 2)) == ("V", b"\x01")
         assert ask(connection, "V", struct.pack(">H", 7)) == ("V", b"\x00")
         assert struct.unpack(">4I", ask(connection, "v")[1]) == (5, 17, 0, 128818)
@@ -97,52 +97,69 @@ def test_rtde_negotiates_versions_recipes_and_sends_what_was_asked_for(clear):
         b"GET / HTTP/1.1\r\n\r\n" * 300,
     ],
 )
-def test_what_is_no_rtde_is_let_go_and_the_controller_goes_on(clear, bad):
-    with rtde(clear.address) as connection:
+def test_what_is_no_rtde_is_let_go_and_the_controller_goes_on(robot, bad):
+    with rtde(robot.address) as connection:
         connection.sendall(bad)
         connection.settimeout(2)
         with contextlib.suppress(TimeoutError, ConnectionResetError):
             assert connection.recv(10) == b"" or len(bad) > 1000
-    assert "RUNNING" in clear.control("status")
+    assert "RUNNING" in robot.control("status")
 
 
-def test_the_real_client_moves_servos_and_stops(clear):
+@pytest.mark.parametrize("library", ["ur_rtde", "its stand-in"])
+def test_the_client_library_moves_servos_and_stops_as_its_stand_in_does(library, request):
+    robot = request.getfixturevalue("real" if library == "ur_rtde" else "robot")
+    import rtde_control
+    import rtde_receive
+
+    clock = SystemClock()  # that of the lock step with the stand-in
+
+    def wait_for(done: Callable[[], bool]) -> None:
+        end = seconds(clock) + 30
+        while not done() and seconds(clock) < end:
+            clock.sleep(0.01)
+        assert done()
+
+    robot.control("clear")
     interface = rtde_control.RTDEControlInterface
-    receive = rtde_receive.RTDEReceiveInterface(clear.address, 500.0, [], False, True)
-    control = interface(
-        clear.address, 500.0, interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS
-    )
+    receive = rtde_receive.RTDEReceiveInterface(robot.address, 500.0, VARIABLES, False, True)
+    flags = interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS
+    control = interface(robot.address, 500.0, flags)
     try:
         assert control.isProgramRunning()
         assert control.setPayload(0.3, [0, 0, 0.02])
+        wait_for(receive.getActualQ)
         target = [*receive.getActualQ()[:5], 0.4]
         assert control.moveJ(target, 1.0, 2.0)
-        end = time.monotonic() + 5
-        while (
-            np.abs(np.array(receive.getActualQ()) - target).max() > np.radians(0.01)
-            and time.monotonic() < end
-        ):
-            time.sleep(0.01)
-        np.testing.assert_allclose(receive.getActualQ(), target, atol=np.radians(0.01))
+        near = np.radians(0.01)
+        wait_for(lambda: np.abs(np.array(receive.getActualQ()) - target).max() < near)
         for _ in range(100):
             assert control.servoJ([*target[:5], 0.45], 0, 0, 0.002, 0.05, 300)
-            time.sleep(0.002)
+            clock.sleep(0.002)
         assert control.servoStop(5.0)
         assert abs(receive.getActualQ()[5] - 0.45) < 0.05
+        assert control.moveJ([*target[:5], 0.1], 1.0, 2.0, True)  # does not wait
+        assert control.kickWatchdog()
+        assert abs(receive.getActualQ()[5] - 0.1) > 0.1
+        control.stopJ(4.0, True)
+        wait_for(lambda: np.abs(receive.getActualQd()).max() < np.radians(0.1))
         assert control.isSteady() in {True, False}
-        clear.control("fault protective_stop")
-        end = time.monotonic() + 5
-        while not receive.isProtectiveStopped() and time.monotonic() < end:
-            time.sleep(0.01)
-        assert receive.isProtectiveStopped()
+        robot.control("fault protective_stop")
+        wait_for(lambda: receive.getSafetyStatusBits() & 1 << 2)
         assert not control.moveJ(target, 1.0, 2.0)
+        robot.control("clear")
+        control.stopScript()
+        wait_for(lambda: not control.isProgramRunning())
     finally:
         control.disconnect()
         receive.disconnect()
 
 
-def test_the_dashboard_answers_as_the_client_expects(clear):
-    dashboard = dashboard_client.DashboardClient(clear.address)
+def test_the_dashboard_answers_as_the_client_expects(real):
+    import dashboard_client
+
+    real.control("clear")
+    dashboard = dashboard_client.DashboardClient(real.address)
     dashboard.connect(2000)
     assert dashboard.polyscopeVersion() == "5.17.0.128818"
     assert dashboard.isInRemoteControl()
@@ -150,23 +167,23 @@ def test_the_dashboard_answers_as_the_client_expects(clear):
     assert dashboard.getSerialNumber().isdigit()
     assert dashboard.robotmode() == "Robotmode: RUNNING"
     assert dashboard.safetystatus() == "Safetystatus: NORMAL"
-    clear.control("fault local_control")
+    real.control("fault local_control")
     assert not dashboard.isInRemoteControl()
     dashboard.disconnect()
 
 
-def test_a_protective_stop_can_be_unlocked_only_after_a_while(clear):
-    clear.control("fault protective_stop")
-    assert "5s" in clear.dashboard("unlock protective stop")
-    assert "PROTECTIVE_STOP" in clear.dashboard("safetystatus")
-    clear.control("clear")
-    assert "NORMAL" in clear.dashboard("safetystatus")
+def test_a_protective_stop_can_be_unlocked_only_after_a_while(robot):
+    robot.control("fault protective_stop")
+    assert "5s" in robot.dashboard("unlock protective stop")
+    assert "PROTECTIVE_STOP" in robot.dashboard("safetystatus")
+    robot.control("clear")
+    assert "NORMAL" in robot.dashboard("safetystatus")
 
 
-def test_an_unknown_fault_or_command_is_answered_with_what_there_is(clear):
-    assert "faults: protective_stop" in clear.control("fault earthquake")
-    assert "say: fault" in clear.control("hello")
-    assert "could not understand" in clear.dashboard("make coffee")
+def test_an_unknown_fault_or_command_is_answered_with_what_there_is(robot):
+    assert "faults: protective_stop" in robot.control("fault earthquake")
+    assert "say: fault" in robot.control("hello")
+    assert "could not understand" in robot.dashboard("make coffee")
 
 
 def test_an_address_that_others_can_reach_needs_a_token():
@@ -215,24 +232,19 @@ def test_an_unknown_model_version_or_pose_is_refused():
         make_controller("ur3e", q_deg=[0.0] * 5)
 
 
-def test_a_held_up_emulator_makes_up_the_time_before_it_hears_its_clients():
-    with emulated_ur() as robot, rtde(robot.address) as connection:
+def test_a_held_up_emulator_makes_up_the_time_before_it_hears_its_clients(bench, robot):
+    with rtde(robot.address) as connection:
         ask(connection, "V", struct.pack(">H", 2))
         ask(connection, "O", struct.pack(">d", 125) + b"timestamp")
         ask(connection, "S")
-
-        def newest(until_s: float) -> tuple[float, float]:
-            end = time.monotonic() + until_s
-            while time.monotonic() < end:
-                stamp = struct.unpack(">Bd", take(connection)[1])[1]
-            return stamp, time.monotonic()
-
-        before, at = newest(0.3)
-        robot.process.send_signal(signal.SIGSTOP)
-        time.sleep(1.0)
-        robot.process.send_signal(signal.SIGCONT)
-        after, later = newest(0.5)
-        assert after - before == pytest.approx(later - at, abs=0.1)
+        before = struct.unpack(">Bd", take(connection)[1])[1]
+        bench.clock.now_ns += 1_000_000_000  # nobody had a turn meanwhile
+        status = robot.control("status")
+        stamps = [struct.unpack(">Bd", take(connection)[1])[1] for _ in range(62)]
+        assert robot.server.controller.time == pytest.approx(before + 1.0, abs=0.01)
+        np.testing.assert_allclose(np.diff(stamps), 0.008, atol=1e-9)  # the newest half second
+        assert stamps[-1] == pytest.approx(before + 1.0, abs=0.01)
+        assert "RUNNING" in status
 
 
 def test_time_that_is_made_up_moves_the_joints_and_is_no_silence_of_the_client():
@@ -244,13 +256,13 @@ def test_time_that_is_made_up_moves_the_joints_and_is_no_silence_of_the_client()
     script._process(robot, SET_WATCHDOG)
     server = UrServer(robot, free_address())
     try:
-        server._serve(0.0)
+        server.serve()
         robot.joints.move(robot.joints.q_reference + 0.5, 1.0, 5.0)
         server._advance(700)
         assert robot.time == pytest.approx(1.4)
         assert robot.joints.at_rest
         assert robot.script is script
-        server._serve(0.0)
+        server.serve()
         server._advance(1)
         assert robot.script is None, "now it was heard that nothing came"
         server._advance(1_000_000)
@@ -270,17 +282,18 @@ def test_stamps_can_be_made_to_fall_behind():
 
 
 def test_what_a_client_asks_for_is_heard_at_the_present_time(monkeypatch):
-    robot, address = make_controller("ur3e"), free_address()
-    server = UrServer(robot, address)
+    clock, robot = FakeClock(), make_controller("ur3e")
+    server = UrServer(robot, free_address(), clock=clock)
     try:
-        with socket.create_connection((address, 29998), 5) as client:
-            server._serve(1.0)
-            client.sendall(b"status\n")
+        ours, theirs = socket.socketpair()
+        with ours:
+            server.take_in(theirs, CONTROL, "")
+            ours.sendall(b"status\n")
             heard: list[float] = []
             monkeypatch.setattr(robot, "status", lambda: str(heard.append(robot.time)))
-            server._due = time.monotonic() - 0.1
-            server._serve(1.0)
-            assert heard[0] == pytest.approx(0.1, abs=0.03)
-            assert server._due > time.monotonic() - 0.05
+            clock.sleep(0.1)
+            server.serve()
+            assert heard == [pytest.approx(0.1)]
+            assert server.due_ns == clock.now_ns + 2_000_000
     finally:
         server.close()

@@ -7,9 +7,6 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
-import threading
-import time
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -18,27 +15,23 @@ from testbench.emulation.xarm.controller import Controller
 from testbench.emulation.xarm.server import XArmServer
 from testbench.emulation.xarm.setup import make_controller
 from testbench.exceptions import InputError
-from tests.emulated_arms import COMMAND_PORT, REAL_TIME, free_address
-
-pytestmark = REAL_TIME
-
-
-@pytest.fixture
-def controller() -> Controller:
-    return make_controller("xarm6")
+from tests.emulated_arms import COMMAND_PORT, free_address
+from tests.lock_step.bench import VirtualArm, VirtualBench
 
 
 @pytest.fixture
-def address(controller: Controller) -> Iterator[str]:
-    address = free_address()
-    server = XArmServer(controller, address, command_port=COMMAND_PORT)
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    try:
-        yield address
-    finally:
-        server.stop_asked = True
-        thread.join(10)
+def robot(bench: VirtualBench) -> VirtualArm:
+    return bench.xarm()
+
+
+@pytest.fixture
+def address(robot: VirtualArm) -> str:
+    return robot.address
+
+
+@pytest.fixture
+def controller(robot: VirtualArm) -> Controller:
+    return robot.server.controller
 
 
 def ask(
@@ -101,7 +94,8 @@ def layouts(monkeypatch, tmp_path):
     ).ReportDataStructure
 
 
-def test_the_client_library_reads_the_timely_reports_as_they_are_meant(layouts, controller):
+def test_the_client_library_reads_the_timely_reports_as_they_are_meant(layouts):
+    controller = make_controller("xarm6")
     controller.joints.move(controller.robot.home + 0.2, 1.0, 2.0)
     for _ in range(60):
         controller.tick()
@@ -122,7 +116,8 @@ def test_the_client_library_reads_the_timely_reports_as_they_are_meant(layouts, 
     ).max() > np.radians(0.5)
 
 
-def test_the_client_library_reads_the_rich_reports_as_they_are_meant(layouts, controller):
+def test_the_client_library_reads_the_rich_reports_as_they_are_meant(layouts):
+    controller = make_controller("xarm6")
     controller.fault("emergency_stop")
     report, data = layouts.create(30002), controller.rich_report()
     assert len(data) == len(report)
@@ -196,26 +191,20 @@ def test_a_target_beyond_a_joints_range_or_speed_is_an_error_of_the_makers_numbe
     assert controller.joints.steady and controller.state_now == 4
 
 
-def test_faults_come_by_the_port_for_faults_too(address, controller):
-    with socket.create_connection((address, 29998), 5) as connection:
-        said = connection.makefile("rw")
-
-        def tell(line: str) -> str:
-            said.write(f"{line}\n")
-            said.flush()
-            return said.readline().strip()
-
-        assert tell("status").startswith("STANDBY ENABLED error 0 mode 0, at rest, moved 0")
-        assert "faults: protective_stop" in tell("fault earthquake")
-        assert tell("fault power_off") == "ok"
-        assert tell("status").startswith("STOPPED DISABLED")
-        assert tell("clear") == "ok"
-        assert tell("fault disconnect 0.5") == "ok"
-        time.sleep(0.1)
-        with socket.create_connection((address, COMMAND_PORT), 5) as client:
-            client.settimeout(5)
-            with contextlib.suppress(ConnectionResetError):
-                assert client.recv(1) == b""
+def test_faults_come_by_the_port_for_faults_too(robot, bench):
+    tell = robot.control
+    assert tell("status").startswith("STANDBY ENABLED error 0 mode 0, at rest, moved 0")
+    assert "faults: protective_stop" in tell("fault earthquake")
+    assert tell("fault power_off") == "ok"
+    assert tell("status").startswith("STOPPED DISABLED")
+    assert tell("clear") == "ok"
+    assert tell("fault disconnect 0.5") == "ok"
+    bench.clock.sleep(0.1)
+    with socket.create_connection((robot.address, COMMAND_PORT), 5) as client:
+        assert client.recv(1) == b""
+    bench.clock.sleep(0.5)
+    with socket.create_connection((robot.address, COMMAND_PORT), 5) as client:
+        assert ask(client, 13) == (0, bytes([2]))
 
 
 def test_a_scenario_with_a_fault_of_another_makers_arm_is_refused(tmp_path):

@@ -133,10 +133,10 @@ def test_a_filter_that_needs_the_whole_recording_gets_it_while_it_is_not_too_lon
     _, session, whole, pieces = case
     clock, kinds = whole.sensors["imu"].clock, {"vqf_offline": access_filter("vqf_offline")}
     every = pieces.sensors["imu"].every
-    (_, expected), *_ = access.WholeRecording(session, "imu").orientations(
+    (_, expected), *_ = access.WholeRecording(session.sensor("imu")).orientations(
         kinds, clock, lambda samples: samples
     )
-    (_, found), *_ = access.PiecewiseRecording(session, "imu", every).orientations(
+    (_, found), *_ = access.PiecewiseRecording(session.sensor("imu"), every).orientations(
         kinds, clock, lambda samples: samples
     )
     np.testing.assert_array_equal(found, expected[every - 1 :: every])
@@ -145,10 +145,10 @@ def test_a_filter_that_needs_the_whole_recording_gets_it_while_it_is_not_too_lon
 def test_the_filters_see_the_same_samples_bit_for_bit_when_the_clock_is_given(case):
     name, session, whole, _ = case
     clock = whole.sensors["imu"].clock
-    plain = access.WholeRecording(session, "imu")
+    plain = access.WholeRecording(session.sensor("imu"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(access, "PIECE", PIECE)
-        cut = access.PiecewiseRecording(session, "imu", EVERY)
+        cut = access.PiecewiseRecording(session.sensor("imu"), EVERY)
         kinds = {key: access_filter(key) for key in FILTERS[:-1]}
         ours = dict(cut.orientations(kinds, clock, lambda uniform: uniform))
     for key, expected in plain.orientations(kinds, clock, lambda uniform: uniform):

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ RIGHT_HANDED = [
 ]
 
 
+@cache
 def moving(
     seed: int = 0, n: int = 4000, axes: tuple[int, ...] = (0, 1, 2)
 ) -> tuple[ImuSamples, Truth, np.ndarray]:

@@ -73,7 +73,7 @@ def test_metrics_over_all_joints_count_every_joint_alike(result):
             "covered_percent": 50.0,
         }
     )
-    several = Evaluation("s", [], [], [], Outcome.NOT_MEASURED, chain=[row, other])
+    several = Evaluation(session="s", chain=[row, other])
     found = {metric.name: metric.value for metric in summarise_metrics(several)}
     assert len(found) == 3 * len(CHAIN_METRICS) - 1  # no signed mean over all
     assert found["chain.angle_rmse_deg"] == pytest.approx(np.sqrt((row.rmse_deg**2 + 9) / 2))

@@ -14,16 +14,16 @@ from hypothesis.extra.numpy import arrays
 
 from testbench.evaluation.cycles import (
     POINTS,
-    add_cycles,
     chain_cycles,
     coefficient_of_multiple_correlation,
     cut_cycles,
     cycle_notes,
+    cycle_tables,
     joint_cycles,
 )
 from testbench.evaluation.flexion import JointErrors
 from testbench.records.chain import ChainEstimate
-from testbench.records.evaluation import Evaluation, Outcome
+from testbench.records.evaluation import Evaluation
 from testbench.records.plan import PlannedCycles, PlannedStep
 from testbench.reporting.report import report
 
@@ -201,7 +201,16 @@ def test_without_planned_cycles_and_without_motion_there_is_nothing():
 def test_the_joints_of_a_chain_are_cut_by_the_steps_of_their_section():
     names = ["hip", "knee"]
     zero = np.zeros((len(instants), 3, 2))
-    estimate = ChainEstimate("walk", "fourier", ["a"], names, instants, zero, zero, {})
+    estimate = ChainEstimate(
+        section="walk",
+        state="fourier",
+        sensors=["a"],
+        joints=names,
+        facts={},
+        host_time_ns=instants,
+        mean=zero,
+        sd=zero,
+    )
     series = {"host_time_ns": instants, "judged": IN_STEP}
     for i, name in enumerate(names):
         error = np.full(len(instants), np.radians(i + 1.0))
@@ -251,10 +260,11 @@ def test_an_offset_lowers_the_coefficient_as_it_should():
 
 
 def test_rows_and_average_cycles_come_back_from_disk(tmp_path):
-    result = Evaluation("s", [], [], [], Outcome.NOT_MEASURED)
-    for offset in (0.01, 0.02):  # as of two joints, one after the other
-        add_cycles(result, joint(np.full(len(instants), offset)))
-    add_cycles(result, [])
+    two = [
+        found for offset in (0.01, 0.02) for found in joint(np.full(len(instants), offset))
+    ]  # as of two joints, one after the other
+    assert not cycle_tables([]).series
+    result = Evaluation(session="s", **vars(cycle_tables(two)))
     result.save(tmp_path)
     found = Evaluation.load(tmp_path)
     assert found.cycles == result.cycles and len(found.cycles) == 2

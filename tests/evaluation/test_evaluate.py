@@ -10,13 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from testbench.evaluation import evaluate
-from testbench.evaluation.judged import SETTLING_NS, judged_steps, window
+from testbench.evaluation.judged import SETTLING_NS, window
 from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE
 from testbench.exceptions import SessionError
 from testbench.model import rotation
 from testbench.records.estimate import CalibrationFit, Estimate, JointEstimate
 from testbench.records.evaluation import Evaluation, Outcome
-from testbench.records.plan import PlannedStep
+from testbench.records.plan import PlannedStep, judged_steps
 
 JOINT_KEYS = {
     "joint",

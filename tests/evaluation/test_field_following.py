@@ -100,9 +100,11 @@ def judged_by(
 ) -> tuple[SensorErrors, FieldDeviation]:
     """A sensor of which only the headings matter."""
     n = len(field)
-    nothing: Any = None
     estimate = SensorEstimate(
-        times(n), np.ones(n, bool), {}, nothing, nothing, {}, {}, np.zeros(n, bool)
+        host_time_ns=times(n),
+        static=np.ones(n, bool),
+        orientation={},
+        flagged=np.zeros(n, bool),
     )
     split = {key: OrientationErrors(np.abs(e), e, np.zeros(n)) for key, e in errors.items()}
     sensor = SensorErrors(

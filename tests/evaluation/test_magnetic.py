@@ -15,11 +15,12 @@ from scipy.spatial.transform import Rotation
 from testbench import execute, plan
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
-from testbench.evaluation.judged import judged_steps, sound_truth
+from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.magnetic import EDGES, field_deviation, field_error_rows, field_rows
 from testbench.evaluation.orientation import sensor_errors
 from testbench.evaluation.outliers import outlier_rows
 from testbench.records.estimate import CalibrationFit
+from testbench.records.plan import judged_steps
 
 PASSAGE = """
 name: short_passage
@@ -189,7 +190,7 @@ def test_a_disturbance_that_stays_turns_vqf_as_well(passage):
 
 def test_the_manifest_says_what_disturbed_the_field(passage):
     session, _ = passage
-    environment = session.manifest["environment"]
+    environment = session.manifest.content["environment"]
     assert environment["magnetic_field_uT"] == [0.0, 24.0, -39.0]
     assert [d["name"] for d in environment["dipoles"]] == [
         d.name for d in session.robot.spec.magnetism.dipoles

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from testbench.evaluation.metrics import correlation, orientation_errors, rms, summarise
 from testbench.evaluation.orientation import evaluate_sensor, judged_rows, truth_at
 from testbench.model import rotation
-from testbench.records.estimate import CalibrationFit, ClockFit, SensorEstimate
+from testbench.records.estimate import SensorEstimate
 from testbench.records.samples import Truth
 
 N = 500
@@ -29,14 +29,10 @@ def truth(n: int = N) -> Truth:
 def estimate(q: np.ndarray) -> SensorEstimate:
     time = np.arange(len(q)) * 8_000_000
     return SensorEstimate(
-        time,
-        np.ones(len(q), bool),
-        {"vqf_6d": q},
-        ClockFit(),
-        CalibrationFit(),
-        {},
-        {},
-        np.zeros(len(q), bool),
+        host_time_ns=time,
+        static=np.ones(len(q), bool),
+        orientation={"vqf_6d": q},
+        flagged=np.zeros(len(q), bool),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from testbench.evaluation.noise import Rest, noise_rows
-from testbench.evaluation.noise_preset import measured_sensor
+from testbench.pipeline.noise_preset import measured_sensor
 from testbench.records.samples import GYR
 from testbench.records.sensor import load_preset
 

@@ -45,7 +45,7 @@ def verdict(rows: list[JointRow], *accept: AcceptanceLimit) -> tuple[list, Outco
 
 
 def judged(rows: list[JointRow], orientation: list[OrientationRow]) -> Evaluation:
-    return Evaluation("session", rows, orientation, [], Outcome.NOT_MEASURED)
+    return Evaluation(session="session", joint_angle=rows, orientation=orientation)
 
 
 MEAN = "elbow.flexion_mean_abs_error_deg"

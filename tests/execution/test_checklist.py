@@ -7,10 +7,9 @@ import os
 
 import pytest
 
-from testbench.cli.arm_choice import ArmChoice
-from testbench.cli.running import _hazards
+from testbench.cli.running import consent_of
 from testbench.exceptions import ArmRefused
-from testbench.execution.checklist import HAZARDS
+from testbench.execution.checklist import HAZARDS, confirm_hazards
 
 
 class Person(io.StringIO):
@@ -45,7 +44,7 @@ def test_what_was_typed_before_a_question_is_no_answer_to_it(keys, monkeypatch):
     person = Person(keys, ["n"])
     monkeypatch.setattr("sys.stderr", person)
     with pytest.raises(ArmRefused, match="the hazard 'area' was not confirmed"):
-        _hazards(ArmChoice("ur"))
+        confirm_hazards(consent_of(True, False).ask)
     assert person.getvalue().count("[y/N]") == 1
 
 
@@ -53,13 +52,13 @@ def test_answers_typed_in_advance_to_later_questions_are_not_taken_either(keys, 
     person = Person(keys, ["y\ny\ny\ny\ny\ny\ny", "n"])
     monkeypatch.setattr("sys.stderr", person)
     with pytest.raises(ArmRefused, match="the hazard 'emergency_stop' was not confirmed"):
-        _hazards(ArmChoice("ur"))
+        confirm_hazards(consent_of(True, False).ask)
 
 
 def test_a_person_who_answers_every_question_confirms_them_all(keys, monkeypatch):
     monkeypatch.setattr("sys.stderr", Person(keys, ["y"] * len(HAZARDS)))
-    assert _hazards(ArmChoice("ur")) == {
+    assert confirm_hazards(consent_of(True, False).ask) == {
         "confirmed": list(HAZARDS),
         "sentences": list(HAZARDS.values()),
-        "by": "asked on the terminal",
     }
+    assert consent_of(True, False).asked == "asked on the terminal"

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from testbench import execute, plan
+from testbench.drivers import session_time
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.exceptions import DriverError
-from testbench.execution import executor
+from testbench.execution import RunOptions, sensors
 from testbench.frames import NANOSECONDS
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Event, RunStatus, list_sessions
@@ -62,9 +63,9 @@ def device_events(session):
 def test_events_of_a_live_sensor_are_in_the_session_once_and_in_order(
     tiny, tmp_path, clock, monkeypatch
 ):
-    monkeypatch.setattr(executor, "SimulatedImu", Unsteady)
-    monkeypatch.setattr(executor, "FAST_CHUNK_NS", NANOSECONDS // 2)
-    session = execute(plan(tiny), tmp_path, 1, clock=clock)
+    monkeypatch.setattr(sensors, "SimulatedImu", Unsteady)
+    monkeypatch.setattr(session_time, "STRETCH_NS", NANOSECONDS // 2)
+    session = execute(plan(tiny), tmp_path, 1, RunOptions(clock=clock))
     found = device_events(session)
     assert [name for name, _ in found] == [
         "connected",
@@ -82,10 +83,10 @@ def test_events_of_a_live_sensor_are_in_the_session_once_and_in_order(
 
 
 def test_what_a_sensor_said_last_is_kept_when_it_fails(tiny, tmp_path, clock, monkeypatch):
-    monkeypatch.setattr(executor, "SimulatedImu", Failing)
-    monkeypatch.setattr(executor, "FAST_CHUNK_NS", NANOSECONDS)
+    monkeypatch.setattr(sensors, "SimulatedImu", Failing)
+    monkeypatch.setattr(session_time, "STRETCH_NS", NANOSECONDS)
     with pytest.raises(DriverError, match="the sensor was lost"):
-        execute(plan(tiny), tmp_path, 1, clock=clock)
+        execute(plan(tiny), tmp_path, 1, RunOptions(clock=clock))
     (session,) = list_sessions(tmp_path)
     assert session.status is RunStatus.ERROR
     assert {name for name, _ in device_events(session)} >= {

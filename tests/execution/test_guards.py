@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from testbench import execute, plan
 from testbench.exceptions import ArmRefused, BenchError
+from testbench.execution import RunOptions
 from testbench.execution.checklist import HAZARDS, confirm_hazards
 from testbench.execution.guards import GuardWatch, Trip
 from testbench.execution.operator import Operator
@@ -102,7 +103,7 @@ def test_a_guard_that_is_off_says_nothing():
 @given(st.lists(st.sampled_from(list(RunState)), max_size=12))
 def test_only_allowed_changes_happen_and_each_is_told(wanted):
     told: list[tuple[RunState, RunState]] = []
-    machine = StateMachine(lambda old, new, why: told.append((old, new)))
+    machine = StateMachine(lambda at_ns, old, new, why: told.append((old, new)))
     for state in wanted:
         before = machine.state
         if state in FOLLOWING[before]:
@@ -155,7 +156,9 @@ def test_a_simulated_run_says_what_a_guard_found_and_that_it_waits(tiny, tmp_pat
             os.kill(os.getpid(), signal.SIGUSR2)
 
     session = execute(
-        plan(tmp_path / "tiny.yaml"), tmp_path / "logs", speed="realtime", clock=clock, say=hear
+        plan(tmp_path / "tiny.yaml"),
+        tmp_path / "logs",
+        options=RunOptions(speed="realtime", clock=clock, say=hear),
     )
     assert session.status is RunStatus.COMPLETED
     assert said[0].startswith("warning: sample gap of hand: ") and said[0].endswith(

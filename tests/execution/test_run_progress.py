@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from testbench import plan
-from testbench.execution.executor import Progress
 from testbench.execution.motion_table import motion_rows
-from testbench.execution.run_progress import ProgressMeter
+from testbench.execution.run_progress import Progress, ProgressMeter
 from testbench.records.session import Event
 
 SECOND = 1_000_000_000

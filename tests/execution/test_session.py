@@ -18,9 +18,9 @@ import pytest
 from testbench import execute, plan
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.exceptions import DriverError, NotFoundError, RunInterrupted, SessionError
-from testbench.execution import truth
-from testbench.execution.executor import Progress
+from testbench.execution import RunOptions, truth
 from testbench.execution.recovery import recover
+from testbench.execution.run_progress import Progress
 from testbench.model.joint_motion import Smoothing
 from testbench.records.samples import ArmSamples
 from testbench.records.session import RunStatus, Session, list_sessions
@@ -131,7 +131,9 @@ def test_the_truth_is_made_of_measured_angles_and_is_not_the_plan(quick):
 def test_the_same_seed_writes_the_same_bytes_and_another_one_other_noise(
     tiny_plan, tmp_path, clock
 ):
-    first, again, other = (execute(tiny_plan, tmp_path, seed, clock=clock) for seed in (5, 5, 6))
+    first, again, other = (
+        execute(tiny_plan, tmp_path, seed, RunOptions(clock=clock)) for seed in (5, 5, 6)
+    )
     for name in RAW:
         assert (first.path / name).read_bytes() == (again.path / name).read_bytes(), name
     assert (first.path / "events.jsonl").read_bytes() == (again.path / "events.jsonl").read_bytes()
@@ -144,10 +146,10 @@ def test_the_same_seed_writes_the_same_bytes_and_another_one_other_noise(
 def test_a_run_in_real_time_writes_the_bytes_of_a_fast_one_and_keeps_its_rhythm(
     tiny_plan, tmp_path, clock, seed
 ):
-    fast = execute(tiny_plan, tmp_path, seed, clock=clock)
+    fast = execute(tiny_plan, tmp_path, seed, RunOptions(clock=clock))
     assert clock.slept == []
     started = clock.now_ns
-    slow = execute(tiny_plan, tmp_path, seed, "realtime", clock=clock)
+    slow = execute(tiny_plan, tmp_path, seed, RunOptions(speed="realtime", clock=clock))
     for name in RAW:
         assert (fast.path / name).read_bytes() == (slow.path / name).read_bytes(), name
     assert (clock.now_ns - started) / 1e9 == pytest.approx(tiny_plan.duration + 1, abs=0.1)
@@ -181,14 +183,16 @@ def test_the_steps_read_back_are_the_steps_planned(quick):
 
 
 def test_a_second_run_in_the_same_second_gets_a_folder_of_its_own(tiny_plan, tmp_path, clock):
-    names = [execute(tiny_plan, tmp_path, clock=clock).name for _ in range(3)]
+    names = [execute(tiny_plan, tmp_path, options=RunOptions(clock=clock)).name for _ in range(3)]
     assert names == ["20260102T030405Z_tiny", "20260102T030405Z_tiny_2", "20260102T030405Z_tiny_3"]
     assert [session.name for session in list_sessions(tmp_path)] == names
 
 
 def test_progress_counts_up_to_the_end(tiny_plan, tmp_path, clock):
     seen: list[Progress] = []
-    execute(tiny_plan, tmp_path, speed="realtime", clock=clock, progress=seen.append)
+    execute(
+        tiny_plan, tmp_path, options=RunOptions(speed="realtime", clock=clock, progress=seen.append)
+    )
     assert [p.time for p in seen] == sorted(p.time for p in seen)
     assert seen[-1].time == pytest.approx(seen[-1].duration)
     assert {p.step for p in seen} == {step.name for step in tiny_plan.steps}
@@ -206,10 +210,10 @@ def test_a_sensor_that_fails_is_a_bench_error_and_the_session_keeps_what_was_rec
 
     monkeypatch.setattr(SimulatedImu, "read", failing)
     with pytest.raises(DriverError, match="connection was lost"):
-        execute(tiny_plan, tmp_path, speed="realtime", clock=clock)
+        execute(tiny_plan, tmp_path, options=RunOptions(speed="realtime", clock=clock))
     (session,) = list_sessions(tmp_path)
     assert session.status is RunStatus.ERROR
-    assert "connection was lost" in session.manifest["message"]
+    assert "connection was lost" in session.manifest.message
     assert session.events[-1].event == "run_error"
     assert session.imu("hand").host_time_ns[-1] > 2_300_000_000
     assert not list(session.path.glob("*.arrows")) and not list(session.path.glob("*.partial"))
@@ -221,7 +225,7 @@ def test_a_bug_in_a_driver_closes_the_session_too(tiny_plan, tmp_path, clock, mo
 
     monkeypatch.setattr(SimulatedImu, "read", broken)
     with pytest.raises(ZeroDivisionError):
-        execute(tiny_plan, tmp_path, clock=clock)
+        execute(tiny_plan, tmp_path, options=RunOptions(clock=clock))
     (session,) = list_sessions(tmp_path)
     assert session.status is RunStatus.ERROR
 
@@ -233,7 +237,11 @@ def test_the_operators_stop_keeps_the_recording_up_to_rest(tiny_plan, tmp_path, 
 
     before = signal.getsignal(signal.SIGINT)  # a shell's background job ignores it
     with pytest.raises(RunInterrupted, match="interrupted by the operator") as caught:
-        execute(tiny_plan, tmp_path, speed="realtime", clock=clock, progress=stop_at_half)
+        execute(
+            tiny_plan,
+            tmp_path,
+            options=RunOptions(speed="realtime", clock=clock, progress=stop_at_half),
+        )
     session = caught.value.session
     assert caught.value.exit_code == 130
     whole = f"{len(session.steps)} of {len(tiny_plan.steps)} steps are whole"
@@ -312,9 +320,9 @@ def test_a_recovered_run_equals_the_beginning_of_an_undisturbed_one(
     shutil.copytree(killed[0], tmp_path / "killed")
     session = recover(Session(tmp_path / "killed"))
     assert session.status is RunStatus.ABORTED
-    assert "recovered" in session.manifest["message"]
+    assert "recovered" in session.manifest.message
     assert not list(session.path.glob("*.arrows"))
-    whole = execute(tiny_plan, tmp_path, seed=SEED, clock=clock)
+    whole = execute(tiny_plan, tmp_path, SEED, RunOptions(clock=clock))
     for found, expected in ((session.imu("hand"), whole.imu("hand")), (session.arm(), whole.arm())):
         n = len(found.host_time_ns)
         assert 0 < n < len(expected.host_time_ns)

@@ -12,8 +12,9 @@ from vqf import VQF
 
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.formats import FORMATS, import_recording
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.session import RunStatus
+from tests.asking import analysis
 
 # Published by the dataset's authors for the vqf package with its defaults [deg]; data/README.md of
 # the recordings.
@@ -49,7 +50,7 @@ def test_a_trial_through_import_and_evaluation_gives_the_error_of_the_package_ca
 ):
     file = trial_file(data, number)
     session = import_recording("broad", [file], tmp_path / number, clock)
-    evaluation = analyse(session, ["vqf_9d"], with_report=False).evaluation
+    evaluation = analyse(session, analysis("vqf_9d")).evaluation
     (row,) = evaluation.orientation
     assert row.total_rmse_deg == pytest.approx(vqf_called_directly(file), abs=0.02)
     assert row.total_rmse_deg == pytest.approx(VQF_TOTAL_DEG[number], abs=0.02)
@@ -84,7 +85,7 @@ def test_an_imported_trial_is_a_session_like_any_other(data, tmp_path, clock):
     assert (len(samples) - 1) / (samples.device_time_ns[-1] / 1e9) == pytest.approx(
         285.714, rel=1e-4
     )
-    result = analyse(session, None, with_report=False)
+    result = analyse(session, analysis())
     assert {row.filter for row in result.evaluation.orientation} == {
         "vqf_6d",
         "vqf_9d",
@@ -110,7 +111,7 @@ def made_up(n: int = 1000) -> dict[str, object]:
 def test_a_trial_at_rest_has_no_error(tmp_path, clock):
     savemat(tmp_path / "rest.mat", made_up())
     session = import_recording("broad", [tmp_path / "rest.mat"], tmp_path / "session", clock)
-    (row,) = analyse(session, ["vqf_9d"], with_report=False).evaluation.orientation
+    (row,) = analyse(session, analysis("vqf_9d")).evaluation.orientation
     assert row.n == 1000
     assert row.total_rmse_deg < 0.01
 
@@ -120,7 +121,7 @@ def test_samples_of_which_the_optical_system_saw_nothing_are_not_judged(tmp_path
     trial["opt_quat"][300:600] = np.nan  # type: ignore[index]
     savemat(tmp_path / "lost.mat", trial)
     session = import_recording("broad", [tmp_path / "lost.mat"], tmp_path / "session", clock)
-    (row,) = analyse(session, ["vqf_6d"], with_report=False).evaluation.orientation
+    (row,) = analyse(session, analysis("vqf_6d")).evaluation.orientation
     assert 690 <= row.n <= 700
 
 

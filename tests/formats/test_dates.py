@@ -18,6 +18,7 @@ from testbench.estimation import estimate
 from testbench.exceptions import InputError
 from testbench.formats import import_recording
 from testbench.formats.dates import NO_ZONE, read_date, recorded_in_name
+from testbench.formats.options import Options
 from testbench.records.calibration import TriadCalibration
 from testbench.records.calibration_file import SensorCalibration
 from testbench.reporting.session_section import facts
@@ -94,17 +95,17 @@ def test_the_date_in_the_file_is_kept_and_a_persons_goes_before_it(table, tmp_pa
     session = import_recording("matrix", [file], tmp_path / "a", clock)
     assert session.recorded_at == datetime(2023, 3, 1, 12, tzinfo=UTC)
     assert session.started == clock.utc()
-    assert session.manifest["recorded_by"] == f"dateTime in left.csv; {NO_ZONE}"
+    assert session.manifest.recorded_by == f"dateTime in left.csv; {NO_ZONE}"
     assert dict(facts(session))["Recorded"].startswith(
         "2023-03-01 12:00:00 UTC, by dateTime in left.csv"
     )
     stated = import_recording(
-        "matrix", [file], tmp_path / "b", clock, recorded_at="2023-03-01T12:00:00+02:00"
+        "matrix", [file], tmp_path / "b", clock, Options(recorded_at="2023-03-01T12:00:00+02:00")
     )
     assert stated.recorded_at == datetime(2023, 3, 1, 10, tzinfo=UTC)
-    assert stated.manifest["recorded_by"] == "stated with --recorded-at"
+    assert stated.manifest.recorded_by == "stated with --recorded-at"
     with pytest.raises(InputError, match="--recorded-at yesterday: write the date as 2021-08-20"):
-        import_recording("matrix", [file], tmp_path / "c", clock, recorded_at="yesterday")
+        import_recording("matrix", [file], tmp_path / "c", clock, Options(recorded_at="yesterday"))
 
 
 @pytest.mark.data
@@ -116,7 +117,7 @@ def test_the_real_dot_files_say_when_they_were_recorded(data, tmp_path, clock):
     assert abs(session.recorded_at - datetime(2021, 8, 20, 12, 21, 13, tzinfo=UTC)) < timedelta(
         seconds=2
     )  # 20:21 GMT+8
-    assert session.manifest["recorded_by"].startswith("StartTime in ")
+    assert session.manifest.recorded_by.startswith("StartTime in ")
 
 
 def test_an_unknown_date_is_said_and_chooses_between_no_calibrations(table, tmp_path, clock):
@@ -131,8 +132,8 @@ def test_an_unknown_date_is_said_and_chooses_between_no_calibrations(table, tmp_
     assert "of several stored calibrations none can be chosen as the nearest in time" in shown
     session = import_recording("matrix", [file], tmp_path / "a", clock)
     assert session.recorded_at is None
-    assert session.manifest["recorded_utc"] is None
-    assert any("the date of the recording is unknown" in note for note in session.manifest["notes"])
+    assert session.manifest.recorded_utc is None
+    assert any("the date of the recording is unknown" in note for note in session.manifest.notes)
     old = SensorCalibration(
         "left",
         None,
@@ -155,7 +156,9 @@ def test_an_unknown_date_is_said_and_chooses_between_no_calibrations(table, tmp_
         if "stored calibration" in r
     ]
     assert "when the session was recorded, and how long from that, is unknown" in remark
-    dated = import_recording("matrix", [file], tmp_path / "b", clock, recorded_at="2023-02-20")
+    dated = import_recording(
+        "matrix", [file], tmp_path / "b", clock, Options(recorded_at="2023-02-20")
+    )
     (remark,) = [
         r
         for r in estimate(dated, ["gyro"], [old, new]).sensors["left"].remarks

@@ -15,7 +15,8 @@ from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.formats import import_recording
 from testbench.formats.mapping import MappingSpec, find_mapping, list_mappings
 from testbench.formats.options import Options
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
+from tests.asking import analysis
 
 G = 9.80665
 PLAIN = """\
@@ -75,8 +76,8 @@ def test_the_real_ferraris_session_imports_by_its_shipped_mapping(data, tmp_path
     samples, raw = session.imu("imu"), np.genfromtxt(file, delimiter=",", skip_header=1)
     np.testing.assert_allclose(samples.gyr, 2 * np.radians(raw[:, 1:4]), rtol=1e-12)
     np.testing.assert_array_equal(samples.acc, raw[:, 4:7])
-    assert len(samples) == 10_376 and session.manifest["sensors"]["imu"]["rate_hz"] == 204.8
-    assert session.manifest["duration_s"] == pytest.approx(10_375 / 204.8)
+    assert len(samples) == 10_376 and session.manifest.sensors["imu"].rate_hz == 204.8
+    assert session.manifest.duration_s == pytest.approx(10_375 / 204.8)
     rest = samples.acc[540:1271]  # the section of imucal's example in which the x axis points up
     assert rest.mean(axis=0) == pytest.approx([10.3, -0.58, 0.5], abs=0.1)
 
@@ -85,7 +86,7 @@ def test_the_real_ferraris_session_imports_by_its_shipped_mapping(data, tmp_path
 def test_the_unit_of_the_real_ferraris_session_is_told_without_being_stated(data, load):
     text = (Path(find_mapping("imucal_ferraris").file)).read_text().replace(", unit: m/s^2", "")
     session = load(text, data / "imucal" / "example_ferraris_session.csv")
-    notes = " ".join(session.manifest["notes"])
+    notes = " ".join(session.manifest.notes)
     assert "acc is taken for m/s^2" in notes
 
 
@@ -107,7 +108,7 @@ def test_the_lines_of_a_serial_board_import_by_their_shipped_mapping(tmp_path, m
         "generic", [tmp_path / "log.txt"], tmp_path / "s", clock, Options("bno080_serial")
     )
     np.testing.assert_allclose(session.imu("imu").gyr, m.gyr, atol=0.0051)
-    assert session.manifest["sensors"]["imu"]["rate_hz"] == pytest.approx(100)
+    assert session.manifest.sensors["imu"].rate_hz == pytest.approx(100)
 
 
 @pytest.mark.parametrize(
@@ -190,7 +191,7 @@ def test_counts_with_offset_and_scale_can_be_recovered(plain, motion, load):
         "[ax, ay, az], unit: m/s^2", f"[cx, cy, cz], unit: g, offset: 32768, scale: {1 / 2048}"
     )
     session = load(text, path)
-    kept = session.manifest["sensors"]["imu"]["raw_counts"]["acc"]
+    kept = session.manifest.content["sensors"]["imu"]["raw_counts"]["acc"]
     np.testing.assert_array_equal(
         np.round(session.imu("imu").acc / G / kept["scale"] + kept["offset"]), counts
     )
@@ -232,14 +233,12 @@ def test_axes_turn_every_vector_and_the_orientation(plain, motion, load, axes, x
 def test_axes_by_option_do_the_same_for_any_format(plain, motion, tmp_path, clock):
     m = motion(600)
     (tmp_path / "map.yaml").write_text(PLAIN)
-    options = Options(str(tmp_path / "map.yaml"))
-    session = import_recording(
-        "generic", [plain(m)], tmp_path / "session", clock, options, axes="x: -z, y: -y, z: -x"
-    )
+    options = Options(str(tmp_path / "map.yaml"), axes="x: -z, y: -y, z: -x")
+    session = import_recording("generic", [plain(m)], tmp_path / "session", clock, options)
     np.testing.assert_allclose(
         session.imu("imu").acc, m.acc @ np.array([[0, 0, -1], [0, -1, 0], [-1, 0, 0]]).T, atol=1e-6
     )
-    assert "axes of every sensor: x: -z, y: -y, z: -x" in session.manifest["notes"]
+    assert "axes of every sensor: x: -z, y: -y, z: -x" in session.manifest.notes
 
 
 @pytest.mark.parametrize("order", ["wxyz", "xyzw"])
@@ -334,7 +333,7 @@ def test_truth_in_the_same_rows_with_gaps_and_flipped_signs(plain, motion, load,
     assert np.abs(np.sum(truth.q_world_from_sensor[known] * m.q[row], axis=1)).min() > 1 - 1e-9
     np.testing.assert_array_equal(truth.judged[known], m.t[row] > 2)
     assert session.analysis.estimate.align == "motion" and not session.analysis.estimate.align_clock
-    notes = " ".join(session.manifest["notes"])
+    notes = " ".join(session.manifest.notes)
     assert "changed the sign" in notes and "1 gaps" in notes
 
 
@@ -351,7 +350,7 @@ def test_truth_in_a_file_of_its_own_at_a_lower_rate(plain, motion, load, table, 
     session = load(text, plain(m))
     truth = session.truth("imu")
     assert truth.host_time_ns[0] == 0 and session.analysis.estimate.align_clock
-    result = analyse(session, ["vqf_6d"], with_report=False)
+    result = analyse(session, analysis("vqf_6d"))
     (row,) = result.evaluation.orientation
     assert row.total_rmse_deg < 0.5
 

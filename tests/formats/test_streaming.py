@@ -31,7 +31,7 @@ file, folder, options = Path(sys.argv[1]), Path(sys.argv[2]), Options(sys.argv[3
 session = import_recording("generic", [file], folder, Clock(), options)
 took = time.perf_counter() - begun
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-print(session.manifest["samples"]["imu"], session.manifest["duration_s"] / took, peak)
+print(session.manifest.samples["imu"], session.manifest.duration_s / took, peak)
 """
 MAPPING = """\
 description: long

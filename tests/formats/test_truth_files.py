@@ -20,11 +20,12 @@ from testbench.formats.recording import ImportedSensor
 from testbench.formats.truth.attach import TruthOptions
 from testbench.formats.truth.robot_log import commanded_steps, find_dwells, read_robot_log
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.robot import load_robot
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Session
 from testbench.records.strict import Placement
+from tests.asking import analysis
 
 LINK = "wrist_3_link"
 HOME = np.array([0.0, -90, -90, -90, 90, 180])
@@ -156,11 +157,11 @@ def test_the_whole_way_to_the_error_of_a_filter(run, load, table):
     )
     session = load(log, joint_unit="rad")
     assert session.analysis.estimate.align == "motion" and session.analysis.estimate.align_clock
-    (row,) = analyse(session, ["vqf_6d"], with_report=False).evaluation.orientation
+    (row,) = analyse(session, analysis("vqf_6d")).evaluation.orientation
     assert (
         row.total_rmse_deg < 1.0
     )  # moves of up to 180 degrees in a second disturb the filter's vertical
-    assert session.manifest["sensors"]["hand"]["truth"] == f"ur3e, link {LINK}"
+    assert session.manifest.sensors["hand"].truth == f"ur3e, link {LINK}"
 
 
 def test_a_log_without_times_has_a_rate_and_may_begin_later(run, load, table):
@@ -191,7 +192,7 @@ def test_a_list_of_commanded_poses_is_matched_to_the_dwells_of_the_sensor(
         np.abs(np.sum(truth.q_world_from_sensor[known] * orientation[row], axis=1)).min() > 1 - 1e-9
     )
     assert not session.analysis.estimate.align_clock
-    assert any("6 dwells found" in note for note in session.manifest["notes"])
+    assert any("6 dwells found" in note for note in session.manifest.notes)
 
 
 def test_the_dwells_of_a_list_are_steps_of_the_session_and_judged_at_rest(load, tmp_path):
@@ -211,7 +212,7 @@ def test_the_dwells_of_a_list_are_steps_of_the_session_and_judged_at_rest(load, 
         0
     ].start_ns == 0
     assert [steps[3].variables[f"{joint}_deg"] for joint in JOINTS] == POSES_DEG[3].tolist()
-    result = analyse(session, ["vqf_6d"])
+    result = analyse(session, analysis("vqf_6d", report=True))
     (row,) = result.evaluation.orientation
     judged = result.evaluation.series["orientation_hand"]["judged"]
     time = result.estimate.sensors["hand"].host_time_ns[judged] / 1e9
@@ -254,7 +255,7 @@ def test_the_first_poses_calibrate_and_the_others_are_judged(ur3e, table, xyz, t
     options = Options(str(tmp_path / "map.yaml"))
     session = import_recording("generic", [path], tmp_path / "session", clock, options, truth)
     assert [step.role for step in session.steps] == ["calibration"] * 6 + ["evaluation"] * 3
-    result = analyse(session, ["vqf_6d"], with_report=False)
+    result = analyse(session, analysis("vqf_6d"))
     found = result.estimate.sensors["hand"].calibration
     assert found.method == "static_poses" and found.poses == 6
     np.testing.assert_allclose(found.acc_bias, acc_bias, atol=0.02)
@@ -395,7 +396,7 @@ def test_orientations_of_a_reference_system(run, recorded, table, xyz, tmp_path,
     session = import_recording("generic", [path], tmp_path / "session", clock, options, truth)
     known = np.isfinite(session.truth("hand").q_world_from_sensor[:, 0])
     assert known.sum() == len(rows) - 20 and (~known).sum() == 1
-    (row,) = analyse(session, ["vqf_6d"], with_report=False).evaluation.orientation
+    (row,) = analyse(session, analysis("vqf_6d")).evaluation.orientation
     assert row.total_rmse_deg < 1.0
 
 

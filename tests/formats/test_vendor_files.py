@@ -56,15 +56,15 @@ def test_matrix_spreads_its_samples_over_the_seconds(table, xyz, motion, load):
     samples = session.imu("MATA1")
     same(samples, m)
     np.testing.assert_array_equal(np.diff(samples.host_time_ns), 10_000_000)
-    assert session.manifest["sensors"]["MATA1"]["rate_hz"] == 100
-    assert any("bodySurface_temp, hr, remarks" in note for note in session.manifest["notes"])
+    assert session.manifest.sensors["MATA1"].rate_hz == 100
+    assert any("bodySurface_temp, hr, remarks" in note for note in session.manifest.notes)
 
 
 def test_matrix_measures_a_rate_that_is_not_the_nominal_one(table, xyz, motion, load):
     m = motion(8000, 96.0)
     session = load("matrix", table("slow.csv", matrix_columns(m, xyz)))
-    assert session.manifest["sensors"]["slow"]["rate_hz"] == pytest.approx(96, rel=2e-3)
-    assert session.manifest["duration_s"] == pytest.approx(7999 / 96, rel=2e-3)
+    assert session.manifest.sensors["slow"].rate_hz == pytest.approx(96, rel=2e-3)
+    assert session.manifest.duration_s == pytest.approx(7999 / 96, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_matrix_without_a_time_of_day_is_refused_with_its_line(table, xyz, motio
 def test_the_real_imu_tk_pair_keeps_its_counts_exactly(data, load):
     files = [data / "imu_tk" / f"xsens_{kind}.mat" for kind in ("acc", "gyro")]
     session = load("imu_tk", *reversed(files))
-    samples, scales = session.imu("imu"), session.manifest["sensors"]["imu"]["raw_counts"]
+    samples, scales = session.imu("imu"), session.manifest.content["sensors"]["imu"]["raw_counts"]
     for values, file, key, per in (
         (samples.acc, files[0], "acc", "counts_per_m_s2"),
         (samples.gyr, files[1], "gyr", "counts_per_rad_s"),
@@ -118,14 +118,14 @@ def test_the_real_imu_tk_pair_keeps_its_counts_exactly(data, load):
             np.round(values * scales[key][per] + scales[key]["offset"]), raw[:, 1:]
         )
         np.testing.assert_allclose(samples.host_time_ns * 1e-9, raw[:, 0] - raw[0, 0], atol=1e-9)
-    assert session.manifest["duration_s"] == pytest.approx(511.688, abs=1e-3)
-    assert session.manifest["sensors"]["imu"]["rate_hz"] == pytest.approx(100.01, abs=0.01)
+    assert session.manifest.duration_s == pytest.approx(511.688, abs=1e-3)
+    assert session.manifest.sensors["imu"].rate_hz == pytest.approx(100.01, abs=0.01)
     still = samples.host_time_ns < 45e9
     assert np.linalg.norm(samples.acc[still].mean(axis=0)) == pytest.approx(
         9.81, rel=0.1
     )  # nominal scale, offsets not removed
     assert samples.acc[still].std(axis=0).max() < 0.05
-    assert any("9.81744" in note for note in session.manifest["notes"])
+    assert any("9.81744" in note for note in session.manifest.notes)
 
 
 def pair(folder: Path, m, shift: float = 0.0, cut: int = 0) -> list[Path]:
@@ -144,7 +144,7 @@ def test_an_imu_tk_pair_in_si_units_is_told_by_gravity_and_turns(tmp_path, motio
     m = motion(600)
     session = load("imu_tk", *pair(tmp_path, m))
     same(session.imu("imu"), m)
-    assert any("m/s^2 and rad/s" in note for note in session.manifest["notes"])
+    assert any("m/s^2 and rad/s" in note for note in session.manifest.notes)
 
 
 @pytest.mark.parametrize(
@@ -185,8 +185,8 @@ def test_technaid_reads_several_sensors_with_blanks_in_their_titles(table, xyz, 
     samples = session.imu("Thigh")
     same(samples, m)
     np.testing.assert_allclose(samples.device_q, m.q, atol=1e-8)
-    assert session.manifest["sensors"]["Shank"]["rate_hz"] == pytest.approx(60, rel=1e-4)
-    assert any("gyr is taken for rad/s" in note for note in session.manifest["notes"])
+    assert session.manifest.sensors["Shank"].rate_hz == pytest.approx(60, rel=1e-4)
+    assert any("gyr is taken for rad/s" in note for note in session.manifest.notes)
 
 
 def test_technaid_without_times_asks_for_the_rate(table, xyz, motion, load):
@@ -196,7 +196,7 @@ def test_technaid_without_times_asks_for_the_rate(table, xyz, motion, load):
         load("technaid", table("t.csv", columns))
     session = load("technaid", table("t.csv", columns), rate=60.0)
     same(session.imu("t"), m)
-    assert session.manifest["duration_s"] == pytest.approx(599 / 60)
+    assert session.manifest.duration_s == pytest.approx(599 / 60)
 
 
 def test_technaid_at_rest_asks_for_the_gyroscopes_unit(table, xyz, motion, load):
@@ -263,10 +263,10 @@ def test_shimmer_with_its_row_of_units_and_trailing_separators(table, xyz, motio
     same(samples, m)
     np.testing.assert_allclose(samples.mag, m.mag, atol=1e-6)
     assert samples.device_time_ns[0] == 0  # a date is no clock of the sensor
-    assert session.manifest["sensors"]["Shimmer_40AC"]["rate_hz"] == pytest.approx(
+    assert session.manifest.sensors["Shimmer_40AC"].rate_hz == pytest.approx(
         51.2, rel=1e-3
     )  # though stamps are in ms
-    assert any("low-noise accelerometer" in note for note in session.manifest["notes"])
+    assert any("low-noise accelerometer" in note for note in session.manifest.notes)
 
 
 def test_shimmer_with_only_the_wide_range_and_dates(table, xyz, motion, load):
@@ -408,7 +408,7 @@ def test_mtw_by_ticks_of_a_tenth_of_a_millisecond(table, xyz, motion, load):
         ),
     )
     assert session.sensor_names == ["imu_00B42D4F"]
-    assert session.manifest["sensors"]["imu_00B42D4F"]["rate_hz"] == 40
+    assert session.manifest.sensors["imu_00B42D4F"].rate_hz == 40
     np.testing.assert_array_equal(np.diff(session.imu("imu_00B42D4F").device_time_ns), 25_000_000)
 
 
@@ -480,8 +480,8 @@ def test_matlab_arrays_by_their_usual_names_and_either_shape(tmp_path, motion, l
     )
     session = load("mti_mat", tmp_path / "mti.mat")
     same(session.imu("imu"), m)
-    assert session.manifest["sensors"]["imu"]["rate_hz"] == 100
-    assert any("gyr is taken for deg/s" in note for note in session.manifest["notes"])
+    assert session.manifest.sensors["imu"].rate_hz == 100
+    assert any("gyr is taken for deg/s" in note for note in session.manifest.notes)
 
 
 def test_matlab_structs_are_sensors(tmp_path, motion, load):

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from testbench.exceptions import FileProblems, InputError
 from testbench.formats import import_recording
 from testbench.formats.options import Options
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
 from testbench.records.session import Session
+from tests.asking import analysis
 
 ABOVE = (
     "sep=,\nDeviceTag:,left\nFirmwareVersion:,2.0.0\nSyncStatus:,{sync}\nOutputRate:,{rate}Hz\n"
@@ -64,9 +65,9 @@ def real(data, tmp_path, clock) -> Session:
 @pytest.mark.data
 def test_the_real_files_have_the_right_rate_duration_and_names(real):
     assert real.sensor_names == ["Pelvis", "RFemur", "RTibia"]
-    assert real.manifest["samples"] == {"Pelvis": 382, "RFemur": 381, "RTibia": 382}
-    assert {s["rate_hz"] for s in real.manifest["sensors"].values()} == {60.0}
-    assert real.manifest["duration_s"] == pytest.approx(6.3668, abs=1e-3)
+    assert real.manifest.samples == {"Pelvis": 382, "RFemur": 381, "RTibia": 382}
+    assert {s.rate_hz for s in real.manifest.sensors.values()} == {60.0}
+    assert real.manifest.duration_s == pytest.approx(6.3668, abs=1e-3)
     for name in real.sensor_names:
         samples = real.imu(name)
         np.testing.assert_array_equal(np.diff(samples.device_time_ns), 16_667_000)
@@ -82,7 +83,7 @@ def test_synchronised_real_files_share_the_sensors_clock(real):
         "Pelvis": 16_667_000,
         "RFemur": 33_334_000,
     }  # by SampleTimeFine of their first rows
-    assert any("Synced" in note for note in real.manifest["notes"])
+    assert any("Synced" in note for note in real.manifest.notes)
 
 
 @pytest.mark.data
@@ -100,7 +101,7 @@ def test_specific_force_of_the_real_files_gives_back_their_free_acceleration(rea
 @pytest.mark.data
 @pytest.mark.filterwarnings("default")
 def test_the_real_files_go_through_every_later_stage(real):
-    result = analyse(real, None, with_report=False)
+    result = analyse(real, analysis())
     assert set(result.estimate.sensors["Pelvis"].orientation) == {"device"}
 
 
@@ -112,7 +113,7 @@ def test_rates_and_specific_force_are_read_in_their_units(dot, motion):
     np.testing.assert_allclose(samples.gyr, m.gyr, atol=1e-9)
     np.testing.assert_allclose(samples.mag, m.mag, atol=1e-8)
     assert session.analysis.estimate.filters == ["vqf_6d", "vqf_9d", "fusion", "madgwick_imu"]
-    assert session.manifest["sensors"]["left"]["device_tag"] == "left"
+    assert session.manifest.sensors["left"].device_tag == "left"
 
 
 def test_quaternion_and_free_acceleration_give_the_specific_force_exactly(dot, motion):
@@ -149,8 +150,8 @@ def test_other_output_rates(dot, motion, rate):
         above=ABOVE.format(sync="Synced", rate=f"{rate:g}"),
         rate=rate,
     )
-    assert session.manifest["sensors"]["left"]["rate_hz"] == rate
-    assert session.manifest["duration_s"] == pytest.approx(199 / rate, rel=1e-5)
+    assert session.manifest.sensors["left"].rate_hz == rate
+    assert session.manifest.duration_s == pytest.approx(199 / rate, rel=1e-5)
 
 
 def test_a_header_that_lies_about_the_rate_is_not_believed(dot, motion):
@@ -158,15 +159,15 @@ def test_a_header_that_lies_about_the_rate_is_not_believed(dot, motion):
     session = dot(
         {"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, above=ABOVE.format(sync="Synced", rate=120)
     )
-    assert session.manifest["sensors"]["left"]["rate_hz"] == pytest.approx(60, rel=1e-3)
-    assert any("says 120 Hz, the time stamps 60" in note for note in session.manifest["notes"])
+    assert session.manifest.sensors["left"].rate_hz == pytest.approx(60, rel=1e-3)
+    assert any("says 120 Hz, the time stamps 60" in note for note in session.manifest.notes)
 
 
 @pytest.mark.parametrize("above", ["", "sep=,\n", "DeviceTag:,left\n\n"])
 def test_the_preamble_may_be_short_or_missing(dot, motion, above):
     m = motion(300, 60.0)
     session = dot({"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, above=above)
-    assert session.manifest["sensors"]["left"]["rate_hz"] == pytest.approx(60, rel=1e-3)
+    assert session.manifest.sensors["left"].rate_hz == pytest.approx(60, rel=1e-3)
 
 
 def test_the_clock_goes_on_when_its_32_bits_are_full(dot, motion):
@@ -210,7 +211,7 @@ def test_a_stale_first_row_is_dropped_and_said(dot, motion, fault):
         and samples.host_time_ns[0] == 0
     )
     np.testing.assert_allclose(samples.acc[0], m.acc[dropped], atol=1e-9)
-    assert any(f"dropped {dropped} row" in note for note in session.manifest["notes"])
+    assert any(f"dropped {dropped} row" in note for note in session.manifest.notes)
 
 
 def test_a_sound_first_row_is_kept_even_if_the_sensor_moves(dot, motion):
@@ -244,7 +245,7 @@ def test_files_that_are_not_synchronised_each_begin_at_zero(table, xyz, motion, 
         )
     session = import_recording("xsens_dot", files, tmp_path / "session", clock)
     assert [session.imu(name).host_time_ns[0] for name in ("arm", "hand")] == [0, 0]
-    assert any("do not say Synced" in note for note in session.manifest["notes"])
+    assert any("do not say Synced" in note for note in session.manifest.notes)
 
 
 def test_files_of_the_same_name_are_told_apart_by_their_tags_and_tags_lead_nowhere(

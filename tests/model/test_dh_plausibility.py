@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 import yaml
 
-from testbench.arm_pipeline import calibrated_robot
 from testbench.exceptions import InputError
 from testbench.model.dh_calibration import calibrated
 from testbench.model.dh_plausibility import Deviation, flange_deviation
-from testbench.pipeline import make_plan
+from testbench.pipeline.prepared import make_plan
+from testbench.pipeline.request import ArmRequest
 from testbench.records.arm_calibration import ArmCalibration, DhTable
 from testbench.records.robot import load_robot
+from tests.asking import run_of
 
 
 def deviation(folder: Path, name: str = "ur3e", **table: list[float]) -> Deviation:
@@ -52,7 +53,7 @@ def test_shifts_that_cancel_are_no_deviation(tmp_path):
 def plan_with(folder: Path, protocol: Path, **table: list[float]):
     file = folder / "calibration.yaml"
     file.write_text(yaml.safe_dump({"robot": "ur3e", "corrections": table}), encoding="utf-8")
-    return make_plan(protocol, calibrated_robot(protocol, None, file))
+    return make_plan(run_of(protocol, arm=ArmRequest(kinematics=file)))
 
 
 @pytest.mark.parametrize(

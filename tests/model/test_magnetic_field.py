@@ -11,6 +11,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
+from testbench import plan
 from testbench.exceptions import InputError
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.magnetic_field import (
@@ -19,7 +20,6 @@ from testbench.model.magnetic_field import (
     dipole_field,
     induced_moment,
 )
-from testbench.pipeline import plan
 from testbench.records.magnetism import MagneticDipole
 from testbench.records.protocol import Environment
 from testbench.records.robot import Robot, load_robot

@@ -12,7 +12,7 @@ from testbench.model.calibration_information import (
     predicted_sd,
     turn_information,
 )
-from testbench.pipeline import design_calibration
+from testbench.pipeline.calibrate import design_calibration
 from testbench.planning import designed
 from testbench.planning.designed import _gain
 from testbench.planning.experiment_design import ACCELEROMETER_SIZE, Designer, Wanted

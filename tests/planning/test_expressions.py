@@ -175,10 +175,10 @@ REFUSED = {
 
 @pytest.mark.parametrize("text", REFUSED.values(), ids=REFUSED.keys())
 def test_whatever_is_not_arithmetic_is_refused_at_once(text):
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(ExpressionError) as caught:
         evaluate_expression(text, VARIABLES)
-    assert time.perf_counter() - start < 0.2
+    assert time.process_time() - start < 0.2
     assert str(caught.value)
 
 

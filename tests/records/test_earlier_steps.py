@@ -13,7 +13,8 @@ import pytest
 
 from testbench.evaluation import evaluate
 from testbench.records.earlier_steps import MOST_NAMES, EarlierSteps, earlier_steps
-from testbench.records.session import PLAN, RunStatus, Session
+from testbench.records.layout import PLAN
+from testbench.records.session import RunStatus, Session
 from testbench.reporting.report import render
 
 

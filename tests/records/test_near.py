@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from testbench import estimate, evaluate
 from testbench.model.truth import truth_at
-from testbench.pipeline import Result
+from testbench.pipeline.analyse import Result
 from testbench.records import near
 from testbench.records.near import Instants, read_near
 from testbench.records.session import Session

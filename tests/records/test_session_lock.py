@@ -15,7 +15,7 @@ import pytest
 from testbench import estimate, evaluate
 from testbench.estimation.filters import get_filter
 from testbench.exceptions import SessionError
-from testbench.pipeline import analyse, judge_again
+from testbench.pipeline.analyse import analyse, judge_again
 from testbench.records import estimate as estimate_record
 from testbench.records import session_lock as lock_module
 from testbench.records.estimate import Estimate
@@ -23,7 +23,8 @@ from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
 from testbench.records.session_lock import session_lock, session_locked
 from testbench.reporting.report import report
-from tests.system.crashes import ROOT
+from tests.asking import analysis
+from tests.emulated_arms import ROOT
 
 HOLD = """\
 import sys, time
@@ -115,10 +116,10 @@ def test_estimate_evaluation_and_report_are_of_one_another(session, monkeypatch)
             assert go_on.wait(60)
         return evaluate(*arguments)
 
-    monkeypatch.setattr("testbench.pipeline.evaluate", slow)
+    monkeypatch.setattr("testbench.pipeline.analyse.evaluate", slow)
     report(session)
     threads = [
-        threading.Thread(target=judge_again, args=[session, [name]], name=thread)
+        threading.Thread(target=judge_again, args=[session, analysis(name)], name=thread)
         for thread, name in (("first", "vqf_6d"), ("second", "madgwick_imu"))
     ]
     threads[0].start()

@@ -230,20 +230,20 @@ def test_tags_never_run_anything(tmp_path):
     ],
 )
 def test_deep_nesting_is_refused_quickly(tmp_path, text):
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(FileProblems, match="nested"):
         values(text, tmp_path)
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 10
 
 
 def test_an_alias_bomb_is_refused_quickly(tmp_path):
     bomb = "a0: &a0 [x, x]\n" + "".join(
         f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 500)
     )
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(FileProblems, match="aliases"):
         values(bomb, tmp_path)
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 10
 
 
 def test_a_file_that_is_too_large_is_not_read_to_its_end(tmp_path):

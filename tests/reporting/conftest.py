@@ -13,7 +13,7 @@ import pytest
 
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
-from testbench.execution import execute
+from testbench.execution import RunOptions, execute
 from testbench.model import rotation
 from testbench.planning import plan
 from testbench.records.estimate import Estimate
@@ -35,7 +35,12 @@ class Judged:
 
 @pytest.fixture(scope="package")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> Judged:
-    session = execute(plan("quick"), tmp_path_factory.mktemp("logs"), seed=1, session_name="quick")
+    session = execute(
+        plan("quick"),
+        tmp_path_factory.mktemp("logs"),
+        seed=1,
+        options=RunOptions(session_name="quick"),
+    )
     estimated = estimate(session)
     return Judged(session, estimated, evaluate(session, estimated))
 
@@ -60,7 +65,7 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Judged:
         Analysis(estimate=settings),
         {"imu": {"driver": "import", "description": "from a data set", "rate_hz": rate}},
         datetime(2026, 1, 2, tzinfo=UTC),
-        {"kind": "import", "source": {"name": "a data set", "licence": "CC0"}},
+        {"kind": "import", "source": ["a_data_set.csv"], "licence": "CC0"},
     )
     writer.add_table("imu_imu", samples.to_columns())
     writer.add_table("truth_imu", Truth(time, q).to_columns())

@@ -2,7 +2,7 @@ import numpy as np
 
 from testbench.records.chain import ChainEstimate
 from testbench.records.estimate import Estimate
-from testbench.records.evaluation import ChainRow, Evaluation, Outcome
+from testbench.records.evaluation import ChainRow, Evaluation
 from testbench.reporting.chain_section import MOST_PANELS, chain_section
 from testbench.reporting.page import Figures, Sentence
 from testbench.reporting.tables import Table
@@ -14,14 +14,14 @@ TIME = np.arange(100, dtype=np.int64) * 10_000_000
 def chain(state: str) -> ChainEstimate:
     mean = np.zeros((100, 3, len(JOINTS)))
     return ChainEstimate(
-        "walk",
-        state,
-        ["a", "b"],
-        JOINTS,
-        TIME,
-        mean,
-        mean + 0.1,
-        {"normalised_innovation_squared": 1.0},
+        section="walk",
+        state=state,
+        sensors=["a", "b"],
+        joints=JOINTS,
+        facts={"normalised_innovation_squared": 1.0},
+        host_time_ns=TIME,
+        mean=mean,
+        sd=mean + 0.1,
     )
 
 
@@ -39,7 +39,7 @@ def made(states: list[str]) -> tuple[Estimate, Evaluation]:
     signals = {"host_time_ns": TIME, "judged": np.ones(100, dtype=bool)}
     signals |= {f"{joint}_error_rad": np.zeros(100) for joint in JOINTS}
     series = {f"chain_walk_{state}": signals for state in states}
-    evaluation = Evaluation("s", [], [], [], Outcome.NOT_MEASURED, series=series, chain=rows)
+    evaluation = Evaluation(session="s", series=series, chain=rows)
     return Estimate("s", "", {}, {}, chain=[chain(state) for state in states]), evaluation
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.records.evaluation import Evaluation, Outcome
+from testbench.records.evaluation import Evaluation
 from testbench.records.evaluation_rows import CycleRow
 from testbench.reporting.cycle_section import MOST_FILTERS, MOST_SHOWN, TRUE, cycle_blocks
 from testbench.reporting.page import Figures, Section
@@ -71,9 +71,7 @@ def judged(rows):
         "estimated_sd_rad": sd,
     }
     table |= {"true_rad": true, "true_sd_rad": 0 * sd, "error_rad": error, "error_sd_rad": sd}
-    return Evaluation(
-        "s", [], [], [], Outcome.NOT_MEASURED, series={"cycles": table}, cycles=list(rows)
-    )
+    return Evaluation(session="s", series={"cycles": table}, cycles=list(rows))
 
 
 def blocks_of(rows):

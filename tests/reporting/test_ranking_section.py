@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from testbench.records.evaluation import Evaluation, OrientationRow, Outcome
+from testbench.records.evaluation import Evaluation, OrientationRow
 from testbench.records.evaluation_rows import RankRow
 from testbench.reporting.page import Sentence
 from testbench.reporting.ranking_section import ranking_blocks, ranking_doubts
@@ -18,11 +18,10 @@ def rank(name: str, value: float, group: str, *alike: str) -> RankRow:
 
 
 EVALUATION = Evaluation(
-    "s",
-    [],
-    [OrientationRow("shank", name, 10, 1.0, 1.0, 1.0, 1.0) for name in (*NAMES, "drifting")],
-    [],
-    Outcome.NOT_MEASURED,
+    session="s",
+    orientation=[
+        OrientationRow("shank", name, 10, 1.0, 1.0, 1.0, 1.0) for name in (*NAMES, "drifting")
+    ],
     ranking=[
         rank("good", 0.2, "a", "wild"),
         rank("worse", 0.9, "b", "wild"),

@@ -101,7 +101,7 @@ def test_the_report_names_what_was_run_and_the_verdict(quick_page: Page, quick: 
         "ur3e",
         "wrist_3_link",
         "Xsens DOT",
-        quick.session.manifest["plan"]["hash"],
+        quick.session.manifest.plan.hash,
         "seed",
     ):
         assert words.lower() in quick_page.words.lower()
@@ -489,7 +489,7 @@ def test_the_report_shows_the_magnetic_field_and_what_disturbed_it(
             f"How much of the field's heading each filter follows at {sensor} cannot be told"
             in quick_page.words
         )
-    for dipole in quick.session.manifest["environment"]["dipoles"]:
+    for dipole in quick.session.manifest.content["environment"]["dipoles"]:
         assert dipole["name"] in quick_page.words
     assert "de Vries" in quick_page.words
 

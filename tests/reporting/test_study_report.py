@@ -233,7 +233,7 @@ def test_curves_and_surfaces_come_back_from_the_file_as_they_were(study, tmp_pat
     file.write_text(
         file.read_text(encoding="utf-8").replace('"theory"', '"guess"'), encoding="utf-8"
     )
-    with pytest.raises(SessionError, match="no kind of curve: guess"):
+    with pytest.raises(SessionError, match=r"kind: must be 'theory', .*, not 'guess'"):
         StudyRecord.load(tmp_path)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from testbench.records.evaluation import Evaluation, JointRow, Metric, OrientationRow, Outcome
+from testbench.records.evaluation import Evaluation, JointRow, Metric, OrientationRow
 from testbench.records.evaluation_rows import RankRow
 from testbench.reporting.tiles import CRITERION, result_tiles
 
@@ -49,11 +49,10 @@ def judged(
         OrientationRow("shank", name, 9, value, value, 5.0, value) for name, value in total.items()
     ]
     return Evaluation(
-        "session",
-        [row],
-        sensor,
-        metrics,
-        Outcome.NOT_MEASURED,
+        session="session",
+        joint_angle=[row],
+        orientation=sensor,
+        metrics=metrics,
         ranking=[*own, *ranks] if total else [],
     )
 

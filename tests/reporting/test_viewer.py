@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -212,15 +213,21 @@ def test_the_viewer_listens_on_this_machine_only_and_reports_no_usage(
     assert told[0].startswith("http://127.0.0.1:9999/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1")
 
 
+METADATA = """
+- metadata: {content-type: application/grpc, date: Sun, 29 Nov 2026 21:11:43 GMT}"""
+
+
 class Loading:
-    """A viewer that takes a while to know its timelines, or that refuses."""
+    """A viewer that takes a while to know its timelines, or that refuses: rerun-sdk 0.41 raises
+    ConnectionError for both, with the transport's own lines.
+    """
 
     def __init__(self, answers: list[str]):
         self.answers, self.time = answers, None
 
     def set_time(self, timeline: str, duration: float, play_state: str) -> None:
         if self.answers:
-            raise RuntimeError(self.answers.pop(0))
+            raise ConnectionError(self.answers.pop(0) + METADATA)
         self.time = (timeline, duration, play_state)
 
 
@@ -235,23 +242,57 @@ class Pause:
 
 
 def test_a_recording_that_is_still_being_loaded_is_waited_for() -> None:
-    client, pause = Loading(["recording has no timelines yet"] * 7), Pause()
+    client, pause = Loading(["recording r has no timelines yet (InvalidArgument)"] * 7), Pause()
     process._go_to(client, 12.5, pause)
     assert client.time == (TIMELINE, 12.5, "paused")
     assert pause.waited == pytest.approx(1.4)
 
 
 @pytest.mark.parametrize(
-    ("answers", "waited"),
-    [(["the viewer is gone"], 0.0), (["no timelines yet"] * 1000, process.TIMELINE_TIMEOUT)],
+    ("answers", "waited", "said"),
+    [
+        (["no such recording (NotFound)"], 0.0, r"could not draw: no such recording \(NotFound\)$"),
+        (["no timelines yet"] * 1000, process.TIMELINE_TIMEOUT, "not loaded .* within 30 s"),
+    ],
 )
 def test_a_viewer_that_refuses_is_not_waited_for_for_ever(
-    answers: list[str], waited: float
+    answers: list[str], waited: float, said: str
 ) -> None:
     pause = Pause()
-    with pytest.raises(RuntimeError, match=answers[0]):
+    with pytest.raises(ViewerError, match=said):
         process._go_to(Loading(answers), 1.0, pause)
     assert pause.waited == pytest.approx(waited, abs=0.5)
+
+
+def test_a_viewer_that_starts_and_loads_slowly_draws_at_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    states = [ConnectionError("not yet" + METADATA), [], ["recording"]]
+
+    class Slow(Loading):
+        def __init__(self) -> None:
+            super().__init__(["recording r has no timelines yet (InvalidArgument)"] * 3)
+
+        @classmethod
+        def connect(cls, address: str) -> Slow:
+            assert address.endswith(":1234/proxy")
+            return cls()
+
+        def get_state(self) -> SimpleNamespace:
+            state = states.pop(0) if len(states) > 1 else states[0]
+            if isinstance(state, Exception):
+                raise state
+            return SimpleNamespace(recordings=state)
+
+        def save_screenshot(self, path: str) -> None:
+            assert self.time is not None
+            Path(path).write_bytes(b"PNG")
+
+    monkeypatch.setattr("rerun.experimental.ViewerClient", Slow)
+    monkeypatch.setattr(process, "threading", SimpleNamespace(Event=Pause))
+    running = SimpleNamespace(poll=lambda: None)
+    process._draw(running, 1234, tmp_path / "view.png", 1.0)
+    assert (tmp_path / "view.png").is_file()
 
 
 def test_columns_move_apart_where_many_rows_make_the_axes_small() -> None:

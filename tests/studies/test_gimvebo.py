@@ -15,7 +15,7 @@ from testbench.estimation.calibration.gyroscope import gravity_turns, static_bia
 from testbench.estimation.calibration.turns import Turn
 from testbench.exceptions import NotFoundError, SessionError
 from testbench.model.integrators import get_integrator, steps_as_printed
-from testbench.pipeline import make_plan
+from testbench.pipeline.prepared import make_plan
 from testbench.records.published import load_published_tables
 from testbench.records.session import Session
 from testbench.records.study import StudyRecord
@@ -32,6 +32,7 @@ from testbench.studies.gimvebo_faults import (
 )
 from testbench.studies.gimvebo_recording import read_part
 from testbench.studies.gimvebo_words import agreement, tustin_angle
+from tests.asking import run_of
 
 # Sums of each published table as printed: a digit that was copied wrongly changes one.
 SUMS = {
@@ -205,7 +206,7 @@ def test_an_angle_as_large_as_the_published_one_would_be_called_so():
 
 def test_every_number_is_traceable_to_a_session_that_is_kept(study):
     assert len(study.sessions) == 2
-    assert [Session(path).manifest["seed"] for path in study.sessions] == [3, 4]
+    assert [Session(path).manifest.seed for path in study.sessions] == [3, 4]
     assert [row.label for row in study.table("parts").rows] == [
         Session(path).name for path in study.sessions
     ]
@@ -221,7 +222,7 @@ def test_the_true_parameters_are_those_that_noiseless_turns_would_show():
     """Raw readings of the part's own errors, computed here, are corrected into one rotation of the
     truth.
     """
-    plan = make_plan("gimvebo_gyro")
+    plan = make_plan(run_of("gimvebo_gyro"))
     matrix, _, _ = true_parameters(plan, 3)
     from testbench.model.imu import TriadModel
 

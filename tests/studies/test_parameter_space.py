@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from testbench.estimation.filters.base import Parameter, switch
 from testbench.exceptions import InputError, NotFoundError
-from testbench.studies.parameter_space import FAILED, Axis, Effort, Space, find_optimum
+from testbench.pipeline.parameter_space import FAILED, Axis, Effort, Space, find_optimum
 
 GAIN = Parameter("gain", 0.1, "1", "", "", 0.001, 10.0)
 TAU = Parameter("tau", 3.0, "s", "", "", 1.0, 9.0, "linear")

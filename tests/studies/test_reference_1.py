@@ -176,7 +176,7 @@ def test_theory_simulation_and_measurement_are_in_one_figure_of_the_report(study
 
 
 def test_every_number_can_be_traced(study):
-    assert [Session(path).manifest["seed"] for path in study.sessions] == [0] * 4
+    assert [Session(path).manifest.seed for path in study.sessions] == [0] * 4
     assert all(Session(path).name in study.trace for path in study.sessions)
     assert study.name == "reference-1"
     assert study.table("fits").rows[-1].ratio(0) == pytest.approx(1, abs=3e-4)

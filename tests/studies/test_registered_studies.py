@@ -13,14 +13,14 @@ import pytest
 
 from testbench.clock import SystemClock
 from testbench.exceptions import InputError
+from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
 from testbench.records.study import StudyRecord
 from testbench.reporting.study_report import study_report
 from testbench.studies import get_study, references
 from testbench.studies.bench import StudyBench
 from testbench.studies.folder import new_folder
-
-PROTOCOLS = Path(__file__).resolve().parents[2] / "protocols"
+from testbench.studies.misalignment_session import session_curves
 
 
 @pytest.fixture(scope="module")
@@ -33,12 +33,17 @@ def kept(study: StudyRecord, folder) -> StudyRecord:
     study.save(folder)
     again = StudyRecord.load(folder)
     assert again.to_dict() == study.to_dict()
-    assert all(Session(path).manifest["seed"] == 1 for path in again.sessions)
+    assert all(Session(path).manifest.seed == 1 for path in again.sessions)
     return again
 
 
-def test_misalignment_runs_an_elbow_and_lays_it_on_the_theory(bench, tmp_path):
-    study = kept(get_study("misalignment").run(bench), tmp_path)
+@pytest.fixture(scope="module")
+def misalignment(bench) -> StudyRecord:
+    return get_study("misalignment").run(bench)
+
+
+def test_misalignment_runs_an_elbow_and_lays_it_on_the_theory(misalignment, tmp_path):
+    study = kept(misalignment, tmp_path)
     rows = {row.label: row.values for row in study.table("elbow measured").rows}
     assert set(rows) == {
         f"{sequence}, {name}" for sequence in ("ZXZ", "YXZ") for name in ("device", "vqf_6d")
@@ -58,6 +63,28 @@ def test_misalignment_runs_an_elbow_and_lays_it_on_the_theory(bench, tmp_path):
     assert len(study.surfaces) == 3 and len(study.sessions) == 1
 
 
+def test_the_elbow_grows_wrong_with_flexion_by_yxz_and_not_by_zxz_and_the_sensors_follow_the_theory(
+    misalignment,
+):
+    session = Session(misalignment.sessions[0])
+    evaluation = Evaluation.load(session.path)
+    zxz, yxz = session_curves(session, evaluation, "elbow", [10, 40, 70])
+    curves = {curve.name: curve for curve in yxz.curves}
+    assert curves["theory, 70 deg"].y.max() == pytest.approx(7.99, abs=0.005)
+    for flexion in (10, 40, 70):
+        theory, simulation = curves[f"theory, {flexion} deg"], curves[f"simulation, {flexion} deg"]
+        np.testing.assert_array_equal(theory.x, np.arange(-20, 21, 2))
+        np.testing.assert_allclose(simulation.y, theory.y, atol=0.02)
+        np.testing.assert_allclose(
+            curves[f"device, {flexion} deg"].y, theory.y, atol=0.2 + 0.2 * theory.y.max()
+        )
+    flat = {curve.name: curve for curve in zxz.curves}
+    # A heading error is a misalignment to YXZ and nothing to ZXZ: so the sensors scatter about the
+    # theory there, not here.
+    assert np.abs(curves["device, 70 deg"].y - curves["theory, 70 deg"].y).max() > 0.3
+    assert max(flat[f"vqf_6d, {flexion} deg"].y.max() for flexion in (10, 40, 70)) < 0.6
+
+
 def test_reference_4_counts_every_cycle_and_drifts_as_published(bench, tmp_path):
     study = kept(get_study("reference-4").run(bench), tmp_path)
     assert {row.values[2] for row in study.table("cycles").rows} == {0}
@@ -75,25 +102,6 @@ def test_reference_4_counts_every_cycle_and_drifts_as_published(bench, tmp_path)
             assert row.values[0] < 10 and row.published[0] == 10
     assert "counted exactly" in study.findings[0]
     assert "In walk, gait_cycles 14, roll_deg 3 the yaw drifts" in study.findings[1]
-
-
-@pytest.fixture(scope="module")
-def own_swing(tmp_path_factory):
-    """A copy of shank_swing with other cycle numbers, beside what it includes."""
-    folder = tmp_path_factory.mktemp("protocols")
-    (folder / "calibration_3d.yaml").write_text(
-        (PROTOCOLS / "calibration_3d.yaml").read_text(encoding="utf-8")
-    )
-    text = (PROTOCOLS / "shank_swing.yaml").read_text(encoding="utf-8")
-    assert "gait_cycles: [14, 109]" in text and "roll_deg: [0, 3]" in text
-    text = text.replace("gait_cycles: [14, 109]", "gait_cycles: [5, 9]").replace(
-        "roll_deg: [0, 3]", "roll_deg: 3"
-    )
-    file = folder / "own.yaml"
-    file.write_text(
-        text.replace("filters: [device, vqf_6d, fusion,", "filters: [device,"), encoding="utf-8"
-    )
-    return file
 
 
 def test_reference_4_takes_a_protocol_of_ones_own_and_draws_its_paths(bench, own_swing, tmp_path):
@@ -138,8 +146,8 @@ def test_a_protocol_that_a_study_cannot_use_is_refused_before_anything_runs(benc
     assert not (tmp_path / "logs").exists()
 
 
-def test_sessions_of_a_study_have_reports_that_it_links_to(bench, tmp_path):
-    study = get_study("misalignment").run(bench)
+def test_sessions_of_a_study_have_reports_that_it_links_to(bench, misalignment):
+    study = misalignment
     folder = new_folder(bench.logs, "misalignment", bench.clock)
     page = study_report(study, folder).read_text(encoding="utf-8")
     (link,) = re.findall(r'<a href="(\.\./[^"]+)">', page)

@@ -31,17 +31,20 @@ def test_an_unknown_study_is_refused_before_anything_runs(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
-def test_a_study_keeps_its_sessions_its_tables_and_its_report(tmp_path):
+def test_a_study_keeps_its_sessions_its_tables_and_its_report(own_swing, tmp_path):
     result = bench(
-        "study", "gimvebo", "--logs", "kept", "--seed", "2", "--parts", "1", "--json", cwd=tmp_path
+        *("study", "reference-4", "--logs", "kept", "--seed", "2", "--parts", "1", "--json"),
+        *("--protocol", own_swing),
+        cwd=tmp_path,
     )
     assert result.returncode == 0, result.stderr
     said = json.loads(result.stdout)
     folder = tmp_path / said["study"]
     record = StudyRecord.load(folder)
     assert (folder / "report.html").is_file() and record.settings["seed"] == 2
-    assert said["tables"][2]["rows"][0]["ratio"] < 0.05
+    (cycles,) = (table for table in said["tables"] if table["key"] == "cycles")
+    assert {tuple(row["values"][:3]) for row in cycles["rows"]} == {(5, 5, 0), (9, 9, 0)}
+    assert [table["key"] for table in said["tables"]] == [table.key for table in record.tables]
     (session,) = record.sessions
     assert (tmp_path / session / "evaluation.json").is_file()
     sessions = json.loads(bench("sessions", "--logs", "kept", "--json", cwd=tmp_path).stdout)[

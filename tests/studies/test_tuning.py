@@ -19,10 +19,11 @@ from testbench.evaluation import evaluate
 from testbench.evaluation.objective import Objective
 from testbench.exceptions import FileProblems, InputError, NotFoundError, SessionError
 from testbench.model import rotation
-from testbench.records.session import MANIFEST, Session
+from testbench.pipeline.parameter_space import Effort
+from testbench.pipeline.tune import SearchWanted, Sessions, SessionTrials, find_parameters
+from testbench.records.layout import MANIFEST
+from testbench.records.session import Session
 from testbench.records.tuning import load_tunings
-from testbench.studies.parameter_space import Effort
-from testbench.studies.tuning import Sessions, SessionTrials, tune
 from tests.studies.known_recordings import write_known
 
 NOW = "2026-01-02T03:04:05+00:00"
@@ -65,7 +66,9 @@ def noisy(tmp_path_factory) -> list[Session]:
 
 
 def test_planted_optima_are_found_for_each_session_and_for_all(turned):
-    found = tune(Planted(), Sessions.given(turned, []), "total_rmse_deg", NOW)
+    found = find_parameters(
+        Planted(), Sessions.given(turned, []), SearchWanted("total_rmse_deg"), NOW
+    )
     for entry, planted in zip(found.sessions, (-1.0, 0.55, 2.0), strict=True):
         assert np.log10(entry.own_parameters["gain"]) == pytest.approx(planted, abs=0.01)
         assert entry.own_value == pytest.approx(0, abs=0.1)
@@ -78,7 +81,12 @@ def test_planted_optima_are_found_for_each_session_and_for_all(turned):
 
 
 def test_leaving_one_out_gives_the_set_of_the_others(turned):
-    found = tune(Planted(), Sessions.given(turned, []), "total_rmse_deg", NOW, leave_one_out=True)
+    found = find_parameters(
+        Planted(),
+        Sessions.given(turned, []),
+        SearchWanted("total_rmse_deg", leave_one_out=True),
+        NOW,
+    )
     gains = [np.log10(entry.left_out_parameters["gain"]) for entry in found.sessions]
     for gain, (low, high) in zip(
         gains, ((0.55, 2.0), (-1.0, 2.0), (-1.0, 0.55)), strict=True
@@ -87,7 +95,12 @@ def test_leaving_one_out_gives_the_set_of_the_others(turned):
     for entry, gain, planted in zip(found.sessions, gains, (-1.0, 0.55, 2.0), strict=True):
         assert entry.left_out_value == pytest.approx(10 * abs(gain - planted), abs=1e-3)
     with pytest.raises(InputError, match="needs two sessions"):
-        tune(Planted(), Sessions.given(turned[:1], []), "total_rmse_deg", NOW, leave_one_out=True)
+        find_parameters(
+            Planted(),
+            Sessions.given(turned[:1], []),
+            SearchWanted("total_rmse_deg", leave_one_out=True),
+            NOW,
+        )
 
 
 def total_by_evaluate(session: Session, beta: float) -> float:
@@ -97,13 +110,11 @@ def total_by_evaluate(session: Session, beta: float) -> float:
 
 
 def test_madgwicks_beta_is_tuned_to_a_minimum_that_evaluate_confirms(noisy):
-    found = tune(
+    found = find_parameters(
         get_filter("madgwick_marg"),
         Sessions.given(noisy[:2], noisy[2:]),
-        "total_rmse_deg",
+        SearchWanted("total_rmse_deg", ["beta"], Effort(values=7)),
         NOW,
-        ["beta"],
-        Effort(values=7),
     )
     beta = found.parameters["beta"]
     assert found.parameters | {"beta": 0} == get_filter("madgwick_marg").parameters | {"beta": 0}
@@ -127,8 +138,11 @@ def test_madgwicks_beta_is_tuned_to_a_minimum_that_evaluate_confirms(noisy):
 def test_the_set_does_not_depend_on_what_is_tested(noisy, turned):
     def parameters(test):
         sessions = Sessions.given(noisy[:1], test)
-        return tune(
-            get_filter("madgwick_marg"), sessions, "total_rmse_deg", NOW, ["beta"], Effort(values=3)
+        return find_parameters(
+            get_filter("madgwick_marg"),
+            sessions,
+            SearchWanted("total_rmse_deg", ["beta"], Effort(values=3)),
+            NOW,
         ).parameters
 
     assert parameters([]) == parameters(noisy[1:]) == parameters(turned[:1])
@@ -168,25 +182,25 @@ def test_objectives_that_a_session_lacks_are_refused(quick, noisy, tmp_path):
         ("flexion_rmse_deg", InputError, "defines no joint"),
     ):
         with pytest.raises(error, match=match):
-            tune(get_filter("vqf_6d"), sessions, objective, NOW, ["tau_acc_s"])
+            find_parameters(
+                get_filter("vqf_6d"), sessions, SearchWanted(objective, ["tau_acc_s"]), NOW
+            )
     no_field = without_field(noisy[0], tmp_path / "no_field")
     with pytest.raises(InputError, match="the sensor gives no mag"):
-        tune(
+        find_parameters(
             get_filter("madgwick_marg"),
             Sessions.given([no_field], []),
-            "total_rmse_deg",
+            SearchWanted("total_rmse_deg", ["beta"]),
             NOW,
-            ["beta"],
         )
     blind = Session(shutil.copytree(noisy[0].path, tmp_path / "blind"))
     (blind.path / "truth_imu.parquet").unlink()
     with pytest.raises(SessionError, match=r"truth_imu\.parquet is missing"):
-        tune(
+        find_parameters(
             get_filter("madgwick_marg"),
             Sessions.given([blind], []),
-            "total_rmse_deg",
+            SearchWanted("total_rmse_deg", ["beta"]),
             NOW,
-            ["beta"],
         )
 
 
@@ -215,11 +229,23 @@ def test_one_recording_is_never_both_tuned_on_and_tested(turned, tmp_path):
     assert other.fingerprint != turned[0].fingerprint
     for same in (turned[0], copied, other):
         with pytest.raises(InputError, match="given for tuning and for the test"):
-            tune(Planted(), Sessions.given(turned[:2], [same]), "total_rmse_deg", NOW)
+            find_parameters(
+                Planted(), Sessions.given(turned[:2], [same]), SearchWanted("total_rmse_deg"), NOW
+            )
         with pytest.raises(InputError, match="given twice"):
-            tune(Planted(), Sessions.given([turned[0], same], []), "total_rmse_deg", NOW)
+            find_parameters(
+                Planted(),
+                Sessions.given([turned[0], same], []),
+                SearchWanted("total_rmse_deg"),
+                NOW,
+            )
         with pytest.raises(InputError, match="given twice"):
-            tune(Planted(), Sessions.given(turned[1:], [turned[0], same]), "total_rmse_deg", NOW)
+            find_parameters(
+                Planted(),
+                Sessions.given(turned[1:], [turned[0], same]),
+                SearchWanted("total_rmse_deg"),
+                NOW,
+            )
 
 
 def test_a_drawn_split_holds_whole_sessions_and_does_not_depend_on_their_order(turned):
@@ -240,8 +266,11 @@ def test_a_drawn_split_holds_whole_sessions_and_does_not_depend_on_their_order(t
 
 
 def test_a_tuning_is_kept_read_back_and_never_replaced(turned, tmp_path):
-    found = tune(
-        Planted(), Sessions.drawn(turned, 0.4, 3), "total_rmse_deg", NOW, effort=Effort(values=3)
+    found = find_parameters(
+        Planted(),
+        Sessions.drawn(turned, 0.4, 3),
+        SearchWanted("total_rmse_deg", effort=Effort(values=3)),
+        NOW,
     )
     file = tmp_path / "tuned.json"
     found.save(file)
@@ -264,12 +293,11 @@ def test_a_tuning_is_kept_read_back_and_never_replaced(turned, tmp_path):
 
 
 def test_an_estimate_says_what_was_tuned_and_marks_the_sessions_it_was_tuned_on(turned, tmp_path):
-    found = tune(
+    found = find_parameters(
         Planted(),
         Sessions.given(turned[:2], turned[2:]),
-        "total_rmse_deg",
+        SearchWanted("total_rmse_deg", effort=Effort(values=3)),
         NOW,
-        effort=Effort(values=3),
     )
     again = reanalysed(turned[0], tmp_path / "again")
     for session, here in ((turned[0], True), (again, True), (turned[2], False)):
@@ -293,6 +321,8 @@ def test_an_estimate_says_what_was_tuned_and_marks_the_sessions_it_was_tuned_on(
 
 def test_a_filter_without_parameters_cannot_be_tuned(turned):
     with pytest.raises(InputError, match="no parameter"):
-        tune(get_filter("gyro"), Sessions.given(turned, []), "total_rmse_deg", NOW)
+        find_parameters(
+            get_filter("gyro"), Sessions.given(turned, []), SearchWanted("total_rmse_deg"), NOW
+        )
     with pytest.raises(InputError, match="no session is left"):
-        tune(Planted(), Sessions.given([], turned), "total_rmse_deg", NOW)
+        find_parameters(Planted(), Sessions.given([], turned), SearchWanted("total_rmse_deg"), NOW)

@@ -1,15 +1,18 @@
-"""An emulated arm for the tests that drive one, and a short protocol for it."""
+"""Emulated arms for the tests that drive one, and a short protocol for it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from testbench.pipeline import make_plan
+from testbench.pipeline.prepared import make_plan
 from testbench.records.plan import Plan
-from tests.emulated_arms import SHORT, EmulatedUr, emulated_ur
+from tests.asking import run_of
+from tests.emulated_arms import SHORT
+from tests.lock_step.bench import VirtualArm, VirtualBench, bench
+
+__all__ = ["bench"]
 
 
 @pytest.fixture(scope="session")
@@ -22,20 +25,10 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def short_plan(short: Path) -> Plan:
-    return make_plan(short)
-
-
-@pytest.fixture(scope="session")
-def ur_emulator() -> Iterator[EmulatedUr]:
-    """One controller for all that drive a UR3e."""
-    pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
-    with emulated_ur() as robot:
-        yield robot
+    return make_plan(run_of(short))
 
 
 @pytest.fixture
-def ur3e(ur_emulator: EmulatedUr) -> EmulatedUr:
-    """The emulated arm at rest, without a fault."""
-    ur_emulator.control("clear")
-    ur_emulator.wait_until("at rest")
-    return ur_emulator
+def ur3e(bench: VirtualBench) -> VirtualArm:
+    """An emulated UR3e at rest."""
+    return bench.ur()

@@ -16,12 +16,14 @@ from typing import Literal
 import numpy as np
 
 from testbench import execute, plan
-from testbench.arm_pipeline import resume
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
+from testbench.pipeline.run import run
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
 from testbench.records.storage import read_parquet
+from tests.asking import analysis, going_on
 from tests.processes import FORKS, forked, virtual_time
 
 SEED = 5
@@ -62,7 +64,7 @@ def undisturbed(protocol: Path, logs: Path) -> Undisturbed:
         took[speed] = time.perf_counter() - begin
         assert process.exitcode == 0 and told(said) > 0
     session = Session(logs / "fast" / "run")
-    return Undisturbed(session, analyse(session, with_report=False).evaluation, took)
+    return Undisturbed(session, analyse(session, analysis()).evaluation, took)
 
 
 def started(
@@ -92,9 +94,9 @@ def _run(
             the_plan,
             logs,
             seed=SEED,
-            speed=speed,
-            progress=lambda progress: tell.send(progress.time),
-            session_name="run",
+            options=RunOptions(
+                speed=speed, progress=lambda progress: tell.send(progress.time), session_name="run"
+            ),
         )
 
 
@@ -136,12 +138,12 @@ def crash(protocol: Path, logs: Path, speed: str, part: float, whole: Undisturbe
         # killed before the folder became a session: nothing had been recorded
         return Outcome(reached, reached, True, True, True, was_session=False)
     session = recover(Session(logs / "run"))
-    recorded = float(session.manifest.get("duration_s") or 0.0)
+    recorded = float(session.manifest.duration_s or 0.0)
     _ = session.events, session.steps
     finished = session
     if session.status != "completed":
-        finished = resume(session.path, with_report=False).session
-    evaluation = analyse(finished, with_report=False).evaluation
+        finished = run(going_on(session.path)).session
+    evaluation = analyse(finished, analysis()).evaluation
     names = [
         "arm",
         *(f"imu_{name}" for name in whole.session.sensor_names),

@@ -19,15 +19,14 @@ from testbench.drivers.arms.simulated import SimulatedArm
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
-from testbench.evaluation.judged import judged_steps, window
-from testbench.execution import execute
-from testbench.execution.executor import TAIL_NS
+from testbench.evaluation.judged import window
+from testbench.execution import RunOptions, execute
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.planning import plan
 from testbench.records.evaluation import Evaluation
-from testbench.records.plan import Plan
+from testbench.records.plan import Plan, judged_steps
 from testbench.records.session import Session
 
 FILTER = "vqf_6d"
@@ -105,7 +104,7 @@ def cases(seeds: Iterable[int], joint_errors: bool = True) -> list[Case]:
         file.write_text(text, encoding="utf-8")
         the_plan = plan(file)
         for seed in seeds:
-            session = execute(the_plan, folder, seed, session_name=f"seed_{seed}")
+            session = execute(the_plan, folder, seed, RunOptions(session_name=f"seed_{seed}"))
             result += judged_cases(the_plan, session, evaluate(session, estimate(session)), seed)
     return result
 
@@ -167,7 +166,7 @@ def as_it_moved(the_plan: Plan, seed: int) -> SimulatedArm:
 
 
 def end_ns(the_plan: Plan) -> int:
-    return int(the_plan.trajectory.time_ns[-1]) + TAIL_NS
+    return int(the_plan.trajectory.time_ns[-1]) + SimulatedArm.tail_ns
 
 
 def actual_flexion(

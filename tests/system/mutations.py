@@ -15,11 +15,10 @@ from typing import Any
 
 from testbench.exceptions import BenchError
 from testbench.execution.recovery import recover
-from testbench.pipeline import make_plan
+from testbench.pipeline.prepared import make_plan
 from testbench.records.arm_calibration import load_arm_calibration
-from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import load_robot
 from testbench.records.session import Session
+from tests.asking import run_of
 
 NASTY = [
     "../../../../etc/passwd",
@@ -220,7 +219,7 @@ class Campaign:
             mutate_text(self.protocol.read_text(), rng), encoding="utf-8", errors="replace"
         )
         os.chdir(case)
-        make_plan(load_protocol(file))
+        make_plan(run_of(file))
 
     def _robot(self, case: Path, rng: random.Random) -> None:
         for name in ("robot.yaml", "ur3e.urdf"):
@@ -230,7 +229,7 @@ class Campaign:
             )
             (case / name).write_text(changed, encoding="utf-8", errors="replace")
         os.chdir(case)
-        make_plan(self.protocol, load_robot(case / "robot.yaml"))
+        make_plan(run_of(self.protocol, robot=case / "robot.yaml"))
 
     def _calibration(self, case: Path, rng: random.Random) -> None:
         file = case / "calibration.yaml"

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.pipeline import run
+from testbench.pipeline.run import run
+from tests.asking import run_of
 
 ERROR_DEG = [8.0, -12.0, 6.0]
 
@@ -23,7 +24,7 @@ def test_rates_and_gravity_find_a_crooked_mounting(altered_protocol, tmp_path, c
             "calibrate": calibrate,
         }
 
-    result = run(altered_protocol("calibration_3d", change), logs=tmp_path, with_report=False)
+    result = run(run_of(altered_protocol("calibration_3d", change), logs=tmp_path))
     sensor = result.estimate.sensors["forearm"]
     real = Rotation.from_euler("XYZ", ERROR_DEG, degrees=True)
     for key in ("device", "vqf_6d"):
@@ -44,7 +45,7 @@ def test_a_single_pose_is_warned_of(altered_protocol, tmp_path):
         protocol["sections"] = protocol["sections"][1:]
         protocol["sections"][0]["steps"] = [{"name": "rest", "dwell_s": 10}]
 
-    result = run(altered_protocol("static_noise", change), logs=tmp_path, with_report=False)
+    result = run(run_of(altered_protocol("static_noise", change), logs=tmp_path))
     sensor = result.estimate.sensors["matrix"]
     assert sensor.frames["vqf_6d"].method == "heading"
     assert any("the mounting cannot be solved" in remark for remark in sensor.remarks)

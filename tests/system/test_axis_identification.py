@@ -1,11 +1,12 @@
 import pytest
 
-from testbench.pipeline import run
+from testbench.pipeline.run import run
+from tests.asking import run_of
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
-    return run("axis_identification", logs=tmp_path_factory.mktemp("logs"), with_report=True)
+    return run(run_of("axis_identification", logs=tmp_path_factory.mktemp("logs"), report=True))
 
 
 def test_names_every_axis_and_finds_nothing_wrong(result):
@@ -39,7 +40,7 @@ def test_a_sensor_mounted_another_way_than_stated_is_named(altered_protocol, tmp
         protocol["sensors"]["sensor"]["mounting_error"] = {"rotation_deg": {"XYZ": [0, 0, 90]}}
 
     sensor = run(
-        altered_protocol("axis_identification", turn), logs=tmp_path, with_report=False
+        run_of(altered_protocol("axis_identification", turn), logs=tmp_path)
     ).estimate.sensors["sensor"]
     for triad in ("gyr", "acc", "mag"):
         assert sensor.axes[triad].axes == "x: -y, y: +x, z: +z"

@@ -12,6 +12,7 @@ from testbench import execute, plan
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
 from testbench.exceptions import CollisionError, LimitError, SensorRangeError
+from testbench.execution import RunOptions
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
 from testbench.model.kinematics import Kinematics, Pose
@@ -186,7 +187,7 @@ def test_the_presets_stay_at_or_below_the_published_error_with_other_seeds_too(
     names = ["device", "vqf_6d", "vqf_9d"]
     errors = []
     for seed in (0, 2, 3):
-        session = execute(the_plan, tmp_path, seed, clock=clock)
+        session = execute(the_plan, tmp_path, seed, RunOptions(clock=clock))
         evaluation = evaluate(session, estimate(session, names))
         errors.append([mean_abs_error_deg(evaluation, name) for name in names])
     assert np.max(errors) <= np.mean(PUBLISHED_DEVICE_DEG)
@@ -233,7 +234,7 @@ def skewed_clocks(altered_protocol, tmp_path_factory):
 @pytest.mark.parametrize("sensor", ["arm", "forearm"])
 def test_an_offset_of_50_ms_and_a_drift_of_100_ppm_are_recovered(skewed_clocks, sensor):
     session, estimated = skewed_clocks
-    assert session.manifest["sensors"][sensor]["rate_hz"] == 60
+    assert session.manifest.sensors[sensor].rate_hz == 60
     fit = estimated.sensors[sensor].clock
     assert fit.offset_s * 1e3 == pytest.approx(50, abs=2)
     assert fit.drift_ppm == pytest.approx(100, abs=20)

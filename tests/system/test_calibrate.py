@@ -14,13 +14,16 @@ from scipy.spatial.transform import Rotation
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.estimation.calibration.gyroscope import IN_RUN, attitude
 from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.poses import SETTLING_M_S2
 from testbench.estimation.calibration.prepared import prepare
-from testbench.estimation.calibration.session_calibration import METHODS
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.model.kinematics import Kinematics
-from testbench.pipeline import analyse, calibrate, run
+from testbench.pipeline.analyse import analyse
+from testbench.pipeline.calibrate import calibrate
+from testbench.pipeline.request import CalibrationRequest
+from testbench.pipeline.run import run
 from testbench.records.calibration_file import (
     find_calibration,
     load_calibration,
@@ -28,6 +31,7 @@ from testbench.records.calibration_file import (
     save_calibration,
 )
 from testbench.records.protocol import Environment
+from tests.asking import analysis, run_of
 from tests.command_line import command
 
 SEEDS = (3, 4)
@@ -49,7 +53,7 @@ def sessions(tmp_path_factory, altered_protocol):
                 }  # a known field is the same in every pose
 
             made[key] = run(
-                altered_protocol(protocol, change), seed=seed, logs=logs, with_report=False
+                run_of(altered_protocol(protocol, change), seed=seed, logs=logs)
             ).session
         return made[key]
 
@@ -64,7 +68,7 @@ def born_with(session):
         Kinematics(session.robot),
         Environment(),
         lambda t: None,
-        session.manifest["seed"],
+        session.manifest.seed,
     )
     return imu._accelerometer.errors, imu._gyroscope.errors
 
@@ -199,7 +203,7 @@ def test_poor_excitation_is_refused_by_name(sessions):
 
 
 def test_a_file_survives_being_written_and_read(sessions, tmp_path):
-    result = calibrate_sensor(sessions("calibration_optimal"), "forearm", software="testbench 0")
+    result = calibrate_sensor(sessions("calibration_optimal"), "forearm")
     save_calibration(tmp_path / "a.yaml", result.calibration)
     again = load_calibration(tmp_path / "a.yaml")
     rng = np.random.default_rng(0)
@@ -251,15 +255,16 @@ def test_a_stored_calibration_corrects_a_later_session(sessions, tmp_path):
     poses cannot.
     """
     made = calibrate(
-        sessions("calibration_optimal"), "forearm", [], tmp_path / "store", with_report=True
+        sessions("calibration_optimal"),
+        CalibrationRequest(out=tmp_path / "store", sensor="forearm"),
     )
     assert made.report is not None
     html = made.report.read_text(encoding="utf-8")
     for words in ("Held out", "table 5.4", "response_xy", "Rests"):
         assert words in html
     later = sessions("calibration_3d")
-    before = analyse(later, ["vqf_6d"], with_report=False)
-    after = analyse(later, ["vqf_6d"], with_report=False, calibrations=tmp_path / "store")
+    before = analyse(later, analysis("vqf_6d"))
+    after = analyse(later, analysis("vqf_6d", calibrations=tmp_path / "store"))
     assert before.estimate.sensors["forearm"].stored_calibration is None
     assert (
         after.estimate.sensors["forearm"].stored_calibration["session"]
@@ -273,8 +278,11 @@ def test_a_stored_calibration_corrects_a_later_session(sessions, tmp_path):
 
 def test_a_calibration_says_what_it_did_and_refuses_what_cannot_be(sessions, tmp_path):
     session = sessions("calibration_3d")
-    made = calibrate(session, None, ["attitude_aided"], tmp_path / "a.yaml", with_report=False)
-    result = analyse(session, ["vqf_6d"], calibrations=made.file)
+    made = calibrate(
+        session,
+        CalibrationRequest(out=tmp_path / "a.yaml", methods=("attitude_aided",), report=False),
+    )
+    result = analyse(session, analysis("vqf_6d", report=True, calibrations=made.file))
     (remark,) = [r for r in result.estimate.sensors["forearm"].remarks if "stored calibration" in r]
     assert str(made.file) in remark
     assert "matched by the sensor's name alone" in remark
@@ -290,7 +298,7 @@ def test_a_calibration_says_what_it_did_and_refuses_what_cannot_be(sessions, tmp
         match=r"none of its sensors \(forearm\) has a stored calibration; there are those of "
         r"'hand'",
     ):
-        analyse(session, ["vqf_6d"], with_report=False, calibrations=tmp_path / "other.yaml")
+        analyse(session, analysis("vqf_6d", calibrations=tmp_path / "other.yaml"))
     first = str(float(load_calibration(made.file).triads["accelerometer"].matrix[0, 0]))
     assert first in text
     (tmp_path / "wild.yaml").write_text(text.replace(first, "-9.9e3", 1), encoding="utf-8")
@@ -352,7 +360,7 @@ def test_names_are_checked(sessions):
     with pytest.raises(NotFoundError, match="known: forearm"):
         calibrate_sensor(sessions("calibration_3d"), "hand")
     with pytest.raises(InputError, match="is neither"):
-        calibrate(sessions("calibration_3d"), None, [], Path(__file__))
+        calibrate(sessions("calibration_3d"), CalibrationRequest(out=Path(__file__)))
     with pytest.raises(InputError, match="no such calibration"):
         load_calibrations(Path(__file__).parent / "nowhere")
 
@@ -370,15 +378,24 @@ def test_a_crooked_mounting_is_found_kept_and_applied(altered_protocol, tmp_path
         data["sensors"]["forearm"]["mounting_error"] = {"rotation_deg": {"XYZ": CROOKED_DEG}}
 
     session = run(
-        altered_protocol("calibration_optimal", turn), seed=5, logs=tmp_path, with_report=False
+        run_of(altered_protocol("calibration_optimal", turn), seed=5, logs=tmp_path)
     ).session
-    made = calibrate(session, None, ["norm_only", method], tmp_path / "sensor.yaml")
+    made = calibrate(
+        session,
+        CalibrationRequest(
+            out=tmp_path / "sensor.yaml",
+            methods=(
+                "norm_only",
+                method,
+            ),
+        ),
+    )
     found = load_calibration(made.file).mounting
     real = Rotation.from_euler("XYZ", CROOKED_DEG, degrees=True)
     left = np.degrees((Rotation.from_matrix(found.R_believed_from_sensor) * real.inv()).magnitude())
     assert left < 0.6  # the part's own cross-axis errors, 0.2 % for each, stay in it
     assert np.degrees(found.fit.sd).max() < 0.3
-    after = analyse(session, ["device", "vqf_6d"], with_report=False, calibrations=made.file)
+    after = analyse(session, analysis("device", "vqf_6d", calibrations=made.file))
     assert after.estimate.sensors["forearm"].axes["gyr"].crooked_deg < 0.8
     assert after.estimate.sensors["forearm"].stored_calibration["methods"]["mounting"] == method
     rows = {row.filter: row.inclination_rmse_deg for row in after.evaluation.orientation}
@@ -399,7 +416,7 @@ def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, 
         data["environment"] = {"temperature_deg_c": 20, "warm_up_deg_c": 15, "warm_up_time_s": 60}
 
     session = run(
-        altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path, with_report=False
+        run_of(altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path)
     ).session
     warmth = session.imu("forearm").temperature
     assert warmth[0] == pytest.approx(20, abs=0.5)
@@ -431,7 +448,7 @@ def test_a_gyroscope_that_warms_up_gives_its_drift_and_keeps_its_response_to_gra
         data["environment"] = {"temperature_deg_c": 20, "warm_up_deg_c": 15, "warm_up_time_s": 60}
 
     session = run(
-        altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path, with_report=False
+        run_of(altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path)
     ).session
     real = born_with(session)[1]
     for method in ("attitude", "rate_table"):

@@ -10,13 +10,13 @@ from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.estimation.calibration.gyroscope import matrix_of
 from testbench.estimation.calibration.session_calibration import calibrate
 from testbench.estimation.calibration.session_mounting import axes_sd
-from testbench.estimation.calibration.shared_frame import ARM_AIDED
 from testbench.estimation.estimator import estimate
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
 from testbench.model.truth import truth_at
-from testbench.pipeline import run
+from testbench.pipeline.run import run
 from testbench.records.protocol import Environment
+from tests.asking import run_of
 
 CROOKED_DEG = [6.0, -5.0, 8.0]
 JUDGED = [
@@ -61,9 +61,7 @@ def crooked_sessions(altered_protocol, tmp_path_factory):
         altered_protocol("calibration_optimal", crook),
         altered_protocol("calibration_3d", later),
     )
-    return tuple(
-        run(protocol, seed=5, logs=logs, with_report=False).session for protocol in protocols
-    )
+    return tuple(run(run_of(protocol, seed=5, logs=logs)).session for protocol in protocols)
 
 
 def rms_deg(session, calibrations):
@@ -173,12 +171,6 @@ def test_the_uncertainty_of_a_mounting_holds_that_of_the_axes_it_turns(crooked_s
     assert (found.mounting.fit.sd > axes).all()
 
 
-def test_the_list_of_arm_aided_methods_holds_names_that_exist():
-    from testbench.estimation.calibration.session_calibration import METHODS
-
-    assert set(ARM_AIDED) < set(METHODS)
-
-
 def test_a_magnetometer_alone_by_the_arm_is_remarked(crooked_sessions):
     result = calibrate(
         crooked_sessions[0], "forearm", ["known_field"], field=np.array([0.0, 24.0, -39.0])
@@ -201,7 +193,7 @@ def test_stated_uncertainties_hold_the_arms_own_joints(altered_protocol, tmp_pat
     protocol = altered_protocol("calibration_optimal", wrong_zeros)
     off = []
     for seed in range(20, 28):
-        session = run(protocol, seed=seed, logs=tmp_path, with_report=False).session
+        session = run(run_of(protocol, seed=seed, logs=tmp_path)).session
         imu = SimulatedImu(
             "forearm",
             session.analysis.sensors["forearm"],

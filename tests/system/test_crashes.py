@@ -15,15 +15,18 @@ import yaml
 from typer.testing import CliRunner
 
 from testbench import execute, plan
-from testbench.arm_pipeline import resume
 from testbench.cli.app import app
 from testbench.exceptions import InputError, RunInterrupted, SessionError
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.records.sensor import load_preset
 from testbench.records.session import RunStatus, Session, list_sessions
 from testbench.records.shipped import shipped_folder
 from testbench.records.storage import read_parquet
+from tests.asking import analysis, going_on
 from tests.processes import NO_DISK, bench, small_disk, virtual_time
 from tests.system.crashes import comparable, crash, moments, undisturbed
 
@@ -57,7 +60,12 @@ def broken_off(tiny_plan, logs, clock, at_s: float) -> Session:
             raise Stop
 
     with pytest.raises(Stop):
-        execute(tiny_plan, logs, 5, "realtime", clock=clock, progress=fail, session_name="broken")
+        execute(
+            tiny_plan,
+            logs,
+            5,
+            RunOptions(speed="realtime", clock=clock, progress=fail, session_name="broken"),
+        )
     return Session(logs / "broken")
 
 
@@ -74,11 +82,11 @@ def test_a_run_may_break_off_and_be_resumed_more_than_once(tiny_plan, tmp_path, 
             raise Stop
 
     with pytest.raises(Stop):
-        resume(session.path, with_report=False, clock=clock, progress=fail)
+        run(going_on(session.path), Watcher(clock=clock, progress=fail))
     assert Session(session.path).status is RunStatus.ERROR
-    result = resume(session.path, with_report=False, clock=clock)
+    result = run(going_on(session.path), Watcher(clock=clock))
     assert result.session.status is RunStatus.COMPLETED
-    assert len(result.session.manifest["resumed"]) == 2
+    assert len(result.session.manifest.resumed) == 2
     assert comparable(result.evaluation) == comparable(whole.evaluation)
     names = [event.event for event in result.session.events]
     assert names.count("run_resumed") == 2 and names[-1] == "run_completed"
@@ -92,11 +100,11 @@ def test_a_run_with_a_preset_file_and_a_thermometer_is_resumed(tiny, tmp_path, c
     text = tiny.read_text(encoding="utf-8").replace("preset: xsens_dot", "preset: warm.yaml")
     (tmp_path / "tiny.yaml").write_text(text, encoding="utf-8")
     warm_plan = plan(tmp_path / "tiny.yaml")
-    whole = execute(warm_plan, tmp_path, 5, clock=clock, session_name="whole")
+    whole = execute(warm_plan, tmp_path, 5, RunOptions(clock=clock, session_name="whole"))
     session = broken_off(warm_plan, tmp_path, clock, 2.0)
     (tmp_path / "warm.yaml").unlink()  # the session has its own copy
-    resumed = resume(session.path, with_report=False, clock=clock).session
-    assert resumed.manifest["sensors"]["hand"]["temperature"] is True
+    resumed = run(going_on(session.path), Watcher(clock=clock)).session
+    assert resumed.manifest.sensors["hand"].temperature is True
     assert "temperature_deg_c" in resumed.imu_columns("hand")
     for name in ("arm", "imu_hand", "truth_hand"):
         before, after = (
@@ -114,11 +122,13 @@ def test_a_journal_that_was_cut_off_before_its_first_row_is_recovered_with_its_c
         "{clock:", "{thermometer: {noise_sd_deg_c: 0.1}, clock:"
     )
     (tmp_path / "tiny.yaml").write_text(warm, encoding="utf-8")
-    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, clock=clock, session_name="cut")
+    session = execute(
+        plan(tmp_path / "tiny.yaml"), tmp_path, 5, RunOptions(clock=clock, session_name="cut")
+    )
     expected = session.imu_columns("hand")
     (session.path / "imu_hand.parquet").unlink()
     (session.path / "imu_hand.arrows").write_bytes(b"")
-    manifest = session.manifest | {"status": "running"}
+    manifest = session.manifest.content | {"status": "running"}
     (session.path / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     recovered = recover(Session(session.path))
     assert recovered.imu_columns("hand") == expected and "temperature_deg_c" in expected
@@ -134,9 +144,12 @@ def test_an_interrupted_run_is_resumed_without_the_stop_that_the_arm_made(
 
     with pytest.raises(RunInterrupted):
         execute(
-            tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=stop, session_name="broken"
+            tiny_plan,
+            tmp_path,
+            5,
+            RunOptions(speed="realtime", clock=clock, progress=stop, session_name="broken"),
         )
-    result = resume(tmp_path / "broken", with_report=False, clock=clock)
+    result = run(going_on(tmp_path / "broken"), Watcher(clock))
     assert comparable(result.evaluation) == comparable(whole.evaluation)
 
 
@@ -158,19 +171,19 @@ def test_a_pause_lets_virtual_time_stand_still_and_changes_nothing_else(
             os.kill(os.getpid(), signal.SIGUSR2)
 
     clock.sleep = sleep
-    session = execute(tiny_plan, tmp_path, 5, "realtime", clock=clock, progress=pause)
+    session = execute(
+        tiny_plan, tmp_path, 5, RunOptions(speed="realtime", clock=clock, progress=pause)
+    )
     names = [event.event for event in session.events]
     assert "paused" in names and "resumed" in names
-    assert comparable(analyse(session, with_report=False).evaluation) == comparable(
-        whole.evaluation
-    )
+    assert comparable(analyse(session, analysis()).evaluation) == comparable(whole.evaluation)
 
 
 def test_a_completed_run_or_a_recording_is_not_resumed(tiny_plan, tmp_path, clock, quick):
     with pytest.raises(SessionError, match="was completed"):
-        resume(quick.session.path)
+        run(going_on(quick.session.path))
     with pytest.raises(SessionError, match="does not exist"):
-        resume(tmp_path / "nothing")
+        run(going_on(tmp_path / "nothing"))
 
 
 @pytest.mark.parametrize("what", ["protocol", "robot", "sensor", "software", "seed of the plan"])
@@ -201,7 +214,7 @@ def test_nothing_is_resumed_that_is_no_longer_the_same(tiny_plan, tmp_path, cloc
         manifest["plan"]["hash"] = "0" * 64
     (session.path / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(InputError, match=expected):
-        resume(session.path, protocol=protocol, with_report=False)
+        run(going_on(session.path, protocol=protocol))
     assert Session(session.path).status is RunStatus.ERROR
 
 
@@ -211,7 +224,7 @@ def test_a_package_that_computed_no_raw_file_decides_nothing(tiny_plan, tmp_path
     assert "imufusion" not in manifest["software"]
     manifest["software"] |= {"vqf": "1.0", "pyarrow": "1.0", "imufusion": "1.3.3"}
     (session.path / "manifest.json").write_text(json.dumps(manifest))
-    resumed = resume(session.path, with_report=False, clock=clock)
+    resumed = run(going_on(session.path), Watcher(clock))
     assert resumed.session.status is RunStatus.COMPLETED
 
 
@@ -227,9 +240,9 @@ def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_
     with pytest.raises(
         InputError, match=r"robot file differs:\n(.*\n)*-  record_hz: 250\n\+  record_hz: 500"
     ):
-        resume(session.path, with_report=False)
+        run(going_on(session.path))
     file.write_text(file.read_text().replace("record_hz: 500", "record_hz: 250"))
-    assert resume(session.path, with_report=False).session.status is RunStatus.COMPLETED
+    assert run(going_on(session.path)).session.status is RunStatus.COMPLETED
 
 
 @contextmanager

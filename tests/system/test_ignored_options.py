@@ -4,14 +4,16 @@ not pass.
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from testbench.cli.app import app
-from testbench.cli.arm_choice import ArmChoice
 from testbench.exceptions import InputError
+from testbench.pipeline.arm import refuse_arm
+from testbench.pipeline.request import ArmRequest, RunRequest
+from testbench.pipeline.watcher import Consent
 from testbench.records.session import Session
 from testbench.records.storage import read_json, write_json
 
@@ -82,22 +84,30 @@ def test_an_option_that_the_chosen_arm_ignores_is_refused_with_the_arms_that_tak
     assert not (tmp_path / "logs").exists()
 
 
+def refuse(consent: Consent, **arm: Any) -> None:
+    """Refuse what an arm cannot use."""
+    refuse_arm(RunRequest(arm=ArmRequest(**arm)), consent)
+
+
 def test_every_ignored_option_is_named_at_once():
     with pytest.raises(
         InputError, match=r"--serial needs .*; --host needs .*; --confirm-motion needs"
     ):
-        ArmChoice("sim", "192.168.0.10", serial=["a=b:c"], confirmed=True).refuse_ignored()
+        refuse(Consent(motion=True), host="192.168.0.10", serial=("a=b:c",))
 
 
 def test_what_an_arm_takes_is_not_refused():
-    ArmChoice("sim", seed=3, speed="realtime", logs=Path("elsewhere")).refuse_ignored()
-    ArmChoice(
-        "ur", "1.2.3.4", serial=["a=b:c"], kinematics=Path("own.yaml"), confirmed=True
-    ).refuse_ignored()
-    ArmChoice("xarm", "1.2.3.4", simulate_imus=True, seed=3, hazards_checked=True).refuse_ignored(
-        resumed=True
+    refuse_arm(RunRequest(seed=3, speed="realtime", logs="elsewhere"), Consent())
+    refuse(
+        Consent(motion=True),
+        driver="ur",
+        host="1.2.3.4",
+        serial=("a=b:c",),
+        kinematics="own.yaml",
     )
-    ArmChoice("replay", log=Path("log.csv"), dots=["a=b"]).refuse_ignored()
+    xarm = ArmRequest(driver="xarm", host="1.2.3.4", simulate_imus=True)
+    refuse_arm(RunRequest(arm=xarm, seed=3, resume="session"), Consent(hazards_checked=True))
+    refuse(Consent(), driver="replay", log="log.csv", dots=("a=b",))
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +134,7 @@ def test_a_session_says_what_of_it_was_simulated(simulated):
         ("ur", False, []),
         ("replay", True, ["sensors"]),
     ):
-        session.manifest |= {"arm": {"driver": arm}, "simulated_sensors": sensors}
+        session.manifest = session.manifest.changed(arm={"driver": arm}, simulated_sensors=sensors)
         assert session.simulated == expected
 
 

@@ -4,14 +4,9 @@ how the run goes on.
 
 from __future__ import annotations
 
-import math
 import os
 import signal
-import threading
-import time
-import tty
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,25 +14,26 @@ import numpy as np
 import pytest
 
 from testbench import execute, plan
-from testbench.arm_pipeline import resume
-from testbench.clock import SystemClock
-from testbench.drivers.arms.ur import UrArm, ur_settings
 from testbench.drivers.imus.simulated import SimulatedImu
-from testbench.drivers.session_time import SessionTime
-from testbench.execution import executor
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import open_devices
+from testbench.execution import RunOptions, sensors
+from testbench.execution.devices import Devices
+from testbench.execution.executor import execute_on_arm
 from testbench.execution.guards import GuardTripped
 from testbench.execution.resume import missing_steps
+from testbench.execution.run_progress import Progress
+from testbench.execution.sensors import Sensors
 from testbench.frames import NANOSECONDS
-from testbench.pipeline import analyse, make_plan
+from testbench.pipeline.analyse import analyse
+from testbench.pipeline.prepared import make_plan
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.records.samples import ImuSamples
 from testbench.records.session import RunStatus, Session, list_sessions
+from tests.asking import analysis, going_on, run_of
 from tests.conftest import TINY, FakeClock
-from tests.emulated_arms import REAL_TIME, EmulatedUr
+from tests.lock_step.bench import VirtualArm, VirtualBench
+from tests.lock_step.serial_board import VirtualBoard
 from tests.system.crashes import comparable
-
-pytestmark = REAL_TIME
 
 SILENT_NS = (round(2.5 * NANOSECONDS), round(3.6 * NANOSECONDS))
 
@@ -80,17 +76,21 @@ class Listening(FakeClock):
 def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     (folder / "tiny.yaml").write_text(guarded(TINY, "stop", 0.5), encoding="utf-8")
-    session = execute(plan(folder / "tiny.yaml"), folder, 5, "realtime", clock=FakeClock())
-    return session, analyse(session, with_report=False).evaluation
+    session = execute(
+        plan(folder / "tiny.yaml"), folder, 5, RunOptions(speed="realtime", clock=FakeClock())
+    )
+    return session, analyse(session, analysis()).evaluation
 
 
 @pytest.mark.parametrize("action", ["warn", "pause"])
 def test_a_sensor_that_is_heard_again_leaves_a_gap_in_a_run_that_is_judged_without_it(
     action, tmp_path, monkeypatch, undisturbed
 ):
-    monkeypatch.setattr(executor, "SimulatedImu", Silent)
+    monkeypatch.setattr(sensors, "SimulatedImu", Silent)
     (tmp_path / "tiny.yaml").write_text(guarded(TINY, action, 0.5), encoding="utf-8")
-    session = execute(plan(tmp_path / "tiny.yaml"), tmp_path, 5, "realtime", clock=Listening())
+    session = execute(
+        plan(tmp_path / "tiny.yaml"), tmp_path, 5, RunOptions(speed="realtime", clock=Listening())
+    )
     assert session.status is RunStatus.COMPLETED
     guard = next(event for event in session.events if event.event == "guard")
     assert (guard.details["guard"], guard.details["subject"], guard.details["action"]) == (
@@ -107,7 +107,7 @@ def test_a_sensor_that_is_heard_again_leaves_a_gap_in_a_run_that_is_judged_witho
     heard = (all_.host_time_ns < SILENT_NS[0]) | (all_.host_time_ns >= SILENT_NS[1])
     np.testing.assert_array_equal(kept.counter, all_.counter[heard])
     np.testing.assert_array_equal(kept.gyr, all_.gyr[heard])
-    evaluation = analyse(session, with_report=False).evaluation
+    evaluation = analyse(session, analysis()).evaluation
     assert any("after a gap" in note for note in evaluation.notes)
     for found, usual in zip(evaluation.orientation, expected.orientation, strict=True):
         assert found.inclination_rmse_deg == pytest.approx(usual.inclination_rmse_deg, abs=0.5)
@@ -118,77 +118,24 @@ def test_a_run_that_silence_stopped_is_resumed_to_the_undisturbed_one(
 ):
     (tmp_path / "tiny.yaml").write_text(guarded(TINY, "stop", 0.5), encoding="utf-8")
     with monkeypatch.context() as silence:
-        silence.setattr(executor, "SimulatedImu", Silent)
+        silence.setattr(sensors, "SimulatedImu", Silent)
         with pytest.raises(GuardTripped, match="imu silence of hand") as caught:
             execute(
                 plan(tmp_path / "tiny.yaml"),
                 tmp_path,
                 5,
-                "realtime",
-                clock=FakeClock(),
-                session_name="stopped",
+                RunOptions(speed="realtime", clock=FakeClock(), session_name="stopped"),
             )
     assert caught.value.exit_code == 3
     session = Session(tmp_path / "stopped")
     assert session.status is RunStatus.ERROR and session.events[-1].event == "run_error"
     assert session.imu("hand").host_time_ns[-1] < SILENT_NS[0] < session.arm().host_time_ns[-1]
-    result = resume(session.path, with_report=False, clock=FakeClock())
+    result = run(going_on(session.path), Watcher(clock=FakeClock()))
     whole, expected = undisturbed
     for key, value in vars(whole.imu("hand")).items():
         np.testing.assert_array_equal(getattr(result.session.imu("hand"), key), value)
     np.testing.assert_array_equal(result.session.arm().q_measured, whole.arm().q_measured)
     assert comparable(result.evaluation) == comparable(expected)
-
-
-class Board:
-    """A board on a pseudo-terminal that writes `t ax ay az gx gy gz` at 100 Hz; it can be muted,
-    unplugged and plugged in.
-    """
-
-    def __init__(self, link: Path):
-        self.link, self.muted, self.ended, self.lock = (
-            link,
-            False,
-            threading.Event(),
-            threading.Lock(),
-        )
-        self.master = self.slave = -1
-        self.plug_in()
-        self.thread = threading.Thread(target=self._run)
-        self.thread.start()
-
-    def plug_in(self) -> None:
-        with self.lock:
-            self.master, self.slave = os.openpty()
-            tty.setraw(self.slave)
-            os.set_blocking(self.master, False)
-            self.link.unlink(missing_ok=True)
-            self.link.symlink_to(os.ttyname(self.slave))
-
-    def unplug(self) -> None:
-        with self.lock:
-            if self.master >= 0:
-                os.close(self.master)
-                os.close(self.slave)
-                self.link.unlink(missing_ok=True)
-                self.master = -1
-
-    def _run(self) -> None:
-        begin, k = time.monotonic(), 0
-        while not self.ended.wait(max(begin + k / 100 - time.monotonic(), 0)):
-            text = (
-                f"{10 * k} 0.0 0.0 {1 + 0.001 * math.sin(k):.4f} {0.01 * math.sin(3 * k):.4f} "
-                "0.0 0.0\n"
-            )
-            with self.lock, suppress(BlockingIOError):
-                if self.master >= 0 and not self.muted:
-                    os.write(self.master, text.encode())
-            k += 1
-
-    def close(self) -> None:
-        self.ended.set()
-        self.thread.join()
-        self.unplug()
 
 
 SHORT = """\
@@ -201,7 +148,6 @@ sensors:
     link: wrist_3_link
     mounting: {rotation_deg: {XYZ: [90, 90, 0]}, position_mm: [0, 0, 10]}
 motion: {speed: 0.8, acceleration: 0.8, jerk: 0.8}
-arm: {tracking_error_deg: 20} # a busy machine holds the emulator up
 sections:
   - name: rest
     role: reference
@@ -214,47 +160,43 @@ estimate: {filters: [vqf_6d], align: heading, calibrate: none}
 """
 
 
-@contextmanager
-def board_at(folder: Path) -> Iterator[Board]:
-    pytest.importorskip("serial")
-    board = Board(folder / "port")
-    try:
-        yield board
-    finally:
-        board.close()
+@pytest.fixture
+def board(bench: VirtualBench, monkeypatch: pytest.MonkeyPatch) -> VirtualBoard:
+    return VirtualBoard(bench.clock, monkeypatch)
 
 
-def drive(robot: EmulatedUr, board: Board, action: str, logs: Path, **options) -> Session:
-    protocol = logs / "short.yaml"
-    protocol.write_text(guarded(SHORT, action, 0.4), encoding="utf-8")
-    the_plan, time_ = make_plan(protocol), SessionTime(SystemClock())
-    devices = open_devices([f"hand={board.link}:mpu6050_plain"], [], SystemClock(), time=time_)
-    settings = replace(
-        ur_settings(the_plan, robot.address), watchdog=1.5, arm_silence=1.5
-    )  # this machine may be busy
-    arm = UrArm(the_plan.robot, settings, time_)
-    return execute_on_arm(
-        the_plan, arm, Sensors.live(the_plan, devices), time_, ArmRunOptions(logs, **options)
-    )
+@pytest.fixture
+def drive(
+    bench: VirtualBench, ur3e: VirtualArm, board: VirtualBoard, tmp_path: Path
+) -> Callable[..., Session]:
+    """Runs the protocol on the arm, with the board as its sensor."""
+
+    def run(action: str, progress: Callable[[Progress], None]) -> Session:
+        protocol = tmp_path / "short.yaml"
+        protocol.write_text(guarded(SHORT, action, 0.4), encoding="utf-8")
+        the_plan, time = make_plan(run_of(protocol)), bench.time()
+        live = Sensors.live(the_plan, Devices({"hand": board.sensor(time)}, time))
+        arm = bench.arm(the_plan, ur3e, time)
+        return execute_on_arm(the_plan, arm, live, RunOptions(tmp_path, progress=progress))
+
+    return run
 
 
 def named(session: Session, *names: str) -> list[str]:
     return [event.event for event in session.events if event.event in names]
 
 
-def test_an_unplugged_sensor_that_comes_back_is_a_gap_in_a_run_on_an_arm(ur3e, tmp_path):
-    with board_at(tmp_path) as board:
-        pulled: list[float] = []
+def test_an_unplugged_sensor_that_comes_back_is_a_gap_in_a_run_on_an_arm(bench, board, drive):
+    pulled: list[int] = []
 
-        def pull(progress) -> None:
-            if progress.index == 1 and not pulled:
-                pulled.append(time.monotonic())
-                board.unplug()
-            elif len(pulled) == 1 and time.monotonic() - pulled[0] > 0.6:
-                pulled.append(time.monotonic())
-                board.plug_in()
+    def pull(progress) -> None:
+        if progress.index == 1 and not pulled:
+            pulled.append(bench.clock.now_ns)
+            board.plugged = False
+        elif pulled and bench.clock.now_ns - pulled[0] > 0.6e9:
+            board.plugged = True
 
-        session = drive(ur3e, board, "warn", tmp_path, progress=pull)
+    session = drive("warn", pull)
     assert session.status is RunStatus.COMPLETED
     assert [step.index for step in session.steps] == [0, 1, 2]
     assert named(session, "disconnected", "reconnected") == ["disconnected", "reconnected"]
@@ -271,49 +213,48 @@ def test_an_unplugged_sensor_that_comes_back_is_a_gap_in_a_run_on_an_arm(ur3e, t
     gap = np.diff(samples.host_time_ns).argmax()
     assert np.diff(samples.host_time_ns)[gap] > 0.5e9
     assert samples.counter[gap + 1] - samples.counter[gap] > 40
-    assert "after a gap" in " ".join(analyse(session, with_report=False).evaluation.notes)
+    assert "after a gap" in " ".join(analyse(session, analysis()).evaluation.notes)
 
 
-def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_known(ur3e, tmp_path):
-    with board_at(tmp_path) as board:
+def test_a_sensor_that_falls_silent_stops_the_arm_and_the_missing_steps_are_known(
+    ur3e, board, drive, tmp_path
+):
+    def mute(progress) -> None:
+        board.muted |= progress.index == 1
 
-        def mute(progress) -> None:
-            board.muted |= progress.index == 1
-
-        with pytest.raises(GuardTripped, match="imu silence of hand") as caught:
-            drive(ur3e, board, "stop", tmp_path, progress=mute)
-        assert caught.value.exit_code == 3
-        ur3e.wait_until("at rest", 5)
+    with pytest.raises(GuardTripped, match="imu silence of hand") as caught:
+        drive("stop", mute)
+    assert caught.value.exit_code == 3
+    ur3e.wait_until("at rest", 5)
     (session,) = list_sessions(tmp_path)
-    assert (
-        session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest["message"]
-    )
+    assert session.status is RunStatus.ERROR and "imu silence of hand" in session.manifest.message
     assert not list(session.path.glob("*.arrows"))
     assert len(session.imu("hand")) > 20 and named(session, "guard", "run_error") == [
         "guard",
         "run_error",
     ]
-    assert [step.index for step in missing_steps(session, make_plan(tmp_path / "short.yaml"))] == [
+    assert [
+        step.index for step in missing_steps(session, make_plan(run_of(tmp_path / "short.yaml")))
+    ] == [
         0,
         1,
         2,
     ]
-    assert analyse(session, with_report=False).evaluation.outcome == "not_measured"
+    assert analyse(session, analysis()).evaluation.outcome == "not_measured"
 
 
-def test_a_sensor_that_falls_silent_pauses_the_arm_until_it_is_heard(ur3e, tmp_path):
-    with board_at(tmp_path) as board:
-        seen: list[float] = []
+def test_a_sensor_that_falls_silent_pauses_the_arm_until_it_is_heard(bench, board, drive):
+    seen: list[int] = []
 
-        def look(progress) -> None:
-            if progress.index == 1 and not seen:
-                seen.append(time.monotonic())
-                board.muted = True
-            elif seen and time.monotonic() - seen[0] > 1.0 and "rests" in progress.doing:
-                board.muted = False
-                os.kill(os.getpid(), signal.SIGUSR2)
+    def look(progress) -> None:
+        if progress.index == 1 and not seen:
+            seen.append(bench.clock.now_ns)
+            board.muted = True
+        elif seen and bench.clock.now_ns - seen[0] > 1e9 and "rests" in progress.doing:
+            board.muted = False
+            os.kill(os.getpid(), signal.SIGUSR2)
 
-        session = drive(ur3e, board, "pause", tmp_path, progress=look)
+    session = drive("pause", look)
     assert session.status is RunStatus.COMPLETED
     assert [step.index for step in session.steps] == [0, 1, 2]
     states = [event.details["state"] for event in session.events if event.event == "state"]

@@ -28,13 +28,11 @@ much; with times, orientations and errors it would be over 150.
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Measured, Measured]]:
     """Every stage over the short and over the long recording."""
-    found: dict[str, list[Measured]] = {stage: [] for stage in STAGES}
+    folders: list[Path] = []
     for seconds in (SHORT_S, LONG_S):
-        folder: Path = tmp_path_factory.mktemp("long")
-        write_case(folder, 1, seconds, RATE)
-        for stage in STAGES:
-            found[stage].append(measure(folder, stage, KEPT))
-    return {stage: (short, long) for stage, (short, long) in found.items()}
+        folders.append(tmp_path_factory.mktemp("long"))
+        write_case(folders[-1], 1, seconds, RATE)
+    return {stage: tuple(measure(folders, stage, KEPT)) for stage in STAGES}
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -16,28 +15,31 @@ import numpy as np
 import pytest
 
 from testbench import execute, plan
-from testbench.arm_pipeline import resume
 from testbench.clock import SystemClock
 from testbench.drivers.arms.replay import ReplayArm
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
-from testbench.execution.arm_run import ArmRunOptions, Sensors, execute_on_arm
-from testbench.execution.device_recorder import open_devices, record_devices
-from testbench.execution.executor import Progress
+from testbench.execution import RunOptions
+from testbench.execution.device_recorder import record_devices
+from testbench.execution.devices import open_devices
+from testbench.execution.executor import execute_on_arm
+from testbench.execution.run_progress import Progress
+from testbench.execution.sensors import Sensors
 from testbench.formats import import_recording
 from testbench.formats.imu_tk import COUNTS_PER_M_S2
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
-from testbench.pipeline import Result
+from testbench.pipeline.analyse import Result
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.records.plan import Plan
 from testbench.records.session import Session
+from tests.asking import going_on
 from tests.conftest import FakeClock
 from tests.drivers.fake_dots import Bench, FakeDot
-from tests.emulated_arms import REAL_TIME, EmulatedUr, drive_ur, emulated_xarm
 from tests.execution.test_record import Feeder
-from tests.system.test_xarm_arm import MOVES, drive, plan_of
-
-pytestmark = REAL_TIME
+from tests.lock_step.bench import virtual_bench
+from tests.system.test_xarm_arm import MOVES, plan_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "session_format.md"
 TIME = np.arange(400) / 100
@@ -166,15 +168,14 @@ def recordings(folder: Path) -> Iterator[Session]:
         devices = open_devices(
             [f"{board.port}:mpu6050_plain"],
             [bench.dots[0].address],
-            SystemClock(),
             bluetooth=bench.loop,
         )
         yield record_devices(devices, folder, duration_s=0.6)
 
 
-def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator[Session]:
-    """A run that broke off and was resumed, a replay with live sensors, and a run on an emulated
-    arm.
+def runs(folder: Path, tiny: Path, short_plan: Plan) -> Iterator[Session]:
+    """A run that broke off and was resumed, a replay with live sensors, and runs on emulated
+    arms.
     """
     the_plan = plan(tiny)
 
@@ -182,8 +183,12 @@ def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator
         raise DriverError("told to fail")
 
     with pytest.raises(DriverError, match="told to fail"):
-        execute(the_plan, folder, clock=FakeClock(), progress=fail, session_name="broken")
-    broken = resume(folder / "broken", with_report=False, clock=FakeClock()).session
+        execute(
+            the_plan,
+            folder,
+            options=RunOptions(clock=FakeClock(), progress=fail, session_name="broken"),
+        )
+    broken = run(going_on(folder / "broken"), Watcher(clock=FakeClock())).session
     yield broken
     text = tiny.read_text(encoding="utf-8")
     sensors = text.split("sensors:\n")[1].split("motion:")[0]
@@ -192,39 +197,35 @@ def runs(folder: Path, tiny: Path, ur: EmulatedUr, short_plan: Plan) -> Iterator
     with live_devices() as (board, bench):
         time = SessionTime(SystemClock())
         named = [f"board={board.port}:mpu6050_plain"], [f"dot={bench.dots[0].address}"]
-        devices = open_devices(*named, SystemClock(), bluetooth=bench.loop, time=time)
+        devices = open_devices(*named, time, bluetooth=bench.loop)
         moved = plan(folder / "two.yaml")
         arm = ReplayArm(moved.robot, broken.path, time)
-        yield execute_on_arm(moved, arm, Sensors.live(moved, devices), time, ArmRunOptions(folder))
-    yield drive_ur(
-        short_plan, ur, folder, checklist={"by": "a test"}, resumes={"session": "none", "steps": []}
-    )
-    with emulated_xarm() as emulator:
-        yield drive(plan_of(folder, "moves", MOVES)[1], emulator.address, folder)
+        yield execute_on_arm(moved, arm, Sensors.live(moved, devices), RunOptions(folder))
+    with virtual_bench() as bench:
+        told = {"checklist": {"by": "a test"}, "resumes": {"session": "none", "steps": []}}
+        yield bench.drive(short_plan, bench.ur(), folder, **told)
+        yield bench.drive(plan_of(folder, "moves", MOVES)[1], bench.xarm(), folder)
 
 
 @pytest.fixture(scope="module")
 def written(
     quick: Result,
     tiny: Path,
-    ur_emulator: EmulatedUr,
     short_plan: Plan,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> dict[str, set[str]]:
     """Kinds of session by the keys that were written into their manifests."""
     pytest.importorskip("serial")
-    if find_spec("xarm") is None:
-        pytest.skip("xarm-python-sdk is not installed")
     folder = tmp_path_factory.mktemp("kinds")
     found: dict[str, set[str]] = {}
     for session in [
         quick.session,
         *imports(folder),
         *recordings(folder),
-        *runs(folder / "runs", tiny, ur_emulator, short_plan),
+        *runs(folder / "runs", tiny, short_plan),
     ]:
-        for key in keys(session.manifest):
-            found.setdefault(key, set()).add(session.manifest["kind"])
+        for key in keys(session.manifest.content):
+            found.setdefault(key, set()).add(session.manifest.kind)
     return found
 
 

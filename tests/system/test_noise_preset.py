@@ -5,10 +5,11 @@ import pytest
 import yaml
 
 from testbench.exceptions import FileProblems
-from testbench.pipeline import run
+from testbench.pipeline.run import run
 from testbench.records.protocol_file import load_protocol
 from testbench.records.sensor import ImuParameters, load_preset
 from testbench.records.yaml_file import load_yaml
+from tests.asking import run_of
 from tests.command_line import command
 
 
@@ -24,7 +25,7 @@ def by_axis(evaluation, sensor, key):
 def measured(tmp_path_factory):
     """A rest, measured; and the preset file made of it beside a protocol that names it."""
     folder = tmp_path_factory.mktemp("noise")
-    first = run("static_noise", logs=folder / "logs", with_report=False)
+    first = run(run_of("static_noise", logs=folder / "logs"))
     assert (
         command(
             "noise", first.session.path, "--sensor", "matrix", "--out", folder / "my_matrix.yaml"
@@ -44,7 +45,7 @@ def test_a_measured_sensor_simulates_with_the_same_noise(measured, altered_proto
 
     path = altered_protocol("static_noise", rename)
     (path.parent / "my_matrix.yaml").write_bytes((folder / "my_matrix.yaml").read_bytes())
-    second = run(path, seed=7, logs=folder / "logs", with_report=False)
+    second = run(run_of(path, seed=7, logs=folder / "logs"))
     for key, tolerance in (("sd", 0.06), ("noise_density", 0.15)):
         before, after = (
             by_axis(first.evaluation, "matrix", key),
@@ -59,7 +60,7 @@ def test_a_measured_sensor_simulates_with_the_same_noise(measured, altered_proto
     assert kept["description"].endswith(
         "all else copied from the preset matrix named by the session's protocol"
     )
-    other = run("static_noise", seed=7, logs=folder / "logs", with_report=False)
+    other = run(run_of("static_noise", seed=7, logs=folder / "logs"))
     ratio = [
         by_axis(other.evaluation, "dot", "sd")[a] / by_axis(second.evaluation, "matrix", "sd")[a]
         for a in [("acc", "x")]

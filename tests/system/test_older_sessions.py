@@ -55,7 +55,7 @@ def missing_keys(document: str, written: Any) -> set[str]:
 @pytest.mark.parametrize("name", sorted(KINDS))
 def test_an_older_session_opens(name: str) -> None:
     session = Session(SESSIONS / name)
-    assert session.manifest["kind"] == KINDS[name]
+    assert session.manifest.kind == KINDS[name]
     assert session.status.value == ("interrupted" if name == "interrupted" else "completed")
     for sensor in session.sensor_names:
         assert len(session.imu(sensor)) == session.sample_count(sensor) > 0
@@ -133,7 +133,8 @@ def test_an_older_session_that_broke_off_is_gone_on_with(older, capsys) -> None:
     assert len(session.steps) == 3
     after = json.loads(file.read_text(encoding="utf-8"))
     assert after["resumed"] == [{"at_s": manifest["duration_s"], "was": "interrupted"}]
-    changed = {"status", "message", "duration_s", "files", "resumed"}
+    assert after["arm"] == after["arm"] | manifest["arm"]  # nothing is lost that was known of it
+    changed = {"status", "message", "duration_s", "files", "resumed", "arm", "device_statistics"}
     assert {k: v for k, v in after.items() if k not in changed} == {
         k: v for k, v in manifest.items() if k not in changed
     }

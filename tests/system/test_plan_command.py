@@ -8,7 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from testbench.cli.app import app
-from testbench.pipeline import make_plan
+from testbench.pipeline.prepared import make_plan
+from tests.asking import run_of
 
 
 @pytest.fixture
@@ -24,7 +25,7 @@ def doubtful(tmp_path) -> str:
 
 
 def test_the_warnings_stand_on_stderr_beside_the_table(doubtful):
-    warnings = make_plan(doubtful).check.warnings
+    warnings = make_plan(run_of(doubtful)).check.warnings
     assert any("assumed" in warning for warning in warnings)
     result = CliRunner().invoke(app, ["plan", doubtful])
     assert result.exit_code == 0
@@ -34,5 +35,5 @@ def test_the_warnings_stand_on_stderr_beside_the_table(doubtful):
 
 def test_with_json_they_are_a_key(doubtful):
     result = CliRunner().invoke(app, ["plan", doubtful, "--json"])
-    assert json.loads(result.stdout)["warnings"] == make_plan(doubtful).check.warnings
+    assert json.loads(result.stdout)["warnings"] == make_plan(run_of(doubtful)).check.warnings
     assert result.stderr == ""

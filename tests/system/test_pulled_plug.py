@@ -20,15 +20,18 @@ import numpy as np
 import pytest
 
 from testbench import estimate, evaluate, execute, plan
-from testbench.arm_pipeline import resume
 from testbench.exceptions import SessionError, StorageError
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
-from testbench.pipeline import analyse
+from testbench.pipeline.analyse import analyse
+from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.planning import planner
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import RunStatus, Session
 from testbench.reporting.report import report
+from tests.asking import analysis, going_on
 from tests.conftest import FakeClock
 from tests.processes import NO_DISK, bench, small_disk
 from tests.system.crashes import comparable, killed_at
@@ -117,7 +120,9 @@ def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(
 ):
     def again(path: Path) -> Session:
         session = recover(Session(path))
-        return execute(plan(tiny), seed=5, speed="fast", clock=FakeClock(), resumed=session)
+        return execute(
+            plan(tiny), seed=5, options=RunOptions(speed="fast", clock=FakeClock(), resumed=session)
+        )
 
     shutil.copytree(cut_off, tmp_path / "run")
     whole = again(tmp_path / "run")
@@ -126,7 +131,7 @@ def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(
             continue
         session = Session(copy)
         if session.status is not RunStatus.COMPLETED:
-            session = resume(copy, with_report=False, clock=FakeClock()).session
+            session = run(going_on(copy), Watcher(clock=FakeClock())).session
         for name in ("arm", "imu_hand", "truth_hand"):
             assert (session.path / f"{name}.parquet").read_bytes() == (
                 whole.path / f"{name}.parquet"
@@ -136,7 +141,9 @@ def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(
 @pytest.fixture(scope="module")
 def judged(tiny, tmp_path_factory) -> Path:
     """A session with an estimate and an evaluation by one filter, and a report."""
-    session = execute(plan(tiny), tmp_path_factory.mktemp("judged"), 5, clock=FakeClock())
+    session = execute(
+        plan(tiny), tmp_path_factory.mktemp("judged"), 5, RunOptions(clock=FakeClock())
+    )
     made = estimate(session, ["vqf_6d"])
     made.save(session.path)
     evaluate(session, made).save(session.path)
@@ -209,7 +216,7 @@ def test_nothing_that_is_derived_is_written_through_a_link(judged, tmp_path):
         (home / name / "notes").write_text("precious")
         shutil.rmtree(session / name)
         (session / name).symlink_to(home / name)
-    analyse(Session(session), ["vqf_6d"])
+    analyse(Session(session), analysis("vqf_6d", report=True))
     assert Evaluation.load(session).orientation and (session / "report.html").stat().st_size > 1000
     for name in planted:
         assert (home / name).read_text() == "precious"
@@ -305,17 +312,21 @@ def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(
             StorageError,
             match=r"new cannot be written: there is no room .*; nothing was recorded; make room",
         ):
-            execute(plan(tiny), tmp_path, clock=FakeClock(), session_name="new")
+            execute(plan(tiny), tmp_path, options=RunOptions(clock=FakeClock(), session_name="new"))
         return
     with pytest.raises(StorageError, match=r"make room, then `testbench run --resume .*run`"):
-        execute(plan(tiny), seed=5, speed="fast", clock=FakeClock(), resumed=recovered)
+        execute(
+            plan(tiny),
+            seed=5,
+            options=RunOptions(speed="fast", clock=FakeClock(), resumed=recovered),
+        )
     monkeypatch.undo()
     after = raw(Session(tmp_path / "run"))
     assert {name: after[name] for name in before if name != "manifest.json"} == {
         name: content for name, content in before.items() if name != "manifest.json"
     }
     assert (
-        resume(tmp_path / "run", with_report=False, clock=FakeClock()).session.status
+        run(going_on(tmp_path / "run"), Watcher(clock=FakeClock())).session.status
         is RunStatus.COMPLETED
     )
 

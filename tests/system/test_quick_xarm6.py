@@ -10,13 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from testbench.drivers.arms.straight_path import StraightPaths
 from testbench.model.kinematics import Kinematics
-from testbench.pipeline import make_plan
+from testbench.pipeline.prepared import make_plan
 from testbench.records.plan import Plan
+from tests.asking import run_of
 
 
 @pytest.fixture(scope="module")
 def both() -> tuple[Plan, Plan]:
-    return make_plan("quick"), make_plan("quick_xarm6")
+    return make_plan(run_of("quick")), make_plan(run_of("quick_xarm6"))
 
 
 def segments(plan: Plan, step: int, what: str) -> dict[str, np.ndarray]:

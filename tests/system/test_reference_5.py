@@ -5,8 +5,10 @@ runs.
 import numpy as np
 import pytest
 
+from testbench.clock import SystemClock
 from testbench.records.evaluation import Evaluation
 from testbench.records.published_chain import load_published_chain
+from testbench.studies.bench import StudyBench
 from testbench.studies.reference_5 import AXES, FOURIER, reference_5
 from testbench.studies.reference_5_record import distal_changes, findings, uncovered
 
@@ -39,9 +41,8 @@ def study(altered_protocol, tmp_path_factory):
 
     protocols = {name: altered_protocol(name, fewer) for name in ("pendulum", "squat")}
     protocols["gait"] = altered_protocol("gait", walk)
-    return reference_5(
-        tmp_path_factory.mktemp("logs"), (0, 1, 2), protocols, with_report=False, rigs_a_part=1
-    )
+    bench = StudyBench(tmp_path_factory.mktemp("logs"), SystemClock(), parts=3)
+    return reference_5(bench, protocols, with_report=False, rigs_a_part=1)
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from testbench.exceptions import BenchError, ExpressionError, FileProblems, SessionError
+from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.planning.expressions import evaluate_expression
 from testbench.records.protocol_file import load_protocol
@@ -115,15 +116,16 @@ def test_huge_files_are_refused_before_they_are_read(tmp_path, tiny):
 
 def test_every_string_of_a_report_is_escaped(tmp_path, altered_protocol, clock):
     from testbench import execute, plan
-    from testbench.pipeline import analyse
+    from testbench.pipeline.analyse import analyse
+    from tests.asking import analysis
 
     def poison(content) -> None:
         content["purpose"] = "<script>alert(1)</script>"
         content["sections"][0]["steps"][0]["name"] = "<img src=x onerror=alert(2)>"
 
     path: Path = altered_protocol("quick", poison)
-    session = execute(plan(path), tmp_path, 1, clock=clock)
-    report = analyse(session, ["device"]).report
+    session = execute(plan(path), tmp_path, 1, RunOptions(clock=clock))
+    report = analyse(session, analysis("device", report=True)).report
     html = report.read_text()
     assert "<script>alert(1)" not in html
     assert "<img src=x" not in html

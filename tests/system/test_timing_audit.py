@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from testbench.pipeline import run
+from testbench.pipeline.run import run
+from tests.asking import run_of
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +20,7 @@ def result(altered_protocol, tmp_path_factory):
             sensor["parameters"] = {"clock": dict(clock), "lost_packets_percent": 0.5}
 
     return run(
-        altered_protocol("timing_audit", set_clocks),
-        logs=tmp_path_factory.mktemp("logs"),
-        with_report=False,
+        run_of(altered_protocol("timing_audit", set_clocks), logs=tmp_path_factory.mktemp("logs"))
     )
 
 

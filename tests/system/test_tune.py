@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.formats import import_recording
+from testbench.pipeline.parameter_space import Effort
+from testbench.pipeline.tune import SearchWanted, Sessions, find_parameters
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
 from testbench.records.session import Session
 from testbench.records.tuning import load_tunings
-from testbench.studies.parameter_space import Effort
-from testbench.studies.tuning import Sessions, tune
 from tests.command_line import command
 from tests.studies.known_recordings import FixedClock, write_known
 
@@ -99,12 +99,11 @@ def test_a_filter_of_the_users_own_is_tuned_and_needs_its_file_to_run(tmp_path, 
     assert command("tune", path, "--filter", f"{plug_in}:Own", *own) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["filter_source"] == f"{plug_in}:Own"
-    twin = tune(
+    twin = find_parameters(
         get_filter("madgwick_marg", {"beta": 0.35}),
         Sessions.given([Session(path)], []),
-        "total_rmse_deg",
+        SearchWanted("total_rmse_deg", ["beta"]),
         NOW,
-        ["beta"],
     )
     assert printed["parameters"]["gain"] == pytest.approx(twin.parameters["beta"], rel=0.05)
     assert command("evaluate", path, "--tuned", file) == 2
@@ -149,14 +148,11 @@ def test_madgwicks_beta_on_broad_each_trial_alone_and_one_for_the_others(data, t
         )
         for number in ("02", "05", "14", "16", "30")
     ]
-    found = tune(
+    found = find_parameters(
         get_filter("madgwick_marg"),
         Sessions.given(trials, []),
-        "total_rmse_deg",
+        SearchWanted("total_rmse_deg", ["beta"], Effort(values=7), leave_one_out=True),
         NOW,
-        ["beta"],
-        Effort(values=7),
-        leave_one_out=True,
     )
     own = {entry.session[-2:]: entry.own_parameters["beta"] for entry in found.sessions}
     # Laidig et al. (2021) found 0.12 best over all 39 trials; fast motion wants more than a field
@@ -191,10 +187,15 @@ def best_of_a_scan(data: Path, number: str) -> float:
         axis=1
     )
     true = Rotation.from_quat(content["opt_quat"][counted], scalar_first=True)
-    errors = {}
-    for beta in np.geomspace(0.008, 0.2, 40):
-        q = get_filter("madgwick_marg", {"beta": beta}).run(samples)[counted]
-        errors[beta] = np.sqrt(
-            np.mean((Rotation.from_quat(q, scalar_first=True) * true.inv()).magnitude() ** 2)
-        )
-    return float(min(errors, key=errors.__getitem__))
+
+    def best_of(betas: np.ndarray) -> float:
+        errors = {}
+        for beta in betas:
+            q = get_filter("madgwick_marg", {"beta": beta}).run(samples)[counted]
+            left = Rotation.from_quat(q, scalar_first=True) * true.inv()
+            errors[beta] = np.sqrt(np.mean(left.magnitude() ** 2))
+        return min(errors, key=errors.__getitem__)
+
+    coarse = np.geomspace(0.008, 0.2, 10)
+    step = coarse[1] / coarse[0]
+    return float(best_of(best_of(coarse) * np.geomspace(1 / step, step, 9)))

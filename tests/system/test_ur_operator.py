@@ -2,38 +2,44 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
-import subprocess
-import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from testbench.cli.running import ArmChoice, approve
-from testbench.exceptions import BenchError
+from testbench.cli.app import app
+from testbench.exceptions import ArmRefused, BenchError
 from testbench.execution.checklist import HAZARDS
 from testbench.execution.guards import GuardTripped
-from testbench.pipeline import make_plan
+from testbench.pipeline.analyse import load_analysis
+from testbench.pipeline.approval import approve
+from testbench.pipeline.prepared import Prepared, make_plan
+from testbench.pipeline.request import ArmRequest, RunRequest
+from testbench.pipeline.watcher import Consent, Watcher
+from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, list_sessions
-from tests.emulated_arms import REAL_TIME, ROOT, SHORT, drive_ur, ur_command
+from tests.asking import analysis, run_of
+from tests.command_line import command
+from tests.emulated_arms import SHORT, run_on_ur
 
-pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
-pytestmark = REAL_TIME
 
-
-def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(ur3e, short_plan, tmp_path):
-    paused: list[float] = []
+def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(bench, ur3e, short_plan, tmp_path):
+    paused: list[int] = []
     said: list[str] = []
 
     def pause(progress) -> None:
         if progress.index == 1 and not paused:
-            paused.append(time.monotonic())
+            paused.append(bench.clock.now_ns)
             os.kill(os.getpid(), signal.SIGUSR1)
-        elif paused and time.monotonic() - paused[0] > 2.5:
+        elif paused and bench.clock.now_ns - paused[0] > 2.5e9:
             os.kill(os.getpid(), signal.SIGUSR2)
 
-    session = drive_ur(short_plan, ur3e, tmp_path, progress=pause, say=said.append)
+    session = bench.drive(short_plan, ur3e, tmp_path, progress=pause, say=said.append)
     assert session.status is RunStatus.COMPLETED
     assert [line for line in said if "controller's samples" not in line] == [
         "pause requested (asked for): the arm rests after this step",
@@ -52,20 +58,20 @@ def test_a_pause_waits_between_two_steps_with_the_arm_at_rest(ur3e, short_plan, 
     assert events["pause_requested"] < events["paused"] - 0.1e9
 
 
-def test_a_guard_stops_the_arm(ur3e, short, tmp_path):
+def test_a_guard_stops_the_arm(bench, ur3e, tmp_path):
     guarded = tmp_path / "guarded.yaml"
     # the emulated joints have 30 degC
     rule = "guards: {temperature_degC: {limit: 25, action: stop}}\n"
     guarded.write_text(SHORT + rule, encoding="utf-8")
     with pytest.raises(GuardTripped, match=r"temperature of .*: 30 degC, the limit is 25 degC"):
-        drive_ur(make_plan(guarded), ur3e, tmp_path / "logs")
+        bench.drive(make_plan(run_of(guarded)), ur3e, tmp_path / "logs")
     (session,) = list_sessions(tmp_path / "logs")
     assert session.status is RunStatus.ERROR
     assert any(event.event == "guard" for event in session.events)
     ur3e.wait_until("at rest", 5)
 
 
-def test_a_guard_that_pauses_says_why_and_how_to_go_on(ur3e, tmp_path):
+def test_a_guard_that_pauses_says_why_and_how_to_go_on(bench, ur3e, tmp_path):
     guarded = tmp_path / "guarded.yaml"
     rule = "guards: {temperature_degC: {limit: 25, action: pause}}\n"
     guarded.write_text(SHORT + rule, encoding="utf-8")
@@ -76,7 +82,7 @@ def test_a_guard_that_pauses_says_why_and_how_to_go_on(ur3e, tmp_path):
         if line.startswith("PAUSED"):
             os.kill(os.getpid(), signal.SIGUSR2)
 
-    session = drive_ur(make_plan(guarded), ur3e, tmp_path / "logs", say=hear)
+    session = bench.drive(make_plan(run_of(guarded)), ur3e, tmp_path / "logs", say=hear)
     # the last of six that trip at once
     why = "guard: temperature of wrist_3_joint: 30 degC, the limit is 25 degC"
     assert said[:6] == [
@@ -96,15 +102,9 @@ def test_a_guard_that_pauses_says_why_and_how_to_go_on(ur3e, tmp_path):
 
 def test_without_confirmation_the_whole_motion_is_shown_and_nothing_moves(ur3e, short, tmp_path):
     before = ur3e.control("status")
-    done = subprocess.run(
-        ur_command(ur3e, short, tmp_path / "logs"),
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert done.returncode == 2
-    assert "--confirm-motion" in done.stderr
+    done = CliRunner().invoke(app, run_on_ur(ur3e.address, short, tmp_path / "logs"))
+    assert isinstance(done.exception, ArmRefused) and done.exception.exit_code == 2
+    assert "--confirm-motion" in str(done.exception)
     for name in ("start", "out", "wave", "back"):
         assert name in done.stdout
     assert not (tmp_path / "logs").exists()
@@ -112,38 +112,43 @@ def test_without_confirmation_the_whole_motion_is_shown_and_nothing_moves(ur3e, 
 
 
 def test_without_a_look_at_the_hazards_nothing_moves(ur3e, short, tmp_path):
-    asked = ur_command(ur3e, short, tmp_path / "logs", "--confirm-motion")
-    done = subprocess.run(
-        asked, cwd=ROOT, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL
-    )
-    assert done.returncode == 2
-    assert "--hazards-checked" in done.stderr
+    before = ur3e.control("status")
+    asked = run_on_ur(ur3e.address, short, tmp_path / "logs", "--confirm-motion")
+    done = CliRunner().invoke(app, asked)
+    assert isinstance(done.exception, ArmRefused) and done.exception.exit_code == 2
+    assert "--hazards-checked" in str(done.exception)
+    assert ur3e.control("status") == before
 
 
 @pytest.mark.parametrize(
-    ("choice", "sentence"),
+    ("arm", "sentence"),
     [
         (
-            ArmChoice("ur", "127.0.0.1", confirmed=True),
+            ArmRequest(driver="ur", host="127.0.0.1"),
             "name the sensors on the arm with --serial or --dot",
         ),
-        (ArmChoice("ur", "127.99.99.99", simulate_imus=True, confirmed=True), r"127\.99\.99\.99"),
+        (ArmRequest(driver="ur", host="127.99.99.99", simulate_imus=True), r"127\.99\.99\.99"),
     ],
     ids=["no sensors", "no controller"],
 )
 def test_a_person_is_asked_only_when_nothing_else_would_refuse_the_run(
-    short_plan, choice, sentence, monkeypatch
+    bench, short_plan, arm, sentence
 ):
     asked: list[str] = []
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("testbench.cli.running._ask", lambda question: bool(asked.append(question)))
     with pytest.raises(BenchError, match=sentence):
-        approve(short_plan, choice, choice.setup())
+        approved(short_plan, arm, lambda question: bool(asked.append(question)))
     assert not asked
 
 
+def approved(plan: Plan, arm: ArmRequest, ask: Callable[[str], bool]) -> dict[str, Any]:
+    """What a person allowed who wants the arm to move, and is asked for the hazards."""
+    prepared = Prepared(plan, load_analysis(analysis()))
+    watcher = Watcher(consent=Consent(motion=True, ask=ask))
+    return approve(prepared, RunRequest(arm=arm), watcher)
+
+
 def test_a_person_is_asked_of_an_arm_that_can_be_driven_and_that_was_let_go(
-    ur3e, short_plan, monkeypatch
+    bench, ur3e, short_plan
 ):
     asked: list[str] = []
 
@@ -151,8 +156,27 @@ def test_a_person_is_asked_of_an_arm_that_can_be_driven_and_that_was_let_go(
         asked.append(ur3e.dashboard("programState"))
         return True
 
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("testbench.cli.running._ask", ask)
-    choice = ArmChoice("ur", ur3e.address, simulate_imus=True, confirmed=True)
-    assert approve(short_plan, choice, choice.setup())["by"] == "asked on the terminal"
+    arm = ArmRequest(driver="ur", host=ur3e.address, simulate_imus=True)
+    assert approved(short_plan, arm, ask)["by"] == "asked on the terminal"
     assert asked == ["STOPPED null"] * len(HAZARDS)
+
+
+def test_a_driving_process_that_is_gone_ends_the_run_with_how_to_go_on(
+    bench, ur3e, short, tmp_path, capsys
+):
+    logs = tmp_path / "logs"
+    bench.kill_driving_process(after_s=1.0)
+    confirmed = ("--confirm-motion", "--hazards-checked", "--json")
+    assert command(*run_on_ur(ur3e.address, short, logs, *confirmed)) == 3
+    ur3e.wait_until("at rest", 2)
+    ur3e.wait_until("STOPPED", 2)
+    said = capsys.readouterr().err
+    assert "watchdog" in said
+    (session,) = list_sessions(logs)
+    told = json.loads(said.splitlines()[-1])["error"]
+    assert told["notes"][-1] == (
+        f"go on: testbench run --resume {session.path} --arm ur --host {ur3e.address} "
+        f"--confirm-motion --simulate-imus --logs {logs}"
+    )
+    assert session.status is RunStatus.ERROR
+    assert json.loads((session.path / "manifest.json").read_text())["message"] in said

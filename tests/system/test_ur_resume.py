@@ -8,72 +8,67 @@ import os
 import re
 import shutil
 import signal
-import subprocess
-import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from testbench.arm_pipeline import ArmSetup, prepare_resume, resume
-from testbench.exceptions import DriverError, InputError, RunInterrupted
-from testbench.execution.arm_run import ArmRunOptions
-from testbench.pipeline import make_plan
+from testbench.cli.app import app
+from testbench.exceptions import ArmRefused, DriverError, InputError, RunInterrupted
+from testbench.pipeline.prepared import Prepared, make_plan
+from testbench.pipeline.request import ArmRequest
+from testbench.pipeline.run import prepare, run
+from testbench.pipeline.watcher import Consent, Watcher
 from testbench.records.plan import Plan
 from testbench.records.session import RunStatus, Session, list_sessions
-from tests.emulated_arms import REAL_TIME, ROOT, SHORT, EmulatedUr, drive_ur
+from tests.asking import going_on, run_of
+from tests.emulated_arms import ROOT, SHORT
+from tests.lock_step.bench import VirtualArm, VirtualBench, virtual_bench
 
-pytest.importorskip("rtde_control", reason="ur_rtde is not installed")
-pytestmark = REAL_TIME
+NO_ARM = ArmRequest(driver="ur", host="127.99.99.99", simulate_imus=True)
 
 
-def broken_off(ur3e: EmulatedUr, plan: Plan, logs: Path) -> Session:
+def resumption(session: Path, **run: Any) -> Prepared:
+    """How a session would go on; nothing is connected."""
+    return prepare(going_on(session, arm=NO_ARM, **run))
+
+
+def broken_off(bench: VirtualBench, ur3e: VirtualArm, plan: Plan, logs: Path) -> Session:
     """A session that the operator stopped at once."""
     with pytest.raises(
         RunInterrupted, match=r"what was recorded is kept in .*: \d of \d steps are whole$"
     ):
-        drive_ur(plan, ur3e, logs, progress=lambda progress: os.kill(os.getpid(), signal.SIGINT))
+        bench.drive(plan, ur3e, logs, progress=lambda progress: os.kill(os.getpid(), signal.SIGINT))
     (session,) = list_sessions(logs)
     return session
 
 
 @pytest.fixture(scope="module")
-def stopped(
-    ur_emulator: EmulatedUr, short_plan: Plan, tmp_path_factory: pytest.TempPathFactory
-) -> Session:
+def stopped(short_plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Session:
     """A session of the short protocol; its files must not be changed."""
-    ur_emulator.control("clear")
-    ur_emulator.wait_until("at rest")
-    return broken_off(ur_emulator, short_plan, tmp_path_factory.mktemp("logs"))
+    with virtual_bench() as bench:
+        return broken_off(bench, bench.ur(), short_plan, tmp_path_factory.mktemp("logs"))
 
 
 def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_references(
-    ur3e, short_plan, short, tmp_path
+    bench, ur3e, short_plan, short, tmp_path
 ):
     def strike(progress) -> None:
         if progress.index == 2:  # the sweep
             ur3e.control("fault protective_stop")
 
     with pytest.raises(DriverError):
-        drive_ur(short_plan, ur3e, tmp_path, progress=strike)
+        bench.drive(short_plan, ur3e, tmp_path, progress=strike)
     (broken,) = list_sessions(tmp_path)
     assert [step.index for step in broken.steps] == [0, 1]
     ur3e.control("clear")
     before = ur3e.control("status")
-    dry = [
-        sys.executable,
-        "-m",
-        "testbench",
-        "run",
-        "--resume",
-        str(broken.path),
-        "--arm",
-        "ur",
-        "--host",
-        ur3e.address,
-    ]
-    shown = subprocess.run(dry, cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert shown.returncode == 2 and "dry run" in shown.stderr
+    dry = ["run", "--resume", str(broken.path), "--arm", "ur", "--host", ur3e.address]
+    shown = CliRunner().invoke(app, dry)
+    assert isinstance(shown.exception, ArmRefused) and shown.exception.exit_code == 2
+    assert "dry run" in str(shown.exception)
     assert f"{short} is still the same" in shown.stderr
     lines = [line.strip() for line in shown.stdout.partition("Motion, from")[2].splitlines()]
     lines = [line for line in lines if re.match(r"[0-9] |- ", line)]
@@ -83,11 +78,12 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
     assert lines[4].startswith("3 steps of 4, reference and calibration once more,")
     assert ur3e.control("status") == before
     seen: list[str] = []
-    setup = ArmSetup("ur", host=ur3e.address, simulate_imus=True, seed=1)
-    options = ArmRunOptions(
-        tmp_path, 1, progress=lambda progress: progress.doing or seen.append(progress.step)
+    arm = ArmRequest(driver="ur", host=ur3e.address, simulate_imus=True)
+    watcher = Watcher(
+        progress=lambda progress: progress.doing or seen.append(progress.step),
+        consent=Consent(motion=True, hazards_checked=True),
     )
-    result = resume(broken.path, setup, options, with_report=False)
+    result = run(going_on(broken.path, arm=arm, seed=1, logs=tmp_path), watcher)
     assert result.session.status is RunStatus.COMPLETED
     assert list(dict.fromkeys(seen)) == ["start", "on to 'wave'", "wave", "back"]
     ways = [event for event in result.session.events if event.event.startswith("connecting_")]
@@ -97,10 +93,12 @@ def test_a_run_that_broke_off_goes_on_with_its_missing_steps_after_the_reference
     ]
     assert np.ptp([way.host_time_ns for way in ways]) > 2e9  # 40 deg at 15 deg/s
     assert [step.index for step in result.session.steps] == [0, 2, 3]
-    assert result.session.manifest["resumes"]["session"] == broken.name
+    assert result.session.manifest.resumes.session == broken.name
 
 
-def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_arm(ur3e, tmp_path):
+def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_arm(
+    bench, ur3e, tmp_path
+):
     steps = "".join(
         f"      - {{move_to_deg: {{wrist_3_joint: {2 * (k % 2)}}}}}\n" for k in range(15)
     )
@@ -109,9 +107,9 @@ def test_more_ways_between_steps_than_are_known_in_advance_do_not_hold_up_the_ar
         SHORT.partition("  - name: moves")[0] + "  - name: moves\n    steps:\n" + steps,
         encoding="utf-8",
     )
-    the_plan = make_plan(path)
+    the_plan = make_plan(run_of(path))
     every_other = [the_plan.steps[0], *the_plan.steps[2::2]]
-    session = drive_ur(the_plan, ur3e, tmp_path / "logs", steps=every_other)
+    session = bench.drive(the_plan, ur3e, tmp_path / "logs", steps=every_other)
     assert [step.index for step in session.steps] == [step.index for step in every_other]
     assert sum(event.event == "connecting_ended" for event in session.events) > 4
 
@@ -120,50 +118,45 @@ def test_a_changed_protocol_is_not_resumed_and_the_difference_shown(stopped, tmp
     changed = tmp_path / "short.yaml"
     changed.write_text(SHORT.replace("dwell_s: 0.5", "dwell_s: 0.6"), encoding="utf-8")
     with pytest.raises(InputError, match=r"short\.yaml differs") as caught:
-        resume(
-            stopped.path,
-            ArmSetup("ur", host="127.99.99.99", simulate_imus=True, seed=1),
-            ArmRunOptions(tmp_path, 1),
-            changed,
-        )
+        run(going_on(stopped.path, protocol=changed, arm=NO_ARM, seed=1, logs=tmp_path))
     assert "dwell_s: 0.6" in str(caught.value)
 
 
 def test_a_protocol_that_was_edited_since_is_not_resumed_unless_the_sessions_own_is_named(
-    ur3e, tmp_path
+    bench, ur3e, tmp_path
 ):
     edited = tmp_path / "short.yaml"
     edited.write_text(SHORT, encoding="utf-8")
-    session = broken_off(ur3e, make_plan(edited), tmp_path / "logs")
+    session = broken_off(bench, ur3e, make_plan(run_of(edited)), tmp_path / "logs")
     edited.write_text(SHORT.replace("wrist_3_joint: 40", "wrist_3_joint: 20"), encoding="utf-8")
     with pytest.raises(InputError, match=r"short\.yaml was edited since") as caught:
-        prepare_resume(session.path)
+        resumption(session.path)
     assert "wrist_3_joint: 20" in str(caught.value)
     assert str(caught.value).endswith(f"--resume {session.path} {session.path / 'protocol.yaml'}")
     edited.write_text("name: [", encoding="utf-8")  # in the middle of an edit
     with pytest.raises(InputError, match="the protocol that the session keeps"):
-        prepare_resume(session.path)
+        resumption(session.path)
     other = tmp_path / "other.yaml"
     other.write_text(SHORT.replace("wrist_3_joint: 40", "wrist_3_joint: 20"), encoding="utf-8")
     with pytest.raises(
         InputError, match=r"called other\.yaml, that of the session short\.yaml"
     ) as caught:
-        prepare_resume(session.path, other)
+        resumption(session.path, protocol=other)
     assert str(caught.value).count("\n+") == 2  # the head of the difference, and the line
-    kept = prepare_resume(session.path, session.path / "protocol.yaml")
+    kept = resumption(session.path, protocol=session.path / "protocol.yaml")
     assert kept.note == f"resuming by {session.path / 'protocol.yaml'}"
     assert np.degrees(kept.plan.trajectory.q[:, 5]).max() > 39
     edited.unlink()
-    assert prepare_resume(session.path).note == "resuming by the protocol that the session keeps"
+    assert resumption(session.path).note == "resuming by the protocol that the session keeps"
 
 
 def test_another_arm_than_the_sessions_is_not_resumed(stopped, tmp_path):
     with pytest.raises(InputError, match="begun on ur3e, and cannot be resumed on ur5e"):
-        prepare_resume(stopped.path, robot="ur5e")
-    assert prepare_resume(stopped.path, robot="ur3e").plan.robot.name == "ur3e"
+        resumption(stopped.path, robot="ur5e")
+    assert resumption(stopped.path, robot="ur3e").plan.robot.name == "ur3e"
     changed = tmp_path / "ur3e"
     shutil.copytree(ROOT / "robots" / "ur3e", changed)
     text = (changed / "robot.yaml").read_text(encoding="utf-8")
     (changed / "robot.yaml").write_text(text + "# by another hand\n", encoding="utf-8")
     with pytest.raises(InputError, match="by another hand"):
-        prepare_resume(stopped.path, robot=changed)
+        resumption(stopped.path, robot=changed)

@@ -1,4 +1,4 @@
-"""What the bench asks of an arm, simulated or real."""
+"""What the bench asks of an arm: simulated, emulated, replayed or real."""
 
 from __future__ import annotations
 
@@ -7,53 +7,44 @@ from collections.abc import Mapping
 from typing import Any
 
 from testbench.drivers.arms.entry import ArmEntry
+from testbench.drivers.session_time import SessionTime
+from testbench.frames import NANOSECONDS
 from testbench.records.plan import Plan, PlannedStep
+from testbench.records.protocol_arm import Guards
 from testbench.records.samples import ArmSamples
 from testbench.records.session import Event
 
 
-class Arm(ABC):
-    """An arm that can follow a plan: prepare, kickoff, read until done; stop is allowed in every
+class SteppingArm(ABC):
+    """An arm that goes through the steps of a plan in its own time, and says when each of them
+    happened: connect, check_way, prepare, kickoff, read until finished; stop is allowed in every
     state.
 
     Attributes:
-        extra_columns: What its samples hold beyond angles and rates, name to type.
-    """
-
-    extra_columns: dict[str, Any] = {}
-
-    @abstractmethod
-    def prepare(self, plan: Plan) -> None:
-        """Take the plan and stand at its start."""
-
-    @abstractmethod
-    def kickoff(self) -> None:
-        """Begin to move; this is time 0 of the session."""
-
-    @abstractmethod
-    def read(self, until_ns: int) -> ArmSamples:
-        """What was recorded since the last call, up to a host time; waits for it where time is
-        real.
-        """
-
-    @abstractmethod
-    def stop(self) -> None:
-        """Come to rest, from any state, and stay there; a second call does nothing."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Let go of the hardware."""
-
-
-class SteppingArm(Arm):
-    """An arm that goes through the steps of a plan in its own time, and says when each of them
-    happened.
-
-    Attributes:
+        time: Of the session; whether it is real or virtual is the arm's affair.
         entry: Its place in the catalogue of arms.
+        extra_columns: What its samples hold beyond angles and rates, name to type.
+        usual_guards: What is watched where the protocol names no guards; nothing if None.
+        attended: Whether a person stands beside it: then each change of state is an event, and what
+            the guards found is summed up at the end.
+        takes_pauses: Whether it can wait between two steps.
+        ends: Whether it comes to an end by itself; if not, the operator's stop is no interruption.
+        coming: What it does before its first step, for people.
+        tail_ns: Recording goes on for so long after the last step, so that the last dwell is whole
+            on every clock [ns].
+        rests_after_ns: It is at rest so long after `stop` has returned [ns].
     """
 
+    time: SessionTime
     entry: ArmEntry
+    extra_columns: dict[str, Any] = {}
+    usual_guards: Guards | None = Guards()
+    attended: bool = True
+    takes_pauses: bool = True
+    ends: bool = True
+    coming: str = "the arm goes to the start of the plan"
+    tail_ns: int = NANOSECONDS
+    rests_after_ns: int = 0
 
     @property
     def notice(self) -> str:
@@ -75,6 +66,22 @@ class SteppingArm(Arm):
         None.
         """
 
+    @abstractmethod
+    def prepare(self, plan: Plan) -> None:
+        """Take the plan and stand at its start."""
+
+    @abstractmethod
+    def kickoff(self) -> None:
+        """Begin to move; this is time 0 of the session."""
+
+    def next_ns(self, after_ns: int) -> int:
+        """Up to when it is read next, after a time [ns]."""
+        return self.time.next_ns(after_ns)
+
+    @abstractmethod
+    def read(self, until_ns: int) -> ArmSamples:
+        """What was recorded since the last call, up to a host time; waits for it."""
+
     @property
     @abstractmethod
     def finished(self) -> bool:
@@ -83,17 +90,33 @@ class SteppingArm(Arm):
     @abstractmethod
     def events(self) -> list[Event]:
         """What happened since the last call: step_started, step_settled, step_ended with their
-        `index`, paused, faults.
+        `index`, paused, resumed, faults.
         """
 
     @abstractmethod
-    def pause(self) -> None:
-        """Come to rest at the end of the step under way, and wait."""
+    def pause(self) -> bool:
+        """Come to rest at the end of the step under way, or at once, and wait.
+
+        Returns:
+            Whether it rests already. The event `paused` says when it came to rest.
+        """
 
     @abstractmethod
     def resume(self) -> None:
         """Go on after a pause."""
 
+    @abstractmethod
+    def stop(self) -> None:
+        """Come to rest, from any state, and stay there; a second call does nothing."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the hardware."""
+
     def describe(self) -> dict[str, Any]:
         """What the manifest should say of this arm."""
         return self.entry.record.to_dict()
+
+    def afterwards(self) -> list[str]:
+        """What a person must know of it once the run is over, a line each."""
+        return []

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
 
+from testbench.clock import Clock, SystemClock, seconds
 from testbench.drivers.arms.controller_clock import ControllerClock
 from testbench.drivers.arms.settings import LinkSettings
 
@@ -39,6 +39,7 @@ class ArmClient(ABC):
 
     Args:
         settings: Address, rates, tool.
+        time: The host's clock; the machine's if None.
 
     Attributes:
         q: Angles [rad] and rates [rad/s] of the newest sample, and where the controller is going.
@@ -50,18 +51,22 @@ class ArmClient(ABC):
         listening: Whether it can be asked for samples.
     """
 
-    def __init__(self, settings: LinkSettings):
-        self.settings = settings
+    def __init__(self, settings: LinkSettings, time: Clock | None = None):
+        self.settings, self.time = settings, time or SystemClock()
         self.clock = ControllerClock()
         self.q = self.v = self.q_target = self.q_smooth = np.zeros(settings.joints)
         self.slider = 1.0
         self.listening = False
         self._stamp_ns = -1
-        self._arrival = time.monotonic()
+        self._arrival = self.now()
 
     def now_ns(self) -> int:
         """Host time [ns]."""
-        return time.monotonic_ns()
+        return self.time.monotonic_ns()
+
+    def now(self) -> float:
+        """Host time [s]."""
+        return seconds(self.time)
 
     def _note(
         self, stamp_ns: int, q: np.ndarray, v: np.ndarray, target: np.ndarray
@@ -83,7 +88,7 @@ class ArmClient(ABC):
             if first
             else max(round((stamp_ns - self._stamp_ns) * 1e-9 * self.settings.record_hz) - 1, 0)
         )
-        self._stamp_ns, self._arrival = stamp_ns, time.monotonic()
+        self._stamp_ns, self._arrival = stamp_ns, self.now()
         self.q, self.v, self.q_target = q, v, target
         self.q_smooth = q if first else self.q_smooth + SMOOTHING * (q - self.q_smooth)
         if float(np.abs(q - self.q_smooth).max()) > MOVES_RAD:
@@ -93,18 +98,18 @@ class ArmClient(ABC):
     @property
     def silent_for(self) -> float:
         """Time since the last sample [s]."""
-        return time.monotonic() - self._arrival
+        return self.now() - self._arrival
 
     def _wait_for_sample(self) -> None:
-        end = time.monotonic() + SILENT_S
+        end = self.now() + SILENT_S
         while not self.samples():
-            if time.monotonic() > end:
+            if self.now() > end:
                 raise ArmFault(
                     "silence",
                     f"the controller at {self.settings.host} takes connections and sends no data: "
                     f"none came in {SILENT_S:g} s",
                 )
-            time.sleep(0.001)
+            self.time.sleep(0.001)
 
     @abstractmethod
     def connect(self) -> dict[str, Any]:

@@ -11,12 +11,12 @@ import os
 import socket
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from testbench.clock import Clock, seconds
 from testbench.drivers.arms.client import ArmClient
 from testbench.drivers.arms.entry import ArmEntry
 from testbench.drivers.arms.settings import LinkSettings
@@ -40,13 +40,22 @@ class Link:
         client: The client library that it drives the arm through, made there of the settings.
         settings: How it is to drive.
         entry: Of the arm, for what a person does after a fault.
+        time: The bench's clock.
     """
 
-    def __init__(self, client: type[ArmClient], settings: LinkSettings, entry: ArmEntry):
-        self.settings, self.entry = settings, entry
+    def __init__(
+        self, client: type[ArmClient], settings: LinkSettings, entry: ArmEntry, time: Clock
+    ):
+        self.settings, self.entry, self.time = settings, entry, time
+        self._connection, self._process = self._start()
+        self._heard = seconds(time)
+        self.tell("settings", client, settings)
+
+    def _start(self) -> tuple[Connection, subprocess.Popen[bytes]]:
+        """Start the process: our end of the connection to it, and the process."""
         ours, theirs = socket.socketpair()
         path_of_this = [str(Path(__file__).resolve().parents[3]), os.environ.get("PYTHONPATH", "")]
-        self._process = subprocess.Popen(
+        process = subprocess.Popen(
             [sys.executable, "-m", "testbench.drivers.arms.worker", str(theirs.fileno())],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
@@ -56,10 +65,9 @@ class Link:
             start_new_session=True,  # Ctrl-C goes to the bench, which stops the arm in order
         )
         theirs.close()
-        self._connection = Connection(os.dup(ours.fileno()))
+        connection = Connection(os.dup(ours.fileno()))
         ours.close()
-        self._heard = time.monotonic()
-        self.tell("settings", client, settings)
+        return connection, process
 
     def tell(self, *message: Any) -> None:
         """Send something.
@@ -81,7 +89,7 @@ class Link:
         Raises:
             DriverError: The process has ended.
         """
-        self._heard = time.monotonic()
+        self._heard = seconds(self.time)
         self.tell(*message)
 
     def take(self) -> list[Message]:
@@ -94,13 +102,13 @@ class Link:
         try:
             while self._connection.poll():
                 messages.append(self._connection.recv())
-                self._heard = time.monotonic()
+                self._heard = seconds(self.time)
         except (EOFError, OSError):
             if not messages:
                 raise DriverError(
                     f"the process that drives the arm has ended; {self.settings.orphaned}"
                 ) from None
-        if not messages and time.monotonic() - self._heard > SILENCE_S:
+        if not messages and seconds(self.time) - self._heard > SILENCE_S:
             self.kill()
             silent = (
                 f"the process that drives the arm is silent for {SILENCE_S:g} s: it waits "
@@ -115,8 +123,8 @@ class Link:
         Raises:
             DriverError: The process ended, reported a fault, or took too long.
         """
-        end, before = time.monotonic() + timeout, list[Message]()
-        while time.monotonic() < end:
+        end, before = seconds(self.time) + timeout, list[Message]()
+        while seconds(self.time) < end:
             try:
                 if not self._connection.poll(0.1):
                     continue
@@ -125,7 +133,7 @@ class Link:
                 raise DriverError(
                     f"the process that drives the arm has ended; {self.settings.orphaned}"
                 ) from None
-            self._heard = time.monotonic()
+            self._heard = seconds(self.time)
             if message[0] == kind:
                 return message, before
             if message[0] == "fault":

@@ -21,6 +21,7 @@ from testbench.drivers.arms.straight_path import StraightPaths
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import ArmRefused, DriverError
 from testbench.frames import NANOSECONDS
+from testbench.model.truth import WIDEST_GAP_NS
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples
@@ -33,6 +34,10 @@ APPROACH_RAD_S, APPROACH_RAD_S2 = float(np.radians(15.0)), float(np.radians(30.0
 APPROACH_S = 120.0
 SLOWEST = (0.01, 0.05)
 """Least speed [rad/s] and acceleration [rad/s^2] that a controller is asked for."""
+MISSED_SHARE = 0.05
+"""A larger share of the controller's samples that did not come is said at the end; a smaller one is
+in the evaluation.
+"""
 
 
 class RemoteArm(SteppingArm):
@@ -83,6 +88,7 @@ class RemoteArm(SteppingArm):
         self._events: list[Event] = []
         self._origin_ns = 0
         self._last_ns = 0
+        self._received = self._widest_gap_ns = 0
         self._fault: str | None = None
         self._finished = self._stopped = False
         self.streamed_moves = 0
@@ -99,7 +105,7 @@ class RemoteArm(SteppingArm):
                 does not take over.
             DriverError: There is no controller at the address, or it does not answer.
         """
-        self._link = Link(self.client, self.settings, self.entry)
+        self._link = Link(self.client, self.settings, self.entry, self.clock)
         try:
             (_, info), _ = self._link.wait_for("info")
         except BaseException:
@@ -266,10 +272,13 @@ class RemoteArm(SteppingArm):
                 self.columns
             )
         self._batches = []
-        kept = np.zeros(len(host), dtype=bool)
+        kept, before = np.zeros(len(host), dtype=bool), self._last_ns
         for i, time in enumerate(host):  # never back in time, whatever the clocks do
             if time > self._last_ns:
                 kept[i], self._last_ns = True, int(time)
+        gaps = np.diff(host[kept], prepend=[before] if self._received else [])
+        self._widest_gap_ns = max(self._widest_gap_ns, int(gaps.max(initial=0)))
+        self._received += int(kept.sum())
         extras: dict[str, np.ndarray] = {"controller_time_ns": controller[kept].astype(np.int64)}
         for column, values in zip(self.joint_columns, others, strict=False):
             extras |= {column.format(joint): values[kept][:, i] for i, joint in enumerate(joints)}
@@ -283,9 +292,10 @@ class RemoteArm(SteppingArm):
         events, self._events = self._events, []
         return events
 
-    def pause(self) -> None:
+    def pause(self) -> bool:
         if self._link is not None:
             self._link.tell("pause")
+        return False
 
     def resume(self) -> None:
         if self._link is not None:
@@ -330,6 +340,16 @@ class RemoteArm(SteppingArm):
             "streamed_moves": self.streamed_moves,
             "timing": self.timing,
         }
+
+    def afterwards(self) -> list[str]:
+        """How much the controller's data lack, where it is much."""
+        missed = self.timing.get("samples_missed", 0)
+        due = missed + self._received
+        if not missed or (missed <= MISSED_SHARE * due and self._widest_gap_ns <= WIDEST_GAP_NS):
+            return []
+        share, gap = 100 * missed / due, self._widest_gap_ns / NANOSECONDS
+        what = f"{missed} of {due} ({share:.2g} %) of the controller's samples did not come"
+        return [f"warning: {what}, the longest gap is {gap:.2g} s"]
 
     def _tool(self) -> dict[str, Any] | None:
         """The weight that the controller was told of, or None where it was left as it was."""

@@ -19,6 +19,7 @@ from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.frames import NANOSECONDS
+from testbench.records.layout import ARM, table_file
 from testbench.records.plan import Plan, PlannedStep
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples
@@ -140,9 +141,10 @@ class ReplayArm(SteppingArm):
             Event(event.host_time_ns + self._shift_ns, event.event, event.details) for event in due
         ] + told
 
-    def pause(self) -> None:
+    def pause(self) -> bool:
         self._held_ns = self.time.now_ns() - self._shift_ns
         self._told.append(Event(self.time.now_ns(), "paused", {}))
+        return True
 
     def resume(self) -> None:
         if self._held_ns is not None:
@@ -173,7 +175,7 @@ def replay_arm(plan: Plan, wanted: WantedArm, time: SessionTime) -> ReplayArm:
 def _read_log(path: Path) -> dict[str, np.ndarray]:
     if path.is_dir():
         Session(path)
-        return read_parquet(path / "arm.parquet")
+        return read_parquet(path / table_file(ARM))
     if not path.is_file():
         raise InputError(f"the log {path} does not exist")
     if path.suffix == ".parquet":

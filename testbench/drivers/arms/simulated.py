@@ -4,19 +4,24 @@ encoders say.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
-from testbench.drivers.arms.base import Arm
+from testbench.clock import SystemClock
+from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.catalogue import SIM
 from testbench.drivers.arms.entry import WantedArm
-from testbench.drivers.session_time import SessionTime
+from testbench.drivers.session_time import VirtualTime
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
 from testbench.model.noise import random_stream
 from testbench.model.servo import servo_parameters, servo_update
-from testbench.records.plan import Plan
+from testbench.records.plan import Plan, PlannedStep
 from testbench.records.robot import Robot
 from testbench.records.samples import ArmSamples
+from testbench.records.session import Event, step_events
 from testbench.records.trajectory import Trajectory
 
 STOP_TIME_S = 0.5
@@ -26,8 +31,8 @@ before its beginning.
 """
 
 
-class SimulatedArm(Arm):
-    """An arm in virtual time.
+class SimulatedArm(SteppingArm):
+    """An arm in virtual time, which follows the plan to the nanosecond.
 
     Each joint follows its reference as a second-order servo, solved exactly between control
     instants. Its true angle differs from the servo's by a repeatability error that is redrawn with
@@ -39,10 +44,25 @@ class SimulatedArm(Arm):
         seed: Of the run.
         joint_errors: Whether the joints' zeros are off as the robot file's uncertainty says; drawn
             once for the run, felt by the sensors and not seen by the encoders.
+        time: Of the session; as fast as the machine goes if None.
     """
 
-    def __init__(self, robot: Robot, seed: int, joint_errors: bool = False):
+    entry = SIM
+    time: VirtualTime
+    usual_guards = None
+    attended = False
+    coming = ""
+    rests_after_ns = NANOSECONDS
+
+    def __init__(
+        self,
+        robot: Robot,
+        seed: int,
+        joint_errors: bool = False,
+        time: VirtualTime | None = None,
+    ):
         self.robot, self.seed = robot, seed
+        self.time = time or VirtualTime(SystemClock())
         self.zero_errors = (
             draw_zero_errors(robot, seed) if joint_errors else np.zeros(len(robot.joint_names))
         )
@@ -51,10 +71,21 @@ class SimulatedArm(Arm):
         self._noise = random_stream(seed, "arm", "encoder")
         self._reference: Trajectory | None = None
         self._stopped_at: int | None = None
+        self._planned: list[Event] = []
+        self._told = self._read_ns = 0
+        self._waits: list[Event] = []
+
+    def connect(self) -> None:
+        """Nothing to connect to."""
+
+    def check_way(self, plan: Plan, steps: list[PlannedStep] | None = None) -> None:
+        """The plan was checked, and is followed as a whole."""
 
     def prepare(self, plan: Plan) -> None:
         """Take the plan; draw the repeatability error of each of its moves."""
         self._reference = plan.trajectory
+        self._end_ns = int(plan.trajectory.time_ns[-1])
+        self._planned = step_events(plan.steps)
         self._error = self._repeatability(plan)
         q0 = plan.trajectory.q[0]
         self._servo = np.stack([q0, np.zeros_like(q0)])
@@ -69,12 +100,20 @@ class SimulatedArm(Arm):
         """Begin."""
         if self._reference is None:
             raise DriverError("the simulated arm was started before it was prepared")
+        self.time.start()
         self._kicked = True
 
+    def next_ns(self, after_ns: int) -> int:
+        """Not past the end of the motion at one go."""
+        until_ns = super().next_ns(after_ns)
+        return min(until_ns, self._end_ns) if after_ns < self._end_ns else until_ns
+
     def read(self, until_ns: int) -> ArmSamples:
-        """Advance virtual time."""
+        """Let virtual time pass."""
         if self._reference is None or not self._kicked:
             raise DriverError("the simulated arm was read before it was started")
+        self.time.wait_until(until_ns)
+        self._read_ns = max(self._read_ns, until_ns)
         last = (
             until_ns // self._period_ns + 1
         )  # one control period ahead, so that sensors can interpolate
@@ -100,10 +139,36 @@ class SimulatedArm(Arm):
             time_ns
         )
 
+    @property
+    def finished(self) -> bool:
+        return self._reference is not None and self._read_ns >= self._end_ns
+
+    def events(self) -> list[Event]:
+        """What the plan says of the time that was read; the end of it belongs to the next."""
+        begin, end_ns = self._told, self._read_ns if self._stopped_at is None else 0
+        while self._told < len(self._planned) and self._planned[self._told].host_time_ns < end_ns:
+            self._told += 1
+        waits, self._waits = self._waits, []
+        return waits + self._planned[begin : self._told]
+
+    def pause(self) -> bool:
+        """Rest at once: virtual time stands still."""
+        self.time.hold()
+        self._waits.append(Event(self.time.now_ns(), "paused", {}))
+        return True
+
+    def resume(self) -> None:
+        self.time.go_on()
+        self._waits.append(Event(self.time.now_ns(), "resumed", {}))
+
     def stop(self) -> None:
         """Freeze the reference; the servo brings the joints to rest."""
+        self.time.go_on()
         if self._stopped_at is None and self._reference is not None:
             self._stopped_at = (self._next - 1) * self._period_ns
+
+    def describe(self) -> dict[str, Any]:
+        return super().describe() | {"speed": self.time.speed}
 
     def close(self) -> None:
         """Nothing to let go of."""
@@ -148,9 +213,10 @@ class SimulatedArm(Arm):
         )
 
 
-def simulated_arm(plan: Plan, wanted: WantedArm, time: SessionTime | None = None) -> SimulatedArm:
-    """The model of a plan's arm; it keeps virtual time."""
-    return SimulatedArm(plan.robot, wanted.seed, plan.protocol.spec.environment.joint_errors)
+def simulated_arm(plan: Plan, wanted: WantedArm, time: VirtualTime | None = None) -> SimulatedArm:
+    """The model of a plan's arm."""
+    joint_errors = plan.protocol.spec.environment.joint_errors
+    return SimulatedArm(plan.robot, wanted.seed, joint_errors, time)
 
 
 def draw_zero_errors(robot: Robot, seed: int) -> np.ndarray:

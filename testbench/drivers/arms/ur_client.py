@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import re
 import socket
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from testbench.clock import Clock
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, ControllerLock
 from testbench.drivers.arms.settings import LinkSettings
@@ -90,12 +90,13 @@ class UrClient(ArmClient):
 
     Args:
         settings: Address, rates, tool.
+        time: The host's clock; the machine's if None.
     """
 
     settings: UrSettings
 
-    def __init__(self, settings: UrSettings):
-        super().__init__(settings)
+    def __init__(self, settings: UrSettings, time: Clock | None = None):
+        super().__init__(settings, time)
         self._control: Any = None
         self._receive: Any = None
         self._stamp = -1.0
@@ -104,7 +105,7 @@ class UrClient(ArmClient):
         self._bits = 0
         self._program_seen = self._streaming = False
         self._lock = ControllerLock(settings.host)
-        self._said_at = time.monotonic()
+        self._said_at = self.now()
         # The longest time of late between two commands [s], what of it was waiting for an answer
         # [s], and when that was.
         self._unfed = (0.0, 0.0, 0.0)
@@ -161,7 +162,7 @@ class UrClient(ArmClient):
                 raise ArmFault("payload", "the controller did not take the weight of the tool")
             if not self._control.setWatchdog(1 / self.settings.watchdog):
                 raise ArmFault("watchdog", "the controller's watchdog could not be set")
-            self._program_seen, self._said_at = True, time.monotonic()
+            self._program_seen, self._said_at = True, self.now()
         except ArmFault:
             raise
         except Exception as error:
@@ -227,12 +228,12 @@ class UrClient(ArmClient):
         """Whether a program is "running" or "paused"; that of a bench that is just gone has the
         time to end by its watchdog.
         """
-        end = time.monotonic() + self.settings.watchdog + ENDING_S
+        end = self.now() + self.settings.watchdog + ENDING_S
         while True:
             state = str(dashboard.programState()).partition(" ")[0]
-            if state not in PROGRAM_STATES or time.monotonic() > end:
+            if state not in PROGRAM_STATES or self.now() > end:
                 return PROGRAM_STATES.get(state)
-            time.sleep(0.05)
+            self.time.sleep(0.05)
 
     def _refusal(self) -> str | None:
         if self._bits & PROTECTIVE:
@@ -321,7 +322,7 @@ class UrClient(ArmClient):
         """Who ended the program: its watchdog, where nothing reached it for longer than that waits,
         or somebody else.
         """
-        now, watchdog = time.monotonic(), self.settings.watchdog
+        now, watchdog = self.now(), self.settings.watchdog
         gap, waited, at = self._unfed
         if now - self._said_at > watchdog:
             gap, waited = now - self._said_at, 0.0
@@ -356,7 +357,7 @@ class UrClient(ArmClient):
         """Feed the controller's watchdog; a feed that is lost is repeated, for the watchdog itself
         decides what is too late.
         """
-        now = time.monotonic()
+        now = self.now()
         if self._control is not None and now - self._fed > KEEP_ALIVE_S:
             self._fed = now
             fed = self._call(self._control.kickWatchdog)
@@ -379,7 +380,7 @@ class UrClient(ArmClient):
     def stream(self, target: np.ndarray) -> None:
         """Send a target of servoJ; the controller's watchdog is fed by it."""
         settings, period = self.settings, 1.0 / self.settings.control_hz
-        self._fed, self._streaming = time.monotonic(), True
+        self._fed, self._streaming = self.now(), True
         self._command(
             "servoJ was refused",
             self._control.servoJ,
@@ -403,14 +404,14 @@ class UrClient(ArmClient):
 
     def _call(self, call: Callable[..., Any], *arguments: Any) -> bool:
         """Whether the controller took a command."""
-        begin = time.monotonic()
+        begin = self.now()
         try:
             done = call(*arguments)
         except Exception as error:
             raise ArmFault(
                 "disconnect", f"the connection to the controller was lost: {error}"
             ) from None
-        now = time.monotonic()
+        now = self.now()
         gap, self._said_at = now - self._said_at, now
         if gap >= self._unfed[0] or now - self._unfed[2] > LATELY_S:
             self._unfed = (gap, now - begin, now)
@@ -420,13 +421,13 @@ class UrClient(ArmClient):
         """A command that is refused, or a program that ended, has a reason, which the next samples
         may tell.
         """
-        end = time.monotonic() + REASON_S
-        while time.monotonic() < end and self.listening:
+        end = self.now() + REASON_S
+        while self.now() < end and self.listening:
             self.samples()
             self._check_state()
             if not self._receive.isConnected():
                 raise ArmFault("disconnect", "the connection to the controller was lost")
-            time.sleep(0.002)
+            self.time.sleep(0.002)
         if self._program_seen and not self._control.isProgramRunning():
             raise self._program_ended()
         if self.silent_for > IN_TOUCH_S:

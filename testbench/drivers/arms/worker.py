@@ -10,7 +10,6 @@ from __future__ import annotations
 import gc
 import os
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from multiprocessing.connection import Connection
@@ -18,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from testbench.clock import Clock, SystemClock
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.onset import LEAD_S, Onset
 from testbench.drivers.arms.settings import LinkSettings, Motion
@@ -70,6 +70,8 @@ class Worker:
         connection: To the bench.
         client: Of the controller.
         settings: As the bench said.
+
+    The loop goes by the client's clock.
     """
 
     def __init__(self, connection: Connection, client: ArmClient, settings: LinkSettings):
@@ -79,7 +81,7 @@ class Worker:
         self.queue: list[Motion] = []
         self.more_to_come = True
         self.rows: list[tuple[Any, ...]] = []
-        self.heard = self.handed = time.monotonic()
+        self.heard = self.handed = client.now()
         self.paused = self.holding = False
         self.cycles = self.overruns = self.missed = 0
         self.lateness = np.zeros(2001, dtype=np.int64)  # histogram, 10 us a bin
@@ -124,7 +126,7 @@ class Worker:
     def _guarded(self, motions: list[Motion], finished: str) -> None:
         """Run motions; a fault stops the arm and is told."""
         self.queue, self.more_to_come = motions, finished == "done"
-        self.heard = time.monotonic()
+        self.heard = self.client.now()
         gc.disable()
         try:
             self._loop(self._steps())
@@ -174,13 +176,13 @@ class Worker:
 
     def _loop(self, steps: Iterator[None]) -> None:
         """One turn a control period, each at its own absolute deadline."""
-        due = time.monotonic_ns()
+        due = self.client.now_ns()
         for _ in steps:
             due += self.period_ns
-            late = time.monotonic_ns() - due
+            late = self.client.now_ns() - due
             if late < 0:
-                time.sleep(-late * 1e-9)
-                late = time.monotonic_ns() - due
+                self.client.time.sleep(-late * 1e-9)
+                late = self.client.now_ns() - due
             self.cycles += 1
             self.lateness[min(max(late, 0) // 10_000, 2000)] += 1
             if late > LATE_NS:
@@ -195,7 +197,7 @@ class Worker:
             self._hand_over()
 
     def _listen(self) -> None:
-        now = time.monotonic()
+        now = self.client.now()
         while self.connection.poll():
             message = self.connection.recv()
             self.heard = now
@@ -233,7 +235,7 @@ class Worker:
             self._tell("arm_time_step", step.host_ns, {"by_s": round(1e-9 * step.by_ns, 4)})
 
     def _hand_over(self, force: bool = False) -> None:
-        now = time.monotonic()
+        now = self.client.now()
         if self.rows and (force or now - self.handed > HAND_OVER_S):
             columns = [np.array(column) for column in zip(*self.rows, strict=True)]
             self.connection.send(("samples", columns))
@@ -279,9 +281,9 @@ class Worker:
 
     def _settle(self, motion: Motion, limit: float) -> Iterator[None]:
         """Wait until the joints rest at the target."""
-        end, since = time.monotonic() + limit, None
+        end, since = self.client.now() + limit, None
         while True:
-            now = time.monotonic()
+            now = self.client.now()
             near = float(np.abs(self.client.q_smooth - motion.target).max()) < self.settings.settled
             still = float(np.abs(self.client.v).max()) < REST_RAD_S
             since = (since or now) if near and still else None
@@ -309,11 +311,11 @@ class Worker:
         bunch.
         """
         assert motion.path is not None
-        begin, last = time.monotonic_ns(), len(motion.path) - 1
+        begin, last = self.client.now_ns(), len(motion.path) - 1
         window = round(SENT_KEPT_S * self.settings.control_hz)
         self.sent = []
         while True:
-            k = min((time.monotonic_ns() - begin + self.period_ns // 2) // self.period_ns, last)
+            k = min((self.client.now_ns() - begin + self.period_ns // 2) // self.period_ns, last)
             self.streamed = motion.path[k]
             self.client.stream(self.streamed)
             self.sent = [*self.sent[-window + 1 :], self.streamed]
@@ -354,8 +356,8 @@ class Worker:
         yield from ()
 
     def _dwell(self, seconds: float) -> Iterator[None]:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
+        end = self.client.now() + seconds
+        while self.client.now() < end:
             self.client.keep_alive()
             yield
 
@@ -371,14 +373,14 @@ class Worker:
     def _stop_arm(self) -> None:
         """Bring the arm to rest by every way there is, and record until it rests."""
         self.client.stop(STOP_RAD_S2)
-        end = time.monotonic() + 1.5
-        while time.monotonic() < end and self.client.listening:
+        end = self.client.now() + 1.5
+        while self.client.now() < end and self.client.listening:
             with suppress(Exception):
                 rows = self.client.samples()
                 self._keep(rows)
                 if rows and float(np.abs(self.client.v).max()) < REST_RAD_S:
                     break
-            time.sleep(0.002)
+            self.client.time.sleep(0.002)
         self.streamed = None
 
 
@@ -386,18 +388,27 @@ def main(descriptor: int) -> None:
     """Serve the bench at the other end of a socket, then end this process."""
     with suppress(OSError):  # where the system lets it; the loop sleeps nearly all of its time
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
-    connection = Connection(descriptor)
-    _, kind, settings = connection.recv()
-    client: ArmClient = kind(settings)
-    try:
-        _serve(connection, client, settings)
-    finally:
-        client.close()
+    serve(Connection(descriptor), SystemClock())
     os._exit(
         0
         # the destructors of client libraries may wait half a second each for connections that are
         # closed by now
     )
+
+
+def serve(connection: Connection, time: Clock) -> None:
+    """Drive an arm as the bench asks, from its settings until it lets go.
+
+    Args:
+        connection: To the bench.
+        time: What everything here goes by.
+    """
+    _, kind, settings = connection.recv()
+    client: ArmClient = kind(settings, time)
+    try:
+        _serve(connection, client, settings)
+    finally:
+        client.close()
 
 
 def _serve(connection: Connection, client: ArmClient, settings: LinkSettings) -> None:

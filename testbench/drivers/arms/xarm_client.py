@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import os
 import socket
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from testbench.clock import Clock
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, ControllerLock
 from testbench.drivers.arms.settings import LinkSettings
@@ -101,12 +101,13 @@ class XArmClient(ArmClient):
 
     Args:
         settings: Address, rates, tool.
+        time: The host's clock; the machine's if None.
     """
 
     settings: XArmSettings
 
-    def __init__(self, settings: XArmSettings):
-        super().__init__(settings)
+    def __init__(self, settings: XArmSettings, time: Clock | None = None):
+        super().__init__(settings, time)
         self._arm: Any = None
         self._titles: dict[int, str] = {}
         self._report: socket.socket | None = None
@@ -207,12 +208,12 @@ class XArmClient(ArmClient):
         return info
 
     def _wait_for_motor_states(self) -> None:
-        end = time.monotonic() + 3.0
+        end = self.now() + 3.0
         while -1 in self._arm.motor_enable_states[: self.settings.joints]:
-            if time.monotonic() > end:
+            if self.now() > end:
                 raise ArmFault("silence", "the controller does not report the state of its motors")
-            time.sleep(0.01)
-        time.sleep(0.05)  # the library takes in the rest of that report
+            self.time.sleep(0.01)
+        self.time.sleep(0.05)  # the library takes in the rest of that report
 
     def _refusal(self) -> str | None:
         arm, joints = self._arm, self.settings.joints
@@ -273,15 +274,15 @@ class XArmClient(ArmClient):
             )
         self._wanted_mode = None
         self._enter(POSITION)
-        end = time.monotonic() + LOAD_S
+        end = self.now() + LOAD_S
         while not np.allclose([mass, *centre_mm], np.hstack(self._arm.tcp_load), atol=0.01):
-            if time.monotonic() > end:
+            if self.now() > end:
                 raise ArmFault(
                     "payload",
                     "the controller does not report the weight of the tool that it was told",
                 )
             self._held += self._read()
-            time.sleep(0.01)
+            self.time.sleep(0.01)
 
     def samples(self) -> list[Row]:
         rows, self._held = self._held, []
@@ -365,13 +366,13 @@ class XArmClient(ArmClient):
 
     def _raise_reason(self) -> None:
         """Why the arm stopped; the motors' state comes with the slow reports."""
-        end, joints = time.monotonic() + REASON_S, self.settings.joints
+        end, joints = self.now() + REASON_S, self.settings.joints
         while (
             not (error := self._error())
             and all(self._arm.motor_enable_states[:joints])
-            and time.monotonic() < end
+            and self.now() < end
         ):
-            time.sleep(0.02)
+            self.time.sleep(0.02)
         if error in EMERGENCY:
             raise ArmFault(
                 "emergency_stop",
@@ -425,19 +426,19 @@ class XArmClient(ArmClient):
         self._wanted_mode = None
         self._command("the mode was not taken", self._arm.set_mode, mode)
         self._command("the state was not taken", self._arm.set_state, 0)
-        end, since = time.monotonic() + MODE_S, -1
+        end, since = self.now() + MODE_S, -1
         while (
             since < 0 or self._stamp_ns - since < SURE_NS
         ):  # the first reports may be older than the commands
             self._held += self._read()
             ready = self._mode == mode and self._state in READY
             since = -1 if not ready else since if since >= 0 else self._stamp_ns
-            if time.monotonic() > end:
+            if self.now() > end:
                 told = f"state {self._state}, mode {self._mode}, error {self._named(self._error())}"
                 raise ArmFault(
                     "not_ready", f"the controller did not get ready in mode {mode}: {told}"
                 )
-            time.sleep(0.001)
+            self.time.sleep(0.001)
         self._wanted_mode = mode
 
     def _command(self, failure: str, call: Callable[..., Any], *arguments: Any) -> None:

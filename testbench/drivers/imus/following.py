@@ -5,11 +5,10 @@ emulated arm.
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
-from scipy.signal import savgol_filter
 
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
+from testbench.model.windows import savitzky_golay
 from testbench.records.samples import ArmSamples
 from testbench.records.trajectory import Trajectory
 
@@ -69,12 +68,14 @@ class ReportedMotion:
         grid = np.arange(start, int(self._time[-1]) + 1, self._interval)
         if len(grid) <= self._window:
             return
+        from scipy.interpolate import CubicHermiteSpline  # a third of a second to load
+
         curve = CubicHermiteSpline(self._time / NANOSECONDS, self._q, self._v)
         q, v = curve(grid / NANOSECONDS), curve(grid / NANOSECONDS, 1)
-        a = savgol_filter(v, self._window, 3, deriv=1, delta=self._interval / NANOSECONDS, axis=0)
+        a = savitzky_golay(v, self._window, 3, 1, self._interval / NANOSECONDS)
         # Encoders hiss: unsmoothed angles 8 ms apart would make accelerations of 0.3 rad/s^2
         # between the knots.
-        q, v = (savgol_filter(array, self._window, 3, axis=0) for array in (q, v))
+        q, v = (savitzky_golay(array, self._window, 3) for array in (q, v))
         known = slice(None, -(self._window // 2), KNOT_EVERY)
         self._motion = Trajectory(grid[known], q[known], v[known], a[known])
 

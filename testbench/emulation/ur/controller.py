@@ -8,13 +8,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from testbench.emulation.controller import EmulatedController
-from testbench.emulation.faults import Faults, Scenario
+from testbench.emulation.faults import Faults
 from testbench.emulation.ur.script import ControlScript, is_control_script
 from testbench.emulation.ur.state import SAFETY_BITS, Registers, RobotMode, RuntimeState, SafetyMode
-from testbench.records.robot import Robot
 
 AMPERE_NOISE = 0.02
 """Measured currents hiss by this much: a stand-in."""
@@ -44,26 +41,12 @@ class Identity:
 
 
 class Controller(EmulatedController):
-    """State of the controller.
+    """State of the controller."""
 
-    Args:
-        robot: As for `EmulatedController`.
-        q: As for `EmulatedController`.
-        seed: As for `EmulatedController`.
-        scenario: As for `EmulatedController`.
-        identity: Model, serial number, version.
-    """
+    identity: Identity
 
-    def __init__(
-        self,
-        robot: Robot,
-        identity: Identity,
-        q: np.ndarray | None = None,
-        seed: int = 0,
-        scenario: Scenario | None = None,
-    ):
-        super().__init__(robot, q, seed, scenario)
-        self.identity, self.registers = identity, Registers()
+    def _switch_on(self) -> None:
+        self.registers = Registers()
         self.mode, self.safety, self.runtime = (
             RobotMode.RUNNING,
             SafetyMode.NORMAL,

@@ -6,6 +6,7 @@ import socket
 from collections.abc import Iterable, Iterator, Mapping
 from typing import ClassVar
 
+from testbench.clock import Clock
 from testbench.emulation.faults import FaultKind
 from testbench.emulation.server import CONTROL, Connection, Server
 from testbench.emulation.ur.controller import Controller
@@ -76,16 +77,21 @@ class UrServer(Server):
         controller: As for `Server`.
         address: As for `Server`.
         token: As for `Server`.
+        clock: As for `Server`.
     """
 
     faults: ClassVar[Mapping[str, FaultKind]] = FAULTS
     open_ports = "dashboard 29999, scripts 30001 to 30003, RTDE 30004, faults 29998"
 
     def __init__(
-        self, controller: Controller, address: str = "127.0.0.1", token: str | None = None
+        self,
+        controller: Controller,
+        address: str = "127.0.0.1",
+        token: str | None = None,
+        clock: Clock | None = None,
     ):
         self._ur = controller
-        super().__init__(controller, PORTS, address, token)
+        super().__init__(controller, PORTS, address, token, clock)
 
     def connection(self, sock: socket.socket, kind: str) -> Connection:
         return UrConnection(sock, kind, self, self._ur)

@@ -49,27 +49,18 @@ def make_controller(
 
 
 def make_server(
-    model: str,
-    address: str,
-    token: str | None,
-    at_deg: list[float] | None,
-    seed: int,
-    scenario: Path | None,
-    **own: Any,
+    address: str, token: str | None, at_deg: list[float] | None, **asked: Any
 ) -> UrServer:
     """A server that listens.
 
     Args:
-        model: As for `make_controller`.
         address: To listen on, as for `UrServer`.
         token: What clients must say first, as for `UrServer`.
         at_deg: Joint angles at the start [deg]; home if None.
-        seed: Of the encoders' noise.
-        scenario: File of faults to come; none if None.
-        own: The other arguments of `make_controller`.
+        asked: The other arguments of `make_controller`.
 
     Raises:
         InputError: As for `make_controller` and `UrServer`.
     """
-    controller = make_controller(model, q_deg=at_deg, seed=seed, scenario=scenario, **own)
+    controller = make_controller(q_deg=at_deg, **asked)
     return UrServer(controller, address, token)

@@ -10,11 +10,10 @@ from enum import IntEnum
 import numpy as np
 
 from testbench.emulation.controller import EmulatedController
-from testbench.emulation.faults import Faults, Scenario
+from testbench.emulation.faults import Faults
 from testbench.emulation.joints import Mode as Motion
 from testbench.emulation.xarm import protocol
 from testbench.emulation.xarm.protocol import Register, floats, padded
-from testbench.records.robot import Robot
 
 REPORT_HZ = 200.0
 """Rate of port 30000 (xArm-Developer/ufactory_docs, firmware/report); the emulated controller's own
@@ -57,26 +56,12 @@ class Identity:
 
 
 class Controller(EmulatedController):
-    """State of the controller.
+    """State of the controller."""
 
-    Args:
-        robot: As for `EmulatedController`.
-        q: As for `EmulatedController`.
-        seed: As for `EmulatedController`.
-        scenario: As for `EmulatedController`.
-        identity: Kind, serial number, firmware.
-    """
+    identity: Identity
+    period = 1 / REPORT_HZ
 
-    def __init__(
-        self,
-        robot: Robot,
-        identity: Identity,
-        q: np.ndarray | None = None,
-        seed: int = 0,
-        scenario: Scenario | None = None,
-    ):
-        super().__init__(robot, q, seed, scenario, 1 / REPORT_HZ)
-        self.identity = identity
+    def _switch_on(self) -> None:
         self.mode, self.error = POSITION, 0
         self.enabled, self.load = True, np.zeros(4)
         self._halt: State | None = None

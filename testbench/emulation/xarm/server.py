@@ -6,6 +6,7 @@ import socket
 from collections.abc import Iterable, Iterator, Mapping
 from typing import ClassVar
 
+from testbench.clock import Clock
 from testbench.emulation.faults import FaultKind
 from testbench.emulation.server import CONTROL, CONTROL_PORT, Connection, Server
 from testbench.emulation.xarm.controller import REPORT_HZ, Controller
@@ -56,6 +57,7 @@ class XArmServer(Server):
         address: As for `Server`.
         token: As for `Server`.
         command_port: The controller's is 502, which needs privileges.
+        clock: As for `Server`.
     """
 
     faults: ClassVar[Mapping[str, FaultKind]] = FAULTS
@@ -66,6 +68,7 @@ class XArmServer(Server):
         address: str = "127.0.0.1",
         token: str | None = None,
         command_port: int = COMMAND_PORT,
+        clock: Clock | None = None,
     ):
         if command_port in {CONTROL_PORT, *REPORT_PORTS}:
             raise InputError(
@@ -74,7 +77,9 @@ class XArmServer(Server):
             )
         self._xarm = controller
         self.open_ports = f"commands {command_port}, reports 30000 and 30002, faults 29998"
-        super().__init__(controller, {command_port: COMMANDS, **REPORT_PORTS}, address, token)
+        super().__init__(
+            controller, {command_port: COMMANDS, **REPORT_PORTS}, address, token, clock
+        )
 
     def connection(self, sock: socket.socket, kind: str) -> Connection:
         return XArmConnection(sock, kind, self, self._xarm)

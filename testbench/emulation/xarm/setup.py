@@ -47,28 +47,19 @@ def make_controller(
 
 
 def make_server(
-    model: str,
-    address: str,
-    token: str | None,
-    at_deg: list[float] | None,
-    seed: int,
-    scenario: Path | None,
-    **own: Any,
+    address: str, token: str | None, at_deg: list[float] | None, **asked: Any
 ) -> XArmServer:
     """A server that listens.
 
     Args:
-        model: As for `make_controller`.
         address: To listen on, as for `XArmServer`.
         token: What clients must say first, as for `XArmServer`.
         at_deg: Joint angles at the start [deg]; home if None.
-        seed: Of the encoders' noise.
-        scenario: File of faults to come; none if None.
-        own: The other arguments of `make_controller`, and `command_port`, as for `XArmServer`.
+        asked: The other arguments of `make_controller`, and `command_port`, as for `XArmServer`.
 
     Raises:
         InputError: As for `make_controller` and `XArmServer`.
     """
-    command_port = own.pop("command_port")
-    controller = make_controller(model, q_deg=at_deg, seed=seed, scenario=scenario, **own)
+    command_port = asked.pop("command_port")
+    controller = make_controller(q_deg=at_deg, **asked)
     return XArmServer(controller, address, token, command_port)

@@ -12,11 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
 from testbench.estimation.calibration.least_squares import PoorExcitation
-from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
+from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.prepared import Prepared
-from testbench.estimation.calibration.shared_frame import ARM_AIDED
+from testbench.estimation.calibration.shared_frame import in_believed_axes
 from testbench.estimation.calibration.warming import with_drift
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
@@ -89,13 +88,13 @@ def with_arm_uncertainty(
         field: Of the earth in the world, shape (3,) [uT], as for `calibrate`.
     """
     accelerometer = triads.get("accelerometer")
-    by_arm = accelerometer is not None and accelerometer.method in ARM_AIDED
+    by_arm = accelerometer is not None and in_believed_axes(accelerometer)
     concerned = {
-        name: found for name, found in triads.items() if by_arm or found.method in ARM_AIDED
+        name: found
+        for name, found in triads.items()
+        # turns of a stated angle about the sensor's own faces: the arm has no part in them
+        if (by_arm or in_believed_axes(found)) and "turn_angle" not in METHODS[found.method].asks
     }
-    if "gyroscope" in concerned and concerned["gyroscope"].method == "ferraris_gyroscope":
-        # its turns are of a stated angle about its own faces: the arm has no part in it
-        del concerned["gyroscope"]
     if not concerned or not truths:
         return triads, []
     added = {
@@ -142,17 +141,12 @@ def _again(
     found: dict[str, TriadCalibration] = {}
     accelerometer = triads.get("accelerometer")
     if "accelerometer" in concerned and accelerometer is not None:
-        accelerometer = found["accelerometer"] = ACCELEROMETER_METHODS[
-            accelerometer.method
-        ].function(moved.poses)
+        accelerometer = METHODS[accelerometer.method].function(moved.poses)
+        found["accelerometer"] = accelerometer
     if "gyroscope" in concerned:
-        method = GYROSCOPE_METHODS[triads["gyroscope"].method]
+        method = METHODS[triads["gyroscope"].method]
         found["gyroscope"] = with_drift(method.function)(moved.gyroscope_recording(accelerometer))
     if "magnetometer" in concerned:
-        name = triads["magnetometer"].method
-        # with a field that is known, attitude_aided is known_field
-        method_of_field = MAGNETOMETER_METHODS["known_field" if name == "attitude_aided" else name]
-        found["magnetometer"] = method_of_field.function(
-            moved.magnetometer_poses(accelerometer, field)
-        )
+        method = METHODS[triads["magnetometer"].method]
+        found["magnetometer"] = method.function(moved.magnetometer_poses(accelerometer, field))
     return found

@@ -11,12 +11,15 @@ it into the axes as believed.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from testbench.estimation.calibration.linear import solve_linear, whitening, widened_by_misfit
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import (
     ACCELEROMETER,
+    MAGNETOMETER,
     Tolerance,
     bias_parameters,
     drift_parameters,
@@ -57,6 +60,11 @@ def attitude_aided(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> 
         "needed",
     )
     return calibration_of(widened_by_misfit(fit), "attitude_aided", reference)
+
+
+def known_field(poses: StaticPoses) -> TriadCalibration:
+    """The same of a magnetometer, in a field that is known."""
+    return replace(attitude_aided(poses, MAGNETOMETER), method="known_field")
 
 
 def triad_design(expected: np.ndarray) -> np.ndarray:

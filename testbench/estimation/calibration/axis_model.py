@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from testbench.estimation.calibration.least_squares import Parameter
 from testbench.estimation.calibration.linear import solve_linear
@@ -138,5 +138,5 @@ def orthogonality(poses: StaticPoses) -> Orthogonality:
     theta = np.linalg.lstsq(both, poses.mean[:, plane].T.reshape(-1), rcond=None)[0]
     scale = np.array([np.linalg.norm(first), np.linalg.norm(second)])
     angle_sd = float(np.sqrt(variance))
-    width = angle_sd * float(student.ppf(0.975, found[0].dof + found[1].dof))
+    width = angle_sd * float(stdtrit(found[0].dof + found[1].dof, 0.975))
     return Orthogonality(names, (found[0], found[1]), scale, angle, angle_sd, width, theta)

@@ -22,6 +22,7 @@ from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance
 from testbench.estimation.calibration.turns import GyroscopeRecording
+from testbench.estimation.calibration.turns import Turn as RecordedTurn
 from testbench.exceptions import InputError
 from testbench.records.calibration import TriadCalibration
 from testbench.records.fit import Fit
@@ -170,6 +171,12 @@ def largest_turns(recording: GyroscopeRecording) -> list[int]:
             )
         chosen.append(max(known, key=lambda i: abs(swept[i, axis])))
     return chosen
+
+
+def unused_turns(recording: GyroscopeRecording) -> list[RecordedTurn]:
+    """Turns that Ferraris does not calibrate from: all but the largest about each axis."""
+    used = largest_turns(recording)
+    return [turn for i, turn in enumerate(recording.turns) if i not in used]
 
 
 def ferraris_of_recording(

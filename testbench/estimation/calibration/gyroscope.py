@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, solve
 from testbench.estimation.calibration.linear import widened_by_misfit
@@ -116,7 +116,7 @@ def read_rests(rests: Sequence[Rest], in_run: float = IN_RUN) -> RestReading:
     if len(rests) > 1:
         share = counts / counts.sum()
         among = (share @ (means - bias) ** 2) / (len(rests) - 1)
-        by_noise = chi2.ppf(0.999, len(rests) - 1) / (len(rests) - 1)
+        by_noise = chdtri(len(rests) - 1, 0.001) / (len(rests) - 1)
         white = np.where(among > by_noise * white, among, white)
     noise = max(float(np.sqrt(variance.mean())), LEAST_NOISE)
     return RestReading(bias, np.sqrt(white + in_run**2), noise, int(counts.sum()))
@@ -515,11 +515,20 @@ def validated(
     stages: Stages | None = None,
 ) -> TriadCalibration:
     """The calibration with the errors of gravity's direction on turns that it was not made from."""
-    errors = np.degrees(gravity_direction_errors(calibration, held_out, integrator, stages))
-    figures = {
-        "gravity_direction_median_deg": float(np.median(errors)),
-        "gravity_direction_rms_deg": float(np.sqrt(np.mean(errors**2))),
-        "gravity_direction_max_deg": float(errors.max()),
-        "held_out_turns": float(len(errors)),
-    }
+    figures = turn_figures(gravity_direction_errors(calibration, held_out, integrator, stages))
     return replace(calibration, validation={**calibration.validation, **figures})
+
+
+def turn_figures(errors: np.ndarray) -> dict[str, float]:
+    """Errors of gravity's direction on turns held out, as figures of a validation.
+
+    Args:
+        errors: Angles, shape (m,) [rad].
+    """
+    error_deg = np.degrees(errors)
+    return {
+        "gravity_direction_median_deg": float(np.median(error_deg)),
+        "gravity_direction_rms_deg": float(np.sqrt(np.mean(error_deg**2))),
+        "gravity_direction_max_deg": float(np.max(error_deg)),
+        "held_out_turns": float(len(error_deg)),
+    }

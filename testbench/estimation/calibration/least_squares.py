@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from testbench.exceptions import InputError
 from testbench.records.fit import Fit
@@ -101,6 +100,8 @@ def solve(
             float("inf"),
             f"{len(scaled(np.zeros(p)))} observations are fewer than {p} parameters",
         )
+    from scipy.optimize import least_squares  # a quarter of a second to load
+
     found = least_squares(
         scaled,
         np.zeros(p),

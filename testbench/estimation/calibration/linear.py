@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, covariance_of
 from testbench.records.fit import Fit
@@ -98,7 +98,7 @@ def widened_by_misfit(fit: Fit) -> Fit:
     """
     dof = fit.residuals.size - len(fit.names)
     squares = float(np.sum(np.square(fit.residuals)))
-    if dof < 1 or squares <= chi2.ppf(SURPRISING, dof):
+    if dof < 1 or squares <= chdtri(dof, 1 - SURPRISING):
         return fit
     return replace(fit, covariance=fit.covariance * squares / dof, dof=float(dof))
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.estimation.calibration.ellipsoid import symmetric, symmetric_root, with_magnitude
-from testbench.estimation.calibration.least_squares import Parameter, covariance_of, solve
-from testbench.estimation.calibration.linear import whitening, widened_by_misfit
-from testbench.estimation.calibration.norm_fit import ellipsoid_through
+from testbench.estimation.calibration.least_squares import Parameter, solve
+from testbench.estimation.calibration.linear import whitening
+from testbench.estimation.calibration.norm_fit import ellipsoid_through, searched
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import (
     AXES,
@@ -134,21 +134,7 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
         J[:, 1, 12] = F * np.cos(theta[12])
         return np.asarray((whiten @ J).reshape(-1, 13))
 
-    if guess is None:  # ask before the search runs away along what is not seen
-        at, size = (
-            np.array([getattr(item, key) for item in parameters]) for key in ("start", "size")
-        )
-        covariance_of(jacobian(at) * size, 1.0, [item.name for item in parameters], ADVICE)
-    fit = widened_by_misfit(
-        solve(
-            residuals,
-            parameters,
-            jacobian=jacobian,
-            known_scatter=True,
-            residual_unit="standard deviations",
-            advice=ADVICE,
-        )
-    )
+    fit = searched(residuals, jacobian, parameters, guess is not None, ADVICE)
     matrix = np.linalg.inv(fit.values[:9].reshape(3, 3))
     remarks: tuple[str, ...] = (f"the field dips by {np.degrees(fit['dip']):.2f} deg",)
     if unknown:

@@ -28,6 +28,7 @@ from testbench.estimation.calibration.triad_model import (
     warming,
 )
 from testbench.records.calibration import TriadCalibration
+from testbench.records.fit import Fit
 
 MOST_CONDITION = 1e3
 """Above this the readings are on no ellipsoid that could be told from others; about 10 where poses
@@ -82,6 +83,41 @@ class MatrixModel:
     start: Callable[[np.ndarray], np.ndarray]
     matrix: Callable[[np.ndarray], np.ndarray]
     gradient: Callable[[np.ndarray], np.ndarray]
+
+
+def searched(
+    residuals: Callable[[np.ndarray], np.ndarray],
+    jacobian: Callable[[np.ndarray], np.ndarray],
+    parameters: Sequence[Parameter],
+    begun: bool,
+    advice: str,
+) -> Fit:
+    """The fit by residuals in standard deviations, widened where they are larger.
+
+    Args:
+        residuals: By the parameters, shape (p,) to (r,).
+        jacobian: Their derivatives, shape (p,) to (r, p).
+        parameters: With their starts, p of them.
+        begun: Whether the starts are from the readings.
+        advice: Against poor excitation.
+
+    Raises:
+        PoorExcitation: A parameter stays vaguer than its size.
+    """
+    if not begun:  # ask before the search runs away along what is not seen
+        at, size = (
+            np.array([getattr(item, key) for item in parameters]) for key in ("start", "size")
+        )
+        covariance_of(jacobian(at) * size, 1.0, [item.name for item in parameters], advice)
+    found = solve(
+        residuals,
+        parameters,
+        jacobian=jacobian,
+        known_scatter=True,
+        residual_unit="standard deviations",
+        advice=advice,
+    )
+    return widened_by_misfit(found)
 
 
 def fit_norm(
@@ -146,21 +182,7 @@ def fit_norm(
         raise PoorExcitation(
             names, float("inf"), f"{len(x)} poses are fewer than {len(names)} parameters"
         )
-    if guess is None:  # ask before the search runs away along what is not seen
-        at, size = (
-            np.array([getattr(item, key) for item in parameters]) for key in ("start", "size")
-        )
-        covariance_of(jacobian(at) * size, 1.0, [item.name for item in parameters], ADVICE)
-    fit = widened_by_misfit(
-        solve(
-            residuals,
-            parameters,
-            jacobian=jacobian,
-            known_scatter=True,
-            residual_unit="standard deviations",
-            advice=ADVICE,
-        )
-    )
+    fit = searched(residuals, jacobian, parameters, guess is not None, ADVICE)
     drift = fit.values[k + 3 :] if warm is not None else np.zeros(3)
     return TriadCalibration(
         method,

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.estimation.axes import true_rates
-from testbench.estimation.calibration.gyroscope import gravity_direction_errors
+from testbench.estimation.calibration.gyroscope import gravity_direction_errors, turn_figures
 from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.poses import (
     DIRECTION_SD,
@@ -254,13 +254,7 @@ class Prepared:
                 turns is held out in each of some folds.
         """
         found = function(recording)
-        errors: list[float] = []
-        for other in others:
-            errors += (
-                np.degrees(gravity_direction_errors(found, other.turns)).tolist()
-                if other.turns
-                else []
-            )
+        errors = [gravity_direction_errors(found, other.turns) for other in others if other.turns]
         turns = list(recording.turns)
         for k in range(0 if others else FOLDS):
             held = turns[k::FOLDS]
@@ -274,16 +268,10 @@ class Prepared:
                 )
             except (PoorExcitation, InputError):
                 continue
-            errors += np.degrees(gravity_direction_errors(fit, held)).tolist()
+            errors.append(gravity_direction_errors(fit, held))
         if not errors:
             return found
-        figures = {
-            "gravity_direction_median_deg": float(np.median(errors)),
-            "gravity_direction_rms_deg": float(np.sqrt(np.mean(np.square(errors)))),
-            "gravity_direction_max_deg": float(np.max(errors)),
-            "held_out_turns": float(len(errors)),
-        }
-        return replace(found, validation=figures)
+        return replace(found, validation=turn_figures(np.concatenate(errors)))
 
 
 def prepare(session: Session, sensor: str, segmentation: Segmentation | None) -> Prepared:
@@ -300,7 +288,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
     """
     # Longer than a screen: one step after another, each with what the ones before it found.
     samples, truth = session.imu(sensor), session.truth(sensor)
-    delay = float(session.manifest["sensors"][sensor].get("rate_delay_s") or 0.0)
+    delay = session.manifest.sensors[sensor].rate_delay_s or 0.0
     clock = (
         fit_clock(samples, truth, delay) if session.analysis.estimate.align_clock else ClockFit()
     )
@@ -355,7 +343,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
     gravity = session.robot.gravity if session.robot else np.array([0.0, 0.0, -STANDARD_GRAVITY])
     agreements = compare(found, len(uniform.gyr), uniform.interval)
     temperatures = _temperatures(samples, host, time)
-    integrated = session.manifest["sensors"][sensor].get("sampling") == "integrated"
+    integrated = session.manifest.sensors[sensor].sampling == "integrated"
     return Prepared(
         uniform,
         time,

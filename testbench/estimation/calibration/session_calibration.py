@@ -10,19 +10,23 @@ import numpy as np
 
 from testbench.estimation.calibration.arm_uncertainty import shifted_truths, with_arm_uncertainty
 from testbench.estimation.calibration.axis_model import orthogonality
-from testbench.estimation.calibration.ferraris import largest_turns
 from testbench.estimation.calibration.gyroscope import IN_RUN, validated
-from testbench.estimation.calibration.gyroscope_methods import GYROSCOPE_METHODS
 from testbench.estimation.calibration.least_squares import PoorExcitation
-from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
+from testbench.estimation.calibration.methods import (
+    METHODS,
+    Calibrated,
+    Known,
+    Method,
+    get_method,
+    methods_to_try,
+)
 from testbench.estimation.calibration.poses import SETTLING_M_S2, StaticPoses
 from testbench.estimation.calibration.prepared import Prepared, Segmentation, prepare
-from testbench.estimation.calibration.session_mounting import MOUNTING_METHODS, find_mounting
+from testbench.estimation.calibration.session_mounting import find_mounting
 from testbench.estimation.calibration.shared_frame import take_mounting_out
-from testbench.estimation.calibration.turns import GyroscopeRecording, Turn
 from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.estimation.calibration.warming import with_drift
-from testbench.exceptions import InputError, NotFoundError
+from testbench.exceptions import InputError
 from testbench.records.calibration import TriadCalibration
 from testbench.records.calibration_file import SensorCalibration
 from testbench.records.calibration_result import CalibrationResult
@@ -32,13 +36,6 @@ SCALE_WITHIN = 1.5
 """Largest factor that a calibration may find between a gyroscope and the rate: data sheets of
 consumer parts state 3 %, and a wrong range setting is a factor of 2.
 """
-METHODS: dict[str, str] = (
-    dict.fromkeys(ACCELEROMETER_METHODS, "accelerometer")
-    | dict.fromkeys(GYROSCOPE_METHODS, "gyroscope")
-    | dict.fromkeys(MAGNETOMETER_METHODS, "magnetometer")
-    | dict.fromkeys(MOUNTING_METHODS, "mounting")
-)
-"""What each method calibrates: a triad, or the mounting of all."""
 
 
 def calibrate(
@@ -47,7 +44,6 @@ def calibrate(
     methods: Sequence[str] = (),
     segmentation: Segmentation | None = None,
     held_out: Sequence[Session] = (),
-    software: str = "",
     field: np.ndarray | None = None,
     turn_angle: float | None = None,
 ) -> CalibrationResult:
@@ -60,7 +56,6 @@ def calibrate(
         segmentation: Which witness says where the rests are; the arm if it was there.
         held_out: Sessions of the same sensor, in the same mounting, whose poses validate;
             cross-validation without any.
-        software: For the record.
         field: Of the earth in the world, shape (3,) [uT]; None where nobody states it.
         turn_angle: Of the known turns of `ferraris_gyroscope` [rad]; None where nobody states it.
 
@@ -70,12 +65,7 @@ def calibrate(
         PoorExcitation: The recording does not determine a parameter of a method that was asked for.
     """
     # Longer than a screen: triad after triad, each with what the ones before it gave.
-    chosen = _by_triad(methods, field)
-    if turn_angle is not None and chosen.get("gyroscope") != "ferraris_gyroscope":
-        raise InputError(
-            "--turn-deg is for the method ferraris_gyroscope; name it with --method, or leave the "
-            "angle out"
-        )
+    chosen = _by_triad(methods, field, turn_angle)
     prepared = prepare(session, sensor, segmentation)
     others = [prepare(other, sensor, None) for other in held_out]
     remarks = list(prepared.remarks)
@@ -111,30 +101,31 @@ def calibrate(
     remarks += odd
     if "mounting" in chosen and mounting is not None:
         remarks.append(
-            f"the mounting by {chosen['mounting']} takes the place of the one {mounting.method}"
+            f"the mounting by {chosen['mounting'].name} takes the place of the one "
+            f"{mounting.method}"
         )
         mounting = None
     if session.recorded_at is None:
         remarks.append(
             "the date of the recording is unknown: the calibration bears the date of its import"
         )
-    device = session.manifest["sensors"][sensor].get("device_tag")
+    device = session.manifest.sensors[sensor].device_tag
     calibration = SensorCalibration(
         sensor,
         str(device) if device else None,
         session.recorded_at or session.started,
         session.name,
         session.fingerprint,
-        software,
+        "",  # who keeps it says by which version it was made
         prepared.temperature,
         triads,
         mounting=mounting,
     )
     if "mounting" in chosen:  # of the sensor's own axes, whole, whatever the triads contained of it
         sweeps = [step for step in session.steps if step.kind == "sweep"]
-        calibration = replace(
-            calibration, mounting=find_mounting(chosen["mounting"], prepared, calibration, sweeps)
-        )
+        by = chosen["mounting"]
+        found = find_mounting(by.name, by.function, prepared, calibration, sweeps)
+        calibration = replace(calibration, mounting=found)
     where = (
         "cross-validation"
         if not others
@@ -146,38 +137,50 @@ def calibrate(
     )
 
 
-def _by_triad(methods: Sequence[str], field: np.ndarray | None) -> dict[str, str]:
-    chosen: dict[str, str] = {}
-    for name in methods:
-        if name not in METHODS:
-            raise NotFoundError("calibration method", name, list(METHODS))
-        if name == "known_field" and field is None:
+def _by_triad(
+    names: Sequence[str], field: np.ndarray | None, turn_angle: float | None
+) -> dict[Calibrated, Method]:
+    """The methods that were named, each with what it must be told."""
+    chosen: dict[Calibrated, Method] = {}
+    for name in names:
+        method = get_method(name)
+        if "field" in method.asks and field is None:
             raise InputError(
-                "the method known_field needs the earth's field in the world; state it with "
+                f"the method {name} needs the earth's field in the world; state it with "
                 "--field-ut X Y Z"
             )
-        triad = METHODS[name]
+        triad = method.calibrates
         if triad in chosen:
-            raise InputError(f"{chosen[triad]} and {name} both calibrate the {triad}; name one")
-        chosen[triad] = name
+            raise InputError(
+                f"{chosen[triad].name} and {name} both calibrate the {triad}; name one"
+            )
+        chosen[triad] = method
+    if turn_angle is not None and not any("turn_angle" in m.asks for m in chosen.values()):
+        fitting = [m.name for m in METHODS.values() if "turn_angle" in m.asks]
+        raise InputError(
+            f"--turn-deg is for the method {' or '.join(fitting)}; name it with --method, or leave "
+            "the angle out"
+        )
     return chosen
 
 
 def _accelerometer(
-    prepared: Prepared, others: list[Prepared], name: str | None, free: bool, remarks: list[str]
+    prepared: Prepared,
+    others: list[Prepared],
+    named: Method | None,
+    free: bool,
+    remarks: list[str],
 ) -> TriadCalibration | None:
-    if name is None and not free:
+    if named is None and not free:
         return None
-    aided = ["attitude_aided", "norm_only", "rotational_2d_bias"]
-    wanted = [name] if name else aided if prepared.poses.expected is not None else ["norm_only"]
-    for candidate in wanted:
-        method = ACCELEROMETER_METHODS[candidate]
+    known: set[Known] = {"arm"} if prepared.poses.expected is not None else set()
+    for method in [named] if named else methods_to_try("accelerometer", known):
         try:
             found = method.function(prepared.poses)
         except (PoorExcitation, InputError) as error:
-            if name:
+            if named:
                 raise
-            remarks.append(f"accelerometer by {candidate}: {error}")
+            remarks.append(f"accelerometer by {method.name}: {error}")
             continue
         figures = _held_out_poses(found, others)
         return replace(found, validation=figures or cross_validate(method.function, prepared.poses))
@@ -188,15 +191,10 @@ def _with_in_run(triad: str, found: TriadCalibration) -> TriadCalibration:
     """The triad with the in-run bias that its rests share in the covariance of its bias.
 
     The methods take it to be drawn anew for each rest; it wanders slowly, and a whole session may
-    lie to one side of the turn-on bias. `static_bias` and `gravity_turns` count it already.
+    lie to one side of the turn-on bias.
     """
-    sd = {
-        "accelerometer": SETTLING_M_S2,
-        "gyroscope": IN_RUN
-        if found.method in {"attitude", "rate_table", "ferraris_gyroscope"}
-        else 0.0,
-    }.get(triad)
-    if not sd:
+    sd = {"accelerometer": SETTLING_M_S2, "gyroscope": IN_RUN}.get(triad, 0.0)
+    if not sd or METHODS[found.method].counts_in_run:
         return found
     fits = []
     for fit in found.fits:
@@ -261,46 +259,35 @@ def _gyroscope(
     prepared: Prepared,
     others: list[Prepared],
     accelerometer: TriadCalibration | None,
-    name: str | None,
+    named: Method | None,
     free: bool,
     remarks: list[str],
     turn_angle: float | None,
 ) -> TriadCalibration | None:
-    if (name is None and not free) or not prepared.has_gyroscope:
+    if (named is None and not free) or not prepared.has_gyroscope:
         return None
     recording = prepared.gyroscope_recording(accelerometer)
     held_out = [other.gyroscope_recording(accelerometer) for other in others if other.has_gyroscope]
-    aided = (
-        [key for key, method in GYROSCOPE_METHODS.items() if "attitude" in method.needs]
-        if prepared.has_truth
-        else []
-    )
-    wanted = [name] if name else [*aided, "gravity_turns", "static_bias"]
-    for candidate in wanted:
-        function = GYROSCOPE_METHODS[candidate].function
+    known: set[Known] = {"arm"} if prepared.has_truth else set()
+    for method in [named] if named else methods_to_try("gyroscope", known):
+        told = {"angle": turn_angle} if "turn_angle" in method.asks else {}
+        function = with_drift(partial(method.function, **told))
         try:
-            if candidate == "ferraris_gyroscope":
-                found = with_drift(partial(function, angle=turn_angle))(recording)
-                unused = _unused_turns(recording, held_out)
-                found = validated(found, unused) if unused else found
+            if method.spares is None:
+                found = prepared.with_held_out_turns(function, recording, held_out)
             else:
-                found = prepared.with_held_out_turns(with_drift(function), recording, held_out)
+                found = function(recording)
+                spared = [turn for other in held_out for turn in other.turns]
+                spared = spared if held_out else method.spares(recording)
+                found = validated(found, spared) if spared else found
         except (PoorExcitation, InputError) as error:
-            if name:
+            if named:
                 raise
-            remarks.append(f"gyroscope by {candidate}: {error}")
+            remarks.append(f"gyroscope by {method.name}: {error}")
         else:
             refuse_implausible_scale(found)
             return found
     return None
-
-
-def _unused_turns(recording: GyroscopeRecording, others: list[GyroscopeRecording]) -> list[Turn]:
-    """Turns that Ferraris did not use: of other recordings, or all but the largest ones."""
-    if others:
-        return [turn for other in others for turn in other.turns]
-    used = largest_turns(recording)
-    return [turn for i, turn in enumerate(recording.turns) if i not in used]
 
 
 def refuse_implausible_scale(found: TriadCalibration) -> None:
@@ -316,7 +303,7 @@ def refuse_implausible_scale(found: TriadCalibration) -> None:
     told = ", ".join(f"{axis} {value:.4g}" for axis, value in zip("xyz", scale, strict=True))
     turns = (
         "; or the turns were not of the angle that --turn-deg states"
-        if found.method == "ferraris_gyroscope"
+        if "turn_angle" in METHODS[found.method].asks
         else ""
     )
     raise InputError(
@@ -333,20 +320,18 @@ def _magnetometer(
     prepared: Prepared,
     others: list[Prepared],
     accelerometer: TriadCalibration | None,
-    name: str | None,
+    named: Method | None,
     free: bool,
     remarks: list[str],
     field: np.ndarray | None,
 ) -> TriadCalibration | None:
-    if (name is None and not free) or not prepared.has_magnetometer:
-        if name is not None:
-            raise InputError(f"the method {name} needs a magnetometer; this sensor has none")
+    if (named is None and not free) or not prepared.has_magnetometer:
+        if named is not None:
+            raise InputError(f"the method {named.name} needs a magnetometer; this sensor has none")
         return None
     poses = prepared.magnetometer_poses(accelerometer, field)
-    for candidate in (
-        [name] if name else (["ellipsoid_dip"] if accelerometer else []) + ["ellipsoid"]
-    ):
-        method = MAGNETOMETER_METHODS[candidate]
+    known: set[Known] = {"vertical"} if accelerometer else set()
+    for method in [named] if named else methods_to_try("magnetometer", known):
         try:
             found = method.function(poses)
             figures = cross_validate(method.function, poses, magnetometer=True)
@@ -357,7 +342,7 @@ def _magnetometer(
                     magnetometer=True,
                 )
         except (PoorExcitation, InputError) as error:
-            if name:
+            if named:
                 raise
             remarks.append(f"magnetometer by {method.name}: {error}")
             continue

@@ -34,12 +34,18 @@ NAMES = ("rotation_x", "rotation_y", "rotation_z")
 
 
 def find_mounting(
-    name: str, prepared: Prepared, calibration: SensorCalibration, sweeps: list[PlannedStep]
+    name: str,
+    function: Callable[[Prepared, np.ndarray, list[PlannedStep]], MountingCalibration],
+    prepared: Prepared,
+    calibration: SensorCalibration,
+    sweeps: list[PlannedStep],
 ) -> MountingCalibration:
     """The mounting that is left once the triads are corrected.
 
     Args:
-        name: Of `MOUNTING_METHODS`.
+        name: Of the method.
+        function: The method: from the recording with corrected triads, which of its samples are at
+            rest, shape (n,), and the sweeps.
         prepared: The recording.
         calibration: Of the triads.
         sweeps: Of the session, for a hinge.
@@ -60,7 +66,7 @@ def find_mounting(
     if "gyroscope" not in calibration.triads:
         gyr = gyr - gyr[rest].mean(axis=0)
     corrected = replace(prepared, samples=replace(samples, gyr=gyr, acc=acc, mag=mag))
-    found = MOUNTING_METHODS[name](corrected, rest, sweeps)
+    found = function(corrected, rest, sweeps)
     sd = [
         axes_sd(calibration.triads[triad])
         for triad in ("accelerometer", "gyroscope")
@@ -93,9 +99,16 @@ def _across(name: str) -> bool:
     return kind == "misalignment" or (kind in {"response", "map"} and entry[0] != entry[1])
 
 
-def _by_rates(
+def by_rates(
     prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
 ) -> MountingCalibration:
+    """The turn that brings the sensor's rates and gravity nearest to the arm's.
+
+    Args:
+        prepared: The recording.
+        rest: Whether each sample of the grid is at rest, shape (n,), bool.
+        sweeps: Not looked at.
+    """
     assert prepared.truth is not None
     samples, seconds = prepared.samples, prepared.samples.interval
     rate, sound = true_rates(
@@ -124,9 +137,16 @@ def _by_rates(
     )
 
 
-def _by_orientations(
+def by_orientations(
     prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
 ) -> MountingCalibration:
+    """The turn between the orientations of a filter and the arm's.
+
+    Args:
+        prepared: The recording.
+        rest: Whether each sample of the grid is at rest, shape (n,), bool.
+        sweeps: Not looked at.
+    """
     assert prepared.truth is not None
     q_true = truth_at(prepared.truth, prepared.time_ns)
     q = get_filter("vqf_6d").run(prepared.samples)
@@ -136,10 +156,16 @@ def _by_orientations(
     return _calibration("mounting_orientations", found)
 
 
-def _by_hinge(
+def by_hinge(
     prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
 ) -> MountingCalibration:
-    """Gravity at rest, and the axis of the sweep that turned most."""
+    """Gravity at rest, and the axis of the sweep that turned most.
+
+    Args:
+        prepared: The recording.
+        rest: Whether each sample of the grid is at rest, shape (n,), bool.
+        sweeps: Sweeps of single joints.
+    """
     assert prepared.truth is not None
     time = prepared.time_ns
     rate, sound = true_rates(prepared.truth, time - round(prepared.rate_delay * NANOSECONDS))
@@ -175,24 +201,3 @@ def _calibration(name: str, found: SegmentMounting) -> MountingCalibration:
     return MountingCalibration(
         name, rotation.to_matrix(found.q_segment_from_sensor), found.fit, found.remarks
     )
-
-
-Method = Callable[[Prepared, np.ndarray, list[PlannedStep]], MountingCalibration]
-MOUNTING_METHODS: dict[str, Method] = {
-    "mounting_rates": _by_rates,
-    "mounting_orientations": _by_orientations,
-    "mounting_hinge": _by_hinge,
-}
-"""By name, as `testbench calibrate` spells them."""
-MOUNTING_NEEDS = {
-    "mounting_rates": (
-        "turns about two axes, or one and rests",
-        "Wahba's problem by SVD, Markley 1988",
-    ),
-    "mounting_orientations": ("turns about two axes", "AX = ZB on orientations of vqf_6d"),
-    "mounting_hinge": (
-        "a sweep of one joint, and a rest",
-        "hinge axis and gravity, Shuster & Oh 1981",
-    ),
-}
-"""What each needs, and its source."""

@@ -16,28 +16,12 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.estimation.calibration.gyroscope import matrix_of
-from testbench.estimation.calibration.methods import ACCELEROMETER_METHODS, MAGNETOMETER_METHODS
+from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.static_poses import LEAST_TURN
 from testbench.model import rotation
 from testbench.records.calibration import MountingCalibration, TriadCalibration
 from testbench.records.fit import Fit
 
-ARM_AIDED = (
-    *(
-        method.name
-        for method in (*ACCELEROMETER_METHODS.values(), *MAGNETOMETER_METHODS.values())
-        if method.needs_expected
-    ),
-    "ferraris",  # by the faces, which the poses put level
-    "ferraris_gyroscope",
-    "attitude",
-    "rate_table",
-)
-"""Methods that correct a triad into axes outside of the sensor."""
-BY_THE_ACCELEROMETER = ("gravity_turns", "ellipsoid_dip")
-"""Methods that correct a triad into the axes of the calibrated accelerometer, whichever these
-are.
-"""
 STEP = 1e-6
 """Of a parameter in a numeric derivative, in its own unit [1, rad]: its square is lost beside a
 matrix of 1.
@@ -47,6 +31,11 @@ APART = (
     "its parameters are stated in the axes as believed; the matrix is without the mounting, "
     "which is applied after it"
 )
+
+
+def in_believed_axes(found: TriadCalibration) -> bool:
+    """Whether a triad was corrected into the axes that the mounting as believed gives it."""
+    return METHODS[found.method].axes == "believed"
 
 
 def take_mounting_out(
@@ -68,11 +57,11 @@ def take_mounting_out(
     aided = [
         name
         for name in ("accelerometer", "gyroscope")
-        if name in triads and triads[name].method in ARM_AIDED
+        if name in triads and in_believed_axes(triads[name])
     ]
     if not aided:
         found = triads.get("magnetometer")
-        alone = found is not None and found.method in ARM_AIDED
+        alone = found is not None and in_believed_axes(found)
         remark = (
             "the magnetometer is in the axes as believed and the other triads are in the sensor's "
             "own; where the mounting is "
@@ -86,8 +75,8 @@ def take_mounting_out(
     with_accelerometer = aided[0] == "accelerometer"
     turned = {}
     for name, found in triads.items():
-        inside = found.method in ARM_AIDED or (
-            with_accelerometer and found.method in BY_THE_ACCELEROMETER
+        inside = in_believed_axes(found) or (
+            with_accelerometer and METHODS[found.method].axes == "accelerometer"
         )
         matrix = R.T @ found.matrix if inside else found.matrix
         # The response to force is that to the corrected one, which is turned too where the

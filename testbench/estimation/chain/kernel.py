@@ -14,10 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from testbench.estimation.chain.sensors import ChainArrays
+from testbench.estimation.chain.sensors import SensorArrays, read_sensor
 from testbench.estimation.chain.state import Process, drive, joint_motion, propagate
-from testbench.model.chain import Joints, Tip
-from testbench.model.chain_sensor import sensor_reading
 
 WIDE = 0.3
 """A joint whose standard deviation exceeds this part of its range is held by its limits though its
@@ -45,7 +43,7 @@ class FilterPoint(NamedTuple):
     time: float
 
 
-class Readings(NamedTuple):
+class ChainReadings(NamedTuple):
     """The e samples of all sensors, in order of time.
 
     Attributes:
@@ -65,7 +63,7 @@ class Readings(NamedTuple):
 
 @njit(cache=True)
 def filter_chain(
-    point: FilterPoint, process: Process, sensors: ChainArrays, readings: Readings, keep: bool
+    point: FilterPoint, process: Process, sensors: SensorArrays, readings: ChainReadings, keep: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Run the filter.
 
@@ -86,8 +84,8 @@ def filter_chain(
     # rows of H are assembled where all that they depend on is at hand.
     x, P, levels, now = point
     harmonics, indices, _, confined, jerk, walk, raised = process
-    rotations, offsets, axes, columns, counts, tip_rotations, tip_offsets, gravity = sensors
     time, sensor, reading, change, variance = readings
+    counts, columns = sensors.counts, sensors.columns
     e, n, m = len(time), len(x), indices.shape[0]
     bias = m * (2 * harmonics + 1) + 1 if harmonics else 3 * m
     clock = bias + 6 * len(counts)
@@ -97,7 +95,7 @@ def filter_chain(
     states = np.empty((e if keep else 0, n))
     covariances = np.empty((e if keep else 0, n, n))
     motion, slopes = np.empty((3, m)), np.empty((3, m, indices.shape[1]))
-    by_motion = np.zeros((3, 6, m))
+    by = np.zeros((3, 6, m))
     predicted, h, Ph, dx = np.empty(6), np.empty(n), np.empty(n), np.empty(n)
     likelihood = np.zeros(e)
     for i in range(e):
@@ -111,9 +109,7 @@ def filter_chain(
             drive(P, m, harmonics, jerk, confined, walk + high[i] * raised, dt)
         s = sensor[i]
         joint_motion(x, indices, harmonics, motion, slopes)
-        joints = Joints(rotations[s], offsets[s], axes[s], columns[s])
-        tip = Tip(tip_rotations[s], tip_offsets[s])
-        sensor_reading(joints, counts[s], tip, gravity, motion, predicted, by_motion)
+        read_sensor(sensors, s, motion, predicted, by)
         dx[:] = 0.0
         for r in range(6):
             # row of H: the reading by the motion of each joint, times that by the states
@@ -122,9 +118,9 @@ def filter_chain(
                 j = columns[s, k]
                 for t in range(indices.shape[1]):
                     h[indices[j, t]] += (
-                        by_motion[0, r, j] * slopes[0, j, t]
-                        + by_motion[1, r, j] * slopes[1, j, t]
-                        + by_motion[2, r, j] * slopes[2, j, t]
+                        by[0, r, j] * slopes[0, j, t]
+                        + by[1, r, j] * slopes[1, j, t]
+                        + by[2, r, j] * slopes[2, j, t]
                     )
             innovation = reading[i, r] - predicted[r]
             if n > bias:  # its bias, and what a late clock adds

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
-from testbench.estimation.chain.kernel import FilterPoint, Readings, filter_chain
+from testbench.estimation.chain.kernel import ChainReadings, FilterPoint, filter_chain
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.start import start_state
@@ -136,7 +135,9 @@ def continue_filter(
         keep: Whether to keep states and covariances.
     """
     variance = np.array([noise.variance for noise in settings.noise])[samples.sensor]
-    readings = Readings(samples.time, samples.sensor, samples.reading, samples.change, variance)
+    readings = ChainReadings(
+        samples.time, samples.sensor, samples.reading, samples.change, variance
+    )
     mean, sd, nis, likelihood, high, states, covariances = filter_chain(
         point, process_of(sensors, settings), sensors.arrays, readings, keep
     )
@@ -187,6 +188,8 @@ def most_likely(
     best = int(np.argmax(values))
     found = grid[best]
     if 0 < best < GRID - 1:
+        from scipy.optimize import minimize_scalar  # a quarter of a second to load
+
         found = minimize_scalar(
             lambda exponent: -likelihood(exponent),
             bounds=(grid[best - 1], grid[best + 1]),

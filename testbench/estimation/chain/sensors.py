@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from testbench.exceptions import InputError
-from testbench.model.chain import Joints, Tip
+from testbench.model.chain import Chain, Tip
 from testbench.model.chain_sensor import sensor_reading
 from testbench.model.kinematics import Kinematics, Pose
 
 
-class ChainArrays(NamedTuple):
+class SensorArrays(NamedTuple):
     """What compiled code takes of `ChainSensors`, which says what each is.
 
     Attributes:
@@ -36,6 +37,30 @@ class ChainArrays(NamedTuple):
     tip_rotations: np.ndarray
     tip_offsets: np.ndarray
     gravity: np.ndarray
+
+
+@njit(cache=True)
+def read_sensor(
+    sensors: SensorArrays, s: int, motion: np.ndarray, reading: np.ndarray, slopes: np.ndarray
+) -> None:
+    """Ideal reading of one sensor, and its derivatives.
+
+    Args:
+        sensors: All of them.
+        s: Which one.
+        motion: As for `sensor_reading`, shape (3, m).
+        reading: As for `sensor_reading`, shape (6,).
+        slopes: As for `sensor_reading`, shape (3, 6, m).
+    """
+    count = sensors.counts[s]
+    chain = Chain(
+        sensors.rotations[s, :count],
+        sensors.offsets[s, :count],
+        sensors.axes[s, :count],
+        sensors.columns[s, :count],
+    )
+    tip = Tip(sensors.tip_rotations[s], sensors.tip_offsets[s])
+    sensor_reading(chain, tip, sensors.gravity, motion, reading, slopes)
 
 
 @dataclass(frozen=True)
@@ -70,9 +95,9 @@ class ChainSensors:
     limits: np.ndarray
 
     @property
-    def arrays(self) -> ChainArrays:
+    def arrays(self) -> SensorArrays:
         """What compiled code takes."""
-        return ChainArrays(*(getattr(self, name) for name in ChainArrays._fields))
+        return SensorArrays(*(getattr(self, name) for name in SensorArrays._fields))
 
     def readings(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray
@@ -92,9 +117,7 @@ class ChainSensors:
         reading = np.zeros((s, 6))
         slopes, motion = np.zeros((s, 3, 6, m)), np.array([q, v, a], dtype=float)
         for i in range(s):
-            joints = Joints(self.rotations[i], self.offsets[i], self.axes[i], self.columns[i])
-            tip = Tip(self.tip_rotations[i], self.tip_offsets[i])
-            sensor_reading(joints, self.counts[i], tip, self.gravity, motion, reading[i], slopes[i])
+            read_sensor(self.arrays, i, motion, reading[i], slopes[i])
         return reading, slopes[:, 0], slopes[:, 1], slopes[:, 2]
 
 
@@ -119,7 +142,9 @@ def chain_sensors(
     # Longer than a screen: joints are chosen, folded and filled into arrays of one length.
     robot = kinematics.robot
     chains = {name: kinematics.chain_to(link) for name, (link, _) in places.items()}
-    carrying = {robot.joint_names[column] for own, _ in chains.values() for column in own.columns}
+    carrying = {
+        robot.joint_names[column] for chain, _ in chains.values() for column in chain.columns
+    }
     chosen = [
         name for name in robot.joint_names if name in (carrying if joints is None else joints)
     ]
@@ -166,16 +191,16 @@ def chain_sensors(
 
 
 def _fold(
-    chain: tuple[Joints, Pose],
+    carried_by: tuple[Chain, Pose],
     mounting: Pose,
     place: Mapping[int, int],
     standing: np.ndarray,
 ) -> tuple[list[Pose], list[np.ndarray], list[int], Pose]:
     """The chain of one sensor, joints that stand still folded into the placement of the next."""
-    joints, link = chain
+    chain, link = carried_by
     poses, own_axes, own_columns = [], [], []
     carried = Pose(np.eye(3), np.zeros(3))
-    for R, position, axis, column in zip(*joints, strict=True):
+    for R, position, axis, column in zip(*chain, strict=True):
         carried = carried @ Pose(R, position)
         if int(column) in place:
             poses.append(carried)

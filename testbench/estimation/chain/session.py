@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,16 +18,21 @@ from testbench.estimation.chain.settings import (
 )
 from testbench.estimation.chain.smoother import run_smoother
 from testbench.estimation.chain.state import motion_size
+from testbench.estimation.recording import RunFacts
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.chain import ChainEstimate
 from testbench.records.estimate import CalibrationFit, ClockFit, SensorEstimate
+from testbench.records.layout import PLAN
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol_chain import ChainEstimation, ChainState
+from testbench.records.robot import Robot
+from testbench.records.samples import ImuSamples
 from testbench.records.sensor import ImuParameters, Triad
-from testbench.records.session import PLAN, Session
+from testbench.records.sensor_file import SensorFile
+from testbench.records.session import Session
 from testbench.records.storage import read_parquet
 
 SETTLED_NS = NANOSECONDS * 3 // 10
@@ -54,27 +59,56 @@ SEARCHED_S = 10.0
 """
 
 
+@dataclass(frozen=True)
+class ChainRecording:
+    """A run of a protocol, as far as a chain is estimated from it; what the arm measured is not in
+    it.
+
+    Attributes:
+        robot: The arm.
+        run: What is known of the run beside its samples.
+        plan: Columns of the planned motion, shape (n,) each.
+        raw: Samples of the sensors, by name.
+    """
+
+    robot: Robot
+    run: RunFacts
+    plan: Mapping[str, np.ndarray]
+    raw: Mapping[str, SensorFile]
+
+    @staticmethod
+    def of(session: Session, run: RunFacts) -> ChainRecording | None:
+        """That of a session; None where it has no arm or no plan."""
+        if session.robot is None or not (session.path / PLAN).is_file():
+            return None
+        columns = ["host_time_ns", *(f"q_{joint}_rad" for joint in session.robot.joint_names)]
+        raw = {name: session.sensor(name) for name in session.sensor_names}
+        return ChainRecording(session.robot, run, read_parquet(session.path / PLAN, columns), raw)
+
+
 def estimate_chain(
-    session: Session, sensors: Mapping[str, SensorEstimate], wanted: ChainEstimation
+    recording: ChainRecording | None,
+    sensors: Mapping[str, SensorEstimate],
+    wanted: ChainEstimation,
 ) -> tuple[list[ChainEstimate], list[str]]:
     """Joints of the arm over every section asked for, by every state asked for.
 
     Args:
-        session: A run of a protocol; what the arm measured is not looked at.
+        recording: With an arm and a plan, or None.
         sensors: With clocks, calibrations and gates.
         wanted: The protocol's wishes.
 
     Returns:
         The estimates, and remarks on sections that could not be estimated.
     """
-    if session.robot is None or not (session.path / PLAN).is_file():
+    if recording is None:
         return [], ["the chain was not estimated: the recording has no arm and no plan"]
     names = wanted.sensors or list(sensors)
-    evaluated = [step.section for step in session.steps if step.role == "evaluation"]
+    evaluated = [step.section for step in recording.run.steps if step.role == "evaluation"]
     estimates, remarks = [], []
     for section in wanted.sections or list(dict.fromkeys(evaluated)):
         try:
-            part = _Section(session, sensors, names, wanted, section)
+            part = _Section(recording, sensors, names, wanted, section)
             estimates += [part.estimate(state) for state in wanted.states]
         except InputError as error:
             remarks.append(f"chain, section {section}: {error}")
@@ -91,28 +125,27 @@ class _Section:
 
     def __init__(
         self,
-        session: Session,
+        recording: ChainRecording,
         sensors: Mapping[str, SensorEstimate],
         names: list[str],
         wanted: ChainEstimation,
         section: str,
     ):
         self.wanted, self.section = wanted, section
-        assert session.robot is not None
-        kinematics = Kinematics(session.robot)
-        begin, end, begins, ends = _rest(session.steps, section)
-        pose = _planned_pose(session, kinematics, end)
-        placed = session.analysis.sensors
+        kinematics = Kinematics(recording.robot)
+        begin, end, begins, ends = _rest(recording.run.steps, section)
+        pose = _planned_pose(recording, end)
+        placed = recording.run.placed
         places = {
             name: (placed[name].link, Pose.from_placement(placed[name].mounting)) for name in names
         }
         self.chain: ChainSensors = chain_sensors(kinematics, places, wanted.joints or None, pose)
-        self.start = pose[[session.robot.joint_names.index(name) for name in self.chain.joints]]
+        self.start = pose[[recording.robot.joint_names.index(name) for name in self.chain.joints]]
         times, owners, readings, means, counts, self.noise = [], [], [], [], [], []
         self.start_s, self.begins_s = end / NANOSECONDS, begins / NANOSECONDS
         for i, name in enumerate(names):
             sheet = placed[name].imu()
-            time, rate, force = _calibrated(session, name, sensors[name], sheet)
+            time, rate, force = _calibrated(recording.raw[name].read(), name, sensors[name], sheet)
             rest = (time >= begin / NANOSECONDS) & (time <= self.start_s)
             if rest.sum() < LEAST_SAMPLES:
                 raise InputError(
@@ -183,14 +216,14 @@ class _Section:
             facts["frequency_hz"] = float(motion.last[0][omega] / (2 * np.pi))
             facts["frequency_sd_hz"] = float(np.sqrt(motion.last[1][omega, omega]) / (2 * np.pi))
         return ChainEstimate(
-            self.section,
-            state,
-            self.chain.sensors,
-            self.chain.joints,
-            np.round(self.samples.time[own] * NANOSECONDS).astype(np.int64),
-            motion.mean[own],
-            motion.sd[own],
-            facts,
+            section=self.section,
+            state=state,
+            sensors=self.chain.sensors,
+            joints=self.chain.joints,
+            facts=facts,
+            host_time_ns=np.round(self.samples.time[own] * NANOSECONDS).astype(np.int64),
+            mean=motion.mean[own],
+            sd=motion.sd[own],
         )
 
 
@@ -220,16 +253,16 @@ def _rest(steps: list[PlannedStep], section: str) -> tuple[int, int, int, int]:
     return begin, end, begins, steps[last].end_ns
 
 
-def _planned_pose(session: Session, kinematics: Kinematics, time_ns: int) -> np.ndarray:
+def _planned_pose(recording: ChainRecording, time_ns: int) -> np.ndarray:
     """The pose that the plan states at a rest, shape (n_joints,) [rad]; not the measured one."""
-    table = read_parquet(session.path / PLAN)
+    table = recording.plan
     planned_end = np.searchsorted(table["host_time_ns"], time_ns, side="right") - 1
     row = int(np.clip(planned_end, 0, len(table["host_time_ns"]) - 1))
-    return np.array([table[f"q_{joint}_rad"][row] for joint in kinematics.robot.joint_names])
+    return np.array([table[f"q_{joint}_rad"][row] for joint in recording.robot.joint_names])
 
 
 def _calibrated(
-    session: Session, name: str, sensor: SensorEstimate, sheet: ImuParameters
+    samples: ImuSamples, name: str, sensor: SensorEstimate, sheet: ImuParameters
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """When samples that no gate refuses were true [s], their rates [rad/s] and forces [m/s^2].
 
@@ -237,7 +270,6 @@ def _calibrated(
     input is y + T dy/dt. A sensor that integrates gives means over the interval before its stamp,
     the force in the axes at its end.
     """
-    samples = session.imu(name)
     rate, force, _ = sensor.calibration.apply(samples.gyr, samples.acc, None)
     sound = ~sensor.flagged & np.isfinite(rate).all(axis=1) & np.isfinite(force).all(axis=1)
     time, rate, force = sensor.host_time_ns[sound] / NANOSECONDS, rate[sound], force[sound]

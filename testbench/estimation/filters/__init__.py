@@ -4,6 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from testbench.estimation.filters import (
+    complementary,
+    device,
+    directions,
+    ekf,
+    error_state,
+    euler_ekf,
+    fusion,
+    gyro,
+    madgwick,
+    mahony,
+    mekf,
+    vqf_filters,
+)
 from testbench.estimation.filters.base import (
     FilterState,
     OrientationFilter,
@@ -11,58 +25,41 @@ from testbench.estimation.filters.base import (
     RecursiveFilter,
     UniformSamples,
 )
-from testbench.estimation.filters.complementary import Complementary, ComplementaryMarg
-from testbench.estimation.filters.device import Device
-from testbench.estimation.filters.directions import Ecompass, Quest, Tilt, Triad
-from testbench.estimation.filters.ekf import Ekf, EkfImu
-from testbench.estimation.filters.error_state import AhrsFilter, ImuFilter
-from testbench.estimation.filters.euler_ekf import (
-    EulerEkf,
-    EulerEkfAsPrinted,
-    EulerEkfSimple,
-    EulerEkfSimpleAsPrinted,
-)
-from testbench.estimation.filters.fusion import Fusion, Fusion9D
-from testbench.estimation.filters.gyro import Gyro
-from testbench.estimation.filters.madgwick import MadgwickImu, MadgwickMarg, MadgwickZetaAsPrinted
-from testbench.estimation.filters.mahony import MahonyImu, MahonyMarg
-from testbench.estimation.filters.mekf import Mekf, MekfImu
-from testbench.estimation.filters.vqf_filters import Vqf6D, Vqf9D, VqfOffline
 from testbench.exceptions import InputError, NotFoundError
+from testbench.records.protocol import FILTER_NAMES
 
-FILTERS: dict[str, type[OrientationFilter]] = {
-    kind.name: kind
-    for kind in (
-        Device,
-        Gyro,
-        Tilt,
-        Ecompass,
-        Triad,
-        Quest,
-        Complementary,
-        ComplementaryMarg,
-        MahonyImu,
-        MahonyMarg,
-        MadgwickImu,
-        MadgwickMarg,
-        MadgwickZetaAsPrinted,
-        ImuFilter,
-        AhrsFilter,
-        EulerEkfSimple,
-        EulerEkf,
-        EulerEkfSimpleAsPrinted,
-        EulerEkfAsPrinted,
-        EkfImu,
-        Ekf,
-        MekfImu,
-        Mekf,
-        Vqf6D,
-        Vqf9D,
-        VqfOffline,
-        Fusion,
-        Fusion9D,
-    )
-}
+_MODULES = (
+    complementary,
+    device,
+    directions,
+    ekf,
+    error_state,
+    euler_ekf,
+    fusion,
+    gyro,
+    madgwick,
+    mahony,
+    mekf,
+    vqf_filters,
+)
+
+
+def kinds() -> dict[str, type[OrientationFilter]]:
+    """The filters of all modules by name, not what they are derived from."""
+    return {
+        kind.name: kind
+        for module in _MODULES
+        for kind in vars(module).values()
+        if isinstance(kind, type)
+        and issubclass(kind, OrientationFilter)
+        and kind.__module__ == module.__name__
+        and "name" in vars(kind)
+    }
+
+
+_KINDS = kinds()
+FILTERS: dict[str, type[OrientationFilter]] = {name: _KINDS[name] for name in FILTER_NAMES}
+"""In the order in which the language of protocols lists them."""
 
 
 def get_filter(name: str, parameters: Mapping[str, float] | None = None) -> OrientationFilter:

@@ -11,9 +11,9 @@ from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import (
     begin,
     field_deviates,
+    integrated,
     length,
     to_earth,
-    turned,
     usable_force,
 )
 
@@ -46,15 +46,7 @@ def complementary(
             begin(state, acc[i], mag[i], use_mag, out[i])
             continue
         # prediction by the gyroscope
-        w, x, y, z = turned(
-            state[1],
-            state[2],
-            state[3],
-            state[4],
-            gyr[i, 0] * dt[i],
-            gyr[i, 1] * dt[i],
-            gyr[i, 2] * dt[i],
-        )
+        w, x, y, z = integrated(state, gyr[i], dt[i])
         a = length(acc[i])
         if usable_force(a, p[1]):
             # the measured vertical in the earth: sine s of its tilt, about the axis (uy, -ux, 0)

@@ -220,6 +220,7 @@ def error_state(
             part, field (north, up).
         use_mag: Whether to use the magnetometer.
     """
+    # Longer than a screen: one sample's prediction, innovation and correction.
     gyr, acc, mag, dt = readings
     n = gyr.shape[0]
     out = np.empty((n, 4))

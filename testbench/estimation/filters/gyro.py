@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
-from testbench.estimation.filters.maths import started, turned
+from testbench.estimation.filters.maths import integrated, started
 
 
 @njit(cache=True)
@@ -30,15 +30,7 @@ def integrate(
             if not started(state, acc[i], mag[i], False):
                 state[0], state[1] = 1.0, 1.0
         else:  # q exp(rate dt / 2)
-            state[1], state[2], state[3], state[4] = turned(
-                state[1],
-                state[2],
-                state[3],
-                state[4],
-                gyr[i, 0] * dt[i],
-                gyr[i, 1] * dt[i],
-                gyr[i, 2] * dt[i],
-            )
+            state[1], state[2], state[3], state[4] = integrated(state, gyr[i], dt[i])
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = state[1], state[2], state[3], state[4]
     return out
 

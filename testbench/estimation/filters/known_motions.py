@@ -18,7 +18,7 @@ REST_S, TURN_S = 6.0, 2.0
 """Time to settle before a turn, and time of the turn [s]."""
 
 
-class Turn(NamedTuple):
+class SteadyTurn(NamedTuple):
     """A turn at a constant rate.
 
     Attributes:
@@ -30,8 +30,8 @@ class Turn(NamedTuple):
     seconds: float
 
 
-SLOW = Turn(np.radians(40.0), TURN_S)
-FAST = Turn(np.radians(400.0), 0.2)
+SLOW = SteadyTurn(np.radians(40.0), TURN_S)
+FAST = SteadyTurn(np.radians(400.0), 0.2)
 """A turn of which a sample is twice the limit."""
 BIAS_RAD_S = np.radians(1.0)
 """Bias of the gyroscope in one check, that of a poor small sensor at power-up."""
@@ -112,7 +112,7 @@ def recording(
     axis: np.ndarray | None = None,
     *,
     rate_hz: float = RATE_HZ,
-    turn: Turn = SLOW,
+    turn: SteadyTurn = SLOW,
     bias_rad_s: float = 0.0,
     irregular: bool = False,
 ) -> Recording:

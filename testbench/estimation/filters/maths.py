@@ -37,6 +37,19 @@ def turned(w: float, x: float, y: float, z: float, rx: float, ry: float, rz: flo
 
 
 @njit(cache=True)
+def integrated(state: np.ndarray, rate: np.ndarray, dt: float) -> Four:
+    """The quaternion of a state after a turn by its rate over an interval.
+
+    Args:
+        state: Of the filter, started and q and more, shape (s,), s >= 5.
+        rate: Angular rate, shape (3,) [rad/s].
+        dt: The interval [s].
+    """
+    rx, ry, rz = rate[0] * dt, rate[1] * dt, rate[2] * dt
+    return turned(state[1], state[2], state[3], state[4], rx, ry, rz)
+
+
+@njit(cache=True)
 def to_earth(w: float, x: float, y: float, z: float, vx: float, vy: float, vz: float) -> Three:
     """A vector of the sensor frame seen in the earth frame: R v."""
     # v + w t + u x t with t = 2 u x v, u the vector part of q

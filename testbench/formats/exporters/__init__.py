@@ -12,10 +12,8 @@ from pathlib import Path
 from testbench.exceptions import BenchError, InputError, NotFoundError
 from testbench.formats.exporters.source import TRUTH, ExportSource, Frame
 from testbench.formats.exporters.writing import check_target, written_whole
+from testbench.records.layout import EXPORT
 from testbench.records.session import Session
-
-FOLDER = "export"
-"""Folder of a session that exports go to unless another place is named."""
 
 Writer = Callable[[ExportSource, Path], list[str]]
 """Writes at a path what the source holds; returns notes: sentences on what the file does not show
@@ -158,7 +156,7 @@ def prepare_export(name: str, session: Session, out: Path | None, force: bool) -
     path = (
         out
         if out is not None
-        else session.path / FOLDER / (f"{session.name}{kind.suffix}" if kind.suffix else name)
+        else session.path / EXPORT / (f"{session.name}{kind.suffix}" if kind.suffix else name)
     )
     check_target(path, name, kind.suffix, session, force)
     return path

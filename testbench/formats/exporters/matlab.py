@@ -35,7 +35,7 @@ def write(source: ExportSource, path: Path) -> list[str]:
         )
     content: dict[str, Any] = {
         "name": source.session.name,
-        "started_utc": str(source.session.manifest.get("started_utc", "")),
+        "started_utc": source.session.manifest.started_utc or "",
         "software": software(),
         "conventions": _cells([f"{key}: {text}" for key, text in conventions().items()]),
     }

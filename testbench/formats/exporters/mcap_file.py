@@ -113,7 +113,7 @@ def _kinds(streams: list[Stream]) -> list[str]:
 
 def _start_ns(source: ExportSource) -> int:
     """Start of the session since 1970 [ns]."""
-    text = source.session.manifest.get("recorded_utc") or source.session.manifest.get("started_utc")
+    text = source.session.manifest.recorded_utc or source.session.manifest.started_utc
     try:
         started = datetime.fromisoformat(str(text))
     except ValueError:

@@ -160,8 +160,8 @@ def description(source: ExportSource, tables: dict[str, Table]) -> dict[str, Any
     return {
         "software": software(),
         "session": source.session.name,
-        "started_utc": manifest.get("started_utc"),
-        "protocol": manifest.get("protocol"),
+        "started_utc": manifest.started_utc,
+        "protocol": manifest.content.get("protocol"),
         "filters": [key for key in source.filters if key != TRUTH],
         "conventions": conventions(),
         "tables": {

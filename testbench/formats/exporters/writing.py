@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from testbench.exceptions import InputError
+from testbench.records.layout import DERIVED, EVENTS, MANIFEST
 from testbench.records.replacing import replaced_file, replaced_folder, stored_where_asked
-from testbench.records.session import EVENTS, MANIFEST, Session
+from testbench.records.session import Session
 from testbench.records.storage import json_text
 
 INDEX = "export.json"
@@ -60,9 +61,7 @@ def check_target(path: Path, name: str, suffix: str, session: Session, force: bo
 def _spare_the_recording(path: Path, session: Session) -> None:
     """Refuse the session's folder, one that holds it, and its raw and derived files."""
     folder, wanted = session.path.resolve(), path.resolve()
-    own = {MANIFEST, EVENTS, "estimate", "evaluation", "evaluation.json", "report.html"} | set(
-        session.manifest.get("files", {})
-    )
+    own = {MANIFEST, EVENTS, *DERIVED} | set(session.manifest.files)
     if wanted == folder or wanted in folder.parents:
         raise InputError(f"{path} holds the session itself; name another place")
     if folder in wanted.parents and wanted.relative_to(folder).parts[0] in own:

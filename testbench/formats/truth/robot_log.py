@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.recording import ImportedSensor
@@ -33,6 +32,7 @@ from testbench.formats.tables.timeline import RegularTime, StampedTime
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
+from testbench.model.windows import savitzky_golay
 from testbench.records.plan import PlannedStep
 from testbench.records.protocol_steps import Role
 from testbench.records.samples import Truth
@@ -289,7 +289,7 @@ def logged_truth(
         return Truth(time + shift_ns, motion.q_world_from_frame)
     interval = float(np.median(steps))
     window = min(max(2 * round(SMOOTHING_S / interval / 2) + 1, 5), len(time) - 1 + len(time) % 2)
-    v, a = (savgol_filter(q, window, 3, deriv=order, delta=interval, axis=0) for order in (1, 2))
+    v, a = (savitzky_golay(q, window, 3, order, interval) for order in (1, 2))
     motion = kinematics.frame_motion(link, q, v, a, mounting)
     gravity = kinematics.robot.gravity
     return Truth(

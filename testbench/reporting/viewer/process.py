@@ -22,14 +22,19 @@ from testbench.exceptions import BenchError
 from testbench.frames import NANOSECONDS
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
+from testbench.records.layout import RECORDING
 from testbench.records.session import Session
-from testbench.reporting.viewer.recording import FILE, save_recording
+from testbench.reporting.viewer.recording import save_recording
 from testbench.reporting.viewer.timeline import TIMELINE
 
 LOOPBACK = "127.0.0.1"
 START_TIMEOUT, TIMELINE_TIMEOUT = 30.0, 30.0
 """How long the viewer may take to answer, and then to load so much that it knows the timelines
 [s].
+"""
+REFUSALS = (ConnectionError, RuntimeError)
+"""What the viewer's client raises: the first for everything that the viewer itself refuses
+(rerun-sdk 0.41), the second for what it cannot ask for.
 """
 
 
@@ -58,7 +63,7 @@ def view(
     Raises:
         ViewerError: The viewer is not installed, or ended with an error.
     """
-    path = save_recording(session, session.path / FILE, estimate, evaluation)
+    path = save_recording(session, session.path / RECORDING, estimate, evaluation)
     port = free_port()
     options = ["--port", str(port)]
     place = str(path)
@@ -107,7 +112,7 @@ def screenshot(
     path = Path(path).resolve()
     path.unlink(missing_ok=True)
     with tempfile.TemporaryDirectory(prefix="testbench_view_") as folder:
-        recording = save_recording(session, Path(folder) / FILE, estimate, evaluation)
+        recording = save_recording(session, Path(folder) / RECORDING, estimate, evaluation)
         port = free_port()
         options = [
             "--headless",
@@ -126,10 +131,10 @@ def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float
     """Ask a running viewer for a picture once it has loaded and drawn everything."""
     from rerun.experimental import ViewerClient
 
-    client = None
+    client, loaded = None, False
     pause = threading.Event()  # nothing sets it: a wait that a clock in a test could replace
     waited = 0.0
-    while client is None or not client.get_state().recordings:
+    while client is None or not loaded:
         if process.poll() is not None:
             raise ViewerError(
                 f"the viewer ended with code {process.returncode} before it drew anything; drawing "
@@ -140,16 +145,17 @@ def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float
             raise ViewerError(f"the viewer did not answer within {START_TIMEOUT:.0f} s")
         try:
             client = client or ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
-        except (ConnectionError, RuntimeError, OSError):
+            loaded = bool(client.get_state().recordings)
+        except (*REFUSALS, OSError):
             client = None
         pause.wait(0.2)
         waited += 0.2
+    _go_to(client, time_s, pause)
+    pause.wait(2.0)
     try:
-        _go_to(client, time_s, pause)
-        pause.wait(2.0)
         client.save_screenshot(str(path))
-    except RuntimeError as error:
-        raise ViewerError(f"the viewer could not draw: {error}") from None
+    except REFUSALS as error:
+        raise _refused(error) from None
     if not path.is_file():
         raise ViewerError(f"the viewer wrote no picture to {path}")
 
@@ -159,24 +165,36 @@ def _go_to(client: Any, time_s: float, pause: threading.Event) -> None:
     a while.
 
     Raises:
-        RuntimeError: It still has none after `TIMELINE_TIMEOUT`, or refuses for another reason.
+        ViewerError: It still has none after `TIMELINE_TIMEOUT`, or the viewer refuses for another
+            reason.
     """
     waited = 0.0
     while True:
         try:
             return client.set_time(TIMELINE, duration=time_s, play_state="paused")
-        except RuntimeError as error:
-            if "timeline" not in str(error) or waited > TIMELINE_TIMEOUT:
-                raise
+        except REFUSALS as error:
+            if "timeline" not in str(error):
+                raise _refused(error) from None
+        if waited > TIMELINE_TIMEOUT:
+            raise ViewerError(
+                f"the viewer has not loaded the recording within {TIMELINE_TIMEOUT:.0f} s; where "
+                "the machine is busy, try again later"
+            )
         pause.wait(0.2)
         waited += 0.2
+
+
+def _refused(error: Exception) -> ViewerError:
+    """Why it could not draw: the first line, for what follows is the transport's."""
+    lines = str(error).strip().splitlines()
+    return ViewerError(f"the viewer could not draw: {lines[0] if lines else 'it says nothing'}")
 
 
 def _telling_time(session: Session) -> float:
     """Two thirds into the longest section, where there is most to see [s]."""
     steps = session.steps
     if not steps:
-        return float(session.manifest.get("duration_s") or 0.0) * 0.6
+        return (session.manifest.duration_s or 0.0) * 0.6
     spans: dict[str, tuple[int, int]] = {}
     for step in steps:
         begin, _ = spans.get(step.section, (step.start_ns, 0))

@@ -25,8 +25,6 @@ from testbench.reporting.viewer.scene import (
 )
 from testbench.reporting.viewer.signals import log_chain, log_errors, log_imu, log_steps
 
-FILE = "session.rrd"
-
 
 def save_recording(
     session: Session,

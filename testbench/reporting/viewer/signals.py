@@ -9,6 +9,7 @@ import rerun as rr
 
 from testbench.records.estimate import Estimate
 from testbench.records.evaluation import Evaluation
+from testbench.records.layout import chain_table, joint_table, orientation_table
 from testbench.records.samples import ImuSamples
 from testbench.records.session import Session
 from testbench.reporting.palette import COLOURS, REFERENCE, filter_colours, rgb
@@ -46,7 +47,7 @@ def log_errors(
     start drowns them [deg].
     """
     for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
-        series = evaluation.series.get(f"orientation_{sensor}", {})
+        series = evaluation.series.get(orientation_table(sensor), {})
         filters = list(
             dict.fromkeys(row.filter for row in evaluation.orientation if row.sensor == sensor)
         )
@@ -63,7 +64,7 @@ def log_errors(
                 _first(series),
             )
     for joint in dict.fromkeys(row.joint for row in evaluation.joint_angle):
-        series = evaluation.series.get(f"joint_{joint}", {})
+        series = evaluation.series.get(joint_table(joint), {})
         keys = list(
             dict.fromkeys(
                 (row.filter, row.sequence) for row in evaluation.joint_angle if row.joint == joint
@@ -111,7 +112,7 @@ def log_chain(recording: rr.RecordingStream, evaluation: Evaluation) -> None:
     states = list(dict.fromkeys(row.state for row in evaluation.chain))
     colours = filter_colours(states)
     for section, joints in chain_joints(evaluation).items():
-        series = {state: evaluation.series.get(f"chain_{section}_{state}") for state in states}
+        series = {state: evaluation.series.get(chain_table(section, state)) for state in states}
         known = {
             state: own
             for state, own in series.items()

@@ -1,17 +1,13 @@
-"""Triads with known errors in poses at rest, and how often stated intervals hold the truth.
-Rotations are SciPy's.
-"""
+"""Triads with known errors in poses at rest. Rotations are SciPy's."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.estimation.calibration.poses import StaticPoses
-from testbench.records.calibration import TriadCalibration
 from testbench.records.fit import Fit
 
 GRAVITY = 9.80665
@@ -105,15 +101,3 @@ def all_of(fits: tuple[Fit, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         np.concatenate(part)
         for part in zip(*((f.values, f.sd, f.half_width(LEVEL)) for f in fits), strict=True)
     )
-
-
-def covered(
-    fit_of: Callable[[np.random.Generator], TriadCalibration], truth: np.ndarray, trials: int = 1000
-) -> np.ndarray:
-    """Share of trials in which each parameter's interval holds the truth, shape (p,)."""
-    inside = np.zeros(len(truth))
-    draw = rng(2024)
-    for _ in range(trials):
-        values, _, half = all_of(fit_of(draw).fits)
-        inside += np.abs(values - truth) <= half
-    return inside / trials

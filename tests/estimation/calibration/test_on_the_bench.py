@@ -10,17 +10,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.calibration import (
-    ACCELEROMETER_METHODS,
-    StaticPoses,
-    TrueVector,
-    static_poses,
-    validate,
-)
 from testbench.estimation.calibration.axis_model import orthogonality
 from testbench.estimation.calibration.hinge_axis import axis_of_turn, hinge_axes
 from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.methods import METHODS
+from testbench.estimation.calibration.poses import StaticPoses, TrueVector, static_poses
 from testbench.estimation.calibration.sensor_to_segment import from_arm_kinematics, from_rates
+from testbench.estimation.calibration.validation import validate
 from testbench.estimation.static_intervals import (
     between_peaks,
     by_events,
@@ -31,7 +27,7 @@ from testbench.estimation.static_intervals import (
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.imu import TriadModel
-from testbench.pipeline import Result
+from testbench.pipeline.analyse import Result
 
 HELD_OUT = [
     [0, -90, -90, -60, 120, 150],
@@ -93,8 +89,8 @@ def test_the_bias_in_poses_of_another_session_is_below_1_mg(sessions):
     six, others = (poses_of_session(result) for result in sessions)
     assert len(six) == 6
     assert len(others) == len(HELD_OUT)
-    before = validate(ACCELEROMETER_METHODS["rotational_nearest"].function(six), others)
-    figures = validate(ACCELEROMETER_METHODS["attitude_aided"].function(six), others)
+    before = validate(METHODS["rotational_nearest"].function(six), others)
+    figures = validate(METHODS["attitude_aided"].function(six), others)
     for axis in "xyz":
         assert abs(figures[f"bias_{axis}_mg"]) < 1.0, figures
     assert figures["direction_rms_deg"] < 0.1
@@ -102,7 +98,7 @@ def test_the_bias_in_poses_of_another_session_is_below_1_mg(sessions):
     samples = sessions[1].session.imu("forearm").acc
     times = sessions[1].estimate.sensors["forearm"].host_time_ns / NANOSECONDS
     rest = (times > others.start[0]) & (times < others.end[0])
-    corrected = ACCELEROMETER_METHODS["attitude_aided"].function(six).apply(samples[rest])
+    corrected = METHODS["attitude_aided"].function(six).apply(samples[rest])
     np.testing.assert_allclose(corrected.std(axis=0), samples[rest].std(axis=0), rtol=0.05)
 
 
@@ -112,7 +108,7 @@ def test_the_parts_own_errors_are_found_within_the_stated_uncertainty(sessions):
     real = TriadModel(
         parameters.accelerometer.triad(), parameters.rate_hz, 4, "forearm", "accelerometer"
     ).errors
-    fit = ACCELEROMETER_METHODS["attitude_aided"].function(poses_of_session(sessions[0])).fits[0]
+    fit = METHODS["attitude_aided"].function(poses_of_session(sessions[0])).fits[0]
     off = (fit.values - np.concatenate([real.matrix.reshape(-1), real.bias])) / fit.half_width(
         0.999
     )
@@ -121,8 +117,8 @@ def test_the_parts_own_errors_are_found_within_the_stated_uncertainty(sessions):
 
 def test_the_published_way_is_worse_on_the_same_poses(sessions):
     six, others = (poses_of_session(result) for result in sessions)
-    published = validate(ACCELEROMETER_METHODS["rotational_3d"].function(six), others)
-    ours = validate(ACCELEROMETER_METHODS["attitude_aided"].function(six), others)
+    published = validate(METHODS["rotational_3d"].function(six), others)
+    ours = validate(METHODS["attitude_aided"].function(six), others)
     worst = {
         name: max(abs(figures[f"bias_{axis}_mg"]) for axis in "xyz")
         for name, figures in (("R", published), ("12", ours))

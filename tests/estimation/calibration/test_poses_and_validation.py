@@ -5,15 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.estimation.calibration import (
-    ACCELEROMETER_METHODS,
-    StaticPoses,
-    TrueVector,
-    cross_validate,
-    static_poses,
-    validate,
-)
+from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.norm_only import norm_only
+from testbench.estimation.calibration.poses import StaticPoses, TrueVector, static_poses
+from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.estimation.static_intervals import by_gyroscope, by_variance
 from testbench.exceptions import InputError
 from testbench.records.calibration import TriadCalibration
@@ -88,9 +83,7 @@ def test_no_pose_is_judged_by_a_fit_that_has_seen_it():
         spoilt = np.isclose(given.expected, forces[7]).all(axis=1).any()
         asked.append(len(given))
         return (
-            ACCELEROMETER_METHODS["attitude_aided"].function(given)
-            if not spoilt
-            else TriadCalibration("spoilt")
+            METHODS["attitude_aided"].function(given) if not spoilt else TriadCalibration("spoilt")
         )
 
     figures = cross_validate(spy, poses, folds=40)
@@ -100,16 +93,11 @@ def test_no_pose_is_judged_by_a_fit_that_has_seen_it():
 
 def test_folds_that_cannot_be_fitted_are_left_out():
     assert (
-        cross_validate(
-            ACCELEROMETER_METHODS["six_position"].function, poses_of(SIX, np.eye(3), np.zeros(3))
-        )
+        cross_validate(METHODS["six_position"].function, poses_of(SIX, np.eye(3), np.zeros(3)))
         == {}
     )
     twice = poses_of(np.vstack([SIX, SIX]), np.eye(3), np.zeros(3))
-    assert (
-        cross_validate(ACCELEROMETER_METHODS["six_position"].function, twice, 2)["held_out_poses"]
-        == 12
-    )
+    assert cross_validate(METHODS["six_position"].function, twice, 2)["held_out_poses"] == 12
 
 
 IMU_TK_GRAVITY = 9.81744

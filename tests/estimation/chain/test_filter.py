@@ -119,9 +119,9 @@ def test_the_filter_is_fifty_times_faster_than_the_samples_come(runs, settings, 
     run_filter(sensors, settings, samples)
     took = []
     for _ in range(3):
-        begin = time.perf_counter()
+        begin = time.process_time()
         run_filter(sensors, settings, samples)
-        took.append(time.perf_counter() - begin)
+        took.append(time.process_time() - begin)
     assert (samples.time[-1] - samples.start) / min(took) > 50
 
 

@@ -12,18 +12,19 @@ from typer.testing import CliRunner
 
 from testbench.cli.app import app
 from testbench.estimation import estimate
-from testbench.estimation.filters import FILTERS, UniformSamples, choose_filters, get_filter
+from testbench.estimation.filters import FILTERS, UniformSamples, choose_filters, get_filter, kinds
 from testbench.exceptions import FileProblems, InputError, NotFoundError
-from testbench.pipeline import make_plan
+from testbench.pipeline.prepared import make_plan
 from testbench.records.estimate import Estimate
 from testbench.records.protocol import FILTER_NAMES
+from tests.asking import run_of
 from tests.estimation.filters.motions import heading_deg, inclination_deg, wander
 
 ALL = [(name, parameter) for name, kind in FILTERS.items() for parameter in kind.PARAMETERS]
 
 
 def test_protocols_may_name_the_filters_that_exist_and_no_others():
-    assert tuple(FILTERS) == FILTER_NAMES
+    assert set(kinds()) == set(FILTER_NAMES)
 
 
 @pytest.mark.parametrize(("name", "parameter"), ALL, ids=[f"{name}-{p.name}" for name, p in ALL])
@@ -217,7 +218,7 @@ def test_parameters_that_a_filter_does_not_take_are_refused_with_their_line(
 
     path = altered_protocol("quick", change)
     with pytest.raises(FileProblems) as caught:
-        make_plan(path)
+        make_plan(run_of(path))
     assert words in str(caught.value)
     assert str(caught.value).startswith(f"{path}:")
 

@@ -15,16 +15,17 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
-from testbench.cli import filtering
 from testbench.cli.app import app
-from testbench.cli.filtering import parse_filters
 from testbench.estimation import estimate
 from testbench.estimation.filters import plugins
 from testbench.estimation.filters.plugins import find_filter
 from testbench.estimation.filters.self_test import self_test
 from testbench.exceptions import InputError, NotFoundError
-from testbench.pipeline import export, load_or_estimate
+from testbench.pipeline import show
+from testbench.pipeline.analyse import is_as_asked, load_analysis, load_or_estimate, sound_filters
+from testbench.pipeline.request import ExportRequest
 from testbench.records.session import Session
+from tests.asking import analysis
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "03_a_filter_of_your_own.py"
 HEAD = (
@@ -75,10 +76,12 @@ def test_the_example_passes_the_self_test_and_is_ranked_beside_the_others(quick,
 
 
 def test_an_estimate_by_a_filter_from_a_file_is_never_taken_from_disk(quick, tmp_path):
-    kind = find_filter(f"{EXAMPLE}:SteadyHand")
-    stored = load_or_estimate(quick.session, ["vqf_6d"])
+    own = analysis(f"{EXAMPLE}:SteadyHand")
+    stored = load_or_estimate(quick.session, analysis("vqf_6d"))
     assert list(stored.sensors["arm"].orientation) == ["vqf_6d"]
-    assert "steady_hand" in load_or_estimate(quick.session, [kind]).sensors["arm"].orientation
+    made = load_or_estimate(quick.session, own)
+    assert "steady_hand" in made.sensors["arm"].orientation
+    assert not is_as_asked(made, quick.session, load_analysis(own))
     quick.estimate.save(quick.session.path)
 
 
@@ -149,7 +152,7 @@ def test_an_installed_package_offers_filters_by_its_entry_point(written, monkeyp
         lambda group: [point, missing] if group == "testbench.filters" else [],
     )
     assert find_filter("mine").name == "mine"
-    (named, own) = parse_filters("vqf_6d, mine")
+    (named, own) = sound_filters(["vqf_6d", "mine"])
     assert named == "vqf_6d" and own.name == "mine"
     with pytest.raises(InputError, match="the installed filter 'gone' cannot be imported"):
         find_filter("gone")
@@ -178,7 +181,7 @@ def test_a_filter_of_the_users_own_can_be_exported(quick, tmp_path, monkeypatch)
     """
     tested = []
     monkeypatch.setattr(
-        filtering, "_sound", lambda kind: tested.append(kind.name) or kind
+        show, "sound", lambda kind: tested.append(kind.name) or kind
     )  # the self-test takes seconds
     session = Session(shutil.copytree(quick.session.path, tmp_path / "quick"))
     before = sorted(path.name for path in (session.path / "estimate").iterdir())
@@ -220,6 +223,8 @@ def test_a_filter_of_the_users_own_can_be_exported(quick, tmp_path, monkeypatch)
     with pytest.raises(
         NotFoundError, match=r"unknown filter 'steady_hand'; known: truth, device, .*vqf_6d"
     ):
-        export(session, "csv", tmp_path / "unknown", "steady_hand")
+        show.export(
+            session, ExportRequest(format="csv", out=tmp_path / "unknown", filter="steady_hand")
+        )
     alone.save(session.path)
     np.testing.assert_array_equal(exported("by_name", "steady_hand"), q)

@@ -14,7 +14,7 @@ import pytest
 from testbench.estimation import estimate
 from testbench.formats.exporters import ExportSource
 from testbench.model import rotation
-from testbench.pipeline import Result
+from testbench.pipeline.analyse import Result
 from testbench.records.protocol import Analysis, Estimation
 from testbench.records.samples import ImuSamples, Truth
 from testbench.records.session import RunStatus, Session

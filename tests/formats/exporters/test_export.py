@@ -10,7 +10,8 @@ import pytest
 
 from testbench.exceptions import InputError, NotFoundError, StorageError
 from testbench.formats.exporters import EXPORTS, ExportSource, prepare_export, write_export
-from testbench.pipeline import export
+from testbench.pipeline.request import ExportRequest
+from testbench.pipeline.show import export
 from testbench.records.session import Session
 from testbench.reporting.viewer import save_recording
 from tests.processes import bench
@@ -26,7 +27,7 @@ def everything(folder: Path) -> list[str]:
 @pytest.mark.parametrize("name", EXPORTS)
 def test_every_format_is_written_into_the_session_and_nothing_else_changes(name, own_session):
     before = everything(own_session.path)
-    result = export(own_session, name)
+    result = export(own_session, ExportRequest(format=name))
     assert result.path.exists()
     assert result.path.parent == own_session.path / "export"
     new = [path for path in everything(own_session.path) if path not in before]
@@ -34,18 +35,20 @@ def test_every_format_is_written_into_the_session_and_nothing_else_changes(name,
         path for path in new if not path.startswith(str(result.path.relative_to(own_session.path)))
     ] == ["export"]
     with pytest.raises(InputError, match=r"exists; --force replaces it"):
-        export(own_session, name)
-    export(own_session, name, force=True)
+        export(own_session, ExportRequest(format=name))
+    export(own_session, ExportRequest(format=name, force=True))
     assert [path for path in everything(own_session.path) if path not in before] == new
 
 
 def test_missing_folders_above_an_export_are_made(own_session, tmp_path):
-    assert export(own_session, "mot", tmp_path / "thesis" / "figures" / "elbow.mot").path.is_file()
+    assert export(
+        own_session, ExportRequest(format="mot", out=tmp_path / "thesis" / "figures" / "elbow.mot")
+    ).path.is_file()
     (tmp_path / "taken").write_text("")
     with pytest.raises(
         InputError, match=r"elbow\.mot cannot be written: (Not a directory|File exists)"
     ):
-        export(own_session, "mot", tmp_path / "taken" / "elbow.mot")
+        export(own_session, ExportRequest(format="mot", out=tmp_path / "taken" / "elbow.mot"))
 
 
 @pytest.mark.parametrize(
@@ -102,7 +105,7 @@ def test_a_folder_that_is_no_export_is_never_replaced(own_session, tmp_path):
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.txt").write_text("years of work")
     with pytest.raises(InputError, match="is not an earlier export"):
-        export(own_session, "csv", tmp_path / "thesis", force=True)
+        export(own_session, ExportRequest(format="csv", out=tmp_path / "thesis", force=True))
     assert (tmp_path / "thesis" / "chapter.txt").read_text() == "years of work"
 
 
@@ -113,48 +116,50 @@ def test_a_folder_that_is_no_export_is_never_replaced(own_session, tmp_path):
 def test_the_recording_is_never_written_over(name, to, own_session):
     before = everything(own_session.path)
     with pytest.raises(InputError):
-        export(own_session, to, own_session.path / name, force=True)
+        export(own_session, ExportRequest(format=to, out=own_session.path / name, force=True))
     assert everything(own_session.path) == before
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_of_another_ending_is_refused(name, own_session, tmp_path):
     with pytest.raises(InputError, match=rf"must end in {EXPORTS[name].suffix}"):
-        export(own_session, name, tmp_path / "out.txt")
+        export(own_session, ExportRequest(format=name, out=tmp_path / "out.txt"))
 
 
 def test_a_folder_of_tables_does_not_take_the_name_of_a_file(own_session, tmp_path):
     with pytest.raises(InputError, match="a folder of several tables"):
-        export(own_session, "csv", tmp_path / "out.csv")
+        export(own_session, ExportRequest(format="csv", out=tmp_path / "out.csv"))
     (tmp_path / "taken").write_text("")
     with pytest.raises(InputError, match="is a file"):
-        export(own_session, "csv", tmp_path / "taken", force=True)
+        export(own_session, ExportRequest(format="csv", out=tmp_path / "taken", force=True))
     (tmp_path / "taken.sto").mkdir()
     with pytest.raises(InputError, match="is a folder"):
-        export(own_session, "sto", tmp_path / "taken.sto", force=True)
+        export(own_session, ExportRequest(format="sto", out=tmp_path / "taken.sto", force=True))
 
 
 def test_unknown_formats_and_filters_are_answered_with_those_that_exist(own_session):
     with pytest.raises(
         NotFoundError, match="unknown export format 'xlsx'; known: csv, parquet, mcap"
     ):
-        export(own_session, "xlsx")
+        export(own_session, ExportRequest(format="xlsx"))
     with pytest.raises(NotFoundError, match="vqf_6d"):
-        export(own_session, "sto", filter_name="kalman9000")
+        export(own_session, ExportRequest(format="sto", filter="kalman9000"))
     assert not (own_session.path / "export").exists()
 
 
 def test_options_that_a_format_has_no_use_for_are_refused(own_session):
     with pytest.raises(InputError, match="shows every filter"):
-        export(own_session, "rrd", filter_name="vqf_6d")
+        export(own_session, ExportRequest(format="rrd", filter="vqf_6d"))
     for name in [name for name in EXPORTS if name != "sto"]:
         with pytest.raises(InputError, match="--frame is for exports to sto"):
-            export(own_session, name, frame="world")
+            export(own_session, ExportRequest(format=name, frame="world"))
 
 
 def test_a_filter_that_the_session_did_not_run_is_run_beside_what_it_keeps(own_session, tmp_path):
     before = (own_session.path / "estimate" / "estimate.json").read_bytes()
-    result = export(own_session, "sto", tmp_path / "out.sto", "madgwick_imu")
+    result = export(
+        own_session, ExportRequest(format="sto", out=tmp_path / "out.sto", filter="madgwick_imu")
+    )
     assert result.filters == ["madgwick_imu"]
     assert "filter=madgwick_imu" in result.path.read_text()
     assert (own_session.path / "estimate" / "estimate.json").read_bytes() == before
@@ -165,7 +170,7 @@ def test_a_filter_that_could_not_run_says_why(imported, tmp_path):
         InputError,
         match=r"no orientation of sensor 'imu' by filter 'vqf_9d': the sensor gives no mag",
     ):
-        export(imported, "sto", tmp_path / "out.sto", "vqf_9d")
+        export(imported, ExportRequest(format="sto", out=tmp_path / "out.sto", filter="vqf_9d"))
     assert everything(tmp_path) == []
 
 
@@ -176,11 +181,11 @@ def test_without_mcap_the_message_names_the_extra(own_session, monkeypatch):
     with pytest.raises(
         InputError, match=r"'mcap' is not installed.* pip install 'imu-testbench\[mcap\]'"
     ):
-        export(own_session, "mcap")
+        export(own_session, ExportRequest(format="mcap"))
 
 
 def test_rrd_is_what_the_viewer_saves(quick, own_session, tmp_path):
-    path = export(own_session, "rrd", tmp_path / "out.rrd").path
+    path = export(own_session, ExportRequest(format="rrd", out=tmp_path / "out.rrd")).path
     saved = save_recording(own_session, tmp_path / "saved.rrd", quick.estimate, quick.evaluation)
     entities = [sorted({chunk.entity_path for chunk in chunks_of(file)}) for file in (path, saved)]
     assert entities[0] == entities[1]
@@ -212,4 +217,4 @@ def test_the_command_prints_one_json_object_and_refuses_with_exit_code_2(own_ses
 def test_a_session_that_was_cut_off_is_refused(own_session):
     (own_session.path / "arm.arrows").write_bytes(b"")
     with pytest.raises(InputError, match="cut off"):
-        export(Session(own_session.path), "csv", filter_name="madgwick_imu")
+        export(Session(own_session.path), ExportRequest(format="csv", filter="madgwick_imu"))

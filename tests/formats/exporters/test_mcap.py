@@ -70,8 +70,7 @@ def wxyz(q) -> list[float]:
 
 def start_ns(source: ExportSource) -> int:
     return (
-        int(datetime.fromisoformat(source.session.manifest["started_utc"]).timestamp())
-        * 1_000_000_000
+        int(datetime.fromisoformat(source.session.manifest.started_utc).timestamp()) * 1_000_000_000
     )
 
 
@@ -237,7 +236,7 @@ def test_an_imported_recording_says_where_its_orientation_is_unknown(imported_so
 
 @pytest.mark.parametrize("date", [None, "yesterday", "2039-01-01T00:00:00+00:00"])
 def test_a_date_that_stamps_cannot_hold_is_refused(date, quick, own_session, tmp_path):
-    own_session.manifest["started_utc"] = date
+    own_session.manifest = own_session.manifest.changed(started_utc=date)
     with pytest.raises(InputError, match="date"):
         write_export("mcap", ExportSource(own_session, quick.estimate), tmp_path / "out.mcap")
     assert not (tmp_path / "out.mcap").exists()

@@ -9,15 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
+from testbench.clock import utc_text
 from testbench.estimation.estimator import PreparedSession
-from testbench.estimation.filters import OrientationFilter
+from testbench.estimation.filters import FILTERS, OrientationFilter
+from testbench.estimation.filters.tuned import choose_tuned, with_parameters
 from testbench.evaluation.objective import UNIT, Objective, SessionJudge
 from testbench.exceptions import InputError
 from testbench.model.noise import random_stream
-from testbench.records.calibration_file import SensorCalibration
+from testbench.pipeline.analyse import sound_filters
+from testbench.pipeline.parameter_space import FAILED, Effort, Optimum, Point, Space, find_optimum
+from testbench.pipeline.request import TuneRequest
+from testbench.pipeline.watcher import Watcher
+from testbench.records.calibration_file import SensorCalibration, load_calibrations
 from testbench.records.session import Session
 from testbench.records.session_writer import software_versions
 from testbench.records.tuning import (
@@ -27,9 +34,9 @@ from testbench.records.tuning import (
     Split,
     Tuning,
     describe,
+    refuse_file,
     refuse_repeated,
 )
-from testbench.studies.parameter_space import FAILED, Effort, Optimum, Point, Space, find_optimum
 
 Say = Callable[[str], None]
 
@@ -114,39 +121,86 @@ def with_values(kind: OrientationFilter, names: Sequence[str], point: Point) -> 
     Raises:
         InputError: It cannot be made with parameters, as every filter must that is tuned.
     """
-    try:
-        return type(kind)({**kind.parameters, **dict(zip(names, point, strict=True))})
-    except TypeError as error:
-        raise InputError(
-            f"the filter {kind.name} cannot be made with parameters: {error}"
-        ) from None
+    return with_parameters(kind, {**kind.parameters, **dict(zip(names, point, strict=True))})
 
 
-def tune(
+def tune(asked: TuneRequest, watcher: Watcher | None = None) -> Tuning:
+    """Tune a filter by the sessions that a request names, and keep the result.
+
+    Args:
+        asked: Which filter, on which sessions, for what, and where the result is kept.
+        watcher: Who looks on; told what is being done.
+
+    Raises:
+        NotFoundError: An unknown filter, parameter, objective, sensor or joint.
+        InputError: The place is taken, a recording stands in the lists twice, or the filter cannot
+            run on one; nothing is written then.
+        SessionError: A session has no truth to judge by.
+    """
+    watcher, out = watcher or Watcher(), Path(asked.out)
+    refuse_file(out)
+    if "," in asked.filter:
+        raise InputError("one filter is tuned at a time")
+    kinds = choose_tuned(sound_filters([asked.filter]), [], {}, (), asked.parameters)
+    search = SearchWanted(
+        asked.objective,
+        None if asked.tuned is None else list(asked.tuned),
+        Effort(asked.values, asked.points, asked.refinement),
+        asked.leave_one_out,
+    )
+    stored = None if asked.calibrations is None else load_calibrations(Path(asked.calibrations))
+    now = utc_text(watcher.clock.utc())
+    found = find_parameters(kinds[0], _divided(asked), search, now, stored, watcher.say)
+    if found.filter not in FILTERS:
+        found = found.model_copy(update={"filter_source": asked.filter})
+    found.save(out)
+    return found
+
+
+def _divided(asked: TuneRequest) -> Sessions:
+    """The sessions of a request, opened and told apart."""
+    sessions = [Session(Path(path)) for path in asked.sessions]
+    if asked.test_share is None:
+        return Sessions.given(sessions, [Session(Path(path)) for path in asked.test])
+    if asked.test:
+        raise InputError("--test names the sessions to test on, --test-share draws them: not both")
+    return Sessions.drawn(sessions, asked.test_share, asked.seed)
+
+
+@dataclass(frozen=True)
+class SearchWanted:
+    """Which parameters are looked for, and how hard.
+
+    Attributes:
+        objective: What is made small, as `Objective.parse` reads it.
+        names: Parameters to tune; all if None.
+        effort: How hard to look.
+        leave_one_out: Also test each tuning session by the set that the others choose.
+    """
+
+    objective: str
+    names: Sequence[str] | None = None
+    effort: Effort = field(default_factory=Effort)
+    leave_one_out: bool = False
+
+
+def find_parameters(
     kind: OrientationFilter,
     sessions: Sessions,
-    objective: str,
+    wanted: SearchWanted,
     tuned_utc: str,
-    names: Sequence[str] | None = None,
-    effort: Effort | None = None,
-    leave_one_out: bool = False,
     calibrations: list[SensorCalibration] | None = None,
-    filter_source: str = "",
     say: Say | None = None,
 ) -> Tuning:
-    """Tune a filter.
+    """Look for the parameters of a filter.
 
     Args:
         kind: The filter; the search begins with its parameters, and those not tuned keep their
             values.
         sessions: What to tune and to test on.
-        objective: As `Objective.parse` reads it.
+        wanted: What to look for, and how hard.
         tuned_utc: Now, ISO 8601.
-        names: Parameters to tune; all if None.
-        effort: How hard to look.
-        leave_one_out: Also test each tuning session by the set that the others choose.
         calibrations: To correct the raw samples with first.
-        filter_source: Where a filter that is not the bench's came from.
         say: Called with what is being done.
 
     Raises:
@@ -154,21 +208,21 @@ def tune(
         InputError: A recording stands in the lists twice, or the filter cannot run on one.
         SessionError: A session has no truth to judge by.
     """
-    effort, tell = effort or Effort(), say or _nothing
-    wanted, space = Objective.parse(objective), Space.of(kind.PARAMETERS, names)
+    tell, effort = say or _nothing, wanted.effort
+    objective, space = Objective.parse(wanted.objective), Space.of(kind.PARAMETERS, wanted.names)
     described = [describe(s, "tuning") for s in sessions.tuning] + [
         describe(s, "test") for s in sessions.test
     ]
     if not sessions.tuning:
         raise InputError("no session is left to tune on")
-    if leave_one_out and len(sessions.tuning) < 2:
+    if wanted.leave_one_out and len(sessions.tuning) < 2:
         raise InputError("leaving one session out needs two sessions to tune on")
     refuse_repeated(described)
     start: Point = tuple(kind.parameters[name] for name in space.names)
     trials = []
     for session in sessions.tuning:
         tell(f"preparing {session.name}")
-        trials.append(SessionTrials(session, wanted, kind, space.names, calibrations))
+        trials.append(SessionTrials(session, objective, kind, space.names, calibrations))
 
     def optimum(rows: Sequence[int]) -> Optimum:
         return find_optimum(
@@ -180,7 +234,7 @@ def tune(
     shared = optimum(every)
     if shared.value >= FAILED:
         raise InputError(
-            f"{kind.name} gives no finite {objective} with any of the parameters tried"
+            f"{kind.name} gives no finite {wanted.objective} with any of the parameters tried"
         )
     entries = []
     for i, entry in enumerate(described[: len(trials)]):
@@ -194,7 +248,7 @@ def tune(
                 "own_value": _finite(own.value),
             }
         )
-        if leave_one_out:
+        if wanted.leave_one_out:
             others = optimum([j for j in every if j != i]).point
             entry = entry.model_copy(
                 update={
@@ -205,7 +259,7 @@ def tune(
         entries.append(entry)
     for entry, session in zip(described[len(trials) :], sessions.test, strict=True):
         tell(f"testing on {entry.session}")
-        test = SessionTrials(session, wanted, kind, space.names, calibrations)
+        test = SessionTrials(session, objective, kind, space.names, calibrations)
         update = {"default_value": _finite(test(start)), "value": _finite(test(shared.point))}
         entries.append(entry.model_copy(update=update))
     combined, grid = effort.grid(space)
@@ -214,8 +268,7 @@ def tune(
         tuned_utc=tuned_utc,
         software=software_versions(),
         filter=kind.name,
-        filter_source=filter_source,
-        objective=str(wanted),
+        objective=str(objective),
         unit=UNIT,
         tuned=space.names,
         parameters={**kind.parameters, **_named(space, shared.point)},
@@ -236,7 +289,7 @@ def tune(
             evaluations=shared.evaluations,
             converged=shared.converged,
         ),
-        split=sessions.split.model_copy(update={"leave_one_out": leave_one_out}),
+        split=sessions.split.model_copy(update={"leave_one_out": wanted.leave_one_out}),
         sessions=entries,
     )
 

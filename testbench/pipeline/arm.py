@@ -1,0 +1,138 @@
+"""The arm and the sensors that a request asks for, and what is refused of them before anything
+moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from testbench.clock import Clock
+from testbench.drivers.arms import catalogue
+from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.catalogue import SIM
+from testbench.drivers.arms.entry import WantedArm
+from testbench.drivers.session_time import SessionTime
+from testbench.exceptions import InputError
+from testbench.execution.devices import open_devices
+from testbench.execution.sensors import Sensors
+from testbench.pipeline.request import RunRequest
+from testbench.pipeline.watcher import Consent
+from testbench.records.arm_calibration import load_arm_calibration
+from testbench.records.plan import Plan, PlannedStep
+
+
+def moves(asked: RunRequest) -> bool:
+    """Whether anything real moves, which a person must allow."""
+    return catalogue.find_arm(asked.arm.driver).commanded
+
+
+def refuse_arm(asked: RunRequest, consent: Consent) -> None:
+    """Refuse what the chosen arm would take no notice of - somebody meant another run than this
+    one - and what it cannot do without.
+
+    Args:
+        asked: A new run, or one that goes on: a simulated session keeps its seed, its rhythm and
+            its folder.
+        consent: Which only an arm that moves needs.
+
+    Raises:
+        InputError: Names each such option, and the arms that take it; or the option that is
+            missing.
+    """
+    driver, given = asked.arm.driver, _given(asked, consent)
+    needed = [*catalogue.ignored_options(driver, given), *_kept(asked)]
+    if needed:
+        raise InputError("; ".join(f"{option} needs {what}" for option, what in needed))
+    catalogue.refuse_missing(driver, given)
+
+
+def _given(asked: RunRequest, consent: Consent) -> set[str]:
+    """The options that were given, of those that not every arm takes."""
+    arm, default = asked.arm, RunRequest()
+    given = {
+        "--serial": arm.serial,
+        "--dot": arm.dots,
+        "--simulate-imus": arm.simulate_imus,
+        "--kinematics": arm.kinematics,
+        "--host": arm.host,
+        "--confirm-motion": consent.motion,
+        "--hazards-checked": consent.hazards_checked,
+        "--log": arm.log,
+        "--speed": asked.speed != default.speed,
+        "--seed": asked.seed != default.seed,
+    }
+    return {option for option, value in given.items() if value}
+
+
+def _kept(asked: RunRequest) -> Iterator[tuple[str, str]]:
+    """Options that a simulated session which goes on has settled when it began."""
+    if asked.resume is None or asked.arm.driver != SIM.name:
+        return
+    default = RunRequest()
+    settled = {
+        "--seed": asked.seed != default.seed,
+        "--speed": asked.speed != default.speed,
+        "--logs": asked.logs != default.logs,
+    }
+    for option, given in settled.items():
+        if given:
+            yield option, "a new run: a simulated session goes on as it began"
+
+
+def make_arm(plan: Plan, asked: RunRequest, clock: Clock) -> tuple[SteppingArm, Sensors]:
+    """The arm and the sensors of a run that is not simulated; nothing is connected yet.
+
+    Raises:
+        InputError: No sensors, or devices that are not the protocol's.
+        DriverError: An extra is missing.
+    """
+    time, wanted = SessionTime(clock), asked.arm
+    number = (
+        load_arm_calibration(Path(wanted.kinematics)).serial
+        if wanted.kinematics is not None
+        else None
+    )
+    log = None if wanted.log is None else Path(wanted.log)
+    arm = catalogue.make_arm(
+        wanted.driver, plan, WantedArm(wanted.host, log, number, asked.seed), time
+    )
+    if wanted.simulate_imus:
+        return arm, Sensors.simulated(plan, asked.seed)
+    if not wanted.serial and not wanted.dots:
+        if not arm.entry.commanded:
+            arm.connect()  # what is wrong with the log is said first
+        raise InputError(
+            "name the sensors on the arm with --serial or --dot, or simulate them with "
+            "--simulate-imus"
+        )
+    devices = open_devices(list(wanted.serial), list(wanted.dots), time)
+    return arm, Sensors.live(plan, devices)
+
+
+def look_at_arm(
+    plan: Plan, asked: RunRequest, steps: list[PlannedStep] | None, clock: Clock
+) -> None:
+    """Refuse what a run would refuse of its sensors and of its arm, before a person is asked
+    anything.
+
+    The controller is let go again: a person takes time to answer.
+
+    Args:
+        plan: Of the run.
+        asked: Arm and sensors.
+        steps: Those of its steps to do; all if None.
+        clock: Of the session.
+
+    Raises:
+        InputError: As for `make_arm`, or the arm must not be driven.
+        DriverError: A live sensor delivers nothing, or there is no controller that answers.
+    """
+    arm, sensors = make_arm(plan, asked, clock)
+    try:
+        sensors.listen()
+        arm.connect()
+        arm.check_way(plan, steps)
+    finally:
+        arm.close()
+        sensors.close()

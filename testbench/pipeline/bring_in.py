@@ -1,0 +1,77 @@
+"""Turn a foreign recording into a session, by what a person says of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from testbench.clock import Clock, SystemClock
+from testbench.exceptions import FileProblems, InputError
+from testbench.formats import import_recording
+from testbench.formats.options import Options
+from testbench.formats.truth.attach import TruthOptions
+from testbench.pipeline.request import ImportRequest, TruthRequest
+from testbench.records.session import Session
+from testbench.records.strict import Placement
+from testbench.records.yaml_file import parse_yaml, validation_problems
+
+
+def bring_in(asked: ImportRequest, clock: Clock | None = None) -> Session:
+    """Turn foreign files into a session.
+
+    Args:
+        asked: The files, and what they leave open.
+        clock: For the date of the import; the machine's if None.
+
+    Raises:
+        NotFoundError: No such format; lists those that exist.
+        InputError: Something is open or contradicts itself; says how to settle it. Nothing is
+            written then.
+        FileProblems: A file is not of this format; nothing is written then.
+    """
+    units = dict(_pair("--unit", text) for text in asked.units)
+    options = Options(asked.mapping, asked.rate_hz, units, asked.axes, asked.recorded_at)
+    truth = None if asked.truth is None else _truth(asked.truth)
+    files = [Path(file) for file in asked.files]
+    return import_recording(
+        asked.format, files, Path(asked.out), clock or SystemClock(), options, truth
+    )
+
+
+def _truth(asked: TruthRequest) -> TruthOptions:
+    links = (_pair("--link", text) if "=" in text else ("", text) for text in asked.links)
+    return TruthOptions(
+        Path(asked.file),
+        asked.robot,
+        dict(links),
+        dict(_placement(text) for text in asked.mountings),
+        asked.dwell_s,
+        asked.move_s,
+        asked.offset_s,
+        asked.rate_hz,
+        asked.joint_unit,
+        asked.calibration_poses,
+    )
+
+
+def _pair(option: str, text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        raise InputError(
+            f"{option} {text}: write it as "
+            f"{'WHAT=UNIT, e.g. acc=g' if option == '--unit' else 'SENSOR=...'}"
+        )
+    return key.strip(), value.strip()
+
+
+def _placement(text: str) -> tuple[str, Placement]:
+    """Sensor ("" for all) and mounting, from `[SENSOR=]rotation_deg: {...}, position_mm: [...]`."""
+    sensor, equals, rest = text.partition("=")
+    sensor, rest = (sensor.strip(), rest) if equals else ("", text)
+    place = Path("--mounting")
+    data, places = parse_yaml(rest if rest.strip().startswith("{") else f"{{{rest}}}", place)
+    try:
+        return sensor, Placement.model_validate(data)
+    except ValidationError as error:
+        raise InputError(str(FileProblems(place, validation_problems(error, places)))) from None

@@ -1,0 +1,92 @@
+"""What a sensor reads at rest, and how that is kept as a sensor that can be simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from testbench.evaluation import evaluate
+from testbench.exceptions import InputError, NotFoundError
+from testbench.pipeline.analyse import load_or_estimate
+from testbench.pipeline.calibrate import only_sensor
+from testbench.pipeline.noise_preset import measured_sensor
+from testbench.pipeline.request import NoiseRequest
+from testbench.records.estimate import Estimate
+from testbench.records.evaluation import NoiseRow
+from testbench.records.sensor import PRESET_SUFFIXES, ImuParameters, load_preset, save_sensor
+from testbench.records.session import Session
+from testbench.records.yaml_file import load_yaml
+
+
+@dataclass(frozen=True)
+class MeasuredNoise:
+    """The noise of a session's sensors.
+
+    Attributes:
+        rows: By sensor, quantity and axis; none where nothing rested for ten seconds.
+        file: The preset that was written; None where none was asked for.
+        notes: On what of it was not measured, in sentences.
+    """
+
+    rows: list[NoiseRow]
+    file: Path | None
+    notes: list[str]
+
+
+def measure_noise(session: Session, asked: NoiseRequest | None = None) -> MeasuredNoise:
+    """Noise at rest, and a preset with it where one is asked for.
+
+    Args:
+        session: The recording.
+        asked: Of which sensor, and where the preset goes; of all of them, and no preset, if None.
+
+    Raises:
+        NotFoundError: No such sensor, or no such preset.
+        InputError: A preset is of one sensor, was not measured, or nothing is known of its range.
+    """
+    asked = asked or NoiseRequest()
+    estimated = load_or_estimate(session)
+    if asked.sensor is not None and asked.sensor not in session.sensor_names:
+        raise NotFoundError("sensor", asked.sensor, session.sensor_names)
+    rows = [row for row in evaluate(session, estimated).noise if asked.sensor in (None, row.sensor)]
+    if asked.out is None:
+        return MeasuredNoise(rows, None, [])
+    name = only_sensor(session, asked.sensor)
+    own = [row for row in rows if row.sensor == name]
+    file = Path(asked.out)
+    return MeasuredNoise(rows, file, _write_preset(session, estimated, own, asked, file))
+
+
+def _write_preset(
+    session: Session, estimated: Estimate, rows: list[NoiseRow], asked: NoiseRequest, file: Path
+) -> list[str]:
+    """Write the preset of the sensor that the rows are of; sentences on what was not measured."""
+    name = only_sensor(session, asked.sensor)
+    span = max((row.span_s for row in rows), default=0.0)
+    origin = f"sensor {name} of session {session.name}, {span:.0f} s at rest"
+    rate = estimated.sensors[name].timing.sampling_rate_hz
+    base, base_name = _base(session, name, asked.like)
+    parameters, notes = measured_sensor(rows, base, origin, rate, base_name)
+    save_sensor(file, parameters)
+    copied = (
+        "all that is not noise, such as ranges, bandwidths and turn-on biases, is copied from "
+        f"{base_name}"
+    )
+    return [*notes, copied]
+
+
+def _base(session: Session, name: str, like: str | None) -> tuple[ImuParameters, str]:
+    """The data sheet to start from, and what it is, a phrase."""
+    if like is not None and like.endswith(PRESET_SUFFIXES):
+        return load_yaml(Path(like), ImuParameters).value, f"the preset file {Path(like).name}"
+    if like is not None:
+        return load_preset(like), f"the preset {like}"
+    described = session.analysis.sensors.get(name)
+    if described is None:
+        raise InputError(
+            f"nothing is known of the range of sensor '{name}'; name a preset that resembles it "
+            "with --like"
+        )
+    changed = " as changed in" if described.parameters else " named by"
+    kind = f"the preset {described.preset}{changed}" if described.preset else "the parameters in"
+    return described.imu(), f"{kind} the session's protocol"

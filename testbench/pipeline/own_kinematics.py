@@ -1,0 +1,39 @@
+"""An arm with kinematics of its own, as its maker measured it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import mkdtemp
+
+from testbench.exceptions import InputError
+from testbench.model.dh_calibration import calibrated
+from testbench.model.dh_plausibility import judge_corrections
+from testbench.planning.planner import find_robot
+from testbench.records.arm_calibration import load_arm_calibration
+from testbench.records.protocol_file import load_protocol
+from testbench.records.robot import Robot
+
+
+def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
+    """The arm of a protocol with its own kinematics, from a calibration.yaml.
+
+    Its corrected URDF lies beside the calibration's folder of the system's temporary files; the
+    session keeps a copy. What is doubtful about the corrections is among the warnings of every plan
+    for it.
+
+    Raises:
+        InputError: The calibration is another arm's, or can be no factory calibration.
+    """
+    calibration = load_arm_calibration(kinematics)
+    nominal = find_robot(load_protocol(protocol), robot)
+    own = calibrated(nominal, calibration, Path(mkdtemp(prefix="testbench-")))
+    try:
+        doubt = judge_corrections(nominal, own)
+    except InputError as error:
+        raise InputError(f"{kinematics}: {error}") from None
+    if doubt is None:
+        return own
+    spec = own.spec.model_copy(
+        update={"assumptions": [*own.spec.assumptions, f"{kinematics}: {doubt}"]}
+    )
+    return Robot(spec, own.urdf, own.text, own.file)

@@ -1,0 +1,317 @@
+"""What somebody asks of the bench, as records: command line, Python, studies and all other callers
+build these and hand them on.
+
+A record is frozen, compares and hashes by its content, and goes through JSON unchanged, so that it
+can be sent to another process, kept beside a result and found again by its hash. Nothing that lives
+is in it: who looks on while it is carried out, and the clock, are a `Watcher`; what a person allows
+a real arm to do is a `Consent`, given for one run and never stored. Files are named, not held.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, ConfigDict, Field
+
+from testbench.drivers.arms.catalogue import SIM
+from testbench.records.strict import StrictModel
+
+
+def _path(given: Any) -> Any:
+    """A path as text; anything else as it is."""
+    return os.fspath(given) if isinstance(given, os.PathLike) else given
+
+
+Place = Annotated[str, BeforeValidator(_path)]
+"""A file or folder, or a name that the bench finds one by; paths may be given as `Path`."""
+
+
+class Asked(StrictModel):
+    """A part of a request.
+
+    Numbers are not judged here but where they are used, which says in its own words what is wrong
+    with them.
+    """
+
+    model_config = ConfigDict(allow_inf_nan=True)
+
+    def canonical(self) -> str:
+        """As JSON, the same text for the same content."""
+        return json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+
+    @property
+    def key(self) -> str:
+        """SHA-256 of what is asked, hexadecimal.
+
+        Files count by their names: who keeps results by it adds the hashes of the files.
+        """
+        return hashlib.sha256(self.canonical().encode()).hexdigest()
+
+    def __hash__(self) -> int:
+        return hash(self.canonical())
+
+
+class ArmRequest(Asked):
+    """Which arm moves, and which sensors are recorded on it."""
+
+    driver: str = Field(default=SIM.name, description="Of the catalogue of arms, by its name.")
+    host: str = Field(default="", description="Address of the controller.")
+    log: Place | None = Field(default=None, description="A recorded motion to replay.")
+    kinematics: Place | None = Field(
+        default=None, description="The arm's own DH corrections (YAML); nominal values if null."
+    )
+    serial: tuple[str, ...] = Field(
+        default=(), description="Live sensors on serial ports, each `NAME=PORT:FORMAT`."
+    )
+    dots: tuple[str, ...] = Field(default=(), description="Xsens DOTs, each `NAME=ADDRESS`.")
+    simulate_imus: bool = Field(
+        default=False, description="Sensors are simulated on the motion that the arm reports."
+    )
+
+
+class RunRequest(Asked):
+    """What to run, and where."""
+
+    protocol: Place | None = Field(
+        default=None,
+        description="File, or the name of one that ships; of a session that is gone on with: its "
+        "own copy if null.",
+    )
+    robot: Place | None = Field(
+        default=None, description="Name, robot.yaml or URDF; the protocol's if null."
+    )
+    arm: ArmRequest = Field(default=ArmRequest())
+    seed: int = Field(default=0, ge=0, description="Of every random number of a simulation.")
+    speed: Literal["fast", "realtime"] = Field(
+        default="fast",
+        description="Virtual time of a simulated arm: as fast as the machine goes, or a second a "
+        "second.",
+    )
+    logs: Place = Field(default="logs", description="Folder that sessions are made in.")
+    resume: Place | None = Field(
+        default=None, description="Session whose run broke off, to go on with."
+    )
+
+
+class ExportRequest(Asked):
+    """A session for other programs."""
+
+    format: str = Field(description="As `testbench.formats.exporters.EXPORTS` has them.")
+    out: Place | None = Field(
+        default=None,
+        description="File or folder to write; one in the session's folder `export` if null.",
+    )
+    filter: str | None = Field(
+        default=None,
+        description="Whose orientation: a filter's name, `path/to/file.py:ClassName`, or `truth`; "
+        "those of the estimate if null.",
+    )
+    parameters: dict[str, dict[str, float]] = Field(
+        default={}, description="Parameters of filters to set; see AnalysisRequest."
+    )
+    frame: Literal["opensim", "world"] = Field(
+        default="opensim", description="Frame of orientations for OpenSim."
+    )
+    force: bool = Field(default=False, description="Replace an earlier export.")
+
+
+class AnalysisRequest(Asked):
+    """How to analyse a recording, and what to write about it.
+
+    Of two values for one parameter of a filter the later of these holds: the filter's default, the
+    protocol's, the tuned one (a whole set, in place of the protocol's), the one that is set here.
+    """
+
+    filters: tuple[str, ...] | None = Field(
+        default=None,
+        description="Names, or `path/to/file.py:ClassName`; those of the protocol, and those that "
+        "were tuned or set, if null.",
+    )
+    parameters: dict[str, dict[str, float]] = Field(
+        default={}, description="Parameters of filters to set, by filter and name."
+    )
+    calibrations: Place | None = Field(
+        default=None,
+        description="Stored calibration, or a folder of them, that corrects the raw samples first.",
+    )
+    tunings: tuple[Place, ...] = Field(
+        default=(), description="Files of tuned parameters, at most one a filter."
+    )
+    report: bool = Field(default=True, description="Whether to write report.html.")
+    exports: tuple[ExportRequest, ...] = Field(
+        default=(),
+        description="Formats to write the session in; a filter of theirs is one that was run.",
+    )
+
+
+class Request(Asked):
+    """What to run, and how to analyse it."""
+
+    run: RunRequest = Field(default=RunRequest())
+    analysis: AnalysisRequest = Field(default=AnalysisRequest())
+
+
+class ViewRequest(Asked):
+    """How a session is looked at: in a window if nothing else is said."""
+
+    web: bool = Field(default=False, description="Serve to a browser instead.")
+    save: Place | None = Field(default=None, description="A .rrd file to write instead.")
+    screenshot: Place | None = Field(default=None, description="A .png file to write instead.")
+
+
+class CalibrationRequest(Asked):
+    """How a sensor is calibrated, and where the result is kept."""
+
+    out: Place = Field(
+        description="A .yaml file, or a folder, in which the file is called after the date and the "
+        "sensor."
+    )
+    sensor: str | None = Field(
+        default=None, description="Its name; may be null where the session has one."
+    )
+    methods: tuple[str, ...] = Field(
+        default=(), description="At most one a triad; the best that the recording allows if none."
+    )
+    segmentation: Literal["arm", "gyroscope", "peaks", "variance"] | None = Field(
+        default=None, description="Who says where the rests are; the arm if it was there."
+    )
+    held_out: tuple[Place, ...] = Field(
+        default=(), description="Sessions whose poses validate, in place of cross-validation."
+    )
+    field_ut: tuple[float, float, float] | None = Field(
+        default=None, description="Field of the earth in the world [uT], where it is known."
+    )
+    turn_deg: float | None = Field(
+        default=None,
+        description="Of ferraris_gyroscope: angle of the largest turn about each axis [deg]; "
+        "negative: clockwise, against the axis.",
+    )
+    report: bool = Field(default=True, description="Whether to write an HTML report beside it.")
+
+
+class NoiseRequest(Asked):
+    """What is wanted of the noise at rest."""
+
+    sensor: str | None = Field(
+        default=None, description="Its name; all if null, but for a preset where there are several."
+    )
+    out: Place | None = Field(default=None, description="Preset file to write.")
+    like: Place | None = Field(
+        default=None,
+        description="Preset, by name or file, that gives what a rest cannot show, such as ranges; "
+        "that of the session's protocol if null.",
+    )
+
+
+class TuneRequest(Asked):
+    """Which parameters of a filter are looked for, on which sessions, and how hard."""
+
+    sessions: tuple[Place, ...] = Field(description="Sessions to tune on, with truth.")
+    filter: str = Field(description="A name, or `path/to/file.py:ClassName`.")
+    out: Place = Field(description="File to write (.json).")
+    objective: str = Field(
+        default="total_rmse_deg", description="Metric to make small, as `evaluate` spells it."
+    )
+    tuned: tuple[str, ...] | None = Field(
+        default=None, description="Names of the parameters to tune; all if null."
+    )
+    parameters: dict[str, dict[str, float]] = Field(
+        default={},
+        description="Parameters of the filter to set: the search begins there, and those that are "
+        "not tuned stay there.",
+    )
+    test: tuple[Place, ...] = Field(default=(), description="Sessions to test on, never tuned on.")
+    test_share: float | None = Field(
+        default=None, description="Part of the sessions to draw for the test instead, 0 to 1."
+    )
+    seed: int = Field(default=0, ge=0, description="Of that draw.")
+    leave_one_out: bool = Field(
+        default=False, description="Also test each session by the set that all others choose."
+    )
+    values: int = Field(default=9, ge=3, description="Values of each parameter in the grid.")
+    points: int = Field(
+        default=300, ge=1, description="Most points of a grid of every combination."
+    )
+    refinement: bool = Field(default=True, description="Whether Nelder-Mead follows the grid.")
+    calibrations: Place | None = Field(default=None, description="As for an analysis.")
+
+
+class RecordRequest(Asked):
+    """Devices to record alone, without an arm."""
+
+    serial: tuple[str, ...] = Field(
+        default=(), description="Boards on serial ports, each `[NAME=]PORT:FORMAT`."
+    )
+    dots: tuple[str, ...] = Field(
+        default=(), description="Xsens DOTs, each `[NAME=]ADDRESS` or an advertised name."
+    )
+    duration_s: float | None = Field(
+        default=None, description="Length [s]; until the operator ends it if null."
+    )
+    logs: Place = Field(default="logs", description="Folder that sessions are made in.")
+    name: str = Field(default="recording", description="Of the recording.")
+    dot_payload: str = Field(default="custom_mode_5", description="Payload mode of the DOTs.")
+    dot_rate_hz: int = Field(default=60, description="Output rate of the DOTs [Hz].")
+    dot_sync: bool = Field(
+        default=False, description="Bring the clocks of the DOTs together before they start."
+    )
+
+
+class TruthRequest(Asked):
+    """Truth of a foreign recording in a file of its own."""
+
+    file: Place = Field(description="A joint log, commanded joint angles, or orientations.")
+    robot: Place | None = Field(
+        default=None, description="The arm whose log it is; null: the file holds orientations."
+    )
+    links: tuple[str, ...] = Field(
+        default=(), description="Links that carry the sensors, each `[SENSOR=]LINK`."
+    )
+    mountings: tuple[str, ...] = Field(
+        default=(),
+        description="Sensors in their links, each `[SENSOR=]MAP`, the map as YAML: "
+        "`rotation_deg: {ZYX: [0, 90, 0]}, position_mm: [0, 0, 25]`.",
+    )
+    dwell_s: float | None = Field(
+        default=None, description="How long each commanded pose is held [s]."
+    )
+    move_s: float | None = Field(
+        default=None, description="How long each move takes [s]; found in the samples if null."
+    )
+    offset_s: float = Field(default=0.0, description="Added to the file's times [s].")
+    rate_hz: float | None = Field(default=None, description="Of a log without times [Hz].")
+    joint_unit: Literal["deg", "rad"] | None = Field(
+        default=None, description="Of the log's joint angles, where it does not say."
+    )
+    calibration_poses: int = Field(
+        default=0,
+        ge=0,
+        description="The first so many commanded poses calibrate the sensors and are not judged.",
+    )
+
+
+class ImportRequest(Asked):
+    """A foreign recording that becomes a session."""
+
+    format: str = Field(description="As `testbench formats` lists them.")
+    files: tuple[Place, ...] = Field(description="To read.")
+    out: Place = Field(description="Folder of the session, to be made.")
+    mapping: Place | None = Field(default=None, description="Of the generic format.")
+    rate_hz: float | None = Field(
+        default=None, description="Sampling rate [Hz], where the files do not say."
+    )
+    units: tuple[str, ...] = Field(
+        default=(), description="Units, each `WHAT=UNIT`, such as `acc=g`."
+    )
+    axes: str | None = Field(
+        default=None, description="Axis map of every sensor, by name or as `x: -z, y: -y, z: -x`."
+    )
+    recorded_at: str | None = Field(
+        default=None, description="When it was recorded, ISO 8601, where the files do not say."
+    )
+    truth: TruthRequest | None = Field(
+        default=None, description="Where the truth is, if not there."
+    )

@@ -1,0 +1,133 @@
+"""Carry out a request: plan, check, move, record, estimate, evaluate, report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from testbench.drivers.arms.catalogue import SIM, refuse_other_maker
+from testbench.exceptions import BenchError, SessionError
+from testbench.execution import RunOptions, execute
+from testbench.execution.executor import execute_on_arm, simulated_sensors
+from testbench.execution.resume import refuse_differences
+from testbench.execution.run_progress import Progress
+from testbench.pipeline.analyse import Result, analyse, load_analysis
+from testbench.pipeline.approval import approve
+from testbench.pipeline.arm import make_arm, moves, refuse_arm
+from testbench.pipeline.prepared import Prepared, plan_for
+from testbench.pipeline.request import Request, RunRequest
+from testbench.pipeline.resume import prepare_resume, refuse_other_arm
+from testbench.pipeline.watcher import Consent, Watcher
+from testbench.records.session import Session
+from testbench.records.session_lock import session_lock
+
+
+def run(asked: Request, watcher: Watcher | None = None, prepared: Prepared | None = None) -> Result:
+    """Run a protocol from its file to its report, or go on with a run that broke off.
+
+    Everything that a request names is read, and refused where it cannot be used, before anything
+    moves. A real arm moves only if the watcher brings a person's consent.
+
+    Args:
+        asked: What to run, and how to analyse it.
+        watcher: Who looks on; nobody, by the machine's clock, if None.
+        prepared: As `prepare` made it of a request with the same protocol, robot and arm, where
+            there is one: it spares the planning.
+
+    Raises:
+        SessionError: The session to go on with was completed, or is no run.
+        InputError: The request was refused; nothing moved.
+        ArmRefused: Nobody allowed the motion, or the arm must not be driven; nothing moved.
+        DriverError: Arm or sensor failed; what was recorded is kept.
+        RunInterrupted: The operator stopped it; what was recorded is kept.
+    """
+    watcher = watcher or Watcher()
+    prepared = prepared or prepare(asked, watcher.consent)
+    if prepared.analysis.asked != asked.analysis:
+        prepared = replace(prepared, analysis=load_analysis(asked.analysis))
+    watcher.prepared(prepared)
+    simulated = asked.run.arm.driver == SIM.name
+    record = _record_simulated if simulated else _record_on_arm
+    session = record(prepared, asked.run, watcher)
+    if watcher.progress is not None:
+        watcher.progress(_doing("the arm is done: estimating, evaluating"))
+    try:
+        return analyse(session, prepared.analysis, prepared.plan)
+    except BenchError as error:
+        error.add_note(f"the recording is whole; judge it again: testbench report {session.path}")
+        raise
+
+
+def prepare(asked: Request, consent: Consent | None = None) -> Prepared:
+    """Read and plan everything that a request for a run names; nothing moves, and nothing is
+    connected.
+
+    Args:
+        asked: What to run, and how to analyse it.
+        consent: What a person allows; an arm that does not move takes none.
+
+    Raises:
+        SessionError: The session to go on with was completed, or is no run.
+        InputError: Something cannot be used, or the arm is another maker's.
+    """
+    analysis = load_analysis(asked.analysis)
+    if asked.run.resume is not None:
+        refuse_other_arm(asked.run)
+    refuse_arm(asked.run, consent or Consent())
+    if asked.run.resume is not None:
+        return prepare_resume(asked.run, analysis)
+    plan = plan_for(asked, analysis)
+    refuse_other_maker(asked.run.arm.driver, plan.robot.name)
+    return Prepared(plan, analysis)
+
+
+def _record_simulated(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:
+    """Record the simulated arm; a session that broke off is completed as it began."""
+    options = _options(asked, watcher)
+    resumed = prepared.resumed
+    if resumed is None:
+        return execute(prepared.plan, options=options)
+    refuse_differences(resumed, prepared.plan, simulated_sensors(prepared.plan))
+    seed, speed = resumed.manifest.seed, resumed.manifest.arm.speed
+    if seed is None:
+        raise SessionError(f"{resumed.path} does not say by which seed it was begun")
+    with session_lock(resumed.path):
+        again = replace(options, seed=seed, speed=speed, resumed=resumed)
+        return execute(prepared.plan, options=again)
+
+
+def _record_on_arm(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:
+    """Record an arm that keeps its own time, once a person has allowed what moves."""
+    checklist = approve(prepared, asked, watcher) if moves(asked) else None
+    if watcher.progress is not None:
+        watcher.progress(_doing("connecting"))
+    arm, sensors = make_arm(prepared.plan, asked, watcher.clock)
+    resumes: dict[str, Any] | None = None
+    if prepared.resumed is not None:
+        today = {name: imu.describe() for name, imu in sensors.imus.items()}
+        refuse_differences(prepared.resumed, prepared.plan, today)
+        steps = prepared.steps or []
+        resumes = {"session": prepared.resumed.name, "steps": [step.index for step in steps]}
+    options = replace(
+        _options(asked, watcher), steps=prepared.steps, checklist=checklist, resumes=resumes
+    )
+    return execute_on_arm(prepared.plan, arm, sensors, options)
+
+
+def _options(asked: RunRequest, watcher: Watcher) -> RunOptions:
+    """What any run takes of a request, and who looks on."""
+    return RunOptions(
+        asked.logs,
+        asked.seed,
+        asked.speed,
+        watcher.clock,
+        keys=watcher.keys,
+        progress=watcher.progress,
+        notify=watcher.notify,
+        say=watcher.say,
+    )
+
+
+def _doing(what: str) -> Progress:
+    """What happens in place of a step."""
+    return Progress("", 0, 0, 1.0, 1.0, what)

@@ -1,0 +1,69 @@
+"""What the files of a session are called; docs/session_format.md says what is in them."""
+
+from __future__ import annotations
+
+MANIFEST, EVENTS = "manifest.json", "events.jsonl"
+PROTOCOL, INCLUDED, ROBOT, URDF = "protocol.yaml", "included_", "robot.yaml", "robot.urdf"
+"""Verbatim copies; each file that the protocol includes is called `INCLUDED` and its own name."""
+PLAN = "plan.parquet"
+ARM = "arm"
+"""The stream of the arm's samples."""
+JOURNALS = "*.arrows"
+"""Streams that were not turned into tables yet."""
+
+ESTIMATE, ESTIMATE_SUMMARY = "estimate", "estimate.json"
+"""A folder of tables, with the summary in it."""
+EVALUATION, EVALUATION_SUMMARY = "evaluation", "evaluation.json"
+"""A folder of tables, with the summary beside it."""
+REPORT, RECORDING, EXPORT = "report.html", "session.rrd", "export"
+DERIVED = (ESTIMATE, EVALUATION, EVALUATION_SUMMARY, REPORT)
+"""What may be deleted and made again."""
+CYCLES = "cycles"
+"""The table of the average cycles, in the folder of the evaluation."""
+
+_IMU, _TRUTH = "imu_", "truth_"
+
+
+def imu_stream(sensor: str) -> str:
+    """The stream of a sensor's raw samples."""
+    return f"{_IMU}{sensor}"
+
+
+def sensor_of(stream: str) -> str | None:
+    """The sensor whose raw samples a stream is; None for any other stream."""
+    return stream.removeprefix(_IMU) if stream.startswith(_IMU) else None
+
+
+def truth_stream(sensor: str) -> str:
+    """The table of what a sensor went through."""
+    return f"{_TRUTH}{sensor}"
+
+
+def orientation_table(sensor: str) -> str:
+    """The table of a sensor's orientations, or of their errors."""
+    return f"orientation_{sensor}"
+
+
+def joint_table(joint: str) -> str:
+    """The table of a joint's angles, or of their errors."""
+    return f"joint_{joint}"
+
+
+def chain_table(section: str, state: str) -> str:
+    """The table of the arm's joints by a chain filter, or of their errors."""
+    return f"chain_{section}_{state}"
+
+
+def magnetic_table(sensor: str) -> str:
+    """The table of how far the field at a sensor was disturbed."""
+    return f"magnetic_{sensor}"
+
+
+def table_file(name: str) -> str:
+    """The file of a table, or of a stream that was closed."""
+    return f"{name}.parquet"
+
+
+def journal_file(stream: str) -> str:
+    """The file of a stream that is being written."""
+    return f"{stream}.arrows"

@@ -1,0 +1,3 @@
+"""Bench, driving process and emulated controller in one process, on one clock that no machine can
+delay.
+"""

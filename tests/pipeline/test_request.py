@@ -1,0 +1,132 @@
+"""Requests: records that compare by content, go through JSON unchanged and hold nothing alive."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from testbench.exceptions import ArmRefused, FileProblems, InputError, NotFoundError
+from testbench.pipeline.request import (
+    AnalysisRequest,
+    ArmRequest,
+    ExportRequest,
+    Request,
+    RunRequest,
+)
+from testbench.pipeline.run import prepare, run
+from testbench.pipeline.watcher import Consent, Watcher
+from tests.asking import analysis, run_of
+
+
+def whole() -> Request:
+    """With something in every corner."""
+    return Request(
+        run=RunRequest(
+            protocol=Path("protocols/quick.yaml"),
+            arm=ArmRequest(driver="replay", log=Path("log.csv"), serial=("a=b:c",)),
+            seed=3,
+        ),
+        analysis=AnalysisRequest(
+            filters=("vqf_6d", "mine.py:Mine"),
+            parameters={"vqf_6d": {"tau_acc_s": 2.5, "rest_bias": 0}},
+            tunings=(Path("a.json"),),
+            exports=(ExportRequest(format="csv"),),
+        ),
+    )
+
+
+def test_a_request_goes_through_json_and_to_another_process_unchanged():
+    for asked in (Request(), whole()):
+        for again in (
+            Request.model_validate_json(asked.model_dump_json()),
+            pickle.loads(pickle.dumps(asked)),
+        ):
+            assert again == asked and hash(again) == hash(asked) and again.key == asked.key
+
+
+def test_what_is_the_same_has_one_key_and_what_differs_another():
+    asked = whole()
+    changed = AnalysisRequest(
+        **{**dict(asked.analysis), "parameters": {"vqf_6d": {"rest_bias": 0, "tau_acc_s": 2.5}}}
+    )
+    assert changed == asked.analysis and changed.key == asked.analysis.key
+    keys = {
+        run_of("quick").key,
+        run_of("quick", seed=1).key,
+        run_of("quick", report=True).key,
+        run_of("elbow_flexion").key,
+        whole().key,
+    }
+    assert len(keys) == 5
+    assert run_of("quick").key == run_of(Path("quick")).key
+
+
+def test_an_unknown_key_of_a_request_is_refused():
+    with pytest.raises(ValidationError, match="confirmed"):
+        ArmRequest(confirmed=True)
+
+
+def test_everything_a_request_names_is_refused_before_anything_moves(tiny, tmp_path):
+    logs = tmp_path / "logs"
+    malformed = tmp_path / "tuned.json"
+    malformed.write_text("{}", encoding="utf-8")
+    for asked, kind, words in (
+        (analysis(calibrations=tmp_path / "gone"), InputError, "no such calibration"),
+        (analysis(tunings=(malformed,)), FileProblems, "tuned.json"),
+        (analysis("kalman"), NotFoundError, "unknown filter 'kalman'"),
+        (analysis(parameters={"vqf_6d": {"tau": 1}}), NotFoundError, "known: tau_acc_s"),
+        (analysis(exports=(ExportRequest(format="xlsx"),)), NotFoundError, "export format 'xlsx'"),
+        (
+            analysis("vqf_6d", exports=(ExportRequest(format="sto", filter="vqf_9d"),)),
+            NotFoundError,
+            "unknown filter 'vqf_9d'; known: truth, vqf_6d",
+        ),
+        (analysis("vqf_9d", parameters={"gyro": {}}), InputError, "not among those to run"),
+    ):
+        with pytest.raises(kind, match=words):
+            run(Request(run=RunRequest(protocol=tiny, logs=logs), analysis=asked))
+    with pytest.raises(InputError, match="name a protocol"):
+        run(Request(run=RunRequest(logs=logs)))
+    assert not logs.exists()
+
+
+def test_a_request_alone_moves_no_arm(tiny, tmp_path):
+    """Consent is no part of it: a request may be kept, and carried out again when nobody looks."""
+    arm = ArmRequest(driver="ur", host="127.99.99.99", simulate_imus=True)
+    asked = run_of(tiny, arm=arm, logs=tmp_path / "logs")
+    seen = []
+    with pytest.raises(ArmRefused, match="this was a dry run"):
+        run(asked, Watcher(motion=seen.append))
+    with pytest.raises(ArmRefused, match="hazards must be confirmed"):
+        run(asked, Watcher(motion=seen.append, consent=Consent(motion=True)))
+    assert [prepared.plan.protocol.spec.name for prepared in seen] == ["tiny", "tiny"]
+    assert not (tmp_path / "logs").exists()
+
+
+def test_a_plan_made_once_serves_runs_that_differ_in_seed_and_report(tiny, tmp_path, clock):
+    prepared = prepare(run_of(tiny))
+    seen = []
+    results = [
+        run(
+            run_of(tiny, seed=seed, report=seed == 1, logs=tmp_path),
+            Watcher(clock, seen.append),
+            prepared,
+        )
+        for seed in (0, 1)
+    ]
+    assert [result.report is not None for result in results] == [False, True]
+    assert [result.session.manifest["seed"] for result in results] == [0, 1]
+    assert all(found.plan is prepared.plan for found in seen)
+
+
+def test_an_analysis_writes_the_exports_that_it_names(tiny, tmp_path, clock):
+    wanted = ExportRequest(format="csv", out=tmp_path / "tables", filter="vqf_6d")
+    asked = Request(
+        run=RunRequest(protocol=tiny, logs=tmp_path / "logs"), analysis=analysis(exports=(wanted,))
+    )
+    (exported,) = run(asked, Watcher(clock)).exports
+    assert exported.path == tmp_path / "tables" and exported.filters == ["vqf_6d"]
+    assert (tmp_path / "tables" / "imu_hand.csv").is_file()

@@ -1,0 +1,165 @@
+"""Runs through the makers' own client libraries, against emulated controllers over TCP, on the
+machine's time: what only these libraries and real processes can show. Nothing here asserts how fast
+this machine is.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from importlib.util import find_spec
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import pytest
+
+from testbench.drivers.arms.controller_lock import ControllerLock
+from testbench.exceptions import DriverError
+from testbench.pipeline.prepared import make_plan
+from testbench.records.plan import Plan
+from testbench.records.session import RunStatus, list_sessions
+from tests.asking import run_of
+from tests.benchmarks.real_arm import worst_pose
+from tests.emulated_arms import Emulated, drive, emulated_ur, emulated_xarm, faulted_session
+from tests.processes import FORKS, forked
+
+MOTION = """\
+name: short
+purpose: A pose, a sweep and the way back, through a real client library
+robot: {robot}
+sensors: {{hand: {{preset: xsens_dot, link: {link}}}}}
+motion: {{speed: 0.5, acceleration: 0.5, jerk: 0.5}}
+arm: {{tool: {{mass_kg: 0.2, centre_mm: [0, 0, 30]}}}}
+sections:
+  - name: moves
+    role: reference
+    steps:
+      - {{name: out, move_to_deg: {{{joint}: 40}}, dwell_s: 0.3}}
+      - name: wave
+        sweep: {{{joint}: {{sine: {{amplitude_deg: 4, frequency_hz: 1.5, cycles: 1}}}}}}
+        dwell_s: 0.2
+      - {{name: back, move_to: home, dwell_s: 0.2}}
+estimate: {{filters: [device], align: heading, calibrate: none}}
+"""
+LIBRARIES = {"ur": "rtde_control", "xarm": "xarm"}
+
+
+@pytest.fixture(scope="module")
+def plans(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Plan]:
+    folder, made = tmp_path_factory.mktemp("plans"), {}
+    for maker, robot, link, joint in (
+        ("ur", "ur3e", "wrist_3_link", "wrist_3_joint"),
+        ("xarm", "xarm6", "link6", "joint6"),
+    ):
+        path = folder / f"{maker}.yaml"
+        path.write_text(MOTION.format(robot=robot, link=link, joint=joint), encoding="utf-8")
+        made[maker] = make_plan(run_of(path))
+    return made
+
+
+@pytest.fixture(scope="module", params=["ur", "xarm"])
+def maker(request: pytest.FixtureRequest) -> str:
+    if find_spec(LIBRARIES[request.param]) is None:
+        pytest.skip(f"the client library {LIBRARIES[request.param]} is not installed")
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def emulator(maker: str) -> Iterator[Emulated]:
+    """One controller for all tests of its maker."""
+    with emulated_ur() if maker == "ur" else emulated_xarm() as robot:
+        yield robot
+
+
+@pytest.fixture
+def robot(emulator: Emulated) -> Emulated:
+    """The emulated arm at rest, without a fault."""
+    emulator.control("clear")
+    emulator.wait_until("at rest")
+    return emulator
+
+
+def test_a_run_through_the_real_library_reaches_its_poses(maker, robot, plans, tmp_path):
+    session = drive(plans[maker], robot.address, tmp_path)
+    assert session.status is RunStatus.COMPLETED
+    assert [step.index for step in session.steps] == [0, 1, 2]
+    assert worst_pose(session, plans[maker])[1] < 0.01
+    arm = session.manifest.content["arm"]
+    assert (arm["driver"], arm["model"]) == (maker, {"ur": "UR3", "xarm": "xArm 6"}[maker])
+    assert arm["timing"]["cycles"] > 200
+
+
+SEEN_AS = {
+    "ur": {
+        "disconnect": {"disconnect", "report_silence", "refused", "driver"},
+        "slow_response": {"slow_response", "refused", "host_silence"},
+    },
+    "xarm": {"disconnect": {"disconnect"}, "slow_response": {"slow_response"}},
+}
+
+
+@pytest.mark.parametrize("fault", ["disconnect 3", "slow_response 4"])
+def test_a_fault_that_the_real_library_waits_or_raises_for_ends_in_a_stopped_arm(
+    maker, robot, plans, tmp_path, fault
+):
+    struck: list[str] = []
+
+    def strike(progress) -> None:
+        if not struck and ", moving" in robot.control("status"):
+            struck.append(robot.control(f"fault {fault}"))
+
+    with pytest.raises(DriverError, match="the arm was stopped"):
+        drive(plans[maker], robot.address, tmp_path, progress=strike)
+    assert struck == ["ok"]
+    robot.wait_until("at rest")
+    faulted_session(tmp_path, SEEN_AS[maker][fault.split()[0]])
+
+
+def run_to_its_end(protocol: Path, address: str, logs: Path, tell: Connection) -> None:
+    """A run in a process of its own, which tells how it ended."""
+    try:
+        tell.send(str(drive(make_plan(run_of(protocol)), address, logs).status))
+    except DriverError as error:
+        tell.send(str(error))
+
+
+@pytest.mark.parametrize(
+    ("maker", "whom"),
+    [("ur", "bench"), ("ur", "driving process"), ("xarm", "driving process")],
+    indirect=["maker"],
+)
+def test_a_kill_in_motion_stops_the_arm(maker, robot, plans, tmp_path, whom):
+    before = int(robot.control("status").split()[-2])
+    said, tell = FORKS.Pipe(duplex=False)
+    protocol, logs = plans[maker].protocol.document.file, tmp_path / "logs"
+    bench = forked(run_to_its_end, protocol, robot.address, logs, tell)
+    tell.close()
+    try:
+        end = time.monotonic() + 120
+        while int(robot.control("status").split()[-2]) < before + 50:
+            assert bench.is_alive() and time.monotonic() < end, "it never moved"
+            time.sleep(0.02)
+        if whom == "bench":
+            bench.kill()
+        else:
+            children = Path(f"/proc/{bench.pid}/task/{bench.pid}/children").read_text().split()
+            os.kill(int(children[0]), signal.SIGKILL)
+        robot.wait_until("at rest")
+        robot.wait_until("STOPPED")
+        bench.join(60)
+    finally:
+        bench.kill()
+    lock, end = ControllerLock(robot.address), time.monotonic() + 60
+    while not (free := lock.take()) and time.monotonic() < end:
+        time.sleep(0.05)
+    lock.release()
+    assert free, "a process still drives the arm"
+    (session,) = list_sessions(logs)
+    if whom == "bench":
+        assert session.status is RunStatus.RUNNING and not session.is_being_recorded
+    else:
+        sentence = {"ur": "watchdog", "xarm": "the bench tells the controller to stop"}[maker]
+        assert sentence in said.recv()
+        assert session.status is RunStatus.ERROR
