@@ -12,26 +12,16 @@ from tests import house
 # gone this goes, too.
 OPEN: dict[str, dict[str, int]] = {
     "arguments": {
-        "evaluation": 1,
         "exceptions": 1,
-        "planning": 1,
-        "reporting": 2,
     },
-    "circles": {"records": 1},
     "entries": {
-        "drivers": 22,
-        "emulation": 14,
-        "evaluation": 20,
+        "drivers": 13,
+        "emulation": 5,
         "exceptions": 5,
-        "reporting": 7,
-        "studies": 10,
     },
     "shapes": {
         "drivers": 13,
-        "emulation": 7,
-        "evaluation": 21,
-        "reporting": 6,
-        "studies": 15,
+        "emulation": 5,
     },
 }
 

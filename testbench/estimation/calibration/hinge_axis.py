@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import (
-    Parameter,
+from testbench.estimation.calibration.triad_model import AXES
+from testbench.model.statistics.least_squares import (
+    FitParameter,
     PoorExcitation,
     covariance_of,
     solve,
 )
-from testbench.estimation.calibration.triad_model import AXES
-from testbench.records.fit import Fit
+from testbench.records.results.fit import Fit
 
 VAGUE = np.radians(10.0)
 """An axis that is known no better than this is refused [rad]; by eye it is known as well."""
@@ -134,7 +134,7 @@ def hinge_axes(
     j1, j2 = _best_start(w1, w2, forces)
     B1, B2 = _tangent(j1), _tangent(j2)
     parameters = [
-        Parameter(f"{which}_tilt_{k}", "rad", 0.0, VAGUE)
+        FitParameter(f"{which}_tilt_{k}", "rad", 0.0, VAGUE)
         for which in ("first", "second")
         for k in "ab"
     ]

@@ -50,7 +50,7 @@ Run = Callable[[UniformSamples], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Recording:
+class KnownMotion:
     """What an ideal sensor gives in a known motion.
 
     Attributes:
@@ -115,7 +115,7 @@ def recording(
     turn: SteadyTurn = SLOW,
     bias_rad_s: float = 0.0,
     irregular: bool = False,
-) -> Recording:
+) -> KnownMotion:
     """Rest, and then a turn about an axis of the sensor if one is given.
 
     Rates are means over the interval before each sample.
@@ -151,7 +151,7 @@ def recording(
         device,
         intervals if irregular else None,
     )
-    return Recording(name, samples, q, rest - 1 if count > rest else None)
+    return KnownMotion(name, samples, q, rest - 1 if count > rest else None)
 
 
 def pose(*angles_deg: float) -> np.ndarray:
@@ -159,7 +159,7 @@ def pose(*angles_deg: float) -> np.ndarray:
     return rotation.from_euler("ZYX", np.radians(angles_deg))
 
 
-def recordings(needs: tuple[str, ...]) -> dict[str, list[Recording]]:
+def recordings(needs: tuple[str, ...]) -> dict[str, list[KnownMotion]]:
     """The recordings of each check.
 
     Args:
@@ -171,11 +171,11 @@ def recordings(needs: tuple[str, ...]) -> dict[str, list[Recording]]:
     return {name: [_without_device(case) for case in cases] for name, cases in groups.items()}
 
 
-def _without_device(case: Recording) -> Recording:
+def _without_device(case: KnownMotion) -> KnownMotion:
     return replace(case, samples=replace(case.samples, device_q=None))
 
 
-def _groups() -> dict[str, list[Recording]]:
+def _groups() -> dict[str, list[KnownMotion]]:
     # Longer than a screen: a list of recordings, check by check.
     rests = [
         recording(f"axes {matrix.astype(int).tolist()}", rotation.from_matrix(matrix))
@@ -243,7 +243,7 @@ TURN_LIMIT_DEG = 2.0
 """Right filters stay below half of these; the smallest fault that is looked for is far above."""
 
 
-def error_deg(case: Recording, q: np.ndarray, needs: tuple[str, ...]) -> float:
+def error_deg(case: KnownMotion, q: np.ndarray, needs: tuple[str, ...]) -> float:
     """Largest error of what a filter can know [deg]: total, inclination, or turn since the rest.
 
     With a bias the turn since the rest alone: only of that is it known how far off the gyroscope by
@@ -276,7 +276,7 @@ def error_deg(case: Recording, q: np.ndarray, needs: tuple[str, ...]) -> float:
     return float(np.degrees(np.max(errors))) if errors else 0.0
 
 
-def judge(run: Run, needs: tuple[str, ...], groups: dict[str, list[Recording]]) -> list[Check]:
+def judge(run: Run, needs: tuple[str, ...], groups: dict[str, list[KnownMotion]]) -> list[Check]:
     """Every check of a filter that gives well-formed quaternions."""
     checks = []
     for name, cases in groups.items():
