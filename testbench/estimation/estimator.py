@@ -321,6 +321,7 @@ def prepare_sensor(
         stored: Calibration to correct the raw samples with first.
         remarks: On that.
     """
+    # Longer than a screen: one step after another, each with what the ones before it found.
     settings, description = run.settings, recording.described
     access = recording.samples(None if stored is None else _corrector(stored))
     samples = access.samples
