@@ -11,19 +11,19 @@ from tests import house
 # Rooms in which a rule is still broken, and how often at most. Numbers may only fall; when all are
 # gone this goes, too.
 OPEN: dict[str, dict[str, int]] = {
-    "arguments": {"estimation": 14, "exceptions": 1, "model": 1},
-    "entries": {"drivers": 13, "emulation": 5, "estimation": 60, "exceptions": 5, "model": 6},
+    "arguments": {"exceptions": 1},
+    "entries": {"drivers": 13, "emulation": 5, "exceptions": 5},
     "long": {
         "cli": 10,
         "drivers": 3,
         "emulation": 2,
-        "estimation": 18,
+        "estimation": 2,
         "execution": 1,
-        "model": 3,
+        "model": 1,
         "pipeline": 2,
         "records": 4,
     },
-    "shapes": {"drivers": 13, "emulation": 5, "estimation": 146, "model": 2, "records": 1},
+    "shapes": {"drivers": 13, "emulation": 5},
 }
 
 FILE = house.ROOT / "testbench" / "room" / "module.py"

@@ -1,5 +1,4 @@
-"""Weighted non-linear least squares with uncertainty, and the refusal of data that do not determine
-the parameters.
+"""Weighted non-linear least squares with uncertainty; data that tell too little are refused.
 
 Gauss-Newton covariance (J' J)^-1 of residuals scaled to unit variance (Bates & Watts, Nonlinear
 Regression Analysis, 1988, section 2.3). Whether the data determine a parameter is asked against its
@@ -25,8 +24,8 @@ class FitParameter:
     """One unknown.
 
     Attributes:
-        name: As the record spells it.
-        unit: Of its value, for the record.
+        name: As the fit lists it.
+        unit: Of its value.
         start: Where the search begins.
         size: Standard deviation of what is known beforehand, such as a data sheet's tolerance; the
             scale of the search, and the uncertainty that a fit must beat.
@@ -73,14 +72,15 @@ def solve(
         jacobian: Gives the derivatives, shape (m, p); by differences if None.
         known_scatter: The residuals' standard deviation is 1 by knowledge; else it is estimated
             from what the fit leaves.
-        residual_unit: Unit of the residuals of the record.
-        residual_scale: What makes a residual of the record of one of the fit.
+        residual_unit: Unit that the fit states its residuals in.
+        residual_scale: How many of that unit a residual of 1 is.
         advice: Against poor excitation.
 
     Raises:
         PoorExcitation: Fewer residuals than parameters, or a parameter that the data leave vaguer
             than its size.
     """
+    # Longer than a screen: the call of SciPy and the fit that it comes to, one step.
     p = len(parameters)
     start, size = (
         np.array([getattr(item, key) for item in parameters]) for key in ("start", "size")
