@@ -142,14 +142,6 @@ def sensor_rows(sensor: SensorErrors) -> list[OrientationRow]:
     return rows
 
 
-def evaluate_sensor(
-    name: str, estimate: SensorEstimate, truth: Truth, steps: list[PlannedStep] | None
-) -> tuple[list[OrientationRow], dict[str, np.ndarray]]:
-    """Rows and error signals of one sensor."""
-    found = sensor_errors(name, estimate, truth, steps)
-    return sensor_rows(found), found.series()
-
-
 def summarise_sensor(
     sensor: SensorErrors, budgets: list[UncertaintyBudget], true: TrueTurning
 ) -> list[OrientationSummary]:
