@@ -31,13 +31,13 @@ from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
 from testbench.model.truth import truth_at
-from testbench.records.chain import ChainEstimate
-from testbench.records.estimate import Estimate, SensorEstimate
-from testbench.records.plan import PlannedStep
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Session
-from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
+from testbench.records.results.chain import ChainEstimate
+from testbench.records.results.estimate import Estimate, SensorEstimate
+from testbench.records.results.uncertainty import UncertaintyBudget, UncertaintySource
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Session
+from testbench.records.specs.robot import Robot
 
 UNKNOWN_TRUTH = "the accuracy of the reference system is not known"
 PARTS = ("total", "heading", "inclination")
@@ -54,7 +54,7 @@ class ChainTruth:
 
 
 @dataclass(frozen=True)
-class Arm:
+class TrueArm:
     """An arm that gave the truth, with what it reported."""
 
     robot: Robot
@@ -62,7 +62,7 @@ class Arm:
     samples: ArmSamples
 
     @staticmethod
-    def of(session: Session) -> Arm | None:
+    def of(session: Session) -> TrueArm | None:
         """The arm of a session that the bench ran; None where the truth came from elsewhere."""
         samples = session.arm()
         if (
@@ -72,7 +72,7 @@ class Arm:
             or not len(samples.host_time_ns)
         ):
             return None
-        return Arm(session.robot, Kinematics(session.robot), samples)
+        return TrueArm(session.robot, Kinematics(session.robot), samples)
 
     def reference_pose(self, session: Session) -> np.ndarray | None:
         """Joint angles in which the frames were aligned, shape (1, n_joints) [rad]."""
@@ -82,7 +82,7 @@ class Arm:
 
 
 def joint_budgets(
-    session: Session, estimate: Estimate, errors: JointErrors, arm: Arm | None
+    session: Session, estimate: Estimate, errors: JointErrors, arm: TrueArm | None
 ) -> list[UncertaintyBudget]:
     """One budget for each section of a joint."""
     return [
@@ -97,7 +97,7 @@ def _joint_budget(
     errors: JointErrors,
     section: str,
     judged: list[tuple[PlannedStep, np.ndarray]],
-    arm: Arm | None,
+    arm: TrueArm | None,
 ) -> UncertaintyBudget:
     aligned = session.analysis.estimate.align
     counted = [rows for _, rows in judged]
@@ -185,7 +185,7 @@ def chain_budget(
     chain: ChainEstimate,
     joint: str,
     true: ChainTruth,
-    arm: Arm | None,
+    arm: TrueArm | None,
 ) -> UncertaintyBudget:
     """The budget of the true angle of one joint of the arm, which the chain filter is judged by.
 
@@ -235,6 +235,7 @@ def _chain_clocks(
     return found
 
 
+# One piece: the three parts of the error share what is judged, where the arm was, and its axes.
 def sensor_budgets(
     session: Session,
     estimate: Estimate,
@@ -242,7 +243,7 @@ def sensor_budgets(
     true: TrueTurning,
     judged: np.ndarray,
     steps: list[PlannedStep],
-    arm: Arm | None,
+    arm: TrueArm | None,
 ) -> list[UncertaintyBudget]:
     """Budgets of a sensor's total, heading and inclination errors.
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.evaluation.arm_time import arm_notes
-from testbench.evaluation.budgets import Arm, flexion_clock_sd, joint_budgets, sensor_budgets
+from testbench.evaluation.budgets import TrueArm, flexion_clock_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
 from testbench.evaluation.cycles import Found, cycle_notes, cycle_tables, joint_cycles
 from testbench.evaluation.dynamics import TrueTurning
@@ -18,9 +18,15 @@ from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
 from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.left_out import left_out_notes
-from testbench.evaluation.magnetic import field_deviation, field_error_rows, field_rows
-from testbench.evaluation.noise import Rest, noise_rows, norm_error_percent
+from testbench.evaluation.magnetic import (
+    FieldDeviation,
+    field_deviation,
+    field_error_rows,
+    field_rows,
+)
+from testbench.evaluation.noise import LongRest, noise_rows, norm_error_percent
 from testbench.evaluation.orientation import (
+    SensorErrors,
     rank_sensor,
     sensor_errors,
     sensor_rows,
@@ -30,15 +36,15 @@ from testbench.evaluation.orientation import (
 from testbench.evaluation.outliers import outlier_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.reference_step import reference_warning
-from testbench.records.earlier_steps import earlier_steps
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome, ResultTables
-from testbench.records.evaluation_rows import TunedRow
-from testbench.records.layout import joint_table, magnetic_table, orientation_table
-from testbench.records.near import Instants, united
-from testbench.records.plan import PlannedStep, judged_steps
-from testbench.records.samples import ImuSamples, Truth
-from testbench.records.session import RunStatus, Session
+from testbench.records.disk.near import Instants, united
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import SEVERITY, Evaluation, Metric, Outcome, ResultTables
+from testbench.records.results.evaluation_rows import TunedRow
+from testbench.records.session.earlier_steps import earlier_steps
+from testbench.records.session.layout import joint_table, magnetic_table, orientation_table
+from testbench.records.session.plan import PlannedStep, judged_steps
+from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.session.session import RunStatus, Session
 
 MOST_OF_THE_ARM = 200_000
 """Instants of a long campaign at which its budgets look at the arm."""
@@ -63,12 +69,12 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     session = session.near(instants)
     steps = judged_steps(session.steps) if session.has_protocol or session.steps else None
     sparse = max(-(-len(instants.arm) // MOST_OF_THE_ARM), 1)
-    arm = Arm.of(session.near(replace(instants, arm=instants.arm[::sparse])))
+    arm = TrueArm.of(session.near(replace(instants, arm=instants.arm[::sparse])))
     parts = [_bench_tables(session, estimate)]
     cycles: list[Found] = []
     norms: list[Metric] = []
     for name in estimate.sensors:
-        rest = Rest.longest(session, name, estimate.sensors[name])
+        rest = LongRest.longest(session, name, estimate.sensors[name])
         parts.append(ResultTables(noise=noise_rows(name, rest)))
         parts.append(_sensor_tables(session, estimate, name, steps, arm))
         norms += _norm_metrics(name, rest)
@@ -117,8 +123,7 @@ def _verdict_notes(metrics: list[Metric]) -> list[str]:
     ]
     return unmeasured + [
         f"{m.name} by {m.filter}{f', section {m.section},' if m.section else ''} is marginal and "
-        "cannot pass, for the "
-        f"uncertainty of the truth is not known: {m.no_uncertainty}"
+        f"cannot pass, for the uncertainty of the truth is not known: {m.no_uncertainty}"
         for m in metrics
         if m.outcome is Outcome.MARGINAL and m.no_uncertainty
     ]
@@ -145,7 +150,7 @@ def _sensor_tables(
     estimate: Estimate,
     name: str,
     steps: list[PlannedStep] | None,
-    arm: Arm | None,
+    arm: TrueArm | None,
 ) -> ResultTables:
     """A sensor's rows and error signals."""
     sensor = estimate.sensors[name]
@@ -178,7 +183,7 @@ def _orientation_tables(
     estimate: Estimate,
     name: str,
     steps: list[PlannedStep] | None,
-    arm: Arm | None,
+    arm: TrueArm | None,
     truth: Truth,
     samples: ImuSamples | None,
 ) -> list[ResultTables]:
@@ -219,18 +224,20 @@ def _orientation_tables(
     )
     deviation = None if samples is None else field_deviation(errors, samples, session.steps)
     if deviation is not None:
-        parts.append(
-            ResultTables(
-                magnetic_field=field_rows(errors, deviation),
-                magnetic_errors=field_error_rows(errors, deviation),
-                magnetic_following=following_rows(errors, deviation),
-                series={magnetic_table(name): deviation.series(errors)},
-            )
-        )
+        parts.append(_magnetic_tables(name, errors, deviation))
     return parts
 
 
-def _norm_metrics(name: str, rest: Rest | None) -> list[Metric]:
+def _magnetic_tables(name: str, errors: SensorErrors, deviation: FieldDeviation) -> ResultTables:
+    return ResultTables(
+        magnetic_field=field_rows(errors, deviation),
+        magnetic_errors=field_error_rows(errors, deviation),
+        magnetic_following=following_rows(errors, deviation),
+        series={magnetic_table(name): deviation.series(errors)},
+    )
+
+
+def _norm_metrics(name: str, rest: LongRest | None) -> list[Metric]:
     """The metric of a sensor's accelerometer at rest, where it was at rest."""
     error, label = norm_error_percent(rest), f"{name}.gravity_norm_error_percent"
     return [] if error is None else [Metric(label, error, "%", None, None, None, NORM_MEANING)]
@@ -283,7 +290,7 @@ def _joint_tables(
     estimate: Estimate,
     name: str,
     steps: list[PlannedStep],
-    arm: Arm | None,
+    arm: TrueArm | None,
 ) -> tuple[ResultTables, list[Found]]:
     """A joint's rows and error signals, and its average cycles."""
     errors, joint = joint_errors(session, name, estimate, steps), estimate.joints[name]

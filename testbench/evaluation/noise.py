@@ -9,10 +9,10 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model.allan import Coefficient, NoiseCoefficients, allan_deviation, fit_noise
-from testbench.records.estimate import SensorEstimate
-from testbench.records.evaluation import NoiseRow
-from testbench.records.samples import ACC, AXES, GYR, MAG
-from testbench.records.session import Session
+from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.evaluation import NoiseRow
+from testbench.records.session.samples import ACC, AXES, GYR, MAG
+from testbench.records.session.session import Session
 
 SHORTEST_S = 10.0
 """Rests shorter than this say little of noise [s]."""
@@ -41,8 +41,14 @@ SILENT = NoiseCoefficients(*[Coefficient(0.0, 0.0)] * 3)
 
 
 def longest_rest(time_ns: np.ndarray, still: np.ndarray) -> slice | None:
-    """The longest run of samples at rest without a gap, or None where it is shorter than
-    `SHORTEST_S`.
+    """The longest run of samples at rest without a gap.
+
+    Args:
+        time_ns: Increasing, shape (n,) [ns].
+        still: Where the sensor is at rest, shape (n,), bool.
+
+    Returns:
+        None where it is shorter than `SHORTEST_S`.
     """
     broken = np.concatenate(
         [[True], ~still[1:] | ~still[:-1] | (np.diff(time_ns) > LONGEST_GAP_NS), [True]]
@@ -61,7 +67,7 @@ def longest_rest(time_ns: np.ndarray, still: np.ndarray) -> slice | None:
 
 
 @dataclass(frozen=True)
-class Rest:
+class LongRest:
     """Every reading over a rest, one column at a time: a night at 1 kHz has 0.2 GB an axis.
 
     Attributes:
@@ -77,7 +83,7 @@ class Rest:
     read: Callable[[str], np.ndarray]
 
     @staticmethod
-    def longest(session: Session, name: str, estimate: SensorEstimate) -> Rest | None:
+    def longest(session: Session, name: str, estimate: SensorEstimate) -> LongRest | None:
         """The longest rest of a sensor, or None where it is shorter than `SHORTEST_S`."""
         rows = longest_rest(estimate.host_time_ns, estimate.static & ~estimate.flagged)
         if rows is None:
@@ -92,7 +98,7 @@ class Rest:
         )
         interval /= (rows.stop - rows.start - 1) * estimate.every
         columns = session.imu_columns(name)
-        return Rest(
+        return LongRest(
             end - begin,
             interval * (end - begin - 1),
             columns,
@@ -110,7 +116,7 @@ class Rest:
         return highest > lowest
 
 
-def noise_rows(sensor: str, rest: Rest | None) -> list[NoiseRow]:
+def noise_rows(sensor: str, rest: LongRest | None) -> list[NoiseRow]:
     """Mean, standard deviation and Allan coefficients of each axis over a rest."""
     if rest is None:
         return []
@@ -161,7 +167,7 @@ def noise_rows(sensor: str, rest: Rest | None) -> list[NoiseRow]:
     return rows
 
 
-def norm_error_percent(rest: Rest | None) -> float | None:
+def norm_error_percent(rest: LongRest | None) -> float | None:
     """Error of the mean norm of the specific force at rest against standard gravity [%]; None
     without a rest.
     """

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.evaluation.blocks import ErrorSeries, intervals, sample_series, step_series
 from testbench.evaluation.dynamics import (
     TrueTurning,
     amplitude_and_frequency,
@@ -25,19 +24,20 @@ from testbench.evaluation.metrics import (
 from testbench.evaluation.ranking import MEAN_SQUARE, rank_filters
 from testbench.model import rotation
 from testbench.model.noise import random_stream
+from testbench.model.statistics.blocks import ErrorSeries, intervals, sample_series, step_series
 from testbench.model.truth import truth_at
-from testbench.records.estimate import SensorEstimate
-from testbench.records.evaluation import OrientationRow
-from testbench.records.evaluation_rows import (
+from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.evaluation import OrientationRow
+from testbench.records.results.evaluation_rows import (
     Comparison,
     ErrorSummary,
     OrientationSummary,
     OrientationSweepRow,
     RankRow,
 )
-from testbench.records.plan import PlannedStep
-from testbench.records.samples import Truth
-from testbench.records.uncertainty import UncertaintyBudget
+from testbench.records.results.uncertainty import UncertaintyBudget
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import Truth
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,16 @@ class SensorErrors:
 def judged_rows(
     steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarray, static: np.ndarray
 ) -> np.ndarray:
-    """Which of a sensor's samples count, shape (n,), bool: by the steps, or by the truth's own
-    marks without a protocol.
+    """Which of a sensor's samples are evaluated.
+
+    Args:
+        steps: Of the protocol; None without one, where the truth's own marks say it.
+        truth: Of the sensor.
+        time_ns: Of its samples, increasing, shape (n,) [ns].
+        static: Where it is at rest, shape (n,), bool.
+
+    Returns:
+        Shape (n,), bool.
     """
     if steps is not None:
         judged = np.zeros(len(time_ns), dtype=bool)
@@ -142,6 +150,10 @@ def sensor_rows(sensor: SensorErrors) -> list[OrientationRow]:
     return rows
 
 
+ANGLES = {"heading": rotation.heading_angle, "inclination": rotation.inclination_angle}
+"""Parts of an error that are differences of angles."""
+
+
 def summarise_sensor(
     sensor: SensorErrors, budgets: list[UncertaintyBudget], true: TrueTurning
 ) -> list[OrientationSummary]:
@@ -155,10 +167,7 @@ def summarise_sensor(
     motions = sensor.by_motion()
     result: dict[str, list[OrientationSummary]] = {motion: [] for motion in motions}
     stated = {budget.quantity: budget for budget in budgets if budget.owner == sensor.name}
-    true_angles = {
-        "heading": rotation.heading_angle(sensor.q_true),
-        "inclination": rotation.inclination_angle(sensor.q_true),
-    }
+    true_angles = {part: angle(sensor.q_true) for part, angle in ANGLES.items()}
     steps = {motion: _steps_within(sensor, mask) for motion, mask in motions.items()}
     for key, errors in sensor.errors.items():
         own = sensor.estimate.orientation[key]
@@ -167,13 +176,7 @@ def summarise_sensor(
             ("heading", errors.heading),
             ("inclination", errors.inclination),
         ):
-            estimated = None
-            if part in true_angles:
-                estimated = (
-                    rotation.heading_angle(own)
-                    if part == "heading"
-                    else rotation.inclination_angle(own)
-                )
+            estimated = ANGLES[part](own) if part in ANGLES else None
             budget = stated.get(part)
             expanded = (
                 (None, None)

@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.model import rotation
 from testbench.model.noise import GaussMarkov, RandomWalk, first_order, random_stream
-from testbench.records.sensor import DeviceOrientation, Triad
+from testbench.records.specs.sensor import DeviceOrientation, TriadParameters
 
 SHEET_TEMPERATURE = 25.0
 """At which data sheets of MEMS sensors state their numbers [deg C]."""
@@ -36,7 +36,9 @@ class TriadErrors:
     drift: np.ndarray
 
     @staticmethod
-    def draw(triad: Triad, rng: np.random.Generator, thermal: np.random.Generator) -> TriadErrors:
+    def draw(
+        triad: TriadParameters, rng: np.random.Generator, thermal: np.random.Generator
+    ) -> TriadErrors:
         """Errors of one part of the production.
 
         Args:
@@ -64,7 +66,7 @@ class TriadModel:
         *labels: Name this triad; they select its random numbers.
     """
 
-    def __init__(self, triad: Triad, rate: float, seed: int, *labels: str):
+    def __init__(self, triad: TriadParameters, rate: float, seed: int, *labels: str):
         self.triad = triad
         self.errors = TriadErrors.draw(
             triad, random_stream(seed, *labels, "part"), random_stream(seed, *labels, "thermal")

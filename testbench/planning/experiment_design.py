@@ -25,9 +25,9 @@ from testbench.model.calibration_information import (
 from testbench.model.collision import CollisionModel
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.planning.optimal_design import Criterion, choose
-from testbench.records.plan import Plan
-from testbench.records.protocol import Sensor
-from testbench.records.robot import Robot
+from testbench.records.session.plan import Plan
+from testbench.records.specs.protocol import Sensor
+from testbench.records.specs.robot import Robot
 
 CANDIDATES = 600
 LARGEST_SWING = np.pi
@@ -52,7 +52,7 @@ GYROSCOPE_SIZE = np.array([RESPONSE_SIZE] * 3 + [GYRO_BIAS_SIZE] + [G_SIZE] * 3)
 
 
 @dataclass(frozen=True)
-class Turn:
+class JointTurn:
     """A turn of one joint and back, at a pose.
 
     Attributes:
@@ -81,7 +81,7 @@ class Design:
     """
 
     q: np.ndarray
-    turns: list[Turn]
+    turns: list[JointTurn]
     dwell: float
     accelerometer: dict[str, float]
     gyroscope: dict[str, float]
@@ -181,7 +181,7 @@ class Designer:
         )
         return self.judged(q[order], turns, wanted.dwell)
 
-    def judged(self, q: np.ndarray, turns: list[Turn], dwell: float) -> Design:
+    def judged(self, q: np.ndarray, turns: list[JointTurn], dwell: float) -> Design:
         """The predicted uncertainty of poses and turns.
 
         Args:
@@ -282,7 +282,7 @@ class Designer:
 
     def _turns(
         self, q: np.ndarray, columns: list[int], wanted: Wanted, noise: ObservationNoise
-    ) -> list[Turn]:
+    ) -> list[JointTurn]:
         limits, speeds = self.robot.position_limits, self.robot.velocity_limits
         rate_range = self.sensor.imu().gyroscope.triad().range
         moving = [j for j in range(q.shape[1]) if self._carries(j)]
@@ -295,7 +295,7 @@ class Designer:
                     if limits[joint, 0] <= end <= limits[joint, 1] and self._sweep_is_clear(
                         row, joint, amplitude
                     ):
-                        candidates.append(Turn(pose, joint, amplitude, float(rate)))
+                        candidates.append(JointTurn(pose, joint, amplitude, float(rate)))
         if not wanted.turns:
             return []
         if len(candidates) < 3:
@@ -316,7 +316,7 @@ class Designer:
         return all(self._clear(row) for row in path)
 
     def _turn_arrays(
-        self, q: np.ndarray, turns: list[Turn]
+        self, q: np.ndarray, turns: list[JointTurn]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rotation vectors (m, 3), durations (m,) and mean forces (m, 3) of turns one way."""
         rotation_vectors, durations, forces = [], [], []

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, solve
+from testbench.model.statistics.least_squares import FitParameter, PoorExcitation, solve
 
-LINE = [Parameter("slope", "1/s", 0.0, 10.0), Parameter("offset", "1", 0.0, 10.0)]
+LINE = [FitParameter("slope", "1/s", 0.0, 10.0), FitParameter("offset", "1", 0.0, 10.0)]
 
 
 def test_equals_linear_regression():
@@ -31,7 +31,7 @@ def test_stated_intervals_cover():
 
 
 def test_names_what_is_not_determined():
-    three = [*LINE, Parameter("curvature", "1/s^2", 0.0, 10.0)]
+    three = [*LINE, FitParameter("curvature", "1/s^2", 0.0, 10.0)]
     x = np.array([0.0, 1.0, 0.0, 1.0, 0.0, 1.0])
     with pytest.raises(PoorExcitation, match="slope, curvature") as caught:
         solve(lambda theta: theta[0] * x + theta[1] + theta[2] * x**2 - x, three)

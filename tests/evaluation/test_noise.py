@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from testbench.evaluation.noise import Rest, longest_rest, noise_rows, norm_error_percent
+from testbench.evaluation.noise import LongRest, longest_rest, noise_rows, norm_error_percent
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model.imu import TriadModel
-from testbench.records.samples import ImuSamples
-from testbench.records.sensor import load_preset
+from testbench.records.session.samples import ImuSamples
+from testbench.records.specs.sensor import load_preset
 
 RATE = 60.0
 
@@ -25,7 +25,7 @@ def at_rest(seconds=120.0, seed=0):
 
 def rest_of(samples):
     columns = samples.to_columns()
-    return Rest(len(samples), (len(samples) - 1) / RATE, columns, columns.__getitem__)
+    return LongRest(len(samples), (len(samples) - 1) / RATE, columns, columns.__getitem__)
 
 
 def test_the_data_sheet_that_was_simulated_is_measured_again():

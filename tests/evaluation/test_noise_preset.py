@@ -7,17 +7,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.evaluation.noise import Rest, noise_rows
+from testbench.evaluation.noise import LongRest, noise_rows
 from testbench.pipeline.noise_preset import measured_sensor
-from testbench.records.samples import GYR
-from testbench.records.sensor import load_preset
+from testbench.records.session.samples import GYR
+from testbench.records.specs.sensor import load_preset
 
 BASE = load_preset("xsens_dot")
 RATE, SECONDS = 60.0, 3600
 COUNT_DEG_S = 1 / BASE.gyroscope.counts_per_deg_s
 
 
-def rest(sd_counts: float, walk_deg_h_sqrts: float = 0.0) -> Rest:
+def rest(sd_counts: float, walk_deg_h_sqrts: float = 0.0) -> LongRest:
     """Normal noise and a random walk, rounded to whole counts."""
     rng = np.random.default_rng(2)
     n = int(RATE * SECONDS)
@@ -26,7 +26,7 @@ def rest(sd_counts: float, walk_deg_h_sqrts: float = 0.0) -> Rest:
         walk = walk_deg_h_sqrts / 3600 / np.sqrt(RATE) * np.cumsum(rng.standard_normal(n))
         reading = COUNT_DEG_S * (offset + sd_counts * rng.standard_normal(n)) + walk
         columns[key] = np.radians(np.round(reading / COUNT_DEG_S) * COUNT_DEG_S)
-    return Rest(n, (n - 1) / RATE, list(columns), columns.__getitem__)
+    return LongRest(n, (n - 1) / RATE, list(columns), columns.__getitem__)
 
 
 @pytest.mark.parametrize("sd_counts", [0.5, 0.6, 2.0])

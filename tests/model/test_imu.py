@@ -7,12 +7,12 @@ import pytest
 
 from testbench.model import rotation
 from testbench.model.imu import DeviceOrientationModel, TriadModel
-from testbench.records.sensor import (
+from testbench.records.specs.sensor import (
     Accelerometer,
     DeviceOrientation,
     Gyroscope,
     Magnetometer,
-    Triad,
+    TriadParameters,
 )
 
 G = 9.80665
@@ -23,16 +23,16 @@ PARTS = 400
 """
 
 
-def accelerometer(**errors: object) -> Triad:
+def accelerometer(**errors: object) -> TriadParameters:
     return Accelerometer.model_validate({"range_g": 16.0} | errors).triad()
 
 
-def gyroscope(**errors: object) -> Triad:
+def gyroscope(**errors: object) -> TriadParameters:
     return Gyroscope.model_validate({"range_deg_s": 2000.0} | errors).triad()
 
 
 def measure(
-    triad: Triad, x: np.ndarray, seed: int = 0, force: np.ndarray | None = None
+    triad: TriadParameters, x: np.ndarray, seed: int = 0, force: np.ndarray | None = None
 ) -> np.ndarray:
     return TriadModel(triad, RATE, seed, "sensor", "triad").measure(np.atleast_2d(x), force)[0]
 

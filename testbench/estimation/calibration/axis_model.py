@@ -12,8 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from testbench.estimation.calibration.least_squares import Parameter
-from testbench.estimation.calibration.linear import solve_linear
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.rotational import axes_in_plane
 from testbench.estimation.calibration.triad_model import (
@@ -23,8 +21,10 @@ from testbench.estimation.calibration.triad_model import (
     bias_parameters,
     response_parameters,
 )
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import FitParameter
+from testbench.model.statistics.linear import solve_linear
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 ADVICE = "each axis needs poses that turn it up, down and across"
 
@@ -111,10 +111,10 @@ def orthogonality(poses: StaticPoses) -> Orthogonality:
     sd, found, variance = poses.typical_sd(), [], 0.0
     for axis, name in zip(plane, names, strict=True):
         parameters = [
-            Parameter(f"response_{name}{j}", "1", float(name == j), ACCELEROMETER.response)
+            FitParameter(f"response_{name}{j}", "1", float(name == j), ACCELEROMETER.response)
             for j in names
         ]
-        parameters.append(Parameter(f"bias_{name}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias))
+        parameters.append(FitParameter(f"bias_{name}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias))
         fit = solve_linear(
             design / sd,
             poses.mean[:, axis] / sd,

@@ -15,11 +15,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import Parameter
 from testbench.estimation.calibration.norm_fit import ellipsoid_through, fit_norm
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import MAGNETOMETER, Tolerance
-from testbench.records.calibration import TriadCalibration
+from testbench.model.statistics.least_squares import FitParameter
+from testbench.records.results.calibration import TriadCalibration
 
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 BASIS = np.zeros((6, 3, 3))
@@ -54,7 +54,7 @@ def ellipsoid(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> TriadC
             ),
         )
     shape = [
-        Parameter(f"soft_{name}", "1", float(name[0] == name[1]), tolerance.response)
+        FitParameter(f"soft_{name}", "1", float(name[0] == name[1]), tolerance.response)
         for name in ENTRIES
     ]
     return fit_norm(

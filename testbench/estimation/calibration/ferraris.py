@@ -18,14 +18,13 @@ import numpy as np
 
 from testbench.estimation.calibration.attitude_aided import calibration_of
 from testbench.estimation.calibration.faces import face_of, need_all_faces, six_faces
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance
-from testbench.estimation.calibration.turns import GyroscopeRecording
-from testbench.estimation.calibration.turns import Turn as RecordedTurn
+from testbench.estimation.calibration.turns import GyroscopeRecording, Turn
 from testbench.exceptions import InputError
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 ABOUT_ONE_AXIS = 0.95
 """A turn is about one axis where this share of it is, as a face is up (`faces.LEAST_SHARE`)."""
@@ -33,7 +32,7 @@ LEVEL = "the faces are taken to be exactly level; what tilts them looks like cro
 
 
 @dataclass(frozen=True)
-class Turn:
+class FerrarisTurn:
     """One turn about one axis of the sensor, from rest to rest.
 
     Attributes:
@@ -81,7 +80,7 @@ def ferraris(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> TriadC
 def ferraris_gyroscope(
     rest: StaticPoses,
     force: StaticPoses,
-    turns: Sequence[Turn],
+    turns: Sequence[FerrarisTurn],
     angle: float,
     angle_sd: float = 0.0,
 ) -> TriadCalibration:
@@ -170,7 +169,7 @@ def largest_turns(recording: GyroscopeRecording) -> list[int]:
     return chosen
 
 
-def unused_turns(recording: GyroscopeRecording) -> list[RecordedTurn]:
+def unused_turns(recording: GyroscopeRecording) -> list[Turn]:
     """Turns that Ferraris does not calibrate from: all but the largest about each axis."""
     used = largest_turns(recording)
     return [turn for i, turn in enumerate(recording.turns) if i not in used]
@@ -212,7 +211,9 @@ def ferraris_of_recording(
     )  # of it only the means are asked for
     largest = [recording.turns[i] for i in largest_turns(recording)]
     turns = [
-        Turn(turn.gyr, turn.force, turn.interval) for turn in largest if turn.force is not None
+        FerrarisTurn(turn.gyr, turn.force, turn.interval)
+        for turn in largest
+        if turn.force is not None
     ]
     found = ferraris_gyroscope(still, felt, turns, angle)
     reading = np.diag(np.linalg.inv(found.matrix))

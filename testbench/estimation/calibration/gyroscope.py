@@ -19,8 +19,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtri
 
-from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, solve
-from testbench.estimation.calibration.linear import widened_by_misfit
 from testbench.estimation.calibration.turn_integration import IntegratedTurns, TurnIntegration
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
 from testbench.estimation.calibration.whitening import Whitening
@@ -28,8 +26,10 @@ from testbench.exceptions import InputError
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.integrators import Stages, get_integrator
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import FitParameter, PoorExcitation, solve
+from testbench.model.statistics.linear import widened_by_misfit
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 SCALE_SIZE = 0.05
 """What is known of scales and misalignments beforehand, standard deviation [1, rad]: above any
@@ -434,18 +434,18 @@ def _search(
     return widened_by_misfit(fit)
 
 
-def _parameters(bias: np.ndarray, g_sensitivity: bool) -> list[Parameter]:
-    result = [Parameter(f"gyr_scale_{axis}", "1", 1.0, SCALE_SIZE) for axis in AXES]
+def _parameters(bias: np.ndarray, g_sensitivity: bool) -> list[FitParameter]:
+    result = [FitParameter(f"gyr_scale_{axis}", "1", 1.0, SCALE_SIZE) for axis in AXES]
     result += [
-        Parameter(f"gyr_misalignment_{name}", "rad", 0.0, SCALE_SIZE) for name, *_ in ELEMENTS
+        FitParameter(f"gyr_misalignment_{name}", "rad", 0.0, SCALE_SIZE) for name, *_ in ELEMENTS
     ]
     result += [
-        Parameter(f"gyr_bias_{axis}", "rad/s", float(bias[i]), BIAS_SIZE)
+        FitParameter(f"gyr_bias_{axis}", "rad/s", float(bias[i]), BIAS_SIZE)
         for i, axis in enumerate(AXES)
     ]
     if g_sensitivity:
         result += [
-            Parameter(f"gyr_g_{a}{b}", "rad/s/(m/s^2)", 0.0, G_SIZE) for a in AXES for b in AXES
+            FitParameter(f"gyr_g_{a}{b}", "rad/s/(m/s^2)", 0.0, G_SIZE) for a in AXES for b in AXES
         ]
     return result
 

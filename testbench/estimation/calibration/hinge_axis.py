@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.triad_model import AXES
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.results.fit import Fit
 
 MOST_WOBBLE = 0.5
 """A turn has no single axis where the RMS rate across it is above this share of the RMS rate along

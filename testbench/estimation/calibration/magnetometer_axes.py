@@ -12,8 +12,6 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.estimation.calibration.ellipsoid import symmetric, symmetric_root, with_magnitude
-from testbench.estimation.calibration.least_squares import Parameter
-from testbench.estimation.calibration.linear import whitening
 from testbench.estimation.calibration.norm_fit import ellipsoid_through, searched
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import (
@@ -24,7 +22,9 @@ from testbench.estimation.calibration.triad_model import (
 )
 from testbench.exceptions import InputError
 from testbench.model import rotation
-from testbench.records.calibration import TriadCalibration
+from testbench.model.statistics.least_squares import FitParameter
+from testbench.model.statistics.linear import whitening
+from testbench.records.results.calibration import TriadCalibration
 
 CROOKED = np.radians(10.0)
 """Standard deviation beforehand of the rotation, about each axis, and of the dip [rad]."""
@@ -64,10 +64,10 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
     R, dip = _start((x - bias) @ A.T / F, u)
     begin = np.linalg.inv(R @ A).reshape(-1)
     parameters = [
-        Parameter(item.name, item.unit, float(value), item.size)
+        FitParameter(item.name, item.unit, float(value), item.size)
         for item, value in zip(response_parameters(tolerance), begin, strict=True)
     ]
-    parameters += [*bias_parameters(tolerance, bias), Parameter("dip", "rad", dip, CROOKED)]
+    parameters += [*bias_parameters(tolerance, bias), FitParameter("dip", "rad", dip, CROOKED)]
     whiten = whitening(_covariance(poses, R @ A, bias, dip))
 
     def split(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -13,13 +13,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import (
-    Parameter,
-    PoorExcitation,
-    covariance_of,
-    solve,
-)
-from testbench.estimation.calibration.linear import widened_by_misfit
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import (
     Tolerance,
@@ -27,8 +20,15 @@ from testbench.estimation.calibration.triad_model import (
     drift_parameters,
     warming,
 )
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import (
+    FitParameter,
+    PoorExcitation,
+    covariance_of,
+    solve,
+)
+from testbench.model.statistics.linear import widened_by_misfit
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 MOST_CONDITION = 1e3
 """Above this the readings are on no ellipsoid that could be told from others; about 10 where poses
@@ -65,7 +65,7 @@ def ellipsoid_through(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray] | N
 def searched(
     residuals: Callable[[np.ndarray], np.ndarray],
     jacobian: Callable[[np.ndarray], np.ndarray],
-    parameters: Sequence[Parameter],
+    parameters: Sequence[FitParameter],
     begun: bool,
     advice: str,
 ) -> Fit:
@@ -99,7 +99,7 @@ def searched(
 
 def fit_norm(
     poses: StaticPoses,
-    shape: Sequence[Parameter],
+    shape: Sequence[FitParameter],
     start: Callable[[np.ndarray], np.ndarray],
     matrix_of: MatrixOf,
     gradient_of: MatrixOf,
@@ -129,7 +129,7 @@ def fit_norm(
     if guess is not None:
         bias, begin = guess[0], start(magnitude**2 * guess[1])
     parameters = [
-        Parameter(item.name, item.unit, float(value), item.size)
+        FitParameter(item.name, item.unit, float(value), item.size)
         for item, value in zip(shape, begin, strict=True)
     ]
     parameters += bias_parameters(tolerance, bias)

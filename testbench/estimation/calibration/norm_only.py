@@ -16,11 +16,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import Parameter
 from testbench.estimation.calibration.norm_fit import fit_norm
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance
-from testbench.records.calibration import TriadCalibration
+from testbench.model.statistics.least_squares import FitParameter
+from testbench.records.results.calibration import TriadCalibration
 
 GAUGE = (
     "the orthogonal axes are fixed by an upper triangular matrix; how they sit in the housing "
@@ -39,9 +39,10 @@ def norm_only(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> Triad
         PoorExcitation: Fewer poses than parameters, or poses in a plane.
     """
     shape = [
-        Parameter(f"misalignment_{i}", "rad", 0.0, tolerance.response) for i in ("yz", "zy", "zx")
+        FitParameter(f"misalignment_{i}", "rad", 0.0, tolerance.response)
+        for i in ("yz", "zy", "zx")
     ]
-    shape += [Parameter(f"scale_{i}", "1", 1.0, tolerance.response) for i in AXES]
+    shape += [FitParameter(f"scale_{i}", "1", 1.0, tolerance.response) for i in AXES]
 
     def start(Q: np.ndarray) -> np.ndarray:
         A = np.linalg.cholesky(Q).T

@@ -14,14 +14,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import Parameter, PoorExcitation, covariance_of
-from testbench.estimation.calibration.linear import axis_by_axis, solve_linear
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES
 from testbench.exceptions import InputError
 from testbench.model import rotation
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import (
+    FitParameter,
+    PoorExcitation,
+    covariance_of,
+)
+from testbench.model.statistics.linear import axis_by_axis, solve_linear
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 IN_PLANE = 0.05
 """An axis is out of the plane of the poses where no expected force has more than this share of its
@@ -167,11 +171,11 @@ def _mapped(
     readings, k = poses.mean[:, axes], len(axes)
     regressors = np.column_stack([readings, np.ones(len(poses))]) if with_bias else readings
     names = [AXES[i] for i in axes]
-    parameters: list[Parameter] = []
+    parameters: list[FitParameter] = []
     for i in names:
-        parameters += [Parameter(f"map_{i}{j}", "1", float(i == j), 1.0) for j in names]
+        parameters += [FitParameter(f"map_{i}{j}", "1", float(i == j), 1.0) for j in names]
         parameters += [
-            Parameter(f"offset_{i}", ACCELEROMETER.unit, 0.0, poses.magnitude)
+            FitParameter(f"offset_{i}", ACCELEROMETER.unit, 0.0, poses.magnitude)
         ] * with_bias
     sd = poses.typical_sd()
     fit = solve_linear(
@@ -206,9 +210,9 @@ def _rotated(poses: StaticPoses, with_bias: bool, method: str) -> TriadCalibrati
     middle = expected.mean(axis=0) if with_bias else np.zeros(3)
     R = rotation.nearest_rotation((poses.mean - about).T @ (expected - middle))
     bias = about - R @ middle
-    parameters = [Parameter(f"rotation_{i}", "rad", 0.0, CROOKED) for i in AXES]
+    parameters = [FitParameter(f"rotation_{i}", "rad", 0.0, CROOKED) for i in AXES]
     parameters += (
-        [Parameter(f"bias_{i}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias) for i in AXES]
+        [FitParameter(f"bias_{i}", ACCELEROMETER.unit, 0.0, ACCELEROMETER.bias) for i in AXES]
         if with_bias
         else []
     )

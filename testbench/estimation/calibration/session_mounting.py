@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.estimation.axes import true_rates
+from testbench.estimation.alignment.axes import true_rates
+from testbench.estimation.alignment.vector_mounting import mounting_from_vectors
 from testbench.estimation.calibration.hinge_axis import axis_of_turn
 from testbench.estimation.calibration.prepared import Prepared
 from testbench.estimation.calibration.sensor_to_segment import (
@@ -18,15 +19,14 @@ from testbench.estimation.calibration.sensor_to_segment import (
     from_directions,
 )
 from testbench.estimation.filters import get_filter
-from testbench.estimation.vector_mounting import mounting_from_vectors
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.truth import truth_at
-from testbench.records.calibration import MountingCalibration, TriadCalibration
-from testbench.records.calibration_file import SensorCalibration
-from testbench.records.fit import Fit
-from testbench.records.plan import PlannedStep
+from testbench.records.results.calibration import MountingCalibration, TriadCalibration
+from testbench.records.results.calibration_file import SensorCalibration
+from testbench.records.results.fit import Fit
+from testbench.records.session.plan import PlannedStep
 
 GRAVITY_SD = np.radians(0.1)
 """Of gravity's direction in a rest, by a calibrated accelerometer and the arm [rad]."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import Parameter
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.static_poses import PRIOR_BIAS
+from testbench.model.statistics.least_squares import FitParameter
 
 AXES = "xyz"
 LEAST_WARMING_K = 2.0
@@ -44,27 +44,27 @@ Sensors 2010).
 """
 
 
-def response_parameters(tolerance: Tolerance) -> list[Parameter]:
+def response_parameters(tolerance: Tolerance) -> list[FitParameter]:
     """response_ij, how axis i reads component j, row by row."""
     return [
-        Parameter(f"response_{i}{j}", "1", float(i == j), tolerance.response)
+        FitParameter(f"response_{i}{j}", "1", float(i == j), tolerance.response)
         for i in AXES
         for j in AXES
     ]
 
 
-def bias_parameters(tolerance: Tolerance, start: np.ndarray | None = None) -> list[Parameter]:
+def bias_parameters(tolerance: Tolerance, start: np.ndarray | None = None) -> list[FitParameter]:
     """bias_x, bias_y, bias_z."""
     at = np.zeros(3) if start is None else start
     return [
-        Parameter(f"bias_{i}", tolerance.unit, float(b), tolerance.bias)
+        FitParameter(f"bias_{i}", tolerance.unit, float(b), tolerance.bias)
         for i, b in zip(AXES, at, strict=True)
     ]
 
 
-def drift_parameters(tolerance: Tolerance) -> list[Parameter]:
+def drift_parameters(tolerance: Tolerance) -> list[FitParameter]:
     """drift_x, drift_y, drift_z."""
-    return [Parameter(f"drift_{i}", f"{tolerance.unit}/K", 0.0, tolerance.drift) for i in AXES]
+    return [FitParameter(f"drift_{i}", f"{tolerance.unit}/K", 0.0, tolerance.drift) for i in AXES]
 
 
 def warming(poses: StaticPoses) -> tuple[np.ndarray | None, float | None]:

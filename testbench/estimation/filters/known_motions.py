@@ -35,7 +35,7 @@ Run = Callable[[UniformSamples], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Recording:
+class KnownMotion:
     """What an ideal sensor gives in a known motion.
 
     Attributes:
@@ -96,7 +96,7 @@ def recording(
     turn_s: float = TURN_S,
     bias_rad_s: float = 0.0,
     irregular: bool = False,
-) -> Recording:
+) -> KnownMotion:
     """Rest, and then a turn about an axis of the sensor if one is given; rates are means over the
     interval before.
 
@@ -132,7 +132,7 @@ def recording(
         device,
         intervals if irregular else None,
     )
-    return Recording(name, samples, q, rest - 1 if turn else None)
+    return KnownMotion(name, samples, q, rest - 1 if turn else None)
 
 
 def pose(*angles_deg: float) -> np.ndarray:
@@ -140,7 +140,7 @@ def pose(*angles_deg: float) -> np.ndarray:
     return rotation.from_euler("ZYX", np.radians(angles_deg))
 
 
-def recordings(needs: tuple[str, ...]) -> dict[str, list[Recording]]:
+def recordings(needs: tuple[str, ...]) -> dict[str, list[KnownMotion]]:
     """Those of each check, for a filter that needs these; the device's orientation is in them for
     one that asks for it.
     """
@@ -150,11 +150,11 @@ def recordings(needs: tuple[str, ...]) -> dict[str, list[Recording]]:
     return {name: [_without_device(case) for case in cases] for name, cases in groups.items()}
 
 
-def _without_device(case: Recording) -> Recording:
+def _without_device(case: KnownMotion) -> KnownMotion:
     return replace(case, samples=replace(case.samples, device_q=None))
 
 
-def _groups() -> dict[str, list[Recording]]:
+def _groups() -> dict[str, list[KnownMotion]]:
     rests = [
         recording(f"axes {matrix.astype(int).tolist()}", rotation.from_matrix(matrix))
         for matrix in axis_aligned()
@@ -223,7 +223,7 @@ above.
 """
 
 
-def error_deg(case: Recording, q: np.ndarray, needs: tuple[str, ...]) -> float:
+def error_deg(case: KnownMotion, q: np.ndarray, needs: tuple[str, ...]) -> float:
     """Largest error of what a filter with these inputs can know: total, inclination, or the turn
     since the rest [deg].
 
@@ -252,7 +252,7 @@ def error_deg(case: Recording, q: np.ndarray, needs: tuple[str, ...]) -> float:
     return float(np.degrees(np.max(errors))) if errors else 0.0
 
 
-def judge(run: Run, needs: tuple[str, ...], groups: dict[str, list[Recording]]) -> list[Check]:
+def judge(run: Run, needs: tuple[str, ...], groups: dict[str, list[KnownMotion]]) -> list[Check]:
     """Every check of a filter that gives well-formed quaternions."""
     checks = []
     for name, cases in groups.items():

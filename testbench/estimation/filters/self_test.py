@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.estimation.filters.base import OrientationFilter
 from testbench.estimation.filters.diagnosis import diagnose
-from testbench.estimation.filters.known_motions import Check, Recording, judge, recordings
+from testbench.estimation.filters.known_motions import Check, KnownMotion, judge, recordings
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class SelfTest:
         }
 
 
-def output_fault(kind: OrientationFilter, case: Recording) -> str:
+def output_fault(kind: OrientationFilter, case: KnownMotion) -> str:
     """What is wrong with the form of a filter's output; empty if nothing is."""
     given = [key for key in ("device_q", "intervals") if getattr(case.samples, key) is not None]
     before = [np.array(getattr(case.samples, key)) for key in ("gyr", "acc", "mag", *given)]

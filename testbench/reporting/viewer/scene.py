@@ -14,12 +14,12 @@ import rerun.urdf
 
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.estimate import Estimate
-from testbench.records.protocol import Sensor
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples, Truth
-from testbench.records.session import Session
-from testbench.reporting.palette import rgb
+from testbench.records.results.estimate import Estimate
+from testbench.records.session.samples import ArmSamples, Truth
+from testbench.records.session.session import Session
+from testbench.records.specs.protocol import Sensor
+from testbench.records.specs.robot import Robot
+from testbench.reporting.page.palette import rgb
 from testbench.reporting.viewer.timeline import changing, every, send
 
 WORLD = "bench"
@@ -168,6 +168,7 @@ def column_width(rows: int, columns: int) -> float:
     return float(np.clip(WIDE * ROW * rows / max(columns, 1), COLUMN, 3 * COLUMN))
 
 
+# One piece: the place of each cell decides where its axes and its name are drawn.
 def log_side_by_side(
     recording: rr.RecordingStream,
     truths: dict[str, Truth | None],

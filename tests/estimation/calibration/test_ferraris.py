@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from testbench.estimation.calibration.ferraris import Turn, ferraris, ferraris_gyroscope
-from testbench.estimation.calibration.least_squares import PoorExcitation
+from testbench.estimation.calibration.ferraris import FerrarisTurn, ferraris, ferraris_gyroscope
 from testbench.estimation.calibration.poses import StaticPoses, static_poses
 from testbench.exceptions import InputError
+from testbench.model.statistics.least_squares import PoorExcitation
 from tests.estimation.calibration.simulated import GRAVITY, SIX, part, poses_of, rng
 
 RATE_HZ, EARTH = 204.8, 9.81
@@ -39,7 +39,7 @@ def test_agrees_with_imucal_on_its_example(data):
     cuts = [
         slice(sections[f"{axis}_rot"]["start"], sections[f"{axis}_rot"]["end"]) for axis in "xyz"
     ]
-    turns = [Turn(gyr[cut], ours.apply(acc[cut]), 1 / RATE_HZ) for cut in cuts]
+    turns = [FerrarisTurn(gyr[cut], ours.apply(acc[cut]), 1 / RATE_HZ) for cut in cuts]
     rest = static_poses(gyr, intervals, times=times, magnitude=EARTH, floor=0.0)
     gyroscope = ferraris_gyroscope(rest, poses, turns, np.radians(-360))
     np.testing.assert_allclose(np.degrees(gyroscope.bias), oracle.b_g, rtol=1e-6)
@@ -64,7 +64,7 @@ def gyroscope_part() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def session(
     noise: float = 0.0, angle_sd: float = 0.0, draw: np.random.Generator | None = None, n: int = 400
-) -> tuple[StaticPoses, StaticPoses, list[Turn]]:
+) -> tuple[StaticPoses, StaticPoses, list[FerrarisTurn]]:
     """Six rests and three full turns at a steady rate in 2 s; `noise` of a sample of the rate."""
     response, bias, g_matrix = gyroscope_part()
     draw = draw or rng(0)
@@ -77,7 +77,7 @@ def session(
         rate[:, axis] = (2 * np.pi + angle_sd * draw.standard_normal()) / 2.0
         force = np.tile(SIX[2 * axis], (n, 1))
         turns.append(
-            Turn(
+            FerrarisTurn(
                 rate @ response.T
                 + bias
                 + force @ g_matrix.T

@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from testbench.estimation.calibration.hinge_axis import axis_of_turn
 from testbench.estimation.calibration.joint_heading import heading_1d, heading_2d
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.sensor_to_segment import (
     SegmentMounting,
     from_arm_kinematics,
     from_directions,
 )
 from testbench.model import rotation
+from testbench.model.statistics.least_squares import PoorExcitation
 from tests.estimation.calibration.simulated import rng
 
 MOUNTING = Rotation.from_rotvec([0.4, -1.1, 0.7])

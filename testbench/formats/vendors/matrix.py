@@ -1,0 +1,116 @@
+"""MATRIX (ICM-40607): CSV with dateTime, acc_x..z [g], gyr_x..z [deg/s] and temperatures; 100 Hz,
+stamps of whole seconds.
+
+Source: Castellanos Alonso, Universidad de Oviedo, 2023.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from testbench.exceptions import InputError
+from testbench.formats.dates import earliest, recorded
+from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
+from testbench.formats.options import Options
+from testbench.formats.recording import ImportedSensor, Recording
+from testbench.formats.suitable import suitable_analysis
+from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
+from testbench.formats.tables.source import Columns, Kind
+from testbench.formats.tables.text_table import find_table, head_of, split_line
+from testbench.formats.tables.timeline import SpreadTime, StampedTime, rate_of_stamps
+from testbench.frames import NANOSECONDS
+
+NOMINAL_RATE = 100.0
+WARMTH = "ambient_temp"
+ACC, GYR = ["acc_x", "acc_y", "acc_z"], ["gyr_x", "gyr_y", "gyr_z"]
+
+
+def read(files: list[Path], options: Options) -> Recording:
+    """Read one file for each sensor.
+
+    Args:
+        files: CSV files.
+        options: Rate and units, where they are not the usual ones.
+
+    Raises:
+        InputError: No files.
+        FileProblems: A file is not of this format.
+    """
+    if not files:
+        raise InputError("a MATRIX recording needs at least one file")
+    names = unique_names(stem_without_stamp(file.stem) for file in files)
+    sensors, notes, dates = {}, [], []
+    for name, file in zip(names, files, strict=True):
+        sensors[name], own, first = _sensor(file, options)
+        dates.append(recorded(first, f"dateTime in {file.name}"))
+        notes += [f"{name}: {note}" for note in own]
+    if len(files) > 1:
+        notes.append("the host time of each sensor begins at 0 with its own first sample")
+    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
+    label = sensor_name(files[0].stem) if len(files) == 1 else "matrix"
+    purpose = "MATRIX recording (accelerometer and gyroscope)"
+    return Recording(
+        label, purpose, sensors, suitable_analysis(heads), notes, recorded=earliest(dates)
+    )
+
+
+# One piece: the titles that are found decide what is checked, converted and noted.
+def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], str]:
+    """The sensor, notes, and its first stamp as it is written."""
+    header = re.compile(r"(?=.*\bdateTime\b)(?=.*\bacc_x\b)", re.IGNORECASE)
+    table, _ = find_table(
+        file, header, "a MATRIX export (its header has dateTime, acc_x..z, gyr_x..z)"
+    )
+    titles = {name.lower(): name for name in table.names}
+    wanted = ["datetime", *ACC, *GYR]
+    missing = [name for name in wanted if name not in titles]
+    if missing:
+        raise table.problem(
+            f"not a MATRIX export: it lacks the column {', '.join(missing)}; it has "
+            f"{', '.join(table.names)}"
+        )
+    stamp = titles["datetime"]
+    acc_unit, gyr_unit = options.unit("acc", "g"), options.unit("gyr", "deg/s")
+    assert acc_unit is not None
+    assert gyr_unit is not None
+    notes = []
+    rate = options.rate_or(None)
+    if rate is None:
+        seconds = StampedTime(stamp, "clock")
+        stamps = [seconds(columns, len(columns[stamp])) for columns in table.chunks(seconds.kinds)]
+        rate, doubt = rate_of_stamps(np.concatenate(stamps) // NANOSECONDS, NOMINAL_RATE)
+        how = (
+            "nominal; the stamps cannot tell"
+            if np.isinf(doubt)
+            else f"by the stamps of whole seconds, to {doubt:.2g} Hz"
+        )
+        notes.append(
+            f"rate {rate:.6g} Hz ({how}); the samples are spread evenly over their seconds"
+        )
+    kinds: dict[str, Kind] = dict.fromkeys(
+        [titles[name] for name in [*ACC, *GYR, WARMTH] if name in titles], "float"
+    )
+
+    def convert(columns: Columns) -> Quantities:
+        gyr = stack(columns, [titles[name] for name in GYR], gyr_unit.factor)
+        warmth = columns[titles[WARMTH]] if WARMTH in titles else None
+        return Quantities(
+            gyr, stack(columns, [titles[name] for name in ACC], acc_unit.factor), temperature=warmth
+        )
+
+    left = [name for name in table.names if name and name.lower() not in {*wanted, WARMTH}]
+    if left:
+        notes.append(f"columns that were not read: {', '.join(left)}")
+    stream = SampleStream(table, kinds, convert, lambda: SpreadTime(stamp, rate))
+    first = next((line for line in head_of(file)[table.first_line - 1 :] if line.strip()), "")
+    stamps_text = dict(zip(table.names, split_line(first, table.separator), strict=False)).get(
+        stamp, ""
+    )
+    return (
+        ImportedSensor(stream, rate, "MATRIX (ICM-40607), accelerometer and gyroscope"),
+        notes,
+        stamps_text,
+    )
