@@ -25,8 +25,8 @@ class FitParameter:
     """One unknown.
 
     Attributes:
-        name: For the record.
-        unit: For the record.
+        name: As the record spells it.
+        unit: Of its value, for the record.
         start: Where the search begins.
         size: Standard deviation of what is known beforehand, such as a data sheet's tolerance; the
             scale of the search, and the uncertainty that a fit must beat.
@@ -67,14 +67,14 @@ def solve(
     """Fit parameters to residuals.
 
     Args:
-        residuals: From the parameters (p,) to residuals (m,), each divided by its standard
-            deviation, or all by the same number.
+        residuals: Gives residuals, shape (m,), of parameters, shape (p,), each divided by its
+            standard deviation, or all by the same number.
         parameters: The unknowns.
-        jacobian: Shape (m, p); by differences if None.
+        jacobian: Gives the derivatives, shape (m, p); by differences if None.
         known_scatter: The residuals' standard deviation is 1 by knowledge; else it is estimated
             from what the fit leaves.
-        residual_unit: What one unit of residual means, for the record.
-        residual_scale: What one unit of residual means, for the record.
+        residual_unit: Unit of the residuals of the record.
+        residual_scale: What makes a residual of the record of one of the fit.
         advice: Against poor excitation.
 
     Raises:

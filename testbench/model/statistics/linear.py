@@ -29,8 +29,7 @@ def solve_linear(
     residual_scale: float = 1.0,
     advice: str = "more poses or motions about other axes are needed",
 ) -> Fit:
-    """Fit observed = design @ values, rows divided by their standard deviations, or by a typical
-    one.
+    """Fit observed = design @ values, rows divided by their (or a typical) standard deviation.
 
     With as many observations as parameters nothing is left to tell the scatter from, and the
     standard deviations are believed.
@@ -38,11 +37,11 @@ def solve_linear(
     Args:
         design: Shape (m, p).
         observed: Shape (m,).
-        parameters: Their `start` is not used.
-        known_scatter: As of `solve`.
-        residual_unit: As of `solve`.
-        residual_scale: As of `solve`.
-        advice: As of `solve`.
+        parameters: The unknowns; their `start` is not used.
+        known_scatter: The residuals' standard deviation is 1 by knowledge.
+        residual_unit: Unit of the residuals of the record.
+        residual_scale: What makes a residual of the record of one of the fit.
+        advice: Against poor excitation.
 
     Raises:
         PoorExcitation: Fewer observations than parameters, or a parameter that the data leave
@@ -72,8 +71,14 @@ def solve_linear(
 
 
 def axis_by_axis(regressors: np.ndarray, axes: int) -> np.ndarray:
-    """Design of several axes with the same regressors and own coefficients, axis after axis: (m, q)
-    to (m * axes, q * axes).
+    """Design of several axes with the same regressors and own coefficients, axis after axis.
+
+    Args:
+        regressors: Of one axis, shape (m, q).
+        axes: How many.
+
+    Returns:
+        Shape (m * axes, q * axes).
     """
     m, q = regressors.shape
     design = np.zeros((m, axes, axes * q))
@@ -102,7 +107,12 @@ def widened_by_misfit(fit: Fit) -> Fit:
 
 
 def whitening(covariance: np.ndarray) -> np.ndarray:
-    """Matrices W with W C W' = 1, shape (m, k, k) to (m, k, k): the inverse of the Cholesky factor
-    of each covariance.
+    """Matrices W with W C W' = 1: the inverse of the Cholesky factor of each covariance C.
+
+    Args:
+        covariance: Shape (m, k, k).
+
+    Returns:
+        Shape (m, k, k).
     """
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
