@@ -150,14 +150,6 @@ def sensor_rows(sensor: SensorErrors) -> list[OrientationRow]:
     return rows
 
 
-def evaluate_sensor(
-    name: str, estimate: SensorEstimate, truth: Truth, steps: list[PlannedStep] | None
-) -> tuple[list[OrientationRow], dict[str, np.ndarray]]:
-    """Rows and error signals of one sensor."""
-    found = sensor_errors(name, estimate, truth, steps)
-    return sensor_rows(found), found.series()
-
-
 ANGLES = {"heading": rotation.heading_angle, "inclination": rotation.inclination_angle}
 """Parts of an error that are differences of angles."""
 

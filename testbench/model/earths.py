@@ -26,15 +26,3 @@ def to_earth_frame(q_enu_from_sensor: np.ndarray, earth: str) -> np.ndarray:
         q_earth_from_sensor, shape (..., 4).
     """
     return rotation.multiply(rotation.conjugate(np.array(Q_ENU_FROM[earth])), q_enu_from_sensor)
-
-
-def to_ned(q_enu_from_sensor: np.ndarray) -> np.ndarray:
-    """Orientations of a filter of the bench against north, east, down.
-
-    Args:
-        q_enu_from_sensor: Shape (..., 4).
-
-    Returns:
-        q_ned_from_sensor, shape (..., 4).
-    """
-    return to_earth_frame(q_enu_from_sensor, "NED")

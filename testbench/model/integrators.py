@@ -16,7 +16,6 @@ Mathematics 13, 2000.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -93,22 +92,6 @@ class Integrator:
             )
         begin = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else np.asarray(start, dtype=float)
         return run_steps(self.scheme, stages, step, begin, self.renormalised)
-
-    def stages_of(
-        self, rate: Callable[[np.ndarray], np.ndarray], times: np.ndarray, step: float
-    ) -> np.ndarray:
-        """Stage rates of a rate that is known at every instant.
-
-        Args:
-            rate: Gives rates, shape (m, 3) [rad/s], at times, shape (m,) [s].
-            times: Beginning of each step, shape (n,) [s].
-            step: Length of a step [s].
-
-        Returns:
-            Shape (n, len(nodes), 3) [rad/s].
-        """
-        at = times[:, None] + step * np.array(self.nodes)
-        return rate(at.ravel()).reshape(len(times), len(self.nodes), 3)
 
     def stages_from_samples(
         self, rates: np.ndarray, stages: Stages = "interpolated"

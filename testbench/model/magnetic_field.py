@@ -15,26 +15,6 @@ MU_0_OVER_4PI = 1e-7
 """Magnetic constant over 4 pi [T m/A] (CODATA 2018, to 1e-9)."""
 
 
-def dipole_field(displacement: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Field of magnetic dipoles (Jackson, Classical Electrodynamics, eq. 5.56).
-
-    Args:
-        displacement: From the dipole to the point, shape (n, 3) [m].
-        moment: In the same frame, shape (n, 3) or (3,) [A m^2].
-
-    Returns:
-        Shape (n, 3) [uT].
-    """
-    distance = np.linalg.norm(displacement, axis=1, keepdims=True)
-    direction = displacement / distance
-    field = (
-        MU_0_OVER_4PI
-        * (3 * direction * np.sum(direction * moment, axis=1, keepdims=True) - moment)
-        / distance**3
-    )
-    return 1e6 * field
-
-
 def induced_moment(field: np.ndarray, radius: float) -> np.ndarray:
     """Moment of a sphere of soft iron in a uniform field (Jackson, eq. 5.115).
 
@@ -71,7 +51,7 @@ def _add_dipoles(
     places: np.ndarray,
     moments: np.ndarray,
 ) -> None:
-    """Add the fields of dipoles, as `dipole_field` gives them.
+    """Add the fields of dipoles, Jackson, Classical Electrodynamics, eq. 5.56.
 
     Args:
         field: In the world, shape (n, 3) [uT].

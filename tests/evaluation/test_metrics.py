@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from testbench.evaluation.metrics import correlation, orientation_errors, rms, summarise
-from testbench.evaluation.orientation import evaluate_sensor, judged_rows, truth_at
+from testbench.evaluation.orientation import judged_rows, sensor_errors, sensor_rows, truth_at
 from testbench.model import rotation
 from testbench.records.results.estimate import SensorEstimate
 from testbench.records.session.samples import Truth
@@ -34,6 +34,12 @@ def estimate(q: np.ndarray) -> SensorEstimate:
         orientation={"vqf_6d": q},
         flagged=np.zeros(len(q), bool),
     )
+
+
+def evaluate_sensor(estimated: SensorEstimate, true: Truth):
+    """Rows and error signals of a sensor."""
+    found = sensor_errors("hand", estimated, true, None)
+    return sensor_rows(found), found.series()
 
 
 @pytest.mark.parametrize(
@@ -73,7 +79,7 @@ def test_the_rows_of_a_sensor_hold_root_mean_squares_in_degrees():
     size = np.radians(np.where(np.arange(N) % 2, 4.0, 2.0))
     vectors = np.column_stack([0 * size, 0 * size, size])
     q = rotation.multiply(rotation.from_rotation_vector(vectors), true_orientations())
-    (row,), series = evaluate_sensor("hand", estimate(q), truth(), None)
+    (row,), series = evaluate_sensor(estimate(q), truth())
     assert (row.sensor, row.filter, row.n) == ("hand", "vqf_6d", N)
     assert row.total_rmse_deg == pytest.approx(np.sqrt(10), abs=1e-9)
     assert row.heading_rmse_deg == pytest.approx(np.sqrt(10), abs=1e-9)
@@ -86,7 +92,7 @@ def test_only_what_the_recording_marks_is_judged():
     marks = np.arange(N) < 100
     q = rotation.multiply(rotation.from_heading(np.where(marks, 0.01, 1.0)), true_orientations())
     marked = Truth(truth().host_time_ns, truth().q_world_from_sensor, judged=marks)
-    (row,), _ = evaluate_sensor("hand", estimate(q), marked, None)
+    (row,), _ = evaluate_sensor(estimate(q), marked)
     assert row.n == 100
     assert row.total_rmse_deg == pytest.approx(np.degrees(0.01), rel=1e-9)
     np.testing.assert_array_equal(
@@ -102,7 +108,7 @@ def test_where_nobody_knows_the_truth_nothing_is_judged():
     q[200:300] = rotation.from_rotation_vector(
         np.array([2.0, 0, 0])
     )  # nonsense where it cannot be seen
-    (row,), series = evaluate_sensor("hand", estimate(q), Truth(times, lost), None)
+    (row,), series = evaluate_sensor(estimate(q), Truth(times, lost))
     assert 395 <= row.n <= 400
     assert row.total_max_deg == pytest.approx(np.degrees(0.02), rel=1e-6)
     assert np.isnan(series["vqf_6d_total_rad"][210:290]).all()
@@ -120,7 +126,7 @@ def test_the_truth_is_interpolated_over_a_breath_and_never_beyond_its_ends():
 
 def test_without_any_truth_there_is_no_row():
     nothing = Truth(truth().host_time_ns, np.full((N, 4), np.nan))
-    rows, _ = evaluate_sensor("hand", estimate(true_orientations()), nothing, None)
+    rows, _ = evaluate_sensor(estimate(true_orientations()), nothing)
     assert rows == []
 
 

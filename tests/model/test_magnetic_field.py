@@ -17,12 +17,12 @@ from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.magnetic_field import (
     MagneticField,
     describe_environment,
-    dipole_field,
     induced_moment,
 )
 from testbench.records.specs.magnetism import MagneticDipole
 from testbench.records.specs.protocol import Environment
 from testbench.records.specs.robot import Robot, load_robot
+from tests.model.dipoles import dipole_field
 
 EARTH = np.array([0.0, 24.0, -39.0])
 MU_0 = 4e-7 * np.pi

@@ -302,7 +302,7 @@ def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(
     recovered = recover(Session(tmp_path / "run"))
     before = raw(recovered)
     monkeypatch.setattr(
-        "testbench.records.disk.tables.Journal.append"
+        "testbench.records.disk.journal.Journal.append"
         if begun != "anew"
         else "pathlib.Path.write_text",
         full,

@@ -14,7 +14,6 @@ from testbench.estimation.calibration.ellipsoid import symmetric, symmetric_root
 from testbench.estimation.calibration.norm_fit import ellipsoid_through, searched
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import (
-    AXES,
     MAGNETOMETER,
     Tolerance,
     bias_parameters,
@@ -22,56 +21,13 @@ from testbench.estimation.calibration.triad_model import (
 )
 from testbench.exceptions import InputError
 from testbench.model import rotation
-from testbench.model.statistics.least_squares import FitParameter, solve
+from testbench.model.statistics.least_squares import FitParameter
 from testbench.model.statistics.linear import whitening
 from testbench.records.results.calibration import TriadCalibration
-from testbench.records.results.fit import Fit
 
 CROOKED = np.radians(10.0)
 """Standard deviation beforehand of the rotation, about each axis, and of the dip [rad]."""
 ADVICE = "poses that turn the sensor about two axes at least, upside down too, are needed"
-
-
-def align_axes(
-    field: np.ndarray, vertical: np.ndarray, angle_sd: float | None = None
-) -> tuple[np.ndarray, Fit]:
-    """R_accelerometer_from_magnetometer and the dip.
-
-    Args:
-        field: By a calibrated magnetometer, shape (m, 3), any unit.
-        vertical: Upward, by the accelerometer, shape (m, 3), any unit.
-        angle_sd: Standard deviation of the angle between the two in a pose [rad]; from the scatter
-            if None.
-
-    Returns:
-        The rotation (3, 3), and a fit of the small rotation about each axis of the accelerometer
-        that is left [rad] and of the dip [rad].
-
-    Raises:
-        PoorExcitation: The poses leave an angle vaguer than 10 deg.
-    """
-    m = field / np.linalg.norm(field, axis=1, keepdims=True)
-    u = vertical / np.linalg.norm(vertical, axis=1, keepdims=True)
-    R, dip = _start(m, u)
-    parameters = [FitParameter(f"rotation_{i}", "rad", 0.0, CROOKED) for i in AXES] + [
-        FitParameter("dip", "rad", dip, CROOKED)
-    ]
-    scale = 1.0 if angle_sd is None else angle_sd * np.cos(dip)
-    turned = m @ R.T
-
-    def residuals(theta: np.ndarray) -> np.ndarray:
-        now = turned @ _turn(theta[:3])[0].T
-        return np.asarray((np.sum(u * now, axis=1) + np.sin(theta[3])) / scale)
-
-    fit = solve(
-        residuals,
-        parameters,
-        known_scatter=angle_sd is not None,
-        residual_unit="1",
-        residual_scale=scale,
-        advice=ADVICE,
-    )
-    return _turn(fit.values[:3])[0] @ R, fit
 
 
 def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> TriadCalibration:
@@ -170,19 +126,3 @@ def _covariance(poses: StaticPoses, A: np.ndarray, bias: np.ndarray, dip: float)
     covariance = np.einsum("mij,mj,mkj->mik", rows, poses.variance, rows)
     covariance[:, 1, 1] += (poses.magnitude * np.cos(dip) * poses.vertical_sd) ** 2
     return np.asarray(covariance)
-
-
-def _turn(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """exp(w), and J with exp(w + d) = exp(J d) exp(w) to first order.
-
-    Barfoot, State Estimation for Robotics, ch. 7.
-    """
-    x, y, z = w
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    t = float(np.linalg.norm(w))
-    a, b, c = (
-        (np.sin(t) / t, (1 - np.cos(t)) / t**2, (t - np.sin(t)) / t**3)
-        if t > 1e-4
-        else (1 - t**2 / 6, 0.5, 1 / 6)
-    )
-    return np.eye(3) + a * K + b * K @ K, np.eye(3) + b * K + c * K @ K

@@ -44,7 +44,6 @@ from testbench.records.session.samples import ImuSamples, Truth
 from testbench.records.session.session import Session
 
 Segmentation = Literal["arm", "gyroscope", "peaks", "variance"]
-SEGMENTATIONS: tuple[Segmentation, ...] = ("arm", "gyroscope", "peaks", "variance")
 FOLDS = 3
 TURN_MARGIN_S = 0.1
 """A turn reaches so far into the rests at its ends [s]."""

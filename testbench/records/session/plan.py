@@ -263,11 +263,6 @@ class Plan:
             if key != "place" and not (key == "cycles" and value is None)
         }
 
-    def step_at(self, time_ns: int) -> PlannedStep:
-        """The step under way at a time."""
-        starts = [step.start_ns for step in self.steps]
-        return self.steps[max(int(np.searchsorted(starts, time_ns, side="right")) - 1, 0)]
-
     def save(self, path: Path) -> None:
         """Write the knots and, as metadata, the step table as plan.parquet."""
         knots = self.trajectory

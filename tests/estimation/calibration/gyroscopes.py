@@ -4,6 +4,7 @@ from the code under test.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -180,3 +181,37 @@ def chain(
         motions.append(motion)
         attitude = Rotation.from_quat(motion.q[-1], scalar_first=True)
     return motions
+
+
+def turns_between_rests(
+    gyr: np.ndarray,
+    interval: float,
+    rests: Sequence[tuple[int, int]],
+    acc: np.ndarray,
+    up_sd: float = 0.0,
+    margin: int = 0,
+) -> GyroscopeRecording:
+    """Cut a recording at its rests, with the direction of gravity by the accelerometer in each.
+
+    Args:
+        gyr: Raw, at a regular interval, shape (n, 3) [rad/s].
+        interval: Between samples [s].
+        rests: Begin and end (exclusive) of each rest, as rows of `gyr`, m of them.
+        acc: Mean calibrated specific force in each rest, shape (m, 3) [m/s^2].
+        up_sd: Standard uncertainty of the force's direction about each axis [rad].
+        margin: Samples by which a turn reaches into the rests at its ends, at most half of each.
+
+    """
+    borders = np.array(rests, dtype=int).reshape(-1, 2)
+    force = np.array([acc[begin:end].mean(axis=0) for begin, end in borders]).reshape(-1, 3)
+    up = force / np.linalg.norm(force, axis=1, keepdims=True)
+    reach = [min(margin, (end - begin) // 2) for begin, end in borders]
+    turns = []
+    for i in range(len(borders) - 1):
+        begin, end = borders[i, 1] - 1 - reach[i], borders[i + 1, 0] + 1 + reach[i + 1]
+        turns.append(
+            Turn(gyr[begin:end], interval, up[i], up[i + 1], force=acc[begin:end], up_sd=up_sd)
+        )
+    return GyroscopeRecording(
+        [Rest(gyr[b:e], f) for (b, e), f in zip(borders, force, strict=True)], turns
+    )

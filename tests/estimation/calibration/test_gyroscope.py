@@ -25,7 +25,6 @@ from testbench.estimation.calibration.turns import (
     GyroscopeRecording,
     Rest,
     Turn,
-    turns_between_rests,
 )
 from testbench.estimation.calibration.whitening import Whitening
 from testbench.exceptions import InputError, NotFoundError
@@ -205,23 +204,6 @@ def test_turns_that_do_not_fit_together_are_refused():
         Turn(np.zeros((1, 3)), 0.01)
     with pytest.raises(InputError, match="rate of a turn of 5 samples"):
         Turn(np.zeros((5, 3)), 0.01, rate=np.zeros((4, 3)))
-    gyr = np.zeros((50, 3))
-    for rests in ([(0, 10), (5, 20)], [(0, 0), (5, 9)], [(0, 10), (40, 60)]):
-        with pytest.raises(InputError, match="rests must hold samples"):
-            turns_between_rests(gyr, 0.01, rests, gyr + 1)
-    with pytest.raises(InputError, match="do not belong together"):
-        turns_between_rests(gyr, 0.01, [(0, 10)], gyr[:5])
-
-
-def test_a_recording_is_cut_at_its_rests():
-    gyr = np.arange(60.0)[:, None] * np.ones(3)
-    acc = np.tile([0.0, 0.0, 9.8], (60, 1))
-    acc[40:] = [0.0, 9.8, 0.0]
-    recording = turns_between_rests(gyr, 0.02, [(0, 20), (40, 60)], acc, up_sd=1e-3, margin=4)
-    (turn,) = recording.turns
-    assert turn.gyr[[0, -1], 0].tolist() == [15, 44]
-    assert turn.up_before == pytest.approx([0, 0, 1]) and turn.up_after == pytest.approx([0, 1, 0])
-    assert [len(rest.gyr) for rest in recording.rests] == [20, 20]
 
 
 @pytest.mark.parametrize("integrator", ["midpoint", "rk4", "cg4", "trapezoid", "euler"])

@@ -14,11 +14,12 @@ from testbench.estimation.calibration.gyroscope import (
 )
 from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import TrueVector, static_poses
-from testbench.estimation.calibration.turns import GyroscopeRecording, turns_between_rests
+from testbench.estimation.calibration.turns import GyroscopeRecording
 from testbench.formats import import_recording
 from testbench.formats.vendors.imu_tk import COUNTS_PER_RAD_S, LOCAL_GRAVITY
 from testbench.frames import NANOSECONDS
 from testbench.model.integrators import INTEGRATORS
+from tests.estimation.calibration.gyroscopes import turns_between_rests
 
 pytestmark = pytest.mark.data
 INTERVAL = 0.01

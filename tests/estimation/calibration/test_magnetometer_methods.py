@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.calibration.magnetometer_axes import align_axes
 from testbench.estimation.calibration.methods import METHODS, methods_of
 from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.exceptions import InputError
 from testbench.model.statistics.least_squares import PoorExcitation
 from tests.estimation.calibration.covering import (
-    DIP,
     FIELD_NOISE,
     WORLD,
-    as_often_as_stated,
     field_poses,
     iron,
     iron_truth,
@@ -52,28 +49,6 @@ def test_an_unknown_strength_is_taken_from_the_ellipsoid_and_leaves_directions_a
         np.testing.assert_allclose(a.bias, b.bias, atol=1e-7)
         assert any("not given" in remark for remark in b.remarks)
     assert 0.9 < ratio[0, 0] < 1.1
-
-
-def test_the_axes_are_aligned_by_a_dip_that_does_not_change():
-    crooked = Rotation.from_rotvec([0.2, -0.5, 0.3])
-    R, fit = align_axes(crooked.inv().apply(EXPECTED), VERTICAL)
-    np.testing.assert_allclose(R, crooked.as_matrix(), atol=1e-9)
-    assert fit["dip"] == pytest.approx(DIP, abs=1e-9)
-    draw, inside = rng(4), np.zeros(4)
-    for _ in range(300):
-        field = crooked.inv().apply(
-            Rotation.from_rotvec(0.003 * draw.standard_normal((24, 3))).apply(EXPECTED)
-        )
-        R, fit = align_axes(field, VERTICAL)
-        left = (crooked * Rotation.from_matrix(R).inv()).as_rotvec()
-        inside += np.abs(np.append(left, fit["dip"] - DIP)) <= fit.half_width()
-    assert as_often_as_stated(inside, 300), inside
-
-
-def test_axes_turned_by_a_whole_quarter_are_found_too():
-    quarter = Rotation.from_euler("XYZ", [180, 90, 0], degrees=True)
-    R, _ = align_axes(quarter.inv().apply(EXPECTED), VERTICAL)
-    np.testing.assert_allclose(R, quarter.as_matrix(), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", methods_of("magnetometer"))
