@@ -269,8 +269,8 @@ def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> Uncertai
     """What a sensor's time contributes to the uncertainty of the truth.
 
     It is the time's uncertainty times the rate at which the sensor's own motion moves the true
-    angle. A time that could not be fitted shifts an angle by no more than that angle changes while it is
-    judged.
+    angle. A time that could not be fitted shifts an angle by no more than that angle changes while
+    it is judged.
 
     Args:
         sensor: Its name.
