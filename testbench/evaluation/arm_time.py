@@ -30,8 +30,9 @@ MISSED_SHARE = 0.01
 
 
 def arm_notes(session: Session) -> list[str]:
-    """What must be known of the arm's recording, in sentences; none where the bench did not record
-    an arm.
+    """What must be known of the arm's recording, in sentences.
+
+    None where the bench did not record an arm.
     """
     if (
         session.robot is None

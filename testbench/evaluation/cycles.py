@@ -173,8 +173,9 @@ def chain_cycles(
 def _average(
     cut: CutCycles, joint: str, name: str, sequence: str | None, step: PlannedStep
 ) -> Found | None:
-    """The row of one joint and filter, and its average cycle; None for too few cycles, and where
-    the joint stands still.
+    """The row of one joint and filter, and its average cycle.
+
+    None for too few cycles, and where the joint stands still.
     """
     if len(cut.true) < LEAST_CYCLES or np.ptp(cut.true.mean(axis=0)) < LEAST_ROM:
         return None

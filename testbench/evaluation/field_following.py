@@ -76,8 +76,9 @@ def following(time_ns: np.ndarray, field: np.ndarray, error: np.ndarray) -> Foll
 
 
 def following_rows(sensor: SensorErrors, found: FieldDeviation) -> list[FieldFollowingRow]:
-    """One row for each filter, over all judged samples; without a share where the field says too
-    little of it.
+    """One row for each filter, over all judged samples.
+
+    Without a share where the field says too little of it.
     """
     rows = np.flatnonzero(sensor.judged & np.isfinite(found.heading_rad))
     if len(rows) < FEWEST_SAMPLES:

@@ -294,8 +294,9 @@ def _reference(
 def _others(
     errors: JointErrors, key: Key, every: np.ndarray, sizes: np.ndarray, defined: np.ndarray
 ) -> list[list[float | None]]:
-    """Mean absolute error [deg] of the two angles that are not the flexion, in each step; None for
-    one that is nowhere defined.
+    """Mean absolute error [deg] of the two angles that are not the flexion, in each step.
+
+    None for one that is nowhere defined.
 
     Args:
         errors: Of the joint.

@@ -12,8 +12,12 @@ from testbench.model import rotation
 
 @dataclass(frozen=True)
 class OrientationErrors:
-    """Error angles [rad], each of shape (n,): total, its part about the vertical (signed), and the
-    rest.
+    """Error angles of orientations.
+
+    Attributes:
+        total: Of the whole rotation, shape (n,) [rad].
+        heading: Of its part about the vertical, signed, shape (n,) [rad].
+        inclination: Of the rest, shape (n,) [rad].
     """
 
     total: np.ndarray

@@ -168,8 +168,9 @@ def noise_rows(sensor: str, rest: LongRest | None) -> list[NoiseRow]:
 
 
 def norm_error_percent(rest: LongRest | None) -> float | None:
-    """Error of the mean norm of the specific force at rest against standard gravity [%]; None
-    without a rest.
+    """Error of the mean norm of the specific force at rest against standard gravity [%].
+
+    None without a rest.
     """
     if rest is None:
         return None
@@ -180,7 +181,8 @@ def norm_error_percent(rest: LongRest | None) -> float | None:
 
 
 def _found(coefficient: Coefficient, size: float) -> tuple[float | None, float | None]:
-    """Value and standard uncertainty in the data sheet's unit; None where it is lost among the
-    others.
+    """Value and standard uncertainty in the data sheet's unit.
+
+    None where it is lost among the others.
     """
     return (coefficient.value / size, coefficient.sd / size) if coefficient.found else (None, None)

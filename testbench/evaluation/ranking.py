@@ -106,8 +106,9 @@ def rank_filters(
 
 
 def _comparable(names: list[str], few: set[frozenset[str]], sums: dict[str, float]) -> list[str]:
-    """Without those, the worst first, whose differences from others hold too few independent
-    blocks.
+    """The filters whose differences from each other hold enough independent blocks.
+
+    The others are left out one by one, the worst first.
 
     Args:
         names: Of the filters.
@@ -124,8 +125,13 @@ def _comparable(names: list[str], few: set[frozenset[str]], sums: dict[str, floa
 
 
 def _exceeds(mean: float, error: float, blocks: int, relevant: float) -> float:
-    """The two-sided p of a mean difference, with its standard error and the number of independent
-    blocks, being larger than what is relevant.
+    """The two-sided p of a mean difference being larger than what is relevant.
+
+    Args:
+        mean: The difference.
+        error: Its standard error.
+        blocks: How many independent blocks it rests on.
+        relevant: The least difference that counts.
     """
     excess = abs(mean) - relevant
     if excess <= 0:
@@ -134,8 +140,9 @@ def _exceeds(mean: float, error: float, blocks: int, relevant: float) -> float:
 
 
 def holm(p: list[float]) -> list[float]:
-    """Adjusted p values of a family of tests (Holm 1979: A simple sequentially rejective multiple
-    test procedure).
+    """Adjusted p values of a family of tests.
+
+    Holm (1979), A simple sequentially rejective multiple test procedure.
     """
     order = np.argsort(p, kind="stable")
     adjusted = np.empty(len(p))
@@ -147,8 +154,9 @@ def holm(p: list[float]) -> list[float]:
 
 
 def group_letters(order: list[str], apart: set[frozenset[str]]) -> dict[str, str]:
-    """Letters by name: two names share one exactly where they are not apart (Piepho 2004, insert
-    and absorb).
+    """Letters by name: two names share one exactly where they are not apart.
+
+    Insert and absorb (Piepho 2004).
 
     Args:
         order: Names, best first; so the first letter belongs to the best.

@@ -43,8 +43,9 @@ class Configurations:
 
 
 def judged_configurations(arm: ArmSamples, steps: list[PlannedStep]) -> Configurations | None:
-    """Measured joint angles in the judged windows: the mean of a pose, several of a sweep; None
-    where there are none.
+    """Measured joint angles in the judged windows: the mean of a pose, several of a sweep.
+
+    None where there are none.
     """
     angles, which = [], []
     spans = window_rows(steps, arm.host_time_ns)
@@ -117,8 +118,9 @@ def flexion_by_joints(
 
 
 def _larger(middle: np.ndarray, ahead: np.ndarray, behind: np.ndarray) -> np.ndarray:
-    """Derivatives, shape (m,); at a kink the larger one-sided one, with the sign it has elsewhere,
-    so that nothing cancels.
+    """Derivatives, shape (m,).
+
+    At a kink the larger one-sided one, with the sign it has elsewhere, so that nothing cancels.
     """
     forward, backward = rotation.wrap(ahead - middle) / STEP, rotation.wrap(middle - behind) / STEP
     smooth = (forward + backward) / 2

@@ -221,8 +221,15 @@ def _scatter(arm: ArmSamples, steps: Sequence[PlannedStep]) -> tuple[float, floa
 
 @njit(cache=True)
 def _variances_of_means(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Sample variance of each column over its number of rows, shape (n, k), in each span of at
-    least two rows, shape (m,), to (m, k).
+    """Sample variance of each column over its number of rows, in each span of rows.
+
+    Args:
+        values: Shape (n, k).
+        first: First row of each span, shape (m,).
+        last: Row behind each span, at least two rows on, shape (m,).
+
+    Returns:
+        Shape (m, k).
     """
     result = np.zeros((len(first), values.shape[1]))
     for i in range(len(first)):
@@ -259,11 +266,11 @@ def _mean_squares(a: np.ndarray, b: np.ndarray, first: np.ndarray, last: np.ndar
 
 
 def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> UncertaintySource | None:
-    """What a sensor's time contributes: its uncertainty times the rate at which the sensor's own
-    motion moves the true angle.
+    """What a sensor's time contributes to the uncertainty of the truth.
 
-    A time that could not be fitted shifts an angle by no more than that angle changes while it is
-    judged.
+    It is the time's uncertainty times the rate at which the sensor's own motion moves the true
+    angle. A time that could not be fitted shifts an angle by no more than that angle changes while
+    it is judged.
 
     Args:
         sensor: Its name.

@@ -84,8 +84,9 @@ summary.
 
 
 def summarise_metrics(evaluation: ResultTables) -> list[Metric]:
-    """Every metric of every filter, without limits; joint metrics give each pose or sweep the same
-    weight.
+    """Every metric of every filter, without limits.
+
+    Joint metrics give each pose or sweep the same weight.
     """
     return _joint_metrics(evaluation) + _chain_metrics(evaluation) + _sensor_metrics(evaluation)
 

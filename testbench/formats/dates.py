@@ -51,8 +51,9 @@ class Recorded:
 
 
 def read_date(text: str) -> tuple[datetime, bool] | None:
-    """A date as a file states it, and whether it states its time zone (else UTC); None where it is
-    none, or ambiguous.
+    """A date as a file states it, and whether it states its time zone (else UTC).
+
+    None where it is none, or ambiguous.
     """
     text = text.strip().strip('"')
     found = _YEAR_FIRST.match(text) or _YEAR_LAST.match(text)

@@ -112,8 +112,9 @@ class QuaternionColumns(StrictModel):
 
 
 class TruthColumns(QuaternionColumns):
-    """Orientations of a reference system, of the sensor or of the body it is mounted on; empty or
-    NaN where lost.
+    """Orientations of a reference system, of the sensor or of the body it is mounted on.
+
+    Empty or NaN where lost.
     """
 
     file: str | None = Field(

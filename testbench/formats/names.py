@@ -30,8 +30,9 @@ def stem_without_stamp(stem: str) -> str:
 
 
 def unique_names(texts: Iterable[str]) -> list[str]:
-    """A valid name for each text; what would stand twice gets _2, _3, also where only upper and
-    lower case differ.
+    """A valid name for each text.
+
+    What would stand twice gets _2, _3, also where only upper and lower case differ.
     """
     names: list[str] = []
     taken: set[str] = set()

@@ -10,8 +10,9 @@ from testbench.formats.units import QUANTITIES, Unit, find_unit
 
 @dataclass
 class Options:
-    """Answers for an importer; one that no importer asked for is refused, because it would silently
-    do nothing.
+    """Answers for an importer.
+
+    One that no importer asked for is refused, because it would silently do nothing.
 
     Attributes:
         mapping: Path or name of a mapping of the generic format.

@@ -124,8 +124,9 @@ def _answer(study: StudyRecord) -> Section:
 
 
 def draw_curves(curves: StudyCurves) -> Figure:
-    """Theory and truth as lines, fits as dotted ones, simulation and measurement as points; long
-    series of points as lines.
+    """Theory and truth as lines, fits as dotted ones, simulation and measurement as points.
+
+    Long series of points as lines.
     """
     groups = list(
         dict.fromkeys(curve.group or curve.name for curve in curves.curves if curve.kind != "truth")

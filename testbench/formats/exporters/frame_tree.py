@@ -128,8 +128,9 @@ def _true_sensors(source: ExportSource) -> list[Transforms]:
 def _estimated_sensors(
     source: ExportSource, kinematics: Kinematics | None, arm: ArmSamples | None
 ) -> list[Transforms]:
-    """The orientation by the chosen filter, where the arm carries the sensor; at the world's origin
-    without an arm.
+    """The orientation by the chosen filter, where the arm carries the sensor.
+
+    At the world's origin without an arm.
     """
     if source.filter == TRUTH:
         return []

@@ -180,8 +180,9 @@ def _sensor_streams(source: ExportSource, name: str) -> list[Stream]:
 def _orientation_at(
     source: ExportSource, name: str, time_ns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Orientation x, y, z, w and its covariance (9) at the samples; -1 and no rotation where it is
-    not known.
+    """Orientation x, y, z, w and its covariance (9) at the samples.
+
+    -1 and no rotation where it is not known.
     """
     q = source.orientation_at(name, time_ns)
     known = np.isfinite(q).all(axis=1)

@@ -20,8 +20,9 @@ LARGEST = 4 << 30
 
 
 def load_mat(file: Path) -> dict[str, Any]:
-    """Variables of a .mat file; structs as dicts, arrays with time along axis 0 where their shapes
-    tell.
+    """Variables of a .mat file.
+
+    Structs as dicts, arrays with time along axis 0 where their shapes tell.
 
     Raises:
         FileProblems: Missing, damaged, or claiming more than it can hold.

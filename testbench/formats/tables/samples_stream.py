@@ -206,8 +206,9 @@ def _unit(q: np.ndarray) -> np.ndarray:
 
 
 def measured_rate(samples: ImuSamples) -> float | None:
-    """Mean rate without gaps [Hz], or None where it cannot be told; stamps may be coarse, even
-    repeat.
+    """Mean rate without gaps [Hz], or None where it cannot be told.
+
+    Stamps may be coarse, even repeat.
     """
     steps = np.diff(samples.device_time_ns)
     if len(steps) < 2 or not np.any(steps > 0):

@@ -21,8 +21,9 @@ LONGEST_LOSS = 2000
 
 
 class Unwrapper:
-    """A counter of a given number of bits, without its wraps; a step counts as the shorter way
-    round.
+    """A counter of a given number of bits, without its wraps.
+
+    A step counts as the shorter way round.
 
     Args:
         bits: Width of the counter.
@@ -34,8 +35,9 @@ class Unwrapper:
         self._value = 0
 
     def __call__(self, raw: np.ndarray) -> np.ndarray:
-        """Increasing where the counter increases, shape (n,), int64; the first value is kept as it
-        is.
+        """Increasing where the counter increases, shape (n,), int64.
+
+        The first value is kept as it is.
         """
         raw = np.asarray(raw, dtype=np.int64)
         if not len(raw):
@@ -138,8 +140,9 @@ class StampedTime(Timeline):
 
 
 class RegularTime(Timeline):
-    """No times at all: sample after sample at a rate; a counter that came with them keeps the place
-    of lost ones.
+    """No times at all: sample after sample at a rate.
+
+    A counter that came with them keeps the place of lost ones.
 
     Args:
         rate: [Hz].
@@ -225,8 +228,9 @@ def _best_origin(stamps: np.ndarray, spread: np.ndarray) -> float:
 
 
 class BadRowError(InputError):
-    """A row of the chunk at hand is at fault; whoever knows the file turns it into `file:line:
-    message`.
+    """A row of the chunk at hand is at fault.
+
+    Whoever knows the file turns it into `file:line: message`.
     """
 
     def __init__(self, message: str, row: int):

@@ -47,8 +47,9 @@ class WithOrientation:
         return [*self.sensors.names, *Q]
 
     def chunks(self, kinds: Mapping[str, Kind]) -> Iterator[Columns]:
-        """See `Source.chunks`; quaternions are interpolated spherically, and NaN before the first
-        and after the last.
+        """See `Source.chunks`.
+
+        Quaternions are interpolated spherically, and NaN before the first and after the last.
         """
         own = {name: kind for name, kind in kinds.items() if name not in Q} | {self.time: "float"}
         wanted: dict[str, Kind] = dict.fromkeys([self.q_time, *Q], "float")

@@ -74,8 +74,9 @@ def error_curves(
     logarithmic: bool = False,
     plane: bool = False,
 ) -> Figure:
-    """Lines with markers and bands; on a logarithmic axis, without bands, where a linear one would
-    leave most of them flat.
+    """Lines with markers and bands.
+
+    On a logarithmic axis, without bands, where a linear one would leave most of them flat.
 
     Args:
         curves: What is drawn.

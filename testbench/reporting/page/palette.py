@@ -33,8 +33,9 @@ REFERENCE = "#868e99"
 
 
 def filter_colours(filters: list[str]) -> dict[str, str]:
-    """Colour of each filter: those of `USUAL` always have their own, others take what is left;
-    beyond twelve they repeat.
+    """Colour of each filter: those of `USUAL` always have their own, others take what is left.
+
+    Beyond twelve they repeat.
     """
     names = list(dict.fromkeys(filters))
     taken = {name: COLOURS[i] for i, name in enumerate(USUAL) if name in names}
@@ -45,8 +46,9 @@ def filter_colours(filters: list[str]) -> dict[str, str]:
 
 
 def ordered_colours(count: int) -> list[str]:
-    """Colours for the values of one quantity in their order, as far apart as so many can be; beyond
-    eight they repeat.
+    """Colours for the values of one quantity in their order, as far apart as so many can be.
+
+    Beyond eight they repeat.
     """
     if count > len(ORDERED):
         return [ORDERED[i % len(ORDERED)] for i in range(count)]

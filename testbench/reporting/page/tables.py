@@ -88,8 +88,9 @@ def number(value: float | None, decimals: int = 2, title: str = "", kind: str = 
 
 
 def significant(value: float | None, count: int = 3, title: str = "") -> Cell:
-    """A number with a fixed count of significant digits, final zeros too; a power of ten where it
-    has many zeros.
+    """A number with a fixed count of significant digits, final zeros too.
+
+    A power of ten where it has many zeros.
     """
     return Cell(significant_digits(value, count), title, "number")
 
@@ -109,8 +110,9 @@ def significant_digits(value: float | None, count: int = 3) -> str:
 
 
 def to_uncertainty(value: float | None, sd: float | None) -> str:
-    """A value to the second significant digit of its standard uncertainty; by itself where that is
-    unknown.
+    """A value to the second significant digit of its standard uncertainty.
+
+    By itself where that is unknown.
     """
     decimals = decimals_by(sd)
     return significant_digits(value) if decimals is None else digits(value, decimals)

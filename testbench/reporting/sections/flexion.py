@@ -17,8 +17,9 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True)
 class Pooled:
-    """Errors of several rows taken together, each sample with the same weight; sd is that within a
-    pose or sweep [deg].
+    """Errors of several rows taken together, each sample with the same weight.
+
+    The sd is that within a pose or sweep [deg].
     """
 
     n: int
@@ -30,8 +31,9 @@ class Pooled:
 
 
 def pool(rows: Iterable[JointRow]) -> Pooled:
-    """Errors of rows taken together; the sd is about the mean of each row, RMS, so that it does not
-    hold what parts them.
+    """Errors of rows taken together.
+
+    The sd is about the mean of each row, RMS, so that it does not hold what parts them.
     """
     rows = list(rows)
     if len(rows) == 1:

@@ -62,8 +62,9 @@ def joint_section(
     colours: Colours,
     spans: list[Span],
 ) -> Section:
-    """Errors of every joint, by pose and over time; beside the published ones of a joint whose
-    protocol names some.
+    """Errors of every joint, by pose and over time.
+
+    The published ones stand beside those of a joint whose protocol names some.
     """
     section = Section("joints", "Joint angles")
     joints = list(dict.fromkeys(row.joint for row in evaluation.joint_angle))
@@ -305,8 +306,9 @@ def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults |
 
 
 def _lowest(errors: PoseErrors, sequence: str) -> list[float]:
-    """Lowest mean |error| of each flexion [deg]; NaN where only one filter ran, so that nothing is
-    marked.
+    """Lowest mean |error| of each flexion [deg].
+
+    NaN where only one filter ran, so that nothing is marked.
     """
     filters = errors.filters(sequence)
     found = [

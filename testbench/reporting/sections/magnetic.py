@@ -28,8 +28,9 @@ QUANTITIES = {
 def magnetic_blocks(
     evaluation: Evaluation, sensor: str, colours: dict[str, str], spans: list[Span]
 ) -> list[Block]:
-    """How far the field was disturbed, over time and against the heading errors; nothing without a
-    magnetometer.
+    """How far the field was disturbed, over time and against the heading errors.
+
+    Nothing without a magnetometer.
     """
     rows = [row for row in evaluation.magnetic_field if row.sensor == sensor]
     if not rows:

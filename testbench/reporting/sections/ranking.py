@@ -25,8 +25,9 @@ FORMS = (("shares", "its", "it", "it is"), ("share", "their", "them", "they are"
 
 
 def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = None) -> list[Block]:
-    """The rankings of one joint's section or of one sensor; a sentence where the filters could not
-    be compared.
+    """The rankings of one joint's section or of one sensor.
+
+    A sentence where the filters could not be compared.
     """
     rows = [row for row in evaluation.ranking if (row.owner, row.section) == (owner, section)]
     where = owner if section is None else f"{owner}, section {section}"

@@ -24,8 +24,9 @@ def flexion_blocks(
     colours: Mapping[str, str],
     spans: Sequence[Span],
 ) -> list[Block]:
-    """True flexion and that of every filter by the joint's own definition; nothing where the
-    signals were not kept.
+    """True flexion and that of every filter by the joint's own definition.
+
+    Nothing where the signals were not kept.
     """
     series = evaluation.series.get(joint_table(joint))
     if not series or not rows:

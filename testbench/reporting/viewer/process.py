@@ -160,8 +160,9 @@ def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float
 
 
 def _go_to(client: Any, time_s: float, pause: threading.Event) -> None:
-    """Set the time of the picture [s]; a recording that is still being loaded has no timelines for
-    a while.
+    """Set the time of the picture [s].
+
+    A recording that is still being loaded has no timelines for a while.
 
     Raises:
         ViewerError: It still has none after `TIMELINE_TIMEOUT`, or the viewer refuses for another
@@ -204,8 +205,9 @@ def _telling_time(session: Session) -> float:
 
 @contextmanager
 def _ended_by_signal() -> Iterator[None]:
-    """Let a polite request to end (SIGTERM) stop the wait like Ctrl-C, so that the viewer ends too;
-    in the main thread only.
+    """Let a polite request to end (SIGTERM) stop the wait like Ctrl-C, so that the viewer ends too.
+
+    In the main thread only.
     """
 
     def stop(signum: int, frame: object) -> None:

@@ -224,8 +224,9 @@ def _log_lines(
     colours: dict[str, str],
     begin: int,
 ) -> None:
-    """Angles [rad] as lines of one plot [deg]; one entity, for each costs its own times and row
-    identifiers.
+    """Angles [rad] as lines of one plot [deg].
+
+    One entity, for each costs its own times and row identifiers.
     """
     if time_ns is None or not lines:
         return

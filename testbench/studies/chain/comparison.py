@@ -140,8 +140,9 @@ class Reference5:
         ).tolist()
 
     def distal_change(self, state: str) -> dict[str, Change]:
-        """Error of the second joint of the squat against that of the first, of each quantity; above
-        zero in the thesis.
+        """Error of the second joint of the squat against that of the first, of each quantity.
+
+        Above zero in the thesis.
         """
         first, second = [row for row in self.servo if row.table == "4.2"]
         return _changes(second.ours[state], first.ours[state])

@@ -49,8 +49,9 @@ def as_printed(turns: Sequence[Turn]) -> list[Turn]:
 def norms(
     turns: Sequence[Turn], integrator: str, stages: Stages, factor: float = 1.0
 ) -> np.ndarray:
-    """Norm of the quaternion after each step of each turn, carried on from step to step; rates
-    times `factor`.
+    """Norm of the quaternion after each step of each turn, carried on from step to step.
+
+    Rates times `factor`.
     """
     method, found = get_integrator(integrator), []
     for turn in turns:
@@ -64,8 +65,9 @@ def norms(
 
 
 def norms_as_printed(turns: Sequence[Turn], integrator: str, factor: float = 1.0) -> np.ndarray:
-    """Norm after each step by the formula as printed, every step begun at unit length; rates times
-    `factor`.
+    """Norm after each step by the formula as printed, every step begun at unit length.
+
+    Rates times `factor`.
     """
     method, found = get_integrator(integrator), []
     for turn in turns:
@@ -78,8 +80,9 @@ def norms_as_printed(turns: Sequence[Turn], integrator: str, factor: float = 1.0
 
 
 def speed_factor(quantity: Callable[[float], np.ndarray], median: float) -> float | None:
-    """The factor of the rates at which the median of a quantity is the wanted one; the smallest,
-    None if there is none.
+    """The factor of the rates at which the median of a quantity is the wanted one.
+
+    The smallest, None if there is none.
     """
 
     def off(factor: float) -> float:

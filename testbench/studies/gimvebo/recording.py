@@ -110,8 +110,9 @@ def _begins(session: Session, time: np.ndarray, section: str, n: int) -> list[in
 
 
 def _rests(begin: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Rows of the rests before and after the move that begins there; the last sample of one is the
-    first of the turn.
+    """Rows of the rests before and after the move that begins there.
+
+    The last sample of one is the first of the turn.
     """
     after = begin + TURN_SAMPLES - 1
     return (begin + 1 - REST_SAMPLES, begin + 1), (after, after + REST_SAMPLES)

@@ -74,8 +74,9 @@ FILTERS_OF_SOURCE = ("euler_ekf_simple", "euler_ekf")
 
 
 def run(bench: StudyBench) -> StudyRecord:
-    """Swing the shank and judge every filter of the protocol; another protocol may stand in for
-    `shank_swing`.
+    """Swing the shank and judge every filter of the protocol.
+
+    Another protocol may stand in for `shank_swing`.
 
     Raises:
         InputError: The other protocol has no sweep that is judged; nothing has run then.
@@ -328,8 +329,9 @@ def cycle_table(results: list[SwingResult]) -> StudyTable:
 
 
 def drift_table(results: list[SwingResult]) -> StudyTable:
-    """Yaw drift by filter; published figures stand beside the Euler filters in a swing as long as
-    the corridor, with roll.
+    """Yaw drift by filter.
+
+    Published figures stand beside the Euler filters in a swing as long as the corridor, with roll.
     """
     front = load_published_tables("reference_4").tables["yaw drift"].rows[0]
     simple, improved = front.values
