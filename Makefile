@@ -16,7 +16,7 @@ unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV PIP_USER PIP_TARGET PIP_PREFIX PIP_RE
 
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
-.PHONY: help setup run reproduce test check format bench lock clean
+.PHONY: help setup run reproduce test check format bench long lock clean
 
 help: ## Show what can be made
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | while IFS="$$(printf '\t')" read -r name text; do \
@@ -55,8 +55,9 @@ run: setup ## Run a protocol on the simulated bench (PROTOCOL=protocols/elbow_fl
 reproduce: setup ## Run the published experiments on the simulated bench, their tables beside ours (reports in logs/)
 	$(BIN)/testbench study --reproduce --parts 1
 
+# A file stays on one worker, for its tests share what takes long to make; the slow files come first.
 test: setup ## Run all tests (PYTEST_ARGS="-k name", PYTEST_WORKERS=2)
-	$(BIN)/python -m pytest -q -n $(PYTEST_WORKERS) $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -q -n $(PYTEST_WORKERS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 check: setup ## Check format, lint, types and the direction of imports
 	$(BIN)/ruff format --check
@@ -70,6 +71,9 @@ format: setup ## Format the code and apply the linter's safe fixes
 
 bench: setup ## Time the hot paths
 	$(BIN)/python -m tests.benchmarks
+
+long: setup ## Ask by the hundred what the tests ask a few times; stopped, it goes on where it was
+	$(BIN)/python -m tests.benchmarks.long
 
 lock: setup ## Pin the newest allowed versions in requirements.lock
 	@printf '%s\n' \

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from testbench.evaluation import evaluate
     from testbench.execution import RunOptions, execute
     from testbench.planning import plan
-    from testbench.records.session import Session
+    from testbench.records.session.session import Session
     from testbench.reporting.report import report
 
 __all__ = ["RunOptions", "Session", "estimate", "evaluate", "execute", "plan", "report"]
@@ -30,7 +30,7 @@ _HOMES = {
     "estimate": "testbench.estimation",
     "evaluate": "testbench.evaluation",
     "report": "testbench.reporting.report",
-    "Session": "testbench.records.session",
+    "Session": "testbench.records.session.session",
 }
 
 

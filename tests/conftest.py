@@ -22,7 +22,7 @@ from hypothesis import settings
 from testbench import execute, plan
 from testbench.execution import RunOptions
 from testbench.pipeline.analyse import Result, analyse
-from testbench.records.shipped import shipped_folder
+from testbench.records.specs.shipped import shipped_folder
 from tests.asking import analysis
 
 # The same examples every time, however busy the machine is.

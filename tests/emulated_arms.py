@@ -25,8 +25,8 @@ from testbench.drivers.session_time import SessionTime
 from testbench.execution import RunOptions
 from testbench.execution.executor import execute_on_arm
 from testbench.execution.sensors import Sensors
-from testbench.records.plan import Plan
-from testbench.records.session import RunStatus, Session, list_sessions
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import RunStatus, Session, list_sessions
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND_PORT = 1502

@@ -55,7 +55,7 @@ DRIVING = {"drivers", "emulation"}
 """Where an arm's maker is known."""
 NAMED = {
     "cli/designing.py": {"ur3e": "the robot that ships as the default: a name in robots/"},
-    "estimation/joint_constraint.py": {"ur3e": "where a figure is from: a name in robots/"},
+    "estimation/joints/joint_constraint.py": {"ur3e": "where a figure is from: a name in robots/"},
     "model/chain_sensor.py": {"ur": "the cross product u x r"},
     "model/dh_calibration.py": {
         "ur3e": "a robot's table of DH parameters: data",
@@ -70,7 +70,7 @@ NAMED = {
         "ur": "the title of the document that a bound is from",
     },
     "planning/planner.py": {"ur3e": "whose reach a bound rests on"},
-    "records/arm_calibration.py": {"universal robots": "whose convention the numbers follow"},
+    "records/specs/arm_calibration.py": {"universal robots": "whose convention the numbers follow"},
     "studies/__init__.py": {"ur3e": "what a published study was measured with"},
 }
 """Exceptions, each with its reason: data and sources, nothing that a run depends on."""

@@ -101,7 +101,7 @@ def test_an_installed_package_finds_its_robots_and_protocols(wheel: Path, tmp_pa
         archive.extractall(tmp_path)
     program = (
         f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
-        "from testbench.records.shipped import shipped_folder\n"
+        "from testbench.records.specs.shipped import shipped_folder\n"
         "sys.stdout.write('\\n'.join(str(shipped_folder(name)) for name in ('robots', "
         "'protocols')))"
     )

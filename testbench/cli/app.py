@@ -42,7 +42,7 @@ from testbench.cli.studying import study
 from testbench.cli.tuning import tune
 
 if TYPE_CHECKING:
-    from testbench.records.session import Session
+    from testbench.records.session.session import Session
 
 app = typer.Typer(
     help="A robot arm turned into a metrology bench for inertial sensors.",
@@ -103,7 +103,7 @@ def plan(
     from testbench.frames import NANOSECONDS
     from testbench.pipeline.prepared import make_plan
     from testbench.pipeline.request import Request, RunRequest
-    from testbench.records.replacing import stored_where_asked
+    from testbench.records.disk.replacing import stored_where_asked
 
     if out is not None and not out.parent.is_dir():
         raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
@@ -274,7 +274,7 @@ def view(
 @app.command()
 def robots(json: JsonOption = False) -> None:
     """List the arms that can be asked for by name."""
-    from testbench.records.robot import list_robots
+    from testbench.records.specs.robot import list_robots
 
     _listing("robots", "Robots", list_robots(), json)
 
@@ -288,10 +288,10 @@ def protocols(
 ) -> None:
     """List the protocols that ship with the bench."""
     if schema:
-        from testbench.records.protocol_schema import schema_text
+        from testbench.records.specs.protocol_schema import schema_text
 
         return say(schema_text().rstrip())
-    from testbench.records.protocol_file import list_protocols
+    from testbench.records.specs.protocol_file import list_protocols
 
     return _listing("protocols", "Protocols", list_protocols(), json)
 
@@ -311,8 +311,8 @@ def sessions(
 ) -> None:
     """List the recorded sessions with their status."""
     from testbench.exceptions import SessionError
-    from testbench.records.evaluation import stored_verdict
-    from testbench.records.session import damaged_sessions, list_sessions
+    from testbench.records.results.evaluation import stored_verdict
+    from testbench.records.session.session import damaged_sessions, list_sessions
 
     rows: list[list[Any]] = []
     causes: dict[str, str] = {}
@@ -367,7 +367,7 @@ def sessions(
 def recover(session: SessionArgument, json: JsonOption = False) -> None:
     """Make a session readable whose run was cut off by a kill or a power cut."""
     from testbench.execution.recovery import recover as make_readable
-    from testbench.records.earlier_steps import unfinished_steps
+    from testbench.records.session.earlier_steps import unfinished_steps
 
     opened = _open(session)
     recovered = make_readable(opened)
@@ -400,7 +400,7 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
 
 
 def _open(path: Path) -> Session:
-    from testbench.records.session import Session
+    from testbench.records.session.session import Session
 
     return Session(path)
 

@@ -91,7 +91,7 @@ def calibrate(
 
     from testbench.pipeline.calibrate import calibrate as make_calibration
     from testbench.pipeline.request import CalibrationRequest
-    from testbench.records.session import Session
+    from testbench.records.session.session import Session
 
     witness: Any = None if segmentation is None else segmentation.value
     asked = CalibrationRequest(
@@ -165,7 +165,7 @@ def calibrate(
 
 
 def _to_its_uncertainty(value: float, sd: float) -> str:
-    from testbench.records.numbers import decimals_by
+    from testbench.records.results.numbers import decimals_by
 
     decimals = decimals_by(sd)
     return f"{value:.6g}" if decimals is None else f"{value:.{decimals}f}"
@@ -176,7 +176,7 @@ def calibrations(
     json: JsonOption = False,
 ) -> None:
     """List stored calibrations by date."""
-    from testbench.records.calibration_file import load_calibrations
+    from testbench.records.results.calibration_file import load_calibrations
 
     found = sorted(load_calibrations(path), key=lambda calibration: calibration.calibrated)
     entries: list[dict[str, Any]] = [

@@ -69,7 +69,7 @@ def export(
     """Write a session in a format that other programs read."""
     from testbench.pipeline.request import ExportRequest
     from testbench.pipeline.show import export as write_export
-    from testbench.records.session import Session
+    from testbench.records.session.session import Session
 
     where: Any = frame.value
     asked = ExportRequest(

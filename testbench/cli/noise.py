@@ -34,7 +34,7 @@ def noise(
     """Noise at rest in data-sheet units; --out keeps it as a sensor preset."""
     from testbench.pipeline.noise import measure_noise
     from testbench.pipeline.request import NoiseRequest
-    from testbench.records.session import Session
+    from testbench.records.session.session import Session
 
     opened = Session(session)
     found = measure_noise(opened, NoiseRequest(sensor=sensor, out=optional(out), like=like))

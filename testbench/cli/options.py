@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def complete_protocol(incomplete: str) -> list[str]:
     """Names of protocols that begin so."""
-    from testbench.records.shipped import shipped_folder
+    from testbench.records.specs.shipped import shipped_folder
 
     return [
         path.stem
@@ -24,7 +24,7 @@ def complete_protocol(incomplete: str) -> list[str]:
 
 def complete_robot(incomplete: str) -> list[str]:
     """Names of robots that begin so."""
-    from testbench.records.robot import list_robots
+    from testbench.records.specs.robot import list_robots
 
     return [name for name in list_robots() if name.startswith(incomplete)]
 

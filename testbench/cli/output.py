@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from testbench.exceptions import BenchError
     from testbench.execution.run_progress import Progress as RunProgress
-    from testbench.records.evaluation import ChainRow, Evaluation, NoiseRow
-    from testbench.records.plan import Plan
+    from testbench.records.results.evaluation import ChainRow, Evaluation, NoiseRow
+    from testbench.records.session.plan import Plan
 
 from testbench.cli.narrow import NOTHING, fit
-from testbench.records.numbers import show_number
+from testbench.records.results.numbers import show_number
 
 COLOURS = {"pass": "green", "marginal": "yellow", "fail": "red", "not measured": "magenta"}
 
@@ -33,7 +33,7 @@ def say_json_error(error: BenchError) -> None:
     file if that is known.
     """
     from testbench.exceptions import FileProblems
-    from testbench.records.storage import plain_values
+    from testbench.records.disk.json_file import plain_values
 
     told: dict[str, Any] = {
         "kind": type(error).__name__,
@@ -58,7 +58,7 @@ def say_note(message: str) -> None:
 
 def say_json(data: Any) -> None:
     """One line of JSON on stdout."""
-    from testbench.records.storage import plain_values
+    from testbench.records.disk.json_file import plain_values
 
     print(json.dumps(plain_values(data), allow_nan=False))
 

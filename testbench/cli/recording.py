@@ -13,7 +13,7 @@ from testbench.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
     from testbench.execution.run_progress import Progress
-    from testbench.records.session import Session
+    from testbench.records.session.session import Session
 
 
 def record(

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from testbench.pipeline.prepared import Prepared
     from testbench.pipeline.request import RunRequest
     from testbench.pipeline.watcher import Consent, Watcher
-    from testbench.records.plan import Plan, PlannedStep
+    from testbench.records.session.plan import Plan, PlannedStep
 
 
 class Speed(StrEnum):
@@ -166,7 +166,7 @@ def _finish(result: Result, json: bool) -> None:
 def _resumable(asked: RunRequest) -> Iterator[None]:
     """Give an error after a session was made the line that goes on with it."""
     from testbench.exceptions import BenchError
-    from testbench.records.session import Session
+    from testbench.records.session.session import Session
 
     try:
         yield

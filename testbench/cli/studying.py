@@ -12,7 +12,7 @@ from testbench.cli.options import JsonOption
 from testbench.cli.output import say, say_json, say_table, teller
 
 if TYPE_CHECKING:
-    from testbench.records.study import StudyRecord, StudyTable
+    from testbench.records.results.study import StudyRecord, StudyTable
     from testbench.studies import Study
     from testbench.studies.bench import StudyBench
 

@@ -18,7 +18,7 @@ from testbench.cli.options import (
 from testbench.cli.output import say, say_json, say_table, teller
 
 if TYPE_CHECKING:
-    from testbench.records.tuning import Tuning
+    from testbench.records.results.tuning import Tuning
 
 
 def tune(

@@ -12,7 +12,7 @@ import numpy as np
 
 from testbench.emulation.faults import Faults, Scenario, ScheduledFault
 from testbench.emulation.joints import Joints
-from testbench.records.robot import Robot
+from testbench.records.specs.robot import Robot
 
 AMPERE_PER_RAD_S2, AMPERE_PER_RAD_S = 0.2, 0.3
 """Currents grow with acceleration and speed by these factors: a stand-in, not a motor model."""

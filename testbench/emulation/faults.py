@@ -11,8 +11,8 @@ from typing import Annotated, ClassVar, Literal, TypeVar
 from pydantic import Field, model_validator
 
 from testbench.exceptions import InputError
-from testbench.records.strict import StrictModel
-from testbench.records.yaml_file import load_yaml
+from testbench.records.disk.yaml_file import load_yaml
+from testbench.records.specs.strict import StrictModel
 
 MOST_STEP_S = 60.0
 """Of the controller's clock."""

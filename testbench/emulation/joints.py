@@ -16,7 +16,7 @@ from enum import StrEnum
 import numpy as np
 
 from testbench.model.servo import servo_update
-from testbench.records.robot import Robot
+from testbench.records.specs.robot import Robot
 
 NOMINAL_GAIN = 300.0
 """Gain of `servoj` at which the lookahead time is the lag (the script manual's default)."""

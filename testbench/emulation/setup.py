@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from testbench.exceptions import InputError
-from testbench.records.robot import Robot, load_robot
+from testbench.records.specs.robot import Robot, load_robot
 
 
 def emulated_robot(model: str, known: Iterable[str]) -> Robot:

@@ -9,36 +9,42 @@ from functools import partial
 
 import numpy as np
 
-from testbench.estimation.access import Correct, SampleAccess
-from testbench.estimation.axes import identify_axes, true_rates
-from testbench.estimation.axes import remarks_on as axes_remarks
-from testbench.estimation.calibration.static_poses import fit_static_poses
-from testbench.estimation.chain.session import ChainRecording, estimate_chain
-from testbench.estimation.filters import OrientationFilter, UniformSamples
-from testbench.estimation.filters.tuned import Parameters, choose_tuned
-from testbench.estimation.frame_alignment import (
+from testbench.estimation.alignment.axes import identify_axes, true_rates
+from testbench.estimation.alignment.axes import remarks_on as axes_remarks
+from testbench.estimation.alignment.frame_alignment import (
     apply_frames,
     fit_frames,
     fit_frames_by_motion,
     fit_frames_by_vectors,
 )
-from testbench.estimation.joints import estimate_joint
-from testbench.estimation.recording import RunFacts, SensorRecording
-from testbench.estimation.resting_heading import drift_remark
-from testbench.estimation.segmentation import detect_static
-from testbench.estimation.time_alignment import fit_clock
-from testbench.estimation.vector_mounting import VectorMounting, mounting_from_vectors
+from testbench.estimation.alignment.resting_heading import drift_remark
+from testbench.estimation.alignment.vector_mounting import VectorMounting, mounting_from_vectors
+from testbench.estimation.calibration.static_poses import fit_static_poses
+from testbench.estimation.chain.session import ChainRecording, estimate_chain
+from testbench.estimation.filters import OrientationFilter, UniformSamples
+from testbench.estimation.filters.tuned import Parameters, choose_tuned
+from testbench.estimation.joints.joints import estimate_joint
+from testbench.estimation.signals.access import Correct, SampleAccess
+from testbench.estimation.signals.recording import RunFacts, SensorRecording
+from testbench.estimation.signals.segmentation import detect_static
+from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.exceptions import InputError, SessionError
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.reference_step import aligning_part, before_judging, reference_step
 from testbench.model.truth import truth_at
-from testbench.records.calibration_file import SensorCalibration, find_calibration
-from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, FrameFit, SensorEstimate
-from testbench.records.manifest import SensorRecord
-from testbench.records.samples import ImuSamples, Truth
-from testbench.records.session import Session
-from testbench.records.tuning import Tuning
+from testbench.records.results.calibration_file import SensorCalibration, find_calibration
+from testbench.records.results.estimate import (
+    CalibrationFit,
+    ClockFit,
+    Estimate,
+    FrameFit,
+    SensorEstimate,
+)
+from testbench.records.results.tuning import Tuning
+from testbench.records.session.manifest import SensorRecord
+from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.session.session import Session
 
 LEAST_SAMPLES = 10
 """Of a sensor, for anything to be estimated."""

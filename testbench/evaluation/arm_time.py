@@ -11,10 +11,10 @@ import numpy as np
 from testbench.evaluation.judged import SETTLING_NS
 from testbench.frames import NANOSECONDS
 from testbench.model.truth import WIDEST_GAP_NS
-from testbench.records.layout import ARM, table_file
-from testbench.records.plan import PlannedStep
-from testbench.records.session import Session
-from testbench.records.storage import read_parquet_batches
+from testbench.records.disk.tables import read_parquet_batches
+from testbench.records.session.layout import ARM, table_file
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.session import Session
 
 DEPARTED_RAD = float(np.radians(0.05))
 """The arm has left a pose when a joint is so far away [rad]: beyond what encoders hiss and a
@@ -48,16 +48,15 @@ def arm_notes(session: Session) -> list[str]:
     if early:
         notes.append(
             f"arm time is doubtful by {max(early) / NANOSECONDS:.2g} s: in {len(early)} of {steps} "
-            "steps the arm moves before "
-            "it was commanded, so the truth does not belong to the sensors' samples"
+            "steps the arm moves before it was commanded, so the truth does not belong to the "
+            "sensors' samples"
         )
     missed = session.manifest.arm.timing.samples_missed
     if missed > MISSED_SHARE * (missed + count) or (missed and gap_ns > WIDEST_GAP_NS):
         share = 100 * missed / (missed + count)
         notes.append(
             f"of the controller's samples {missed} ({share:.2g} %) did not come, the longest gap "
-            "is "
-            f"{gap_ns / NANOSECONDS:.2g} s; the truth is not known in gaps beyond "
+            f"is {gap_ns / NANOSECONDS:.2g} s; the truth is not known in gaps beyond "
             f"{WIDEST_GAP_NS / NANOSECONDS:g} s"
         )
     return notes
@@ -72,8 +71,8 @@ def _clock_notes(session: Session) -> list[str]:
         if event.event == "arm_time_step" and isinstance(by, int | float):
             notes.append(
                 f"the clocks of controller and bench parted by {abs(by):.2g} s before {at[3:]}: "
-                "the arm's times are right from "
-                "there on, and wrong by as much before, at most since the last motion began"
+                "the arm's times are right from there on, and wrong by as much before, at most "
+                "since the last motion began"
             )
         elif event.event == "arm_time_doubtful" and isinstance(lead, int | float):
             notes.append(

@@ -31,13 +31,13 @@ from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
 from testbench.model.truth import truth_at
-from testbench.records.chain import ChainEstimate
-from testbench.records.estimate import Estimate, SensorEstimate
-from testbench.records.plan import PlannedStep
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Session
-from testbench.records.uncertainty import UncertaintyBudget, UncertaintySource
+from testbench.records.results.chain import ChainEstimate
+from testbench.records.results.estimate import Estimate, SensorEstimate
+from testbench.records.results.uncertainty import UncertaintyBudget, UncertaintySource
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Session
+from testbench.records.specs.robot import Robot
 
 UNKNOWN_TRUTH = "the accuracy of the reference system is not known"
 PARTS = ("total", "heading", "inclination")

@@ -11,11 +11,11 @@ from testbench.evaluation.cycles import Found, chain_cycles, cycle_notes
 from testbench.evaluation.metrics import rms, summarise
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import joint_acceleration
-from testbench.records.chain import ChainEstimate
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import ChainRow, ResultTables
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Session
+from testbench.records.results.chain import ChainEstimate
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import ChainRow, ResultTables
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Session
 
 LEAST_ANGLE = np.radians(1.0)
 """Errors are not divided by angles smaller than this [rad]."""
@@ -54,8 +54,7 @@ def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, lis
         if not rows:
             result.notes.append(
                 f"{where}: not judged, for no sample is left: settling_s leaves out as much as its "
-                "steps last, or none was "
-                f"finished"
+                "steps last, or none was finished"
             )
         for row in rows:
             true = ChainTruth(
@@ -81,10 +80,9 @@ def _coverage_notes(where: str, rows: list[ChainRow]) -> list[str]:
         return []
     worst = min(low, key=lambda row: row.covered_percent)
     note = (
-        f"{where}: the uncertainties that it states are too small for {len(low)} of "
-        f"{len(rows)} joints: 1.96 of them "
-        f"cover {worst.covered_percent:.0f} % of the errors of {worst.joint}, where 95 % "
-        "would be honest"
+        f"{where}: the uncertainties that it states are too small for {len(low)} of {len(rows)} "
+        f"joints: 1.96 of them cover {worst.covered_percent:.0f} % of the errors of {worst.joint}, "
+        "where 95 % would be honest"
     )
     return [note]
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from testbench.evaluation.flexion import JointErrors
 from testbench.frames import NANOSECONDS
-from testbench.records.chain import ChainEstimate
-from testbench.records.evaluation import ResultTables
-from testbench.records.evaluation_rows import CycleRow
-from testbench.records.layout import CYCLES
-from testbench.records.plan import PlannedStep
+from testbench.records.results.chain import ChainEstimate
+from testbench.records.results.evaluation import ResultTables
+from testbench.records.results.evaluation_rows import CycleRow
+from testbench.records.session.layout import CYCLES
+from testbench.records.session.plan import PlannedStep
 
 POINTS = 101
 """Points of an average cycle: each percent from 0 to 100, as gait laboratories draw it."""
@@ -47,8 +47,8 @@ class CutCycles:
     """The cycles of one sweep, resampled to every percent.
 
     Attributes:
-        estimated: [rad], shape (cycles, 101).
-        true: [rad], shape (cycles, 101).
+        estimated: Estimated angle [rad], shape (cycles, 101).
+        true: True angle [rad], shape (cycles, 101).
         planned: How many cycles the plan has in the judged part, those with gaps among them.
     """
 
@@ -66,9 +66,9 @@ def cut_cycles(
 
     Args:
         step: A sweep, when it happened.
-        time_ns: Of the judged samples, increasing, shape (n,).
-        true: True angle, and estimated less true [rad], shape (n,) each.
-        error: True angle, and estimated less true [rad], shape (n,) each.
+        time_ns: Of the judged samples, increasing, shape (n,) [ns].
+        true: True angle [rad], shape (n,).
+        error: Estimated less true angle [rad], shape (n,).
 
     Returns:
         None for a step without planned cycles, and for one that did not last as planned.
@@ -100,9 +100,7 @@ def cut_cycles(
 
 
 def lasted_as_planned(step: PlannedStep) -> bool:
-    """Whether the cycles of a sweep were where the plan says: it neither broke off nor was it held
-    up.
-    """
+    """Whether a sweep neither broke off nor was held up, so that its cycles are where planned."""
     late = (step.settled_ns - step.start_ns) / NANOSECONDS - (
         step.cycles.motion_s if step.cycles is not None else 0.0
     )
@@ -115,8 +113,7 @@ def _widest_gap(time: np.ndarray, begin: float, end: float) -> float:
 
 
 def coefficient_of_multiple_correlation(estimated: np.ndarray, true: np.ndarray) -> float | None:
-    """Similarity of two waveforms measured at once, in offset, gain and shape together: 1 where
-    they are the same.
+    """Similarity of two waveforms in offset, gain and shape together; 1 where they are the same.
 
     The inter-protocol CMC of Ferrari, Cutti & Cappello (Gait & Posture 31, 2010, 540-542), with two
     protocols and equally many frames in each cycle; it leaves out how cycles differ from one
@@ -124,8 +121,8 @@ def coefficient_of_multiple_correlation(estimated: np.ndarray, true: np.ndarray)
     849-860) has for its subject.
 
     Args:
-        estimated: Shape (cycles, frames).
-        true: Shape (cycles, frames).
+        estimated: By the sensors, shape (cycles, frames), in any unit.
+        true: By the arm at the same instants, shape (cycles, frames), in the same unit.
 
     Returns:
         None where it is no real number: the two differ more than they move.
@@ -158,7 +155,7 @@ def chain_cycles(
     Args:
         steps: Of the session.
         estimate: The chain's.
-        series: Its error signals, as `evaluate_chain` gives them.
+        series: Its error signals by name, as `evaluate_chain` gives them, shape (n,) each.
     """
     judged = series["judged"]
     time = series["host_time_ns"][judged]
@@ -244,8 +241,8 @@ def cycle_notes(where: str, steps: Sequence[PlannedStep], found: list[Found]) ->
             lasted = (step.settled_ns - step.start_ns) / NANOSECONDS
             notes.append(
                 f"{where}: the sweep '{step.name}' lasted {lasted:.2f} s where "
-                f"{cycles.motion_s:.2f} s were planned, so that "
-                "nobody knows where its cycles begin: they are not averaged"
+                f"{cycles.motion_s:.2f} s were planned, so that nobody knows where its cycles "
+                "begin: they are not averaged"
             )
     averaged = {row.step for row, _ in found}
     missing = [
@@ -254,8 +251,8 @@ def cycle_notes(where: str, steps: Sequence[PlannedStep], found: list[Found]) ->
     if missing:
         notes.append(
             f"{where}: no average cycle of {len(missing)} of {len(periodic)} sweeps: fewer than "
-            f"{LEAST_CYCLES} of their cycles "
-            "are judged from end to end, or the angle hardly changes"
+            f"{LEAST_CYCLES} of their cycles are judged from end to end, or the angle hardly "
+            "changes"
         )
     unlike = {
         (row.joint, row.step): row
@@ -265,9 +262,8 @@ def cycle_notes(where: str, steps: Sequence[PlannedStep], found: list[Found]) ->
     for row in unlike.values():
         notes.append(
             f"{where}: the true angle of {row.joint} in step {row.step} differs from one cycle of "
-            f"{1 / row.frequency_hz:.3g} s "
-            f"to the next by {row.true_sd_deg:.2f} deg (standard deviation) of a range of "
-            f"{row.true_rom_deg:.1f} deg: it is "
-            "not periodic as planned, and its average cycle says little"
+            f"{1 / row.frequency_hz:.3g} s to the next by {row.true_sd_deg:.2f} deg (standard "
+            f"deviation) of a range of {row.true_rom_deg:.1f} deg: it is not periodic as planned, "
+            "and its average cycle says little"
         )
     return notes

@@ -13,7 +13,7 @@ from numba import njit
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.windows import moving_mean
-from testbench.records.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep
 
 CONVERGENCE_BAND = np.radians(0.1)
 """An error has settled when it stays this near to its settled value, or within three standard
@@ -46,10 +46,10 @@ def angle_delay(
     Gauss-Newton; the uncertainty lets residuals hang together over 2 s (Liang & Zeger 1986).
 
     Args:
-        time_ns: Increasing, shape (n,).
-        estimated: [rad], shape (n,).
-        true: [rad], shape (n,).
-        sweeps: Rows of each sweep.
+        time_ns: Increasing, shape (n,) [ns].
+        estimated: Estimated angle [rad], shape (n,).
+        true: True angle [rad], shape (n,).
+        sweeps: Rows of each sweep, shape (rows of the sweep,) each.
 
     Returns:
         None where the truth hardly moves or the fit finds no delay below half a second.
@@ -95,7 +95,7 @@ class TrueTurning:
     """How the truth turns at a sensor's instants; worked out once for all filters.
 
     Attributes:
-        time_ns: Shape (n,).
+        time_ns: Shape (n,) [ns].
         q: q_world_from_sensor, shape (n, 4).
         rate: In the world, by differences of orientations; NaN at the ends and beside gaps, shape
             (n, 3) [rad/s].
@@ -111,7 +111,12 @@ class TrueTurning:
 
     @staticmethod
     def of(time_ns: np.ndarray, q_world_from_sensor: np.ndarray) -> TrueTurning:
-        """Of the truth at some instants, shapes (n,) [ns] and (n, 4)."""
+        """Of the truth at some instants.
+
+        Args:
+            time_ns: Increasing, shape (n,) [ns].
+            q_world_from_sensor: True orientations, shape (n, 4).
+        """
         rate = rate_in_world(time_ns, q_world_from_sensor)
         interval = float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else 1.0
         window = max(round(SLOW_S / max(interval, 1e-6)), 3)
@@ -184,8 +189,14 @@ def _sums_by_cluster(
 
 
 def rate_in_world(time_ns: np.ndarray, q_world_from_sensor: np.ndarray) -> np.ndarray:
-    """Angular rate in the world by differences of orientations, shape (n, 3) [rad/s]; NaN at the
-    ends and beside gaps.
+    """Angular rate in the world by central differences of orientations.
+
+    Args:
+        time_ns: Increasing, shape (n,) [ns].
+        q_world_from_sensor: True orientations, shape (n, 4).
+
+    Returns:
+        Shape (n, 3) [rad/s]; NaN at the ends and beside gaps.
     """
     q = q_world_from_sensor
     rate = np.full((len(q), 3), np.nan)

@@ -15,10 +15,10 @@ import numpy as np
 
 from testbench.model import rotation
 from testbench.model.truth import truth_at
-from testbench.records.estimate import SensorEstimate
-from testbench.records.evaluation import EulerRangeRow
-from testbench.records.plan import PlannedStep
-from testbench.records.samples import Truth
+from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.evaluation import EulerRangeRow
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import Truth
 
 LOCKED = np.radians(10.0)
 """Nearer to gimbal lock than this the outer angles are not reported apart [rad]."""

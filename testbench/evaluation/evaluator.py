@@ -30,15 +30,15 @@ from testbench.evaluation.orientation import (
 from testbench.evaluation.outliers import outlier_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.reference_step import reference_warning
-from testbench.records.earlier_steps import earlier_steps
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import SEVERITY, Evaluation, Metric, Outcome, ResultTables
-from testbench.records.evaluation_rows import TunedRow
-from testbench.records.layout import joint_table, magnetic_table, orientation_table
-from testbench.records.near import Instants, united
-from testbench.records.plan import PlannedStep, judged_steps
-from testbench.records.samples import ImuSamples, Truth
-from testbench.records.session import RunStatus, Session
+from testbench.records.disk.near import Instants, united
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import SEVERITY, Evaluation, Metric, Outcome, ResultTables
+from testbench.records.results.evaluation_rows import TunedRow
+from testbench.records.session.earlier_steps import earlier_steps
+from testbench.records.session.layout import joint_table, magnetic_table, orientation_table
+from testbench.records.session.plan import PlannedStep, judged_steps
+from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.session.session import RunStatus, Session
 
 MOST_OF_THE_ARM = 200_000
 """Instants of a long campaign at which its budgets look at the arm."""
@@ -117,8 +117,7 @@ def _verdict_notes(metrics: list[Metric]) -> list[str]:
     ]
     return unmeasured + [
         f"{m.name} by {m.filter}{f', section {m.section},' if m.section else ''} is marginal and "
-        "cannot pass, for the "
-        f"uncertainty of the truth is not known: {m.no_uncertainty}"
+        f"cannot pass, for the uncertainty of the truth is not known: {m.no_uncertainty}"
         for m in metrics
         if m.outcome is Outcome.MARGINAL and m.no_uncertainty
     ]

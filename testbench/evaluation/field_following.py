@@ -8,11 +8,16 @@ import numpy as np
 from numba import njit
 from scipy.special import stdtrit
 
-from testbench.evaluation.blocks import CONFIDENCE, FEWEST_BLOCKS, mean_and_error, sample_series
 from testbench.evaluation.magnetic import FEWEST_SAMPLES, FieldDeviation
 from testbench.evaluation.orientation import SensorErrors
 from testbench.frames import NANOSECONDS
-from testbench.records.evaluation_rows import FieldFollowingRow
+from testbench.model.statistics.blocks import (
+    CONFIDENCE,
+    FEWEST_BLOCKS,
+    mean_and_error,
+    sample_series,
+)
+from testbench.records.results.evaluation_rows import FieldFollowingRow
 
 BIN_NS = NANOSECONDS // 2
 """Both headings are averaged over so long: the magnetometer's noise of 0.2 deg a sample becomes

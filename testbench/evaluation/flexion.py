@@ -24,12 +24,12 @@ from testbench.model.joint_angle import (
     unwrapped,
 )
 from testbench.model.truth import WIDEST_GAP_NS, truth_at
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import JointRow
-from testbench.records.joint_definition import FlexionAngle
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol import JointDefinition
-from testbench.records.session import Session
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import JointRow
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.session import Session
+from testbench.records.specs.joint_definition import FlexionAngle
+from testbench.records.specs.protocol import JointDefinition
 
 Key = tuple[str, str]
 """Filter and label of the definition."""
@@ -44,16 +44,14 @@ class JointErrors:
     """Flexion errors of one joint, and where they count.
 
     Attributes:
-        name: Of the protocol.
-        joint: Of the protocol.
-        time_ns: Of the proximal sensor, shape (n,).
+        name: What the protocol calls the joint.
+        joint: Its definition in the protocol.
+        time_ns: Of the proximal sensor, shape (n,) [ns].
         reference: True flexion [rad], shape (n,).
-        flexion: Estimated, and its error, by filter and Euler sequence [rad], shape (n,) each.
-        error: Estimated, and its error, by filter and Euler sequence [rad], shape (n,) each.
-        true_angles: All three Euler angles, true by sequence and estimated by filter and sequence,
-            shape (n, 3).
-        angles: All three Euler angles, true by sequence and estimated by filter and sequence, shape
-            (n, 3).
+        flexion: Estimated flexion by filter and Euler sequence [rad], shape (n,) each.
+        error: Estimated less true flexion by filter and Euler sequence [rad], shape (n,) each.
+        true_angles: All three true Euler angles by sequence [rad], shape (n, 3) each.
+        angles: All three estimated Euler angles by filter and sequence [rad], shape (n, 3) each.
         steps: Judged steps with the rows that count in each, in the order of time; those without
             any are left out.
         total: Angle of the rotation between estimated and true orientation of the distal segment

@@ -6,12 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.evaluation.blocks import mean_and_error, sample_series
 from testbench.evaluation.judged import rows_by_step
-from testbench.records.estimate import SensorEstimate
-from testbench.records.evaluation_rows import GyroscopeBiasRow
-from testbench.records.plan import PlannedStep
-from testbench.records.samples import AXES, ImuSamples
+from testbench.model.statistics.blocks import mean_and_error, sample_series
+from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.evaluation_rows import GyroscopeBiasRow
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import AXES, ImuSamples
 
 FEWEST_SAMPLES = 50
 

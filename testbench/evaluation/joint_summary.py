@@ -6,16 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.evaluation.blocks import ErrorSeries, intervals, step_series
 from testbench.evaluation.dynamics import angle_delay
 from testbench.evaluation.flexion import JointErrors, Key
 from testbench.evaluation.metrics import correlation, summarise
 from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, rank_filters
 from testbench.model.noise import random_stream
-from testbench.records.evaluation import JointRow
-from testbench.records.evaluation_rows import Comparison, ErrorSummary, JointSummary, RankRow
-from testbench.records.plan import PlannedStep
-from testbench.records.uncertainty import UncertaintyBudget
+from testbench.model.statistics.blocks import ErrorSeries, intervals, step_series
+from testbench.records.results.evaluation import JointRow
+from testbench.records.results.evaluation_rows import (
+    Comparison,
+    ErrorSummary,
+    JointSummary,
+    RankRow,
+)
+from testbench.records.results.uncertainty import UncertaintyBudget
+from testbench.records.session.plan import PlannedStep
 
 Judged = list[tuple[PlannedStep, np.ndarray]]
 
@@ -23,9 +28,10 @@ Judged = list[tuple[PlannedStep, np.ndarray]]
 def summarise_joint(
     errors: JointErrors, rows: list[JointRow], budgets: list[UncertaintyBudget], clock_sd: float
 ) -> tuple[list[JointSummary], list[RankRow], list[Comparison]]:
-    """Summaries of every section, filter and sequence; and the ranking of the filters, by the
-    flexion in the joint's own sequence and by the total error, which sees headings where the
-    flexion does not.
+    """Summaries of every section, filter and sequence, and the ranking of the filters.
+
+    They are ranked by the flexion in the joint's own sequence and by the total error, which sees
+    headings where the flexion does not.
 
     Args:
         errors: Of the joint.
@@ -36,50 +42,69 @@ def summarise_joint(
     summaries: list[JointSummary] = []
     ranks: list[RankRow] = []
     comparisons: list[Comparison] = []
-    rows_of: dict[tuple[str, str, str], list[JointRow]] = {}
-    for row in rows:
-        rows_of.setdefault((row.section, row.filter, row.sequence), []).append(row)
     for section, steps in errors.sections().items():
         budget = next(
             (item for item in budgets if item.owner == errors.name and item.section == section),
             None,
         )
-        own: dict[str, ErrorSeries] = {}
-        whole: dict[str, ErrorSeries] = {}
-        for motion, judged in by_motion(steps).items():
-            for key in errors.error:
-                steps_of = rows_of[section, *key]
-                of_motion = [row for row in steps_of if motion in ("all", _motion(row.kind))]
-                found = _summary(errors, key, judged, of_motion, motion, clock_sd)
-                if motion != "dynamic":
-                    poses = [row for row in of_motion if row.kind != "sweep"]
-                    found = _with_settling(found, poses)
-                expanded = (
-                    (None, None)
-                    if budget is None
-                    else (budget.expanded_deg, budget.expanded_magnitude_deg)
-                )
-                summaries.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
-        for (name, label), error in errors.error.items():
-            if label == errors.joint.label:
-                series = _series(error, steps)
-                if series is not None:
-                    own[name] = series
-        for name, total in errors.total.items():
-            series = _series(total, steps)
-            if series is not None:
-                whole[name] = series
-        for sequence, criterion, judged_by in (
-            (errors.joint.label, MEAN_MAGNITUDE, own),
-            (None, MEAN_SQUARE, whole),
-        ):
-            if len(judged_by) > 1:
-                ranked, compared = rank_filters(
-                    errors.name, section, sequence, criterion, judged_by
-                )
-                ranks += ranked
-                comparisons += compared
+        own = [row for row in rows if row.section == section]
+        summaries += _section_summaries(errors, section, own, budget, clock_sd)
+        ranked, compared = _section_ranking(errors, section, steps)
+        ranks += ranked
+        comparisons += compared
     return summaries, ranks, comparisons
+
+
+def _section_summaries(
+    errors: JointErrors,
+    section: str,
+    rows: list[JointRow],
+    budget: UncertaintyBudget | None,
+    clock_sd: float,
+) -> list[JointSummary]:
+    """Of every filter and sequence, over all steps of a section, at rest and in motion."""
+    expanded = (
+        (None, None) if budget is None else (budget.expanded_deg, budget.expanded_magnitude_deg)
+    )
+    rows_of: dict[Key, list[JointRow]] = {key: [] for key in errors.error}
+    for row in rows:
+        rows_of[row.filter, row.sequence].append(row)
+    result = []
+    for motion, judged in by_motion(errors.sections()[section]).items():
+        for key in errors.error:
+            of_motion = [row for row in rows_of[key] if motion in ("all", _motion(row.kind))]
+            found = _summary(errors, key, judged, of_motion, motion, clock_sd)
+            if motion != "dynamic":
+                found = _with_settling(found, [row for row in of_motion if row.kind != "sweep"])
+            result.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
+    return result
+
+
+def _section_ranking(
+    errors: JointErrors, section: str, steps: list[tuple[PlannedStep, np.ndarray]]
+) -> tuple[list[RankRow], list[Comparison]]:
+    """Of the filters in a section, by the flexion and by the total error."""
+    own = {
+        name: series
+        for (name, label), error in errors.error.items()
+        if label == errors.joint.label and (series := _series(error, steps)) is not None
+    }
+    whole = {
+        name: series
+        for name, total in errors.total.items()
+        if (series := _series(total, steps)) is not None
+    }
+    ranks: list[RankRow] = []
+    comparisons: list[Comparison] = []
+    for sequence, criterion, judged_by in (
+        (errors.joint.label, MEAN_MAGNITUDE, own),
+        (None, MEAN_SQUARE, whole),
+    ):
+        if len(judged_by) > 1:
+            ranked, compared = rank_filters(errors.name, section, sequence, criterion, judged_by)
+            ranks += ranked
+            comparisons += compared
+    return ranks, comparisons
 
 
 def by_motion(steps: Judged) -> dict[str, Judged]:

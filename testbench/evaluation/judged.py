@@ -11,9 +11,9 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.model.truth import without_jumps
-from testbench.records.plan import PlannedStep
-from testbench.records.samples import Truth
-from testbench.records.session import Session
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import Truth
+from testbench.records.session.session import Session
 
 SETTLING_NS = NANOSECONDS * 3 // 10
 """After a move the arm still swings in; this long is left out of a dwell (a servo of 12 Hz is

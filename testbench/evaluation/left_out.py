@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from testbench.evaluation.judged import window_rows
-from testbench.records.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep
 
 FEW = 0.5
 """Where less than this of the samples counts of those steps that count at all, that is said."""
@@ -32,13 +32,10 @@ def left_out_notes(
     Args:
         subject: Sensor or joint, as notes call it.
         steps: Those to be judged.
-        time_ns: Of the samples, increasing, shape (n,).
-        static: Where the sensors are at rest, the truth is known, and no sample is flagged, shape
-            (n,), bool.
-        known: Where the sensors are at rest, the truth is known, and no sample is flagged, shape
-            (n,), bool.
-        sound: Where the sensors are at rest, the truth is known, and no sample is flagged, shape
-            (n,), bool.
+        time_ns: Of the samples, increasing, shape (n,) [ns].
+        static: Where the sensors are at rest, shape (n,), bool.
+        known: Where the truth is known, shape (n,), bool.
+        sound: Where no sample is flagged, shape (n,), bool.
     """
     sections: dict[str, list[PlannedStep]] = {}
     for step in steps:

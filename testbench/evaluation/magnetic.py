@@ -13,9 +13,9 @@ from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.metrics import rms
 from testbench.evaluation.orientation import SensorErrors
 from testbench.model import rotation
-from testbench.records.evaluation_rows import FieldErrorRow, FieldRow
-from testbench.records.plan import PlannedStep
-from testbench.records.samples import ImuSamples
+from testbench.records.results.evaluation_rows import FieldErrorRow, FieldRow
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import ImuSamples
 
 EDGES = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, np.inf)
 """Of the classes of disturbance [%] of the norm, [deg] of dip and heading; VQF rejects a norm or
@@ -33,10 +33,9 @@ class FieldDeviation:
         norm: Of the reference [uT].
         dip: Of the reference, below the horizon [rad].
         norm_percent: Deviation of the norm, shape (n,) [%].
-        dip_rad: Of the direction, shape (n,); the heading is anticlockwise from above, and a
-            compass errs by as much the other way.
-        heading_rad: Of the direction, shape (n,); the heading is anticlockwise from above, and a
-            compass errs by as much the other way.
+        dip_rad: Deviation of the dip, shape (n,) [rad].
+        heading_rad: Deviation of the heading, anticlockwise from above, shape (n,) [rad]; a compass
+            errs by as much the other way.
     """
 
     norm: float

@@ -22,12 +22,13 @@ class OrientationErrors:
 
 
 def orientation_errors(q_estimated: np.ndarray, q_true: np.ndarray) -> OrientationErrors:
-    """Errors of q_world_from_sensor, split as Laidig & Seel (2023, section 4.2) do: e = q_estimated
-    conj(q_true).
+    """Errors of orientations in the world, in all and by heading and inclination.
+
+    Laidig & Seel (2023), section 4.2: the error is q_estimated conj(q_true).
 
     Args:
-        q_estimated: Shape (n, 4).
-        q_true: Shape (n, 4).
+        q_estimated: Estimated q_world_from_sensor, shape (n, 4).
+        q_true: True q_world_from_sensor, shape (n, 4).
     """
     found = _error_angles(
         np.ascontiguousarray(q_estimated, dtype=float), np.ascontiguousarray(q_true, dtype=float)
@@ -37,9 +38,7 @@ def orientation_errors(q_estimated: np.ndarray, q_true: np.ndarray) -> Orientati
 
 @njit(cache=True)
 def _error_angles(q: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """`rotation.angle`, `heading_angle` and `inclination_angle` of q conj(p) in one pass, shape (3,
-    n).
-    """
+    """`rotation.angle`, `heading_angle` and `inclination_angle` of q conj(p), shape (3, n)."""
     angles = np.empty((3, len(q)))
     for i in range(len(q)):
         w, x, y, z = rotation.product(
@@ -67,8 +66,8 @@ class Summary:
         sd: Standard deviation.
         rmse: Root mean square.
         max_abs: Largest magnitude.
-        median: Of signed errors: the middle, and upper less lower quartile.
-        iqr: Of signed errors: the middle, and upper less lower quartile.
+        median: Of signed errors.
+        iqr: Upper less lower quartile of signed errors.
         p95_abs: 95th percentile of magnitudes.
     """
 
@@ -84,10 +83,13 @@ class Summary:
 
 
 def summarise(errors: np.ndarray) -> Summary:
-    """Summary of errors, shape (n,) with n >= 1; the sd is that of a sample (n - 1), 0 for a single
-    one.
+    """Summary of errors.
 
-    Quantiles are linear between order statistics (Hyndman & Fan 1996, type 7), as numpy's are.
+    The sd is that of a sample (n - 1), 0 for a single error. Quantiles are linear between order
+    statistics (Hyndman & Fan 1996, type 7), as numpy's are.
+
+    Args:
+        errors: Shape (n,), n >= 1, in any unit.
     """
     return summarise_each(errors, np.array([len(errors)]))[0]
 
@@ -173,8 +175,14 @@ LEAST_SPREAD = np.radians(1.0)
 
 
 def correlation(estimated: np.ndarray, true: np.ndarray) -> float | None:
-    """Pearson's correlation of estimated and true angles [rad], shape (n,); None where the true
-    ones hardly change.
+    """Pearson's correlation of estimated and true angles.
+
+    Args:
+        estimated: Estimated angle [rad], shape (n,).
+        true: True angle [rad], shape (n,).
+
+    Returns:
+        None where the true angle hardly changes.
     """
     if len(true) < 3:
         return None
@@ -199,8 +207,15 @@ def _moments(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float]:
 
 @njit(cache=True)
 def unwrapped_pair(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two angles [rad] without jumps of a whole turn: the true one unwrapped, the estimated one
-    brought next to it, (n,).
+    """Two angles without jumps of a whole turn.
+
+    Args:
+        estimated: Estimated angle [rad], shape (n,).
+        true: True angle [rad], shape (n,).
+
+    Returns:
+        The estimated angle within half a turn of the true one, and the true one unwrapped, shape
+        (n,) each [rad].
     """
     turn = 2 * np.pi
     near, smooth = np.empty(len(true)), np.empty(len(true))
@@ -217,5 +232,9 @@ def unwrapped_pair(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray,
 
 
 def rms(errors: np.ndarray) -> float:
-    """Root mean square, shape (n,)."""
+    """Root mean square.
+
+    Args:
+        errors: Shape (n,), in any unit.
+    """
     return float(np.sqrt(np.mean(np.square(errors))))

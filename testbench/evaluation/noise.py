@@ -9,10 +9,10 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model.allan import Coefficient, NoiseCoefficients, allan_deviation, fit_noise
-from testbench.records.estimate import SensorEstimate
-from testbench.records.evaluation import NoiseRow
-from testbench.records.samples import ACC, AXES, GYR, MAG
-from testbench.records.session import Session
+from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.evaluation import NoiseRow
+from testbench.records.session.samples import ACC, AXES, GYR, MAG
+from testbench.records.session.session import Session
 
 SHORTEST_S = 10.0
 """Rests shorter than this say little of noise [s]."""
@@ -41,8 +41,14 @@ SILENT = NoiseCoefficients(*[Coefficient(0.0, 0.0)] * 3)
 
 
 def longest_rest(time_ns: np.ndarray, still: np.ndarray) -> slice | None:
-    """The longest run of samples at rest without a gap, or None where it is shorter than
-    `SHORTEST_S`.
+    """The longest run of samples at rest without a gap.
+
+    Args:
+        time_ns: Increasing, shape (n,) [ns].
+        still: Where the sensor is at rest, shape (n,), bool.
+
+    Returns:
+        None where it is shorter than `SHORTEST_S`.
     """
     broken = np.concatenate(
         [[True], ~still[1:] | ~still[:-1] | (np.diff(time_ns) > LONGEST_GAP_NS), [True]]

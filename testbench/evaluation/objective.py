@@ -14,9 +14,9 @@ from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.metrics import orientation_errors, rms
 from testbench.evaluation.orientation import SensorErrors, sensor_errors
 from testbench.exceptions import InputError, NotFoundError, SessionError
-from testbench.records.estimate import Estimate, JointEstimate
-from testbench.records.plan import judged_steps
-from testbench.records.session import Session
+from testbench.records.results.estimate import Estimate, JointEstimate
+from testbench.records.session.plan import judged_steps
+from testbench.records.session.session import Session
 
 UNIT = "deg"
 OF_SENSORS = {

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.evaluation.blocks import ErrorSeries, intervals, sample_series, step_series
 from testbench.evaluation.dynamics import (
     TrueTurning,
     amplitude_and_frequency,
@@ -25,19 +24,20 @@ from testbench.evaluation.metrics import (
 from testbench.evaluation.ranking import MEAN_SQUARE, rank_filters
 from testbench.model import rotation
 from testbench.model.noise import random_stream
+from testbench.model.statistics.blocks import ErrorSeries, intervals, sample_series, step_series
 from testbench.model.truth import truth_at
-from testbench.records.estimate import SensorEstimate
-from testbench.records.evaluation import OrientationRow
-from testbench.records.evaluation_rows import (
+from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.evaluation import OrientationRow
+from testbench.records.results.evaluation_rows import (
     Comparison,
     ErrorSummary,
     OrientationSummary,
     OrientationSweepRow,
     RankRow,
 )
-from testbench.records.plan import PlannedStep
-from testbench.records.samples import Truth
-from testbench.records.uncertainty import UncertaintyBudget
+from testbench.records.results.uncertainty import UncertaintyBudget
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import Truth
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,16 @@ class SensorErrors:
 def judged_rows(
     steps: list[PlannedStep] | None, truth: Truth, time_ns: np.ndarray, static: np.ndarray
 ) -> np.ndarray:
-    """Which of a sensor's samples count, shape (n,), bool: by the steps, or by the truth's own
-    marks without a protocol.
+    """Which of a sensor's samples are evaluated.
+
+    Args:
+        steps: Of the protocol; None without one, where the truth's own marks say it.
+        truth: Of the sensor.
+        time_ns: Of its samples, increasing, shape (n,) [ns].
+        static: Where it is at rest, shape (n,), bool.
+
+    Returns:
+        Shape (n,), bool.
     """
     if steps is not None:
         judged = np.zeros(len(time_ns), dtype=bool)

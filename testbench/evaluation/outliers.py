@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from testbench.model.robust import far_ones, outer_fence
-from testbench.records.evaluation import ResultTables
-from testbench.records.evaluation_rows import OutlierRow
+from testbench.model.statistics.robust import far_ones, outer_fence
+from testbench.records.results.evaluation import ResultTables
+from testbench.records.results.evaluation_rows import OutlierRow
 
 
 def outlier_rows(evaluation: ResultTables, behaviour: Mapping[str, str]) -> list[OutlierRow]:

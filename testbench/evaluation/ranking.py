@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 from scipy.special import stdtr
 
-from testbench.evaluation.blocks import ErrorSeries, mean_and_error
-from testbench.records.evaluation_rows import Comparison, RankRow
+from testbench.model.statistics.blocks import ErrorSeries, mean_and_error
+from testbench.records.results.evaluation_rows import Comparison, RankRow
 
 SIGNIFICANCE = 0.05
 FEWEST_RANKED = 5
@@ -37,8 +37,8 @@ def rank_filters(
 
     Args:
         owner: Joint or sensor.
-        section: Of a joint.
-        sequence: Of a joint.
+        section: Of the protocol, for a joint; None for a sensor.
+        sequence: Of the joint's angles; None for a sensor.
         criterion: `MEAN_MAGNITUDE` compares |e|, `MEAN_SQUARE` e².
         series: By filter; errors in degrees, equally long, on the same samples.
 
@@ -82,12 +82,11 @@ def rank_filters(
     letters = group_letters(order, apart)
     rows = []
     for place, name in enumerate(order):
-        better = sum(frozenset((name, other)) in apart for other in order[:place])
-        worse = sum(frozenset((name, other)) in apart for other in order[place + 1 :])
-        alike = [
-            other for other in order if other != name and frozenset((name, other)) not in apart
-        ]
+        differs = [frozenset((name, other)) in apart for other in order]
         value = means[name] if criterion == MEAN_MAGNITUDE else float(np.sqrt(means[name]))
+        alike = [
+            other for other, far in zip(order, differs, strict=True) if other != name and not far
+        ]
         rows.append(
             RankRow(
                 owner,
@@ -96,8 +95,8 @@ def rank_filters(
                 criterion,
                 name,
                 value,
-                better + 1,
-                len(order) - worse,
+                sum(differs[:place]) + 1,
+                len(order) - sum(differs[place + 1 :]),
                 letters[name],
                 alike,
             )

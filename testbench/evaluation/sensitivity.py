@@ -17,9 +17,9 @@ from testbench.model.joint_angle import (
     segment_orientation,
 )
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol import JointDefinition, Sensor
-from testbench.records.samples import ArmSamples
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.specs.protocol import JointDefinition, Sensor
 
 STEP = 1e-4
 """Of the differences [rad]: far above rounding, far below the angles over which the answer
@@ -128,8 +128,15 @@ def _larger(middle: np.ndarray, ahead: np.ndarray, behind: np.ndarray) -> np.nda
 
 
 def turning_by_joints(kinematics: Kinematics, sensor: Sensor, q: np.ndarray) -> np.ndarray:
-    """Rotation of a sensor in the world for each joint's angle: the joints' axes, shape (m,
-    n_joints, 3) [1].
+    """Rotation of a sensor in the world for each joint's angle: the axes of the joints.
+
+    Args:
+        kinematics: Of the arm.
+        sensor: As mounted.
+        q: Joint angles, shape (m, n_joints) [rad].
+
+    Returns:
+        Shape (m, n_joints, 3) [1].
     """
     m, n = q.shape
     shifted = (q + STEP * np.vstack([np.zeros(n), np.eye(n)])[:, None, :]).reshape(-1, n)

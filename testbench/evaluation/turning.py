@@ -1,6 +1,4 @@
-"""How much of a true angle each of the sensors behind it makes by its own motion, and how it moves
-where it is judged.
-"""
+"""How much of a true angle each of its sensors makes, and how it moves where it is judged."""
 
 from __future__ import annotations
 
@@ -10,26 +8,24 @@ from testbench.evaluation.uncertainty import JudgedMotion
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.joint_angle import flexion_of, joint_angle_series
-from testbench.records.joint_definition import FlexionAngle
+from testbench.records.specs.joint_definition import FlexionAngle
 
 
 def turned_by_sensor(
     q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray, definition: FlexionAngle
 ) -> np.ndarray:
-    """What the motion of the proximal and of the distal segment has each added to the flexion since
-    the beginning.
+    """What each segment's own motion has added to the flexion since the beginning.
 
     The flexion is followed along orientations in which the segments move in turn, so that both
     parts together are its change.
 
     Args:
-        q_world_from_proximal: True orientations of the segments, in the order of time, shape (n,
-            4).
-        q_world_from_distal: True orientations of the segments, in the order of time, shape (n, 4).
+        q_world_from_proximal: True orientations of the proximal segment, shape (n, 4).
+        q_world_from_distal: True orientations of the distal segment, shape (n, 4).
         definition: How they give the flexion.
 
     Returns:
-        Shape (n, 2) [rad].
+        By the proximal and by the distal segment, shape (n, 2) [rad].
     """
     if not len(q_world_from_distal):
         return np.zeros((0, 2))
@@ -45,9 +41,9 @@ def judged_motion(time_ns: np.ndarray, angle: np.ndarray, judged: list[np.ndarra
     """How an angle moves in the steps that are judged, each step with the same weight.
 
     Args:
-        time_ns: Shape (n,).
+        time_ns: Increasing, shape (n,) [ns].
         angle: Without jumps, NaN where not known, shape (n,) [rad].
-        judged: Rows of each step, none empty.
+        judged: Rows of each step, none empty, shape (rows of the step,) each.
     """
     degrees = np.degrees(angle)
     rate = np.gradient(degrees, time_ns / NANOSECONDS)
@@ -82,8 +78,14 @@ def judged_swing(q_world_from_sensor: np.ndarray, part: str) -> float:
 
 
 def length_of(vectors: np.ndarray, part: str) -> np.ndarray:
-    """Length of rotations in the world, or of their part about the vertical or a level axis, shape
-    (..., 3) to (...).
+    """Length of rotations in the world, or of their part about the vertical or a level axis.
+
+    Args:
+        vectors: Rotation vectors in the world, shape (..., 3), in any unit.
+        part: "total", "heading" for the part about the vertical, else the level part.
+
+    Returns:
+        Shape (...), in the same unit.
     """
     if part == "heading":
         return np.abs(vectors[..., 2])

@@ -1,21 +1,27 @@
-"""Uncertainty of the truth: a budget behind every reported mean error (JCGM 100:2008;
-docs/uncertainty.md).
+"""Uncertainty of the truth: a budget behind every reported mean error.
+
+JCGM 100:2008; docs/uncertainty.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numba import njit
 
 from testbench.evaluation.judged import window_rows
-from testbench.records.estimate import ClockFit
-from testbench.records.plan import PlannedStep
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples
-from testbench.records.uncertainty import COVERAGE_FACTOR, UncertaintyBudget, UncertaintySource
+from testbench.records.results.estimate import ClockFit
+from testbench.records.results.uncertainty import (
+    COVERAGE_FACTOR,
+    UncertaintyBudget,
+    UncertaintySource,
+)
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.specs.robot import Robot
 
 LEAST_SENSITIVITY = 1e-6
 """Joints that move the truth less than this are left out of the table."""
@@ -24,6 +30,55 @@ STILL_DEG = 0.1
 """Where a sensor makes the truth move by less than this while it is judged, an unknown time does no
 more harm [deg]; the noise of an arm that stands still is a tenth of it.
 """
+_DIVISORS = {"normal": 1.0, "rectangular": float(np.sqrt(3.0))}
+"""From half-width or standard deviation to standard uncertainty (JCGM 100:2008, 4.3.7)."""
+
+
+@dataclass(frozen=True)
+class _Stated:
+    """An uncertainty as its source states it.
+
+    Attributes:
+        name: What may be off.
+        kind: "A" from the recording's own scatter, "B" from elsewhere.
+        value: Standard deviation, or half of the width of a rectangular distribution.
+        unit: Of the value.
+        why: Where the value comes from, and why it counts or does not.
+        distribution: A key of `_DIVISORS`.
+        degrees_of_freedom: None for infinitely many.
+    """
+
+    name: str
+    kind: Literal["A", "B"]
+    value: float
+    unit: str
+    why: str
+    distribution: str = "normal"
+    degrees_of_freedom: float | None = None
+
+    def source(self, mean: float, size: float) -> UncertaintySource:
+        """The line of a budget.
+
+        Args:
+            mean: Change of the mean error for one unit of the source [deg/unit].
+            size: Change of mean magnitudes for one unit of the source [deg/unit].
+        """
+        divisor = _DIVISORS[self.distribution]
+        standard = float(self.value) / divisor
+        return UncertaintySource(
+            self.name,
+            self.kind,
+            float(self.value),
+            self.unit,
+            self.distribution,
+            divisor,
+            standard,
+            float(mean),
+            abs(float(mean)) * standard,
+            abs(float(size)) * standard,
+            self.degrees_of_freedom,
+            self.why,
+        )
 
 
 @dataclass(frozen=True)
@@ -31,8 +86,8 @@ class JudgedMotion:
     """How a true angle moves where it is judged.
 
     Attributes:
-        mean_rate: [deg/s].
-        rms_rate: [deg/s].
+        mean_rate: Mean of the signed rate [deg/s].
+        rms_rate: Root mean square of the rate [deg/s].
         swing: Largest less smallest angle within one step, of the step where that is most [deg].
     """
 
@@ -48,7 +103,7 @@ class ArmSensitivity:
     Attributes:
         signed: Change of the angle with each joint, shape (m, n_joints), for errors that keep their
             sign.
-        size: the same for magnitudes (for a rotation: its length about the axes that count).
+        size: The same for magnitudes (for a rotation: its length about the axes that count).
         step: Step of each configuration, shape (m,).
         weight: Of each step, shape (steps,), summing to 1.
         reference: `size` in the pose that the frames were aligned in, shape (n_joints,), or None
@@ -62,16 +117,16 @@ class ArmSensitivity:
     reference: np.ndarray | None
 
     def constant(self) -> tuple[np.ndarray, np.ndarray]:
-        """For an error that lasts all session: of the mean, and of magnitudes, shape (n_joints,)
-        each.
+        """Of the mean and of magnitudes, for an error that lasts all session.
+
+        Returns:
+            Shape (n_joints,) each.
         """
         signed, square = self._by_step(self.signed), self._by_step(self.size**2)
         return np.abs(self.weight @ signed), np.sqrt(self.weight @ square)
 
     def redrawn(self) -> tuple[float, float]:
-        """For an equal error of every joint that is drawn anew for each step: of the mean, and of
-        magnitudes.
-        """
+        """Of the mean and of magnitudes, for an equal error of every joint drawn anew by step."""
         signed, square = self._by_step(self.signed), self._by_step(self.size**2)
         return float(np.sqrt(np.sum((self.weight[:, None] * signed) ** 2))), float(
             np.sqrt(np.sum(self.weight @ square))
@@ -93,81 +148,65 @@ def arm_sources(
     for name, value, mean, size in zip(robot.joint_names, calibrated, *c.constant(), strict=True):
         if max(mean, size) > LEAST_SENSITIVITY:
             result.append(
-                _source(
+                _Stated(
                     f"kinematic calibration, {name}",
                     "B",
                     value,
                     "deg",
-                    "normal",
-                    mean,
-                    size,
-                    spec.degrees_of_freedom,
                     OF_THE_ROBOT_FILE,
-                )
+                    degrees_of_freedom=spec.degrees_of_freedom,
+                ).source(mean, size)
             )
     mean, size = c.redrawn()
     result.append(
-        _source(
+        _Stated(
             "repeatability of the arm",
             "B",
             servo.repeatability_deg,
             "deg",
-            "normal",
-            mean,
-            size,
-            None,
             "robot file (servo): of each joint, drawn anew by each move, so that it averages over "
             "poses",
-        )
+        ).source(mean, size)
     )
     result.append(
-        _source(
+        _Stated(
             "resolution of the encoders",
             "B",
             servo.encoder_resolution_deg / 2,
             "deg",
-            "rectangular",
-            mean,
-            size,
-            None,
             "robot file (servo): half a count, another part of it in each pose",
-        )
+            distribution="rectangular",
+        ).source(mean, size)
     )
     scatter = _scatter(arm, steps)
     if scatter is not None:
         result.append(
-            _source(
+            _Stated(
                 "static averaging of the readings",
                 "A",
                 scatter[0],
                 "deg",
-                "normal",
-                mean,
-                size,
-                scatter[1],
                 "standard deviation of a pose's mean reading, by the scatter of its readings",
-            )
+                degrees_of_freedom=scatter[1],
+            ).source(mean, size)
         )
     result.append(
-        _source(
+        _Stated(
             "tracking of the controller",
             "A",
             _tracking(arm, steps),
             "deg",
-            "normal",
-            0.0,
-            0.0,
-            None,
             "RMS of commanded less measured angles; the truth is what the encoders measured, so it "
             "does not enter",
-        )
+        ).source(0.0, 0.0)
     )
     return result
 
 
 def _scatter(arm: ArmSamples, steps: Sequence[PlannedStep]) -> tuple[float, float] | None:
-    """Standard deviation of the mean reading of a joint in a pose [deg], RMS over joints and poses;
-    degrees of freedom.
+    """Standard deviation of a joint's mean reading in a pose [deg], and its degrees of freedom.
+
+    RMS over joints and poses.
     """
     poses = [step for step in steps if step.kind != "sweep"]
     first, last = window_rows(poses, arm.host_time_ns)
@@ -235,37 +274,27 @@ def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> Uncertai
     """
     name = f"clock alignment, {sensor}"
     if np.isfinite(clock.offset_sd_s):
-        return _source(
+        return _Stated(
             name,
             "A",
             1e3 * clock.offset_sd_s,
             "ms",
-            "normal",
-            abs(motion.mean_rate) * 1e-3,
-            motion.rms_rate * 1e-3,
-            None,
             "the clock's fit; the sensitivity is the true angular rate that this sensor makes "
-            "while it is "
-            "judged",
-        )
+            "while it is judged",
+        ).source(abs(motion.mean_rate) * 1e-3, motion.rms_rate * 1e-3)
     if clock.method == "none":
         rates = motion.mean_rate * 1e-3, motion.rms_rate * 1e-3
-        return _source(
-            name, "B", 0.0, "ms", "normal", *rates, None, "taken to be on the host's clock"
-        )
+        return _Stated(name, "B", 0.0, "ms", "taken to be on the host's clock").source(*rates)
     if not motion.swing <= STILL_DEG:
         return None
-    return _source(
+    return _Stated(
         name,
         "A",
         motion.swing / 2,
         "deg",
-        "rectangular",
-        1.0,
-        1.0,
-        None,
         "not known, but the sensor stands still while it is judged: half of what it moves by",
-    )
+        distribution="rectangular",
+    ).source(1.0, 1.0)
 
 
 def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> UncertaintySource:
@@ -278,17 +307,14 @@ def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> Unc
             f"the alignment ({aligned}) takes it out; what that leaves is the line 'frame "
             "alignment'"
         )
-    return _source(
+    return _Stated(
         "mounting of the sensors",
         "B",
         spec.mounting_deg,
         "deg",
-        "normal",
-        mean,
-        size,
-        spec.degrees_of_freedom,
         why,
-    )
+        degrees_of_freedom=spec.degrees_of_freedom,
+    ).source(mean, size)
 
 
 def alignment_source(
@@ -297,55 +323,40 @@ def alignment_source(
     """What the alignment of the frames leaves.
 
     Args:
-        robot: Of an arm.
-        c: Of an arm.
+        robot: The arm; None without one.
         aligned: Method of the alignment.
+        c: How the angle answers to the arm; None without one.
         fitted_sd: Stated by an alignment by motion [deg], or None.
     """
     if aligned == "none":
         return None
     if fitted_sd is not None:
-        return _source(
-            "frame alignment",
-            "A",
-            fitted_sd,
-            "deg",
-            "normal",
-            1.0,
-            1.0,
-            None,
-            "stated by the fit of the frames",
-        )
+        return _Stated(
+            "frame alignment", "A", fitted_sd, "deg", "stated by the fit of the frames"
+        ).source(1.0, 1.0)
     if robot is None or c is None or c.reference is None:
         return None
     size = float(np.sqrt(np.sum(c.reference**2)))
-    return _source(
+    return _Stated(
         "frame alignment",
         "B",
         robot.spec.servo.repeatability_deg,
         "deg",
-        "normal",
-        size,
-        size,
-        None,
         "it rests on one pose, which the arm repeats only so well",
-    )
+    ).source(size, size)
 
 
 def levelling_source(robot: Robot, size: float) -> UncertaintySource:
     """What the tilt of the arm's base contributes to an orientation against the vertical."""
     spec = robot.spec.uncertainty
-    return _source(
+    return _Stated(
         "levelling of the base",
         "B",
         spec.levelling_deg,
         "deg",
-        "normal",
-        size,
-        size,
-        spec.degrees_of_freedom,
         OF_THE_ROBOT_FILE,
-    )
+        degrees_of_freedom=spec.degrees_of_freedom,
+    ).source(size, size)
 
 
 def combine(
@@ -358,9 +369,9 @@ def combine(
     """The budget of independent sources (JCGM 100:2008, eq. 10; degrees of freedom: eq. G.2b).
 
     Args:
-        owner: As in the budget.
-        quantity: As in the budget.
-        section: As in the budget.
+        owner: Joint of the protocol, joint of the arm, or sensor.
+        quantity: What the error is of.
+        section: Of the protocol; None for all of them.
         sources: None are passed over.
         missing: What is not known; with any of it nothing is combined.
     """
@@ -380,6 +391,7 @@ def combine(
             None,
             list(missing),
         )
+    # JCGM 100:2008, eq. 10 with c_i u_i of each line; the degrees of freedom by eq. G.2b
     squares = np.array([source.contribution_deg**2 for source in lines])
     combined = float(np.sqrt(squares.sum()))
     size = float(np.sqrt(sum(source.magnitude_deg**2 for source in lines)))
@@ -401,37 +413,4 @@ def combine(
         COVERAGE_FACTOR,
         COVERAGE_FACTOR * combined,
         COVERAGE_FACTOR * size,
-    )
-
-
-_DIVISORS = {"normal": 1.0, "rectangular": float(np.sqrt(3.0))}
-"""From half-width or standard deviation to standard uncertainty (JCGM 100:2008, 4.3.7)."""
-
-
-def _source(
-    source: str,
-    kind: str,
-    value: float,
-    unit: str,
-    distribution: str,
-    mean: float,
-    size: float,
-    freedom: float | None,
-    why: str,
-) -> UncertaintySource:
-    divisor = _DIVISORS[distribution]
-    standard = float(value) / divisor
-    return UncertaintySource(
-        source,
-        "A" if kind == "A" else "B",
-        float(value),
-        unit,
-        distribution,
-        divisor,
-        standard,
-        float(mean),
-        abs(float(mean)) * standard,
-        abs(float(size)) * standard,
-        freedom,
-        why,
     )

@@ -7,10 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.records.evaluation import SEVERITY, ChainRow, JointRow, Metric, Outcome, ResultTables
-from testbench.records.evaluation_rows import JointSummary
-from testbench.records.protocol import JOINT_METRICS, SENSOR_METRICS, AcceptanceLimit, Analysis
-from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
+from testbench.records.results.evaluation import (
+    SEVERITY,
+    ChainRow,
+    JointRow,
+    Metric,
+    Outcome,
+    ResultTables,
+)
+from testbench.records.results.evaluation_rows import JointSummary
+from testbench.records.specs.protocol import (
+    JOINT_METRICS,
+    SENSOR_METRICS,
+    AcceptanceLimit,
+    Analysis,
+)
+from testbench.records.specs.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
 
 _POOL: dict[str, Callable[[list[JointRow]], float]] = {
     "flexion_mean_error_deg": lambda rows: float(

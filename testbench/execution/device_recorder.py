@@ -21,12 +21,12 @@ from testbench.execution.recorder import Recorder
 from testbench.execution.run_progress import SampleMeter
 from testbench.execution.sensors import Sensors
 from testbench.frames import NANOSECONDS
-from testbench.records.protocol import Analysis, Estimation
-from testbench.records.replacing import dated_folder
-from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import RunStatus, Session
-from testbench.records.session_writer import SessionWriter
-from testbench.records.strict import NAME_PATTERN
+from testbench.records.disk.replacing import dated_folder
+from testbench.records.session.samples import ArmSamples, ImuSamples
+from testbench.records.session.session import RunStatus, Session
+from testbench.records.session.session_writer import SessionWriter
+from testbench.records.specs.protocol import Analysis, Estimation
+from testbench.records.specs.strict import NAME_PATTERN
 
 RATE_TOLERANCE = 0.05
 """A device whose rate differs from its nominal one by more is worth a note."""

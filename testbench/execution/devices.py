@@ -17,7 +17,7 @@ from testbench.drivers.imus.xsens_dot import XsensDot
 from testbench.drivers.imus.xsens_dot_sync import synchronise
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import BenchError, DriverError, InputError
-from testbench.records.strict import NAME_PATTERN
+from testbench.records.specs.strict import NAME_PATTERN
 
 
 @dataclass

@@ -16,8 +16,8 @@ from testbench.execution.options import RunOptions
 from testbench.execution.recorder import RunRecorder, recorded_ns
 from testbench.execution.run_progress import ProgressMeter
 from testbench.execution.sensors import Sensors
-from testbench.records.plan import Plan
-from testbench.records.session import Session
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import Session
 
 
 def execute(

@@ -10,9 +10,9 @@ import numpy as np
 
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
-from testbench.records.protocol_arm import Action, Guard, Guards
-from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import Event
+from testbench.records.session.samples import ArmSamples, ImuSamples
+from testbench.records.session.session import Event
+from testbench.records.specs.protocol_arm import Action, Guard, Guards
 
 REFERENCE_SAMPLES = 60
 """The magnetic norm is compared with the median of a sensor's first samples, so many."""

@@ -21,8 +21,8 @@ from testbench.execution.recorder import Recorder
 from testbench.execution.run_progress import Meter
 from testbench.execution.sensors import Sensors
 from testbench.execution.state_machine import RunState, StateMachine
-from testbench.records.plan import Plan
-from testbench.records.session import Event, RunStatus, Session
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import Event, RunStatus, Session
 
 
 class RunLoop:

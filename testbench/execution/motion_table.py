@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.drivers.arms.remote import APPROACH_RAD_S
 from testbench.frames import NANOSECONDS
-from testbench.records.plan import Plan, PlannedStep
+from testbench.records.session.plan import Plan, PlannedStep
 
 SWINGS_DEG = 0.05
 """A joint of a sweep that turns by less is not named [deg]: none can be seen to move so little."""

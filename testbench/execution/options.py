@@ -10,8 +10,8 @@ from typing import Any
 from testbench.clock import Clock
 from testbench.drivers.session_time import Speed
 from testbench.execution.run_progress import Progress
-from testbench.records.plan import PlannedStep
-from testbench.records.session import Session
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.session import Session
 
 
 def nobody(line: str) -> None:

@@ -8,7 +8,7 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.execution.operator import Operator
 from testbench.execution.recorder import Recorder
 from testbench.execution.state_machine import RunState, StateMachine
-from testbench.records.session import Event
+from testbench.records.session.session import Event
 
 
 class Pausing:

@@ -20,7 +20,9 @@ from testbench.execution.sensors import Sensors
 from testbench.execution.state_machine import RunState
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.records.layout import (
+from testbench.records.disk.replacing import dated_folder, disk_reason, free_folder, stored
+from testbench.records.disk.tables import last_value
+from testbench.records.session.layout import (
     ARM,
     INCLUDED,
     MANIFEST,
@@ -31,12 +33,10 @@ from testbench.records.layout import (
     imu_stream,
     table_file,
 )
-from testbench.records.plan import Plan
-from testbench.records.replacing import dated_folder, disk_reason, free_folder, stored
-from testbench.records.samples import IMU_NOTES, TABLE_UNITS, ArmSamples, ImuSamples
-from testbench.records.session import Event, RunStatus, Session, step_events
-from testbench.records.session_writer import SessionWriter
-from testbench.records.storage import last_value
+from testbench.records.session.plan import Plan
+from testbench.records.session.samples import IMU_NOTES, TABLE_UNITS, ArmSamples, ImuSamples
+from testbench.records.session.session import Event, RunStatus, Session, step_events
+from testbench.records.session.session_writer import SessionWriter
 
 ARM_NOTES = {"content": "joint angles sent and measured", **TABLE_UNITS}
 NOTHING_YET = "nothing was recorded; make room, then run it again"

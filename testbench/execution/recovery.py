@@ -9,13 +9,21 @@ from pathlib import Path
 from testbench.exceptions import SessionError
 from testbench.execution.truth import write_truth
 from testbench.frames import NANOSECONDS
-from testbench.records.layout import ARM, JOURNALS, MANIFEST, imu_stream, sensor_of, table_file
-from testbench.records.replacing import clear_partials, stored
-from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import Event, RunStatus, Session
-from testbench.records.session_lock import session_locked
-from testbench.records.session_writer import file_hashes, note_end
-from testbench.records.storage import Journal, compact, last_value
+from testbench.records.disk.journal import Journal, compact
+from testbench.records.disk.replacing import clear_partials, stored
+from testbench.records.disk.tables import last_value
+from testbench.records.session.layout import (
+    ARM,
+    JOURNALS,
+    MANIFEST,
+    imu_stream,
+    sensor_of,
+    table_file,
+)
+from testbench.records.session.samples import ArmSamples, ImuSamples
+from testbench.records.session.session import Event, RunStatus, Session
+from testbench.records.session.session_lock import session_locked
+from testbench.records.session.session_writer import file_hashes, note_end
 
 SMALLEST_JOURNAL = 64
 """A journal of fewer bytes was cut off before its schema was whole; it held nothing."""

@@ -14,12 +14,12 @@ from typing import Any
 
 from testbench.exceptions import InputError, SessionError
 from testbench.execution.recovery import recover
-from testbench.records.layout import INCLUDED, MANIFEST, PROTOCOL, ROBOT, URDF
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.robot import Robot, load_robot, robot_from_text
-from testbench.records.session import RunStatus, Session
-from testbench.records.session_writer import deciding_versions, software_versions
-from testbench.records.storage import plain_values
+from testbench.records.disk.json_file import plain_values
+from testbench.records.session.layout import INCLUDED, MANIFEST, PROTOCOL, ROBOT, URDF
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.session import RunStatus, Session
+from testbench.records.session.session_writer import deciding_versions, software_versions
+from testbench.records.specs.robot import Robot, load_robot, robot_from_text
 
 MOST_LINES = 20
 """Lines of a difference that are shown."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from testbench.execution.motion_table import motion_rows
 from testbench.frames import NANOSECONDS
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.session import Event
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.session import Event
 
 
 @dataclass(frozen=True)

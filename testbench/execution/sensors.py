@@ -13,8 +13,8 @@ from testbench.exceptions import BenchError, InputError
 from testbench.execution.devices import Devices
 from testbench.model.kinematics import Kinematics
 from testbench.model.magnetic_field import describe_environment
-from testbench.records.plan import Plan
-from testbench.records.samples import ArmSamples, ImuSamples
+from testbench.records.session.plan import Plan
+from testbench.records.session.samples import ArmSamples, ImuSamples
 
 
 @dataclass

@@ -15,17 +15,17 @@ from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import Smoothing
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.layout import ARM, table_file, truth_stream
-from testbench.records.pieces import overlapping
-from testbench.records.protocol import Sensor
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples, Truth
-from testbench.records.storage import (
+from testbench.records.disk.pieces import overlapping
+from testbench.records.disk.tables import (
     parquet_shape,
     read_parquet_batches,
     to_table,
     write_parquet_batches,
 )
+from testbench.records.session.layout import ARM, table_file, truth_stream
+from testbench.records.session.samples import ArmSamples, Truth
+from testbench.records.specs.protocol import Sensor
+from testbench.records.specs.robot import Robot
 
 BLOCK = 200_000
 """Rows of the arm that are looked at together; bounds the memory."""

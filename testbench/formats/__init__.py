@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from testbench.formats.options import Options
     from testbench.formats.recording import Recording
     from testbench.formats.truth.attach import TruthOptions
-    from testbench.records.session import Session
+    from testbench.records.session.session import Session
 
 
 @dataclass(frozen=True)
@@ -36,49 +36,52 @@ class Format:
 
 FORMATS = {
     "broad": Format(
-        "testbench.formats.broad",
+        "testbench.formats.vendors.broad",
         "a BROAD trial (.mat or .hdf5): IMU and optical orientation at 285.7 Hz",
         with_options=False,
     ),
     "xsens_dot": Format(
-        "testbench.formats.xsens_dot",
+        "testbench.formats.vendors.xsens_dot",
         "Xsens DOT, CSV of the vendor's app in any payload mode, one file a sensor",
     ),
     "matrix": Format(
-        "testbench.formats.matrix",
+        "testbench.formats.vendors.matrix",
         "MATRIX, CSV with dateTime, acc_x..z [g], gyr_x..z [deg/s], one file a sensor",
     ),
     "imu_tk": Format(
-        "testbench.formats.imu_tk",
+        "testbench.formats.vendors.imu_tk",
         "a pair of text files (accelerometer, gyroscope) of time, x, y, z, raw counts or SI",
     ),
     "technaid": Format(
-        "testbench.formats.technaid", "Technaid Tech-IMU, CSV with one or more sensors"
+        "testbench.formats.vendors.technaid", "Technaid Tech-IMU, CSV with one or more sensors"
     ),
     "shimmer": Format(
-        "testbench.formats.shimmer",
+        "testbench.formats.vendors.shimmer",
         "Shimmer, CSV or TSV exported by Consensys (calibrated columns)",
     ),
     "ngimu": Format(
-        "testbench.formats.ngimu",
+        "testbench.formats.vendors.ngimu",
         "x-io NGIMU, sensors.csv and quaternion.csv of one or more devices",
     ),
     "mtw": Format(
-        "testbench.formats.mtw", "Xsens MTw or MTi, text exported by MT Manager, one file a sensor"
+        "testbench.formats.vendors.mtw",
+        "Xsens MTw or MTi, text exported by MT Manager, one file a sensor",
     ),
     "mti_mat": Format(
-        "testbench.formats.mti_mat", "MATLAB file with arrays acc, gyr, mag (Xsens MTi and others)"
+        "testbench.formats.vendors.mti_mat",
+        "MATLAB file with arrays acc, gyr, mag (Xsens MTi and others)",
     ),
     "generic": Format(
-        "testbench.formats.generic", "any CSV, TSV or Parquet, by a mapping in YAML (--mapping)"
+        "testbench.formats.vendors.generic",
+        "any CSV, TSV or Parquet, by a mapping in YAML (--mapping)",
     ),
 }
 
 
 UNDATED = (
     "the date of the recording is unknown: of several stored calibrations none can be chosen as "
-    "the nearest in time, and one "
-    "made from it bears the date of the import; state it with --recorded-at 2021-08-20"
+    "the nearest in time, and one made from it bears the date of the import; state it with "
+    "--recorded-at 2021-08-20"
 )
 
 

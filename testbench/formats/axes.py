@@ -12,9 +12,9 @@ from pydantic import Field
 
 from testbench.exceptions import InputError, NotFoundError
 from testbench.model import rotation
-from testbench.records.samples import AXES
-from testbench.records.strict import Name, StrictModel
-from testbench.records.yaml_file import load_yaml
+from testbench.records.disk.yaml_file import load_yaml
+from testbench.records.session.samples import AXES
+from testbench.records.specs.strict import Name, StrictModel
 
 PRESETS = Path(__file__).resolve().parent / "presets"
 Signed = Annotated[str, Field(pattern=r"^[-+]?[xyz]$")]

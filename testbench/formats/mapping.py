@@ -12,9 +12,9 @@ from pydantic import Field, model_validator
 from testbench.exceptions import NotFoundError
 from testbench.formats.axes import PRESETS, AxisNames
 from testbench.formats.units import AccUnit, GyrUnit, MagUnit, TimeUnit
-from testbench.records.protocol import Estimation
-from testbench.records.strict import Name, Placement, StrictModel
-from testbench.records.yaml_file import YamlDocument, load_yaml
+from testbench.records.disk.yaml_file import YamlDocument, load_yaml
+from testbench.records.specs.protocol import Estimation
+from testbench.records.specs.strict import Name, Placement, StrictModel
 
 Column = Annotated[
     str | Annotated[int, Field(ge=1)], Field(description="Title of a column, or its number from 1.")

@@ -21,7 +21,7 @@ from testbench.formats.options import Options
 from testbench.formats.units import Unit, find_unit, unit_names
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model import rotation
-from testbench.records.samples import ImuSamples
+from testbench.records.session.samples import ImuSamples
 
 REST_WINDOW_S = 0.5
 REST_SPREAD = 0.03
@@ -289,12 +289,10 @@ def _check_scale(samples: ImuSamples, rate: float, sensor: str) -> None:
     as_is, other = np.degrees(missed[[0, best]])
     raise InputError(
         f"sensor '{sensor}': its gyroscope's turns from rest to rest miss the direction of gravity "
-        f"after them by {as_is:.0f} "
-        f"deg (median of {turns}), and by {other:.0f} deg if it turned {FACTORS[best]:g} times as "
-        "far as it says: it looks "
-        "like the scale of another range setting. Correct the scale in the file or the mapping "
-        f"(scale: {FACTORS[best]:g}), "
-        f"or: {_answer('gyr')}"
+        f"after them by {as_is:.0f} deg (median of {turns}), and by {other:.0f} deg if it turned "
+        f"{FACTORS[best]:g} times as far as it says: it looks like the scale of another range "
+        f"setting. Correct the scale in the file or the mapping (scale: {FACTORS[best]:g}), or: "
+        f"{_answer('gyr')}"
     )
 
 

@@ -14,13 +14,13 @@ from testbench.clock import Clock, utc_text
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
-from testbench.records.layout import imu_stream, table_file, truth_stream
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol import Analysis
-from testbench.records.samples import IMU_NOTES, ImuSamples, Truth
-from testbench.records.session import RunStatus, Session, step_events
-from testbench.records.session_writer import SessionWriter
-from testbench.records.storage import write_parquet_batches
+from testbench.records.disk.tables import to_arrow, write_parquet_batches
+from testbench.records.session.layout import imu_stream, table_file, truth_stream
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import IMU_NOTES, ImuSamples, Truth
+from testbench.records.session.session import RunStatus, Session, step_events
+from testbench.records.session.session_writer import SessionWriter
+from testbench.records.specs.protocol import Analysis
 
 IMPORTED_NOTES = IMU_NOTES | {
     "content": "imported samples of an inertial sensor, in the sensor frame; NaN: the file does "
@@ -175,7 +175,7 @@ def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, 
             columns = chunk.to_columns()
             last = int(chunk.host_time_ns[-1])
             yield pa.record_batch(
-                [pa.array(columns[name], type=schema.field(name).type) for name in schema.names],
+                [to_arrow(columns[name], schema.field(name).type) for name in schema.names],
                 schema=schema,
             )
 

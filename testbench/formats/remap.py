@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from testbench.formats.axes import AxisMap
 from testbench.formats.recording import Recording
-from testbench.records.samples import ImuSamples
+from testbench.records.session.samples import ImuSamples
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from testbench.records.protocol import Analysis, Estimation
-from testbench.records.samples import ImuSamples
+from testbench.records.session.samples import ImuSamples
+from testbench.records.specs.protocol import Analysis, Estimation
 
 
 def suitable_analysis(

@@ -19,8 +19,8 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.model import rotation
-from testbench.records.arm_calibration import ArmCalibration
-from testbench.records.robot import Robot
+from testbench.records.specs.arm_calibration import ArmCalibration
+from testbench.records.specs.robot import Robot
 
 NOMINAL: dict[str, tuple[list[float], list[float], list[float]]] = {
     "ur3e": (

@@ -16,7 +16,7 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.model.kinematics import Kinematics
-from testbench.records.robot import Robot
+from testbench.records.specs.robot import Robot
 
 FLANGE = "tool0"
 DOUBTED_MM, DOUBTED_DEG = 5.0, 1.0

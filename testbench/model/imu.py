@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.model import rotation
 from testbench.model.noise import GaussMarkov, RandomWalk, first_order, random_stream
-from testbench.records.sensor import DeviceOrientation, TriadParameters
+from testbench.records.specs.sensor import DeviceOrientation, TriadParameters
 
 SHEET_TEMPERATURE = 25.0
 """At which data sheets of MEMS sensors state their numbers [deg C]."""

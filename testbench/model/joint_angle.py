@@ -17,8 +17,8 @@ from testbench.model.decomposition import (
     follow,
 )
 from testbench.model.kinematics import Pose
-from testbench.records.joint_definition import FlexionAngle, JointRotation
-from testbench.records.protocol import Sensor
+from testbench.records.specs.joint_definition import FlexionAngle, JointRotation
+from testbench.records.specs.protocol import Sensor
 
 INDEX = {"first": 0, "second": 1, "third": 2}
 """Place of each angle."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.model import rotation
-from testbench.records.joint_definition import JointConstraint
+from testbench.records.specs.joint_definition import JointConstraint
 
 
 def axes_in_world(

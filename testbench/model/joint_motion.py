@@ -8,7 +8,7 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.model.windows import savitzky_golay
-from testbench.records.samples import ArmSamples
+from testbench.records.session.samples import ArmSamples
 
 SMOOTHING_S = 0.1
 """Width of the cubic Savitzky-Golay window that differentiates the measured joint rates [s]."""

@@ -17,8 +17,8 @@ import pinocchio as pin
 from testbench.exceptions import FileProblems, NotFoundError, Problem
 from testbench.model import rotation
 from testbench.model.chain import Chain, Tip, chain_motion, link_poses
-from testbench.records.robot import Robot
-from testbench.records.strict import Placement
+from testbench.records.specs.robot import Robot
+from testbench.records.specs.strict import Placement
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 
 from testbench.model.kinematics import Kinematics
-from testbench.records.magnetism import MagneticDipole
-from testbench.records.protocol import Environment
+from testbench.records.specs.magnetism import MagneticDipole
+from testbench.records.specs.protocol import Environment
 
 MU_0_OVER_4PI = 1e-7
 """Magnetic constant over 4 pi [T m/A] (CODATA 2018, to 1e-9)."""

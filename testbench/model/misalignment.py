@@ -14,7 +14,7 @@ import numpy as np
 from testbench.exceptions import InputError
 from testbench.model import rotation
 from testbench.model.joint_angle import INDEX, decomposition_of, joint_rotation
-from testbench.records.joint_definition import FlexionAngle
+from testbench.records.specs.joint_definition import FlexionAngle
 
 AxisName = Literal["X", "Y", "Z"]
 AXES: dict[str, np.ndarray] = dict(zip("XYZ", np.eye(3), strict=True))

@@ -23,14 +23,16 @@ def random_stream(seed: int, *labels: str) -> np.random.Generator:
 
 @njit(cache=True)
 def first_order(b0: float, b1: float, a1: float, x: np.ndarray, state: np.ndarray) -> np.ndarray:
-    """A first-order filter y[n] = b0 x[n] + b1 x[n - 1] - a1 y[n - 1] of each column, in direct
-    form II transposed (Oppenheim & Schafer, Discrete-Time Signal Processing, section 6.3).
+    """A first-order filter of each column: y[n] = b0 x[n] + b1 x[n - 1] - a1 y[n - 1].
+
+    In direct form II transposed (Oppenheim & Schafer, Discrete-Time Signal Processing, section
+    6.3).
 
     Args:
-        b0: Of the numerator.
-        b1: Of the numerator.
-        a1: Of the denominator, whose first coefficient is 1.
-        x: Shape (n, k).
+        b0: Weight of the present input.
+        b1: Weight of the input before.
+        a1: Weight of the output before, the first coefficient of the denominator being 1.
+        x: Input, shape (n, k).
         state: What the filter remembers, shape (1, k); it is left as of the last row.
 
     Returns:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbench.frames import NANOSECONDS
-from testbench.records.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep
 
 SHORTEST_DWELL_NS = NANOSECONDS // 5
 """A shorter one gives no mean orientation."""

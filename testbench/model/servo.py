@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-from testbench.records.robot import Robot
+from testbench.records.specs.robot import Robot
 
 
 def servo_parameters(robot: Robot) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
-from testbench.records.samples import Truth
+from testbench.records.session.samples import Truth
 
 JUMP_FACTOR, LEAST_JUMP = 3.0, np.radians(5.0)
 """A truth that turns this many times faster than the sensor ever does, and by at least this angle,

@@ -16,15 +16,15 @@ from testbench.exceptions import InputError, SessionError
 from testbench.formats.exporters import Exported
 from testbench.pipeline.exports import export_estimate, refuse_export
 from testbench.pipeline.request import AnalysisRequest
-from testbench.records.calibration_file import SensorCalibration, load_calibrations
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.layout import REPORT
-from testbench.records.plan import Plan
-from testbench.records.protocol import Estimation
-from testbench.records.session import Session
-from testbench.records.session_lock import session_locked
-from testbench.records.tuning import Tuning, load_tunings
+from testbench.records.results.calibration_file import SensorCalibration, load_calibrations
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.results.tuning import Tuning, load_tunings
+from testbench.records.session.layout import REPORT
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import Session
+from testbench.records.session.session_lock import session_locked
+from testbench.records.specs.protocol import Estimation
 
 
 @dataclass(frozen=True)

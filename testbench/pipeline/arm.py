@@ -18,8 +18,8 @@ from testbench.execution.devices import open_devices
 from testbench.execution.sensors import Sensors
 from testbench.pipeline.request import RunRequest
 from testbench.pipeline.watcher import Consent
-from testbench.records.arm_calibration import load_arm_calibration
-from testbench.records.plan import Plan, PlannedStep
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.specs.arm_calibration import load_arm_calibration
 
 
 def moves(asked: RunRequest) -> bool:

@@ -12,9 +12,9 @@ from testbench.formats import import_recording
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
 from testbench.pipeline.request import ImportRequest, TruthRequest
-from testbench.records.session import Session
-from testbench.records.strict import Placement
-from testbench.records.yaml_file import parse_yaml, validation_problems
+from testbench.records.disk.yaml_file import parse_yaml, validation_problems
+from testbench.records.session.session import Session
+from testbench.records.specs.strict import Placement
 
 
 def bring_in(asked: ImportRequest, clock: Clock | None = None) -> Session:

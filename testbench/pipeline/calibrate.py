@@ -14,9 +14,9 @@ from testbench.exceptions import InputError
 from testbench.pipeline.request import CalibrationRequest
 from testbench.planning.designed import DesignedProtocol, design_protocol
 from testbench.planning.experiment_design import Wanted
-from testbench.records.calibration_file import SUFFIXES, save_calibration
-from testbench.records.calibration_result import CalibrationResult
-from testbench.records.session import Session
+from testbench.records.results.calibration_file import SUFFIXES, save_calibration
+from testbench.records.results.calibration_result import CalibrationResult
+from testbench.records.session.session import Session
 
 
 @dataclass(frozen=True)

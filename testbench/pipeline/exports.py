@@ -16,8 +16,8 @@ from testbench.formats.exporters import (
     write_export,
 )
 from testbench.pipeline.request import ExportRequest
-from testbench.records.estimate import Estimate
-from testbench.records.session import Session
+from testbench.records.results.estimate import Estimate
+from testbench.records.session.session import Session
 
 
 def export_estimate(session: Session, asked: ExportRequest, estimated: Estimate) -> Exported:

@@ -11,11 +11,11 @@ from testbench.pipeline.analyse import load_or_estimate
 from testbench.pipeline.calibrate import only_sensor
 from testbench.pipeline.noise_preset import measured_sensor
 from testbench.pipeline.request import NoiseRequest
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import NoiseRow
-from testbench.records.sensor import PRESET_SUFFIXES, ImuParameters, load_preset, save_sensor
-from testbench.records.session import Session
-from testbench.records.yaml_file import load_yaml
+from testbench.records.disk.yaml_file import load_yaml
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import NoiseRow
+from testbench.records.session.session import Session
+from testbench.records.specs.sensor import PRESET_SUFFIXES, ImuParameters, load_preset, save_sensor
 
 
 @dataclass(frozen=True)

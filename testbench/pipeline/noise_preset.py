@@ -8,8 +8,8 @@ import numpy as np
 
 from testbench.evaluation.noise import UNITS
 from testbench.exceptions import InputError
-from testbench.records.evaluation import NoiseRow
-from testbench.records.sensor import ImuParameters
+from testbench.records.results.evaluation import NoiseRow
+from testbench.records.specs.sensor import ImuParameters
 
 WHITE = {
     "acc": "noise_density_ug_sqrthz",

@@ -9,9 +9,9 @@ from testbench.exceptions import InputError
 from testbench.model.dh_calibration import calibrated
 from testbench.model.dh_plausibility import judge_corrections
 from testbench.planning.planner import find_robot
-from testbench.records.arm_calibration import load_arm_calibration
-from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import Robot
+from testbench.records.specs.arm_calibration import load_arm_calibration
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.robot import Robot
 
 
 def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:

@@ -12,9 +12,9 @@ from testbench.exceptions import InputError
 from testbench.pipeline.analyse import LoadedAnalysis, load_analysis
 from testbench.pipeline.request import Request
 from testbench.planning import plan
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.robot import Robot
-from testbench.records.session import Session
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.session import Session
+from testbench.records.specs.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from testbench.execution.devices import open_devices, scan_devices
 from testbench.execution.options import RunOptions
 from testbench.pipeline.request import RecordRequest
 from testbench.pipeline.watcher import Watcher
-from testbench.records.session import Session
+from testbench.records.session.session import Session
 
 
 def record(asked: RecordRequest, watcher: Watcher | None = None) -> Session:

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from testbench.drivers.arms.catalogue import SIM
-from testbench.records.strict import StrictModel
+from testbench.records.specs.strict import StrictModel
 
 
 def _path(given: Any) -> Any:

@@ -19,7 +19,7 @@ from testbench.execution.resume import (
 from testbench.pipeline.analyse import LoadedAnalysis
 from testbench.pipeline.prepared import Prepared, checked_plan
 from testbench.pipeline.request import RunRequest
-from testbench.records.session import Session
+from testbench.records.session.session import Session
 
 
 def refuse_other_arm(asked: RunRequest) -> None:

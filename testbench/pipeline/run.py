@@ -18,8 +18,8 @@ from testbench.pipeline.prepared import Prepared, plan_for
 from testbench.pipeline.request import Request, RunRequest
 from testbench.pipeline.resume import prepare_resume, refuse_other_arm
 from testbench.pipeline.watcher import Consent, Watcher
-from testbench.records.session import Session
-from testbench.records.session_lock import session_lock
+from testbench.records.session.session import Session
+from testbench.records.session.session_lock import session_lock
 
 
 def run(asked: Request, watcher: Watcher | None = None, prepared: Prepared | None = None) -> Result:

@@ -18,9 +18,9 @@ from testbench.pipeline.analyse import (
 )
 from testbench.pipeline.exports import filters_of, place, write
 from testbench.pipeline.request import AnalysisRequest, ExportRequest, ViewRequest
-from testbench.records.estimate import Estimate
-from testbench.records.session import Session
-from testbench.records.session_lock import session_locked
+from testbench.records.results.estimate import Estimate
+from testbench.records.session.session import Session
+from testbench.records.session.session_lock import session_locked
 
 
 def show(session: Session, asked: ViewRequest | None = None) -> list[Path]:

@@ -24,10 +24,8 @@ from testbench.pipeline.analyse import sound_filters
 from testbench.pipeline.parameter_space import FAILED, Effort, Optimum, Point, Space, find_optimum
 from testbench.pipeline.request import TuneRequest
 from testbench.pipeline.watcher import Watcher
-from testbench.records.calibration_file import SensorCalibration, load_calibrations
-from testbench.records.session import Session
-from testbench.records.session_writer import software_versions
-from testbench.records.tuning import (
+from testbench.records.results.calibration_file import SensorCalibration, load_calibrations
+from testbench.records.results.tuning import (
     GridPoint,
     Parameters,
     Search,
@@ -37,6 +35,8 @@ from testbench.records.tuning import (
     refuse_file,
     refuse_repeated,
 )
+from testbench.records.session.session import Session
+from testbench.records.session.session_writer import software_versions
 
 Say = Callable[[str], None]
 

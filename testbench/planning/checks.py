@@ -10,10 +10,10 @@ from testbench.exceptions import CollisionError, Contact, LimitError, PlanError,
 from testbench.frames import NANOSECONDS
 from testbench.model.collision import CollisionModel
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.plan import Clearance, JointUse, PlanCheck, PlannedStep, SensorUse
-from testbench.records.protocol import Protocol, Sensor
-from testbench.records.robot import Robot
-from testbench.records.trajectory import Trajectory
+from testbench.records.session.plan import Clearance, JointUse, PlanCheck, PlannedStep, SensorUse
+from testbench.records.session.trajectory import Trajectory
+from testbench.records.specs.protocol import Protocol, Sensor
+from testbench.records.specs.robot import Robot
 
 SWEPT_STEP_RAD = math.radians(1.0)
 """Joint motion, summed over the joints, between two configurations at which clearance is

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from testbench.planning.expansion import FourierCommand, SineCommand, TrapezoidCommand
-from testbench.records.plan import PlannedCycles
+from testbench.records.session.plan import PlannedCycles
 
 HIGHEST_RATIO = 1000
 """Largest denominator of a ratio of frequencies: with larger ones no sweep is long enough for a

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,7 +11,7 @@ import numpy as np
 
 from testbench.exceptions import CollisionError, InputError, NotFoundError
 from testbench.model.calibration_information import pose_information
-from testbench.planning.design_protocol import protocol_text
+from testbench.planning.design_protocol import Draft
 from testbench.planning.experiment_design import (
     ACCELEROMETER_SIZE,
     ARM_DIRECTION,
@@ -23,12 +21,12 @@ from testbench.planning.experiment_design import (
 )
 from testbench.planning.optimal_design import efficiency
 from testbench.planning.planner import find_robot, plan
-from testbench.records.plan import Plan
-from testbench.records.protocol import Protocol, Sensor
-from testbench.records.protocol_file import load_protocol
-from testbench.records.replacing import stored_where_asked, write_text
-from testbench.records.robot import Robot, load_robot
-from testbench.records.strict import NAME_PATTERN
+from testbench.records.disk.replacing import stored_where_asked, write_text
+from testbench.records.session.plan import Plan
+from testbench.records.specs.protocol import Protocol, Sensor
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.robot import Robot, load_robot
+from testbench.records.specs.strict import NAME_PATTERN
 
 MOST_DETOURS = 20
 LEFT_OUT = (
@@ -100,27 +98,10 @@ def design_protocol(
     Raises:
         InputError: There is no such sensor, or no such design.
     """
-    if out.suffix not in {".yaml", ".yml"}:
-        raise InputError(f"{out}: a protocol is a .yaml file")
-    if not re.match(NAME_PATTERN, out.stem):
-        raise InputError(
-            f"{out}: the protocol is called after its file, by a letter, then up to 63 letters, "
-            "digits and _"
-        )
-    if out.exists():
-        raise InputError(f"{out} exists already; nothing was written")
-    if not out.parent.is_dir():
-        raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
+    _check_file(out)
     protocol = load_protocol(like)
     sensors = protocol.spec.sensors
-    if sensor_name is None and len(sensors) > 1:
-        raise InputError(
-            f"the protocol {like} has several sensors ({', '.join(sensors)}); say which with "
-            "--sensor"
-        )
-    name = sensor_name or next(iter(sensors))
-    if name not in sensors:
-        raise NotFoundError("sensor", name, list(sensors))
+    name = _chosen_sensor(protocol, like, sensor_name)
     robot = load_robot(robot_name)
     sensor = sensors[name] if link is None else sensors[name].model_copy(update={"link": link})
     designer = Designer(robot, sensor)
@@ -132,7 +113,7 @@ def design_protocol(
     without: set[tuple[float, ...]] = set()
     while True:
         design = designer.design(wanted, without)
-        lost = [name for name, sd in design.accelerometer.items() if not np.isfinite(sd)]
+        lost = [parameter for parameter, sd in design.accelerometer.items() if not np.isfinite(sd)]
         if lost:
             raise InputError(
                 f"poses of these joints leave {', '.join(lost)} undetermined; let other joints "
@@ -150,9 +131,9 @@ def design_protocol(
                 f"The mounting is that of {like}, in the link {link}: correct it to where the "
                 "sensor sits."
             )
-        text = partial(protocol_text, out.stem, purpose, robot, name, sensor, design, notes)
+        draft = Draft(out.stem, purpose, robot, name, sensor, design, notes)
         try:
-            via_home, checked = _checked(text, len(design.q))
+            via_home, checked = _checked(draft)
             break
         except _NoWay as found:
             without.add(tuple(design.q[found.pose]))
@@ -161,9 +142,38 @@ def design_protocol(
                     f"no clear way was found: {found.error}; let other joints move with --joints"
                 ) from None
     with stored_where_asked(out):
-        write_text(out, text(via_home), anew=True)
+        write_text(out, draft.text(via_home), anew=True)
     rows = _rows(before.judged(q, [], dwell), design)
     return DesignedProtocol(checked, like, before.robot.name, rows, gain, sentence)
+
+
+def _check_file(out: Path) -> None:
+    """That a protocol can be written there."""
+    if out.suffix not in {".yaml", ".yml"}:
+        raise InputError(f"{out}: a protocol is a .yaml file")
+    if not re.match(NAME_PATTERN, out.stem):
+        raise InputError(
+            f"{out}: the protocol is called after its file, by a letter, then up to 63 letters, "
+            "digits and _"
+        )
+    if out.exists():
+        raise InputError(f"{out} exists already; nothing was written")
+    if not out.parent.is_dir():
+        raise InputError(f"{out} cannot be written: there is no folder {out.parent}")
+
+
+def _chosen_sensor(protocol: Protocol, like: str, sensor_name: str | None) -> str:
+    """The sensor of that name, or the only one."""
+    sensors = protocol.spec.sensors
+    if sensor_name is None and len(sensors) > 1:
+        raise InputError(
+            f"the protocol {like} has several sensors ({', '.join(sensors)}); say which with "
+            "--sensor"
+        )
+    name = sensor_name or next(iter(sensors))
+    if name not in sensors:
+        raise NotFoundError("sensor", name, list(sensors))
+    return name
 
 
 def _compared(
@@ -184,13 +194,14 @@ def _compared(
     return designer, *designer.poses_of(planned)
 
 
-def _checked(text: Callable[[set[int]], str], poses: int) -> tuple[set[int], Plan]:
+def _checked(draft: Draft) -> tuple[set[int], Plan]:
     """The poses that must be reached by way of home, and the plan that passes every check."""
+    poses = len(draft.design.q)
     via_home: set[int] = set()
     with TemporaryDirectory() as folder:
         file = Path(folder) / "design.yaml"
         for _ in range(MOST_DETOURS):
-            file.write_text(text(via_home), encoding="utf-8")
+            file.write_text(draft.text(via_home), encoding="utf-8")
             try:
                 return via_home, plan(load_protocol(file))
             except CollisionError as error:
@@ -242,8 +253,8 @@ def _sentence(gain: float | None, like: str, wanted: Wanted) -> str:
     kind = "geometric mean" if wanted.criterion == "D" else "sum"
     return (
         f"the {kind} of the accelerometer's variances falls {gain:.2f} times against {like} with "
-        "as many visits and as much "
-        f"time at rest, with the arm's direction known to {np.degrees(ARM_DIRECTION):g} deg in each"
+        "as many visits and as much time at rest, with the arm's direction known to "
+        f"{np.degrees(ARM_DIRECTION):g} deg in each"
     )
 
 

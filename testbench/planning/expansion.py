@@ -12,9 +12,9 @@ import numpy as np
 
 from testbench.exceptions import ExpressionError, FileProblems, NotFoundError
 from testbench.planning.expressions import UnknownVariable, evaluate_expression
-from testbench.records.protocol import Protocol
-from testbench.records.protocol_steps import Motion, Role, Section, Step, Sweep
-from testbench.records.robot import Robot
+from testbench.records.specs.protocol import Protocol
+from testbench.records.specs.protocol_steps import Motion, Role, Section, Step, Sweep
+from testbench.records.specs.robot import Robot
 
 MOST_COMMANDS = 100_000
 LONGEST_DURATION_S = 24 * 3600.0
@@ -379,8 +379,8 @@ class _Expander:
         except UnknownVariable as error:
             count = len(self.values.get(error.name, []))
             message = (
-                f"the variable '{error.name}' has {count} values; name it in a for_each "
-                "around this step"
+                f"the variable '{error.name}' has {count} values; name it in a for_each around "
+                "this step"
             )
             raise self._error(message if count else str(error), *where) from None
         except ExpressionError as error:

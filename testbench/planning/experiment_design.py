@@ -25,9 +25,9 @@ from testbench.model.calibration_information import (
 from testbench.model.collision import CollisionModel
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.planning.optimal_design import Criterion, choose
-from testbench.records.plan import Plan
-from testbench.records.protocol import Sensor
-from testbench.records.robot import Robot
+from testbench.records.session.plan import Plan
+from testbench.records.specs.protocol import Sensor
+from testbench.records.specs.robot import Robot
 
 CANDIDATES = 600
 LARGEST_SWING = np.pi

@@ -10,10 +10,10 @@ import numpy as np
 from testbench.model.joint_angle import flexion_of, joint_angles, nearest_turn
 from testbench.model.kinematics import Kinematics
 from testbench.planning.segment_frames import moments_of, segments_of
-from testbench.records.plan import FlexionUse, PlannedStep, judged_steps
-from testbench.records.protocol import Protocol
-from testbench.records.robot import Robot
-from testbench.records.trajectory import Trajectory
+from testbench.records.session.plan import FlexionUse, PlannedStep, judged_steps
+from testbench.records.session.trajectory import Trajectory
+from testbench.records.specs.protocol import Protocol
+from testbench.records.specs.robot import Robot
 
 
 def flexion_ranges(

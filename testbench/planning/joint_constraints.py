@@ -10,10 +10,10 @@ from testbench.model.joint_angle import segment_pose
 from testbench.model.joint_axes import axes_in_world, heading_slope, heading_terms
 from testbench.model.kinematics import Kinematics
 from testbench.planning.segment_frames import moments_of
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol import Protocol
-from testbench.records.robot import Robot
-from testbench.records.trajectory import Trajectory
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.trajectory import Trajectory
+from testbench.records.specs.protocol import Protocol
+from testbench.records.specs.robot import Robot
 
 MOST_MISFIT = 2.0
 """Axes that are off by more than so many times what is stated of them do not belong to the arm's
@@ -64,10 +64,8 @@ def constraint_warnings(
             )
             warnings.append(
                 f"joint '{name}': in the planned motion the axes of its constraint are {span} "
-                "apart, not "
-                f"{joint.constraint.angle_deg:g} deg; headings would be turned wrongly: are they "
-                f"axes of {robot.name} in the "
-                "segments' own frames?"
+                f"apart, not {joint.constraint.angle_deg:g} deg; headings would be turned wrongly: "
+                f"are they axes of {robot.name} in the segments' own frames?"
             )
         elif told < LEAST_TOLD:
             warnings.append(

@@ -16,9 +16,9 @@ import ruckig
 from testbench.exceptions import PlanError
 from testbench.frames import NANOSECONDS
 from testbench.planning.expansion import Command, FourierCommand, SineCommand, TrapezoidCommand
-from testbench.records.protocol_steps import Motion
-from testbench.records.robot import Robot
-from testbench.records.trajectory import Trajectory
+from testbench.records.session.trajectory import Trajectory
+from testbench.records.specs.protocol_steps import Motion
+from testbench.records.specs.robot import Robot
 
 KNOTS_A_CYCLE, SINE_KNOT_S = 50, 0.004
 """Knots of a sine a cycle of its fastest harmonic, and their least spacing; the quintic between so
@@ -164,8 +164,8 @@ class MotionBuilder:
         if sweep.rate > limit:
             raise PlanError(
                 f"joint {self.robot.joint_names[sweep.joint]}: a rate of "
-                f"{math.degrees(sweep.rate):.2f} deg/s exceeds "
-                f"{math.degrees(limit):.2f} deg/s (limit times motion.speed)"
+                f"{math.degrees(sweep.rate):.2f} deg/s exceeds {math.degrees(limit):.2f} deg/s "
+                "(limit times motion.speed)"
             )
         speed[sweep.joint] = sweep.rate
         for _ in range(sweep.cycles):

@@ -19,11 +19,11 @@ from testbench.planning.joint_constraints import constraint_warnings
 from testbench.planning.motion import MotionBuilder
 from testbench.planning.segment_frames import segment_frame_warnings
 from testbench.planning.unit_slips import unit_warnings
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.protocol import Protocol
-from testbench.records.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
-from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import Robot, load_robot
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.specs.protocol import Protocol
+from testbench.records.specs.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.robot import Robot, load_robot
 
 FARTHEST_CENTRE_MM = 500.0
 """Of a tool that carries sensors: the reach of the smallest arm (UR3e, user manual). Farther is a
@@ -112,7 +112,30 @@ def find_robot(protocol: Protocol, robot: str | Path | None) -> Robot:
 
 
 def _check_names(protocol: Protocol, robot: Robot) -> None:
-    """Links and joints that sensors, joint definitions and dipoles name must exist on the arm."""
+    """Links and joints that the protocol names must exist on the arm."""
+    _check_links(protocol, robot)
+    joints: list[tuple[str, tuple[Any, ...]]] = [
+        (joint.reference_joint, ("joints", name, "reference_joint"))
+        for name, joint in protocol.spec.joints.items()
+        if joint.reference_joint is not None
+    ]
+    chain = protocol.spec.estimate.chain
+    joints += [
+        (name, ("estimate", "chain", "joints", i))
+        for i, name in enumerate(chain.joints if chain is not None else [])
+    ]
+    for i, limit in enumerate(protocol.spec.accept):
+        owner, _, kind = limit.metric.partition(".")
+        if kind in CHAIN_METRICS and owner != WHOLE_CHAIN:
+            joints.append((owner, ("accept", i, "metric")))
+    for name, where in joints:
+        if name not in robot.joint_names:
+            unknown = NotFoundError(f"joint of {robot.name}", name, robot.joint_names)
+            raise protocol.document.problem(str(unknown), *where)
+
+
+def _check_links(protocol: Protocol, robot: Robot) -> None:
+    """Links that sensors and dipoles sit on."""
     kinematics = Kinematics(robot)
     named: list[tuple[str, tuple[Any, ...]]] = [
         (sensor.link, ("sensors", name, "link")) for name, sensor in protocol.spec.sensors.items()
@@ -133,22 +156,6 @@ def _check_names(protocol: Protocol, robot: Robot) -> None:
             raise InputError(
                 f"the robot file of {robot.name}, magnetism, dipole '{dipole.name}': {error}"
             ) from None
-    for name, joint in protocol.spec.joints.items():
-        if joint.reference_joint is not None and joint.reference_joint not in robot.joint_names:
-            unknown = NotFoundError(
-                f"joint of {robot.name}", joint.reference_joint, robot.joint_names
-            )
-            raise protocol.document.problem(str(unknown), "joints", name, "reference_joint")
-    chain = protocol.spec.estimate.chain
-    for i, name in enumerate(chain.joints if chain is not None else []):
-        if name not in robot.joint_names:
-            unknown = NotFoundError(f"joint of {robot.name}", name, robot.joint_names)
-            raise protocol.document.problem(str(unknown), "estimate", "chain", "joints", i)
-    for i, limit in enumerate(protocol.spec.accept):
-        owner, _, kind = limit.metric.partition(".")
-        if kind in CHAIN_METRICS and owner not in (WHOLE_CHAIN, *robot.joint_names):
-            unknown = NotFoundError(f"joint of {robot.name}", owner, robot.joint_names)
-            raise protocol.document.problem(str(unknown), "accept", i, "metric")
 
 
 def _check_tool(protocol: Protocol, robot: Robot) -> None:
@@ -158,8 +165,8 @@ def _check_tool(protocol: Protocol, robot: Robot) -> None:
         return
     if payload is not None and tool.mass_kg > payload:
         message = (
-            f"the tool of {tool.mass_kg:g} kg is heavier than the {payload:g} kg that the "
-            f"maker of the {robot.name} allows"
+            f"the tool of {tool.mass_kg:g} kg is heavier than the {payload:g} kg that the maker of "
+            f"the {robot.name} allows"
         )
         raise protocol.document.problem(message, "arm", "tool", "mass_kg")
     distance = math.hypot(*tool.centre_mm)
@@ -187,8 +194,7 @@ def _check_settling(protocol: Protocol, steps: list[PlannedStep]) -> None:
         if spans and longest <= 2 * chain.settling_s:
             message = (
                 f"settling_s leaves out {chain.settling_s:g} s at either end of each step, and the "
-                "longest of section "
-                f"'{section}' lasts {longest:.1f} s: nothing would be judged; it must be below "
-                f"{longest / 2:.1f} s"
+                f"longest of section '{section}' lasts {longest:.1f} s: nothing would be judged; "
+                f"it must be below {longest / 2:.1f} s"
             )
             raise protocol.document.problem(message, "estimate", "chain", "settling_s")

@@ -19,11 +19,11 @@ from testbench.model.joint_angle import (
     segment_pose,
 )
 from testbench.model.kinematics import Kinematics
-from testbench.records.joint_definition import FlexionAngle
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol import JointDefinition, Protocol
-from testbench.records.robot import Robot
-from testbench.records.trajectory import Trajectory
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.trajectory import Trajectory
+from testbench.records.specs.joint_definition import FlexionAngle
+from testbench.records.specs.protocol import JointDefinition, Protocol
+from testbench.records.specs.robot import Robot
 
 MOST_SEQUENCE_ERROR_DEG = 15.0
 """The error that an Euler sequence alone makes in the published study stays below 9 deg at 20 deg
@@ -87,8 +87,8 @@ def segment_frame_warnings(
         for read in compared:
             frames = f"its segment frames (rotation_deg) do not fit the link frames of {robot.name}"
             what = (
-                f"joint '{name}': in the middle of the poses the {read.definition.label} "
-                "flexion of the segments differs"
+                f"joint '{name}': in the middle of the poses the {read.definition.label} flexion "
+                "of the segments differs"
             )
             warnings += read.differs(what, true, called, frames)
     return warnings
@@ -187,8 +187,8 @@ class _Read:
         if margin >= LEAST_MARGIN_DEG:
             return []
         flexion = (
-            f"joint '{name}': the {d.flexion} angle of {d.label} is its flexion, and in one "
-            "of the poses it is"
+            f"joint '{name}': the {d.flexion} angle of {d.label} is its flexion, and in one of the "
+            "poses it is"
         )
         return [
             (

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbench.planning.expansion import Command
-from testbench.records.protocol import Protocol
+from testbench.records.specs.protocol import Protocol
 
 TYPED_TO = 0.005
 """How near a typed number comes to a part of pi: 1.57 and 3.14 count [1]."""
@@ -53,8 +53,7 @@ def _radians(commands: Sequence[Command]) -> list[str]:
             return [
                 (
                     f"move_to_deg of step '{command.name}' {_looks(number)}, and {where}); it is "
-                    "taken "
-                    "in degrees"
+                    "taken in degrees"
                 )
             ]
     values: dict[str, set[float]] = {}
@@ -94,7 +93,6 @@ def _metres(protocol: Protocol) -> list[str]:
             )
             warnings.append(
                 f"sensor '{name}': position_mm [{given}] looks like metres, for all of it is below "
-                f"{LEAST_POSITION_MM:g} mm; "
-                f"did you mean [{meant}]?"
+                f"{LEAST_POSITION_MM:g} mm; did you mean [{meant}]?"
             )
     return warnings

@@ -8,15 +8,15 @@ import numpy as np
 
 from testbench.clock import utc_shown
 from testbench.frames import STANDARD_GRAVITY
-from testbench.records.calibration import MountingCalibration, TriadCalibration
-from testbench.records.calibration_result import CalibrationResult
-from testbench.records.fit import Fit
-from testbench.records.published import load_published
-from testbench.records.replacing import stored, write_text
-from testbench.reporting.figures import heat_map
-from testbench.reporting.page import Block, Figures, Section, Sentence, Tile
-from testbench.reporting.render import render_page
-from testbench.reporting.tables import (
+from testbench.records.disk.replacing import stored, write_text
+from testbench.records.results.calibration import MountingCalibration, TriadCalibration
+from testbench.records.results.calibration_result import CalibrationResult
+from testbench.records.results.fit import Fit
+from testbench.records.specs.published import load_published
+from testbench.reporting.page.figures import Axis, heat_map
+from testbench.reporting.page.page import Block, Figures, Page, Section, Sentence, Tile
+from testbench.reporting.page.render import render_page
+from testbench.reporting.page.tables import (
     Cell,
     Row,
     Table,
@@ -67,14 +67,16 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
         sections.append(_mounting(calibration.mounting))
     sections += [_poses(result), _segmentation(result)]
     html = render_page(
-        title=f"Calibration of {calibration.sensor}",
-        purpose=methods,
-        facts=[fact for fact in facts if fact[1]],
-        tiles=_tiles(result),
-        sections=sections,
-        kind="calibration",
-        footer="Rows in italics are published values. All uncertainties are standard uncertainties "
-        "unless a column says 95 %.",
+        Page(
+            title=f"Calibration of {calibration.sensor}",
+            purpose=methods,
+            facts=[fact for fact in facts if fact[1]],
+            tiles=_tiles(result),
+            sections=sections,
+            kind="calibration",
+            footer="Rows in italics are published values. All uncertainties are standard "
+            "uncertainties unless a column says 95 %.",
+        )
     )
     with stored(path, "the calibration is kept"):
         write_text(path, html)
@@ -153,8 +155,8 @@ def _held_out(result: CalibrationResult) -> Section:
                 [*header("figure", "triad", "value", numbers_from=2), Cell("unit")],
                 rows,
                 "How to read: none of these poses and turns was seen by the fit that corrected it. "
-                "bias is the mean error of "
-                "an axis over the poses, error also counts what changes its sign with the pose.",
+                "bias is the mean error of an axis over the poses, error also counts what changes "
+                "its sign with the pose.",
             )
         )
     else:
@@ -221,10 +223,8 @@ def _beside_published(result: CalibrationResult) -> list[Block]:
             ),
             rows,
             f"How to read: published rows: {published.source}, judged there on the poses they were "
-            "fitted to and without "
-            "a bias in the model; ours on poses held out. sd is that of single readings at rest, "
-            "which a calibration must "
-            "not change.",
+            "fitted to and without a bias in the model; ours on poses held out. sd is that of "
+            "single readings at rest, which a calibration must not change.",
         )
     ]
 
@@ -296,9 +296,8 @@ def _parameters(fit: Fit) -> Table:
 def _correlation(fit: Fit) -> list[Block]:
     if not 1 < len(fit.names) <= MOST_CORRELATED:
         return []
-    figure = heat_map(
-        "", list(fit.names), list(fit.names), np.abs(fit.correlation), "", "", "|r|", 1.0
-    )
+    parameters = Axis("", list(fit.names))
+    figure = heat_map("", parameters, parameters, np.abs(fit.correlation), "|r|", 1.0)
     figure["layout"]["height"] = 224 + 18 * len(fit.names)
     figure["layout"]["margin"] = {"l": 150, "r": 14, "t": 38, "b": 150}
     for axis in ("xaxis", "yaxis"):
@@ -336,8 +335,8 @@ def _mounting(found: MountingCalibration) -> Section:
         header("about", "rotation [deg]", "standard uncertainty [deg]", "95 % ± [deg]"),
         rows,
         "How to read: the rotation vector that takes what the sensor reads into the axes in which "
-        "it was believed to sit; all "
-        "triads and the device's orientation are turned by it, after their own corrections.",
+        "it was believed to sit; all triads and the device's orientation are turned by it, after "
+        "their own corrections.",
     )
     return Section(
         "mounting", "Mounting", [table, *(Sentence(_sentence(remark)) for remark in found.remarks)]
@@ -382,8 +381,7 @@ def _poses(result: CalibrationResult) -> Section:
         ),
         rows,
         "How to read: mean raw readings at rest, and what the calibration that was fitted to these "
-        "poses leaves of them; the "
-        "last column is against 9.80665 m/s².",
+        "poses leaves of them; the last column is against 9.80665 m/s².",
     )
     return Section("poses", "Poses", [table])
 
@@ -417,9 +415,7 @@ def _segmentation(result: CalibrationResult) -> Section:
         ),
         rows,
         "How to read: arm is what the arm reports, gyroscope the spread of the rates, peaks the "
-        "plateaus between the moves, "
-        "variance that of the accelerometer with its threshold found automatically. The rests of "
-        f"the {result.segmentation} "
-        "were used.",
+        "plateaus between the moves, variance that of the accelerometer with its threshold found "
+        f"automatically. The rests of the {result.segmentation} were used.",
     )
     return Section("segmentation", "Rests", [table])

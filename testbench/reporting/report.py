@@ -7,33 +7,33 @@ from __future__ import annotations
 from pathlib import Path
 
 from testbench.frames import NANOSECONDS
-from testbench.records.earlier_steps import earlier_steps
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation, Outcome
-from testbench.records.layout import EVALUATION_SUMMARY, REPORT
-from testbench.records.published import load_published
-from testbench.records.replacing import stored, write_text
-from testbench.records.session import Session
-from testbench.records.session_lock import session_locked
-from testbench.reporting.axes_section import axes_section
-from testbench.reporting.chain_section import chain_section
-from testbench.reporting.figures import Span
-from testbench.reporting.fit_section import fit_section
-from testbench.reporting.joint_section import joint_section
-from testbench.reporting.orientation_section import orientation_section
-from testbench.reporting.page import Section, Sentence
-from testbench.reporting.palette import filter_colours
-from testbench.reporting.recording_section import recording_section
-from testbench.reporting.render import render_page
-from testbench.reporting.session_section import (
+from testbench.records.disk.replacing import stored, write_text
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation, Outcome
+from testbench.records.session.earlier_steps import earlier_steps
+from testbench.records.session.layout import EVALUATION_SUMMARY, REPORT
+from testbench.records.session.session import Session
+from testbench.records.session.session_lock import session_locked
+from testbench.records.specs.published import load_published
+from testbench.reporting.page.figures import Span
+from testbench.reporting.page.page import Page, Section, Sentence
+from testbench.reporting.page.palette import filter_colours
+from testbench.reporting.page.render import render_page
+from testbench.reporting.sections.axes import axes_section
+from testbench.reporting.sections.chain import chain_section
+from testbench.reporting.sections.fit import fit_section
+from testbench.reporting.sections.joint import joint_section
+from testbench.reporting.sections.orientation import orientation_section
+from testbench.reporting.sections.recording import recording_section
+from testbench.reporting.sections.session import (
     facts,
     provenance_section,
     run_section,
     simulated_parts,
     verdict_section,
 )
-from testbench.reporting.tiles import result_tiles
-from testbench.reporting.uncertainty_section import uncertainty_section
+from testbench.reporting.sections.tiles import result_tiles
+from testbench.reporting.sections.uncertainty import uncertainty_section
 
 VENDORS_FILTER = "device"
 """The orientation that a sensor computes itself; simulated sensors have an error model of it."""
@@ -47,9 +47,9 @@ def report(
 
     Args:
         session: The recording.
-        estimate: What was made of it; read from the session's folder if None, and left out of the
+        estimate: Of its orientations; read from the session's folder if None, and left out of the
             report where the folder has none.
-        evaluation: What was made of it; read from the session's folder if None, and left out of the
+        evaluation: Of its errors; read from the session's folder if None, and left out of the
             report where the folder has none.
 
     Returns:
@@ -83,20 +83,22 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
     sections = _sections(session, estimate, evaluation)
     protocol, earlier = session.manifest.protocol, earlier_steps(session)
     return render_page(
-        title=protocol.name or session.name,
-        purpose=protocol.purpose or "",
-        outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
-        verdict=evaluation.verdict if evaluation else "not evaluated",
-        simulated=simulated_parts(session),
-        modelled_filter=VENDORS_FILTER
-        if VENDORS_FILTER in _filters_of(estimate, evaluation)
-        else "",
-        partial="" if earlier is None else f"This session {earlier.sentence}.",
-        facts=facts(session),
-        tiles=result_tiles(
-            evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}
-        ),
-        sections=sections,
+        Page(
+            title=protocol.name or session.name,
+            purpose=protocol.purpose or "",
+            outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
+            verdict=evaluation.verdict if evaluation else "not evaluated",
+            simulated=simulated_parts(session),
+            modelled_filter=VENDORS_FILTER
+            if VENDORS_FILTER in _filters_of(estimate, evaluation)
+            else "",
+            partial="" if earlier is None else f"This session {earlier.sentence}.",
+            facts=facts(session),
+            tiles=result_tiles(
+                evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}
+            ),
+            sections=sections,
+        )
     )
 
 

@@ -10,8 +10,8 @@ from urllib.parse import quote
 import numpy as np
 
 from testbench.clock import utc_shown
-from testbench.records.replacing import stored, write_text
-from testbench.records.study import (
+from testbench.records.disk.replacing import stored, write_text
+from testbench.records.results.study import (
     StudyBoxes,
     StudyCurves,
     StudyRecord,
@@ -19,11 +19,11 @@ from testbench.records.study import (
     StudyTable,
     Value,
 )
-from testbench.reporting.figures import Curve, Figure, box_plots, error_curves, heat_map
-from testbench.reporting.page import Block, Figures, Section, Sentence
-from testbench.reporting.palette import COLOURS, REFERENCE, ordered_colours
-from testbench.reporting.render import render_page
-from testbench.reporting.tables import (
+from testbench.reporting.page.figures import Axis, Curve, Figure, box_plots, error_curves, heat_map
+from testbench.reporting.page.page import Block, Figures, Page, Section, Sentence
+from testbench.reporting.page.palette import COLOURS, REFERENCE, ordered_colours
+from testbench.reporting.page.render import render_page
+from testbench.reporting.page.tables import (
     Cell,
     Row,
     Table,
@@ -78,14 +78,16 @@ def render_study(study: StudyRecord, folder: Path | None = None) -> str:
         )
     sections.append(_provenance(study, folder))
     return render_page(
-        kind="study",
-        title=study.title,
-        purpose=study.question,
-        facts=_facts(study),
-        tiles=[],
-        sections=sections,
-        footer=f"Rows in italics: {study.source}, as printed. Ratio: ours divided by the published "
-        "value.",
+        Page(
+            kind="study",
+            title=study.title,
+            purpose=study.question,
+            facts=_facts(study),
+            tiles=[],
+            sections=sections,
+            footer=f"Rows in italics: {study.source}, as printed. Ratio: ours divided by the "
+            "published value.",
+        )
     )
 
 
@@ -162,7 +164,12 @@ def _surfaces(surfaces: list[StudySurface]) -> Figures:
     )
     figures = {
         s.caption: heat_map(
-            s.caption, s.x.tolist(), s.y.tolist(), s.z, s.x_axis, s.y_axis, s.z_axis, largest
+            s.caption,
+            Axis(s.x_axis, s.x.tolist()),
+            Axis(s.y_axis, s.y.tolist()),
+            s.z,
+            s.z_axis,
+            largest,
         )
         for s in surfaces
     }

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from testbench.exceptions import InputError, NotFoundError
 
 if TYPE_CHECKING:
-    from testbench.records.study import StudyRecord
+    from testbench.records.results.study import StudyRecord
     from testbench.studies.bench import StudyBench
 
 
@@ -81,46 +81,46 @@ STUDIES = {
             "gimvebo",
             "Integrators in the calibration of a gyroscope on a gimbal, beside tables 4.1 to 4.7 "
             "of Botina & Vergara 2018",
-            "testbench.studies.gimvebo",
+            "testbench.studies.gimvebo.study",
         ),
         Study(
             "beta_zeta",
             "The two gains of Madgwick's filter, beside the sweeps of de Miguel Pueyo 2024, and "
             "what a true bias state gains",
-            "testbench.studies.beta_zeta",
+            "testbench.studies.beta_zeta.study",
         ),
         Study(
             "misalignment",
             "Misaligned segments: theory, its fits, every sequence, and a session beside them",
-            "testbench.studies.misalignment",
+            "testbench.studies.elbow.misalignment",
         ),
         Study(
             "reference-1",
             "Joint angles of an elbow played by a UR3e, beside section 4 and tables 5.1 to 5.10 of "
             "Castellanos Alonso 2023",
-            "testbench.studies.reference_1",
+            "testbench.studies.elbow.study",
         ),
         Study(
             "reference-2",
             "The study beta_zeta under the name of its publication, de Miguel Pueyo 2024",
-            "testbench.studies.beta_zeta",
+            "testbench.studies.beta_zeta.study",
         ),
         Study(
             "reference-3",
             "The study gimvebo under the name of its publication, Botina & Vergara 2018",
-            "testbench.studies.gimvebo",
+            "testbench.studies.gimvebo.study",
         ),
         Study(
             "reference-4",
             "Gait cycles, path and yaw drift of a swung shank, beside Cabezuelo Gutiérrez 2019",
-            "testbench.studies.pedestrian",
+            "testbench.studies.pedestrian.study",
             "shank_swing",
         ),
         Study(
             "reference-5",
             "The Kalman filter of a kinematic chain, beside tables 4.1 to 4.4 of Quijano & "
             "Valencia 2018",
-            "testbench.studies.reference_5_record",
+            "testbench.studies.chain.study",
         ),
     )
 }

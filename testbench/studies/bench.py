@@ -13,7 +13,7 @@ from testbench.pipeline.prepared import Prepared
 from testbench.pipeline.request import AnalysisRequest, Request, RunRequest
 from testbench.pipeline.run import run
 from testbench.pipeline.watcher import Watcher
-from testbench.records.plan import Plan
+from testbench.records.session.plan import Plan
 
 
 def _nothing(text: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from testbench.clock import Clock
 from testbench.exceptions import InputError
-from testbench.records.replacing import dated_folder
+from testbench.records.disk.replacing import dated_folder
 
 
 def new_folder(logs: Path, name: str, clock: Clock) -> Path:

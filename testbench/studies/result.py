@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from testbench.records.session_writer import software_versions
-from testbench.records.study import StudyCurves, StudyRecord, StudySurface, StudyTable
+from testbench.records.results.study import StudyCurves, StudyRecord, StudySurface, StudyTable
+from testbench.records.session.session_writer import software_versions
 
 
 @dataclass(frozen=True)

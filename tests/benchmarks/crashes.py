@@ -6,24 +6,22 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
+from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
 from tests.conftest import TINY
-from tests.system.crashes import crash, moments, undisturbed
+from tests.system.crashes import Outcome, crash, moments, undisturbed
+
+COUNT = 100
 
 
-def bench_crashes(count: int = 100) -> bool:
+def bench_crashes(count: int = COUNT) -> bool:
     """Print the figures; whether every run could be resumed without a trace."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        protocol = folder / "tiny.yaml"
-        protocol.write_text(TINY, encoding="utf-8")
-        whole, expected = undisturbed(protocol, folder / "whole")
-        outcomes = [
-            crash(protocol, folder / f"run{i}", speed, after, whole, expected)
-            for i, (speed, after) in enumerate(moments(count, 6.0, seed=1))
-        ]
+    outcomes = [Outcome(**found) for found in resumed("crashes", count, _crashes)]
     rows: list[list[str | Text]] = [
         [
             Text("killed before it was a session"),
@@ -41,5 +39,16 @@ def bench_crashes(count: int = 100) -> bool:
     return all(o.opened and o.same_files and o.same_evaluation and o.lost <= 1 for o in outcomes)
 
 
+def _crashes(numbers: range) -> Iterator[dict[str, Any]]:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        protocol = folder / "tiny.yaml"
+        protocol.write_text(TINY, encoding="utf-8")
+        whole = undisturbed(protocol, folder / "whole")
+        chosen = moments(numbers.stop, seed=1)
+        for number in numbers:
+            yield asdict(crash(protocol, folder / f"run{number}", *chosen[number], whole))
+
+
 if __name__ == "__main__":
-    sys.exit(not bench_crashes(int(sys.argv[1]) if len(sys.argv) > 1 else 100))
+    sys.exit(not bench_crashes(count_of(COUNT, __doc__)))

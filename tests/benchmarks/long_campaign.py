@@ -14,7 +14,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from testbench.records.shipped import shipped_folder
+from testbench.records.specs.shipped import shipped_folder
 from tests.benchmarks.timing import Text, duration, show
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -102,8 +102,8 @@ elif stage == "resume":
 else:
     from testbench.estimation import estimate
     from testbench.evaluation import evaluate
-    from testbench.records.estimate import Estimate
-    from testbench.records.session import Session
+    from testbench.records.results.estimate import Estimate
+    from testbench.records.session.session import Session
     session = Session(path)
     if stage == "estimate":
         made = estimate(session)
@@ -116,7 +116,7 @@ else:
         found = {"errors": {f"{r.sensor} {r.filter}": r.inclination_rmse_deg for r in rows}}
         found["rows"] = len(made.joint_angle)
     else:
-        from testbench.records.evaluation import Evaluation
+        from testbench.records.results.evaluation import Evaluation
         from testbench.reporting.report import report
         found = {"report_mb": report(session).stat().st_size / 1e6}
 took = time.perf_counter() - begun

@@ -29,12 +29,13 @@ PROGRAM = """
 import json, resource, sys, time
 from pathlib import Path
 from testbench.clock import SystemClock
-from testbench.estimation import access, estimate
+from testbench.estimation import estimate
+from testbench.estimation.signals import access
 from testbench.evaluation import evaluate
 from testbench.formats import import_recording
 from testbench.formats.options import Options
-from testbench.records.estimate import Estimate
-from testbench.records.session import Session
+from testbench.records.results.estimate import Estimate
+from testbench.records.session.session import Session
 from testbench.reporting.report import report
 
 stage, kept = sys.argv[1], int(sys.argv[2])

@@ -20,9 +20,9 @@ from testbench.execution import RunOptions
 from testbench.execution.executor import execute_on_arm
 from testbench.execution.sensors import Sensors
 from testbench.pipeline.prepared import make_plan
-from testbench.records.plan import Plan
-from testbench.records.session import Session
-from testbench.records.shipped import shipped_folder
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import Session
+from testbench.records.specs.shipped import shipped_folder
 from tests.asking import run_of
 from tests.benchmarks.timing import Text, show
 from tests.emulated_arms import COMMAND_PORT, emulated_ur, emulated_xarm

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench.estimation.calibration.methods import Method, methods_of
 from testbench.estimation.calibration.poses import StaticPoses
-from testbench.estimation.static_intervals import by_gyroscope, by_variance
+from testbench.estimation.calibration.static_intervals import by_gyroscope, by_variance
 from testbench.frames import STANDARD_GRAVITY
 from tests.benchmarks.timing import Text, duration, rate, seconds, show
 

@@ -19,10 +19,10 @@ from testbench.pipeline.arm import refuse_arm
 from testbench.pipeline.request import ArmRequest, RunRequest
 from testbench.pipeline.run import run
 from testbench.pipeline.watcher import Consent, Watcher
-from testbench.records.robot import load_robot
-from testbench.records.session import Session
-from testbench.records.storage import read_json, write_json
-from testbench.reporting.session_section import simulated_parts
+from testbench.records.disk.json_file import read_json, write_json
+from testbench.records.session.session import Session
+from testbench.records.specs.robot import load_robot
+from testbench.reporting.sections.session import simulated_parts
 from tests.asking import run_of
 from tests.conftest import FakeClock
 from tests.drivers.trial_arm import ENTRY

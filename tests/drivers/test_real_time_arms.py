@@ -21,9 +21,9 @@ from testbench.execution.executor import execute_on_arm
 from testbench.execution.sensors import Sensors
 from testbench.pipeline.arm import make_arm
 from testbench.pipeline.request import ArmRequest, RunRequest
-from testbench.records.robot import Robot, load_robot
-from testbench.records.samples import ArmSamples
-from testbench.records.session import RunStatus
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import RunStatus
+from testbench.records.specs.robot import Robot, load_robot
 from tests.conftest import FakeClock
 
 SECOND = 1_000_000_000

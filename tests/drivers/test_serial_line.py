@@ -18,7 +18,7 @@ from testbench.drivers.imus.line_format import LineFormat
 from testbench.drivers.imus.serial_line import LONGEST_LINE, SerialImu, open_serial_port
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
-from testbench.records.samples import ImuSamples
+from testbench.records.session.samples import ImuSamples
 from tests.drivers.board_lines import line, make_format
 from tests.lock_step.clock import LockStep
 from tests.lock_step.serial_board import VirtualBoard

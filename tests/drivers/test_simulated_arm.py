@@ -9,8 +9,8 @@ from scipy.signal import TransferFunction, lsim
 from testbench import plan
 from testbench.drivers.arms.simulated import SimulatedArm, draw_zero_errors
 from testbench.exceptions import DriverError
-from testbench.records.plan import Plan
-from testbench.records.robot import Robot
+from testbench.records.session.plan import Plan
+from testbench.records.specs.robot import Robot
 
 SECOND = 1_000_000_000
 PERFECT = {

@@ -14,12 +14,12 @@ from testbench.execution.truth import kinematic_truth
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.magnetic_field import dipole_field
-from testbench.records.magnetism import MagneticDipole
-from testbench.records.plan import Plan
-from testbench.records.protocol import Environment, Sensor
-from testbench.records.robot import Robot
-from testbench.records.samples import ImuSamples
-from testbench.records.strict import Placement
+from testbench.records.session.plan import Plan
+from testbench.records.session.samples import ImuSamples
+from testbench.records.specs.magnetism import MagneticDipole
+from testbench.records.specs.protocol import Environment, Sensor
+from testbench.records.specs.robot import Robot
+from testbench.records.specs.strict import Placement
 
 SECOND = 1_000_000_000
 FACES = Placement(rotation_deg={"XYZ": [90, 90, 0]}, position_mm=[0, 0, 10])

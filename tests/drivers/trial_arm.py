@@ -10,9 +10,9 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.entry import REAL_ARM, SENSORS, ArmEntry, WantedArm
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
-from testbench.records.plan import Plan
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Event
+from testbench.records.session.plan import Plan
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Event
 
 ENTRY = ArmEntry(
     name="trial",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.emulation.joints import Joints
-from testbench.records.robot import Robot, load_robot
+from testbench.records.specs.robot import Robot, load_robot
 
 QUIET = {"encoder_resolution_deg": 0.0, "encoder_noise_deg": 0.0, "velocity_noise_deg_s": 0.0}
 

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.estimation import access, estimate
+from testbench.estimation import estimate
+from testbench.estimation.signals import access
 from testbench.evaluation import evaluate
 from testbench.formats.recording import ImportedSensor, Recording, write_recording
 from testbench.frames import NANOSECONDS
-from testbench.records.estimate import Estimate
-from testbench.records.protocol import Analysis, Estimation
-from testbench.records.samples import ImuSamples, Truth
+from testbench.records.results.estimate import Estimate
+from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.specs.protocol import Analysis, Estimation
 from tests.benchmarks.long_recordings import orientation
 
 RATE, SECONDS, EVERY, PIECE = 100.0, 200.0, 7, 1_500

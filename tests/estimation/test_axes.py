@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.axes import AS_DOCUMENTED, STRAIGHT, identify_axes, remarks_on
-from testbench.estimation.recording import STANDARD_DOWN
+from testbench.estimation.alignment.axes import AS_DOCUMENTED, STRAIGHT, identify_axes, remarks_on
+from testbench.estimation.signals.recording import STANDARD_DOWN
 from testbench.formats.axes import find_axes
 from testbench.model import rotation
-from testbench.records.samples import ImuSamples, Truth
+from testbench.records.session.samples import ImuSamples, Truth
 
 RIGHT_HANDED = [
     Rotation.from_matrix(m).as_matrix().round().astype(int)

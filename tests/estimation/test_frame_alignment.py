@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.estimation.frame_alignment import apply_frames, fit_frames
+from testbench.estimation.alignment.frame_alignment import apply_frames, fit_frames
 from testbench.model import rotation
-from testbench.records.estimate import FrameFit
+from testbench.records.results.estimate import FrameFit
 
 
 def poses(n: int = 30, seed: int = 0) -> np.ndarray:

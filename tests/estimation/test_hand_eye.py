@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.frame_alignment import apply_frames, fit_frames_by_motion
-from testbench.estimation.hand_eye import solve_hand_eye
+from testbench.estimation.alignment.frame_alignment import apply_frames, fit_frames_by_motion
+from testbench.estimation.alignment.hand_eye import solve_hand_eye
 
 TIME = np.linspace(0, 60, 1500)
 RICH = np.stack([np.sin(TIME), 0.7 * np.sin(1.3 * TIME), 0.5 * np.sin(0.7 * TIME)], axis=1)

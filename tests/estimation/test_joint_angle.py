@@ -13,9 +13,9 @@ from testbench.model.joint_angle import (
     segment_from_sensor,
     segment_orientation,
 )
-from testbench.records.joint_definition import FlexionAngle
-from testbench.records.protocol import Segment, Sensor
-from testbench.records.strict import Placement
+from testbench.records.specs.joint_definition import FlexionAngle
+from testbench.records.specs.protocol import Segment, Sensor
+from testbench.records.specs.strict import Placement
 
 
 def quaternion(turn: Rotation) -> np.ndarray:

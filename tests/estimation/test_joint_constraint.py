@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.calibration.least_squares import PoorExcitation
-from testbench.estimation.joint_constraint import START_SD, track_heading
-from testbench.records.joint_definition import JointConstraint
+from testbench.estimation.joints.joint_constraint import START_SD, track_heading
+from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.specs.joint_definition import JointConstraint
 
 SECONDS, HZ = 300.0, 20.0
 TIME = np.arange(0, SECONDS, 1 / HZ)

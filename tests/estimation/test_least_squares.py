@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from testbench.estimation.calibration.least_squares import FitParameter, PoorExcitation, solve
+from testbench.model.statistics.least_squares import FitParameter, PoorExcitation, solve
 
 LINE = [FitParameter("slope", "1/s", 0.0, 10.0), FitParameter("offset", "1", 0.0, 10.0)]
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from testbench.estimation.quality import assess
-from testbench.estimation.timing import audit_timing
+from testbench.estimation.signals.quality import assess
+from testbench.estimation.signals.timing import audit_timing
 from testbench.model.truth import without_jumps
-from testbench.records.samples import ImuSamples, Truth
+from testbench.records.session.samples import ImuSamples, Truth
 
 N, RATE = 2000, 100.0
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from testbench.estimation.alignment.resting_heading import drift_remark, resting_drift
 from testbench.estimation.filters import get_filter
-from testbench.estimation.resting_heading import drift_remark, resting_drift
 from testbench.model import rotation
 
 TIME_NS = (np.arange(6000) * 1e7).astype(np.int64)

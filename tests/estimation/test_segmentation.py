@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.estimation.segmentation import detect_static
+from testbench.estimation.signals.segmentation import detect_static
 
 INTERVAL = 1 / 60
 

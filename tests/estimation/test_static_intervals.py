@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.static_intervals import (
+from testbench.estimation.calibration.static_intervals import (
     between_peaks,
     by_events,
     by_gyroscope,
     by_variance,
     compare,
-    intervals_of,
 )
+from testbench.estimation.signals.segmentation import intervals_of
 
 INTERVAL, GRAVITY = 0.01, 9.80665
 REST, MOVE = 300, 150

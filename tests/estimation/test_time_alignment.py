@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.estimation.time_alignment import fit_clock
-from testbench.records.estimate import ClockFit
-from testbench.records.samples import ImuSamples, Truth
+from testbench.estimation.signals.time_alignment import fit_clock
+from testbench.records.results.estimate import ClockFit
+from testbench.records.session.samples import ImuSamples, Truth
 
 SECONDS = 60
 

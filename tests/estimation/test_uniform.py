@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.estimation.uniform import fill_gaps
+from testbench.estimation.signals.uniform import fill_gaps
 from testbench.model import rotation
-from testbench.records.estimate import ClockFit
-from testbench.records.samples import ImuSamples
+from testbench.records.results.estimate import ClockFit
+from testbench.records.session.samples import ImuSamples
 
 
 def samples(kept: np.ndarray, period_ns: int = 10_000_000, first: int = 0) -> ImuSamples:

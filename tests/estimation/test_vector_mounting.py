@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.vector_mounting import mounting_from_vectors
+from testbench.estimation.alignment.vector_mounting import mounting_from_vectors
 
 
 def angle_deg(q, expected):

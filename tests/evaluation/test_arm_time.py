@@ -13,8 +13,8 @@ import pytest
 
 from testbench.evaluation.arm_time import arm_notes
 from testbench.evaluation.left_out import left_out_notes
-from testbench.records.plan import PlannedStep
-from testbench.records.session import Session
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.session import Session
 
 SECOND = 1_000_000_000
 

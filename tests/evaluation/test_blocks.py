@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from testbench.evaluation.blocks import (
+from testbench.model.statistics.blocks import (
     LONGEST_SERIES,
     block_length,
     intervals,

@@ -16,9 +16,9 @@ from testbench.evaluation import evaluate
 from testbench.evaluation.budgets import chain_budget
 from testbench.evaluation.verdict import summarise_metrics
 from testbench.exceptions import FileProblems
-from testbench.records.evaluation import Evaluation, Outcome
-from testbench.records.protocol_chain import CHAIN_METRICS
-from testbench.records.protocol_file import load_protocol
+from testbench.records.results.evaluation import Evaluation, Outcome
+from testbench.records.specs.protocol_chain import CHAIN_METRICS
+from testbench.records.specs.protocol_file import load_protocol
 from testbench.reporting.report import report
 
 LIMITS = [

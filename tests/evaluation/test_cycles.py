@@ -22,9 +22,9 @@ from testbench.evaluation.cycles import (
     joint_cycles,
 )
 from testbench.evaluation.flexion import JointErrors
-from testbench.records.chain import ChainEstimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.plan import PlannedCycles, PlannedStep
+from testbench.records.results.chain import ChainEstimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.plan import PlannedCycles, PlannedStep
 from testbench.reporting.report import report
 
 HZ, AMPLITUDE, CENTRE = 0.8, np.radians(25), np.radians(40)

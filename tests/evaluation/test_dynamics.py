@@ -15,7 +15,7 @@ from testbench.evaluation.dynamics import (
     rate_in_world,
 )
 from testbench.model import rotation
-from testbench.records.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep
 
 RATE = 100.0
 N = 2000

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.evaluation.euler_ranges import euler_range_rows
-from testbench.records.samples import Truth
+from testbench.records.session.samples import Truth
 
 COUNT = 2001
 

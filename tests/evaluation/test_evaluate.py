@@ -14,9 +14,9 @@ from testbench.evaluation.judged import SETTLING_NS, window
 from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE
 from testbench.exceptions import SessionError
 from testbench.model import rotation
-from testbench.records.estimate import CalibrationFit, Estimate, JointEstimate
-from testbench.records.evaluation import Evaluation, Outcome
-from testbench.records.plan import PlannedStep, judged_steps
+from testbench.records.results.estimate import CalibrationFit, Estimate, JointEstimate
+from testbench.records.results.evaluation import Evaluation, Outcome
+from testbench.records.session.plan import PlannedStep, judged_steps
 
 JOINT_KEYS = {
     "joint",

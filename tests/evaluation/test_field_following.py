@@ -17,8 +17,8 @@ from testbench.evaluation.field_following import GYROSCOPE_DEG, following, follo
 from testbench.evaluation.magnetic import FieldDeviation
 from testbench.evaluation.metrics import OrientationErrors
 from testbench.evaluation.orientation import SensorErrors
-from testbench.records.estimate import SensorEstimate
-from testbench.records.evaluation import Evaluation
+from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.evaluation import Evaluation
 
 RATE_HZ = 10.0
 

@@ -19,8 +19,8 @@ from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.magnetic import EDGES, field_deviation, field_error_rows, field_rows
 from testbench.evaluation.orientation import sensor_errors
 from testbench.evaluation.outliers import outlier_rows
-from testbench.records.estimate import CalibrationFit
-from testbench.records.plan import judged_steps
+from testbench.records.results.estimate import CalibrationFit
+from testbench.records.session.plan import judged_steps
 
 PASSAGE = """
 name: short_passage

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from testbench.evaluation.metrics import correlation, orientation_errors, rms, summarise
 from testbench.evaluation.orientation import evaluate_sensor, judged_rows, truth_at
 from testbench.model import rotation
-from testbench.records.estimate import SensorEstimate
-from testbench.records.samples import Truth
+from testbench.records.results.estimate import SensorEstimate
+from testbench.records.session.samples import Truth
 
 N = 500
 

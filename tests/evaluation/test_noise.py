@@ -6,8 +6,8 @@ import pytest
 from testbench.evaluation.noise import LongRest, longest_rest, noise_rows, norm_error_percent
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model.imu import TriadModel
-from testbench.records.samples import ImuSamples
-from testbench.records.sensor import load_preset
+from testbench.records.session.samples import ImuSamples
+from testbench.records.specs.sensor import load_preset
 
 RATE = 60.0
 

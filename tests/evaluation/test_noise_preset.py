@@ -9,8 +9,8 @@ import pytest
 
 from testbench.evaluation.noise import LongRest, noise_rows
 from testbench.pipeline.noise_preset import measured_sensor
-from testbench.records.samples import GYR
-from testbench.records.sensor import load_preset
+from testbench.records.session.samples import GYR
+from testbench.records.specs.sensor import load_preset
 
 BASE = load_preset("xsens_dot")
 RATE, SECONDS = 60.0, 3600

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from testbench.evaluation.blocks import sample_series, step_series
 from testbench.evaluation.ranking import (
     FEWEST_RANKED,
     MEAN_MAGNITUDE,
@@ -17,6 +16,7 @@ from testbench.evaluation.ranking import (
     holm,
     rank_filters,
 )
+from testbench.model.statistics.blocks import sample_series, step_series
 
 
 def test_holm_corrects_as_the_textbook_does():

@@ -17,11 +17,11 @@ from testbench.evaluation.turning import judged_motion, turned_by_sensor
 from testbench.evaluation.uncertainty import ArmSensitivity, JudgedMotion, clock_source, combine
 from testbench.model.kinematics import Kinematics
 from testbench.planning import plan
-from testbench.records.estimate import ClockFit, Estimate
-from testbench.records.evaluation import Outcome
-from testbench.records.protocol import AcceptanceLimit, JointDefinition
-from testbench.records.robot import Robot
-from testbench.records.session import Session
+from testbench.records.results.estimate import ClockFit, Estimate
+from testbench.records.results.evaluation import Outcome
+from testbench.records.session.session import Session
+from testbench.records.specs.protocol import AcceptanceLimit, JointDefinition
+from testbench.records.specs.robot import Robot
 
 WRIST_2, WRIST_3 = 4, 5
 

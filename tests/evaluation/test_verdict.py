@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from testbench.evaluation.verdict import judge, outcome_of, summarise_metrics
-from testbench.records.evaluation import Evaluation, JointRow, OrientationRow, Outcome
-from testbench.records.protocol import AcceptanceLimit, Analysis, JointDefinition
+from testbench.records.results.evaluation import Evaluation, JointRow, OrientationRow, Outcome
+from testbench.records.specs.protocol import AcceptanceLimit, Analysis, JointDefinition
 
 
 def joint_row(

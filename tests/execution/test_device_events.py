@@ -10,8 +10,8 @@ from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.exceptions import DriverError
 from testbench.execution import RunOptions, sensors
 from testbench.frames import NANOSECONDS
-from testbench.records.samples import ImuSamples
-from testbench.records.session import Event, RunStatus, list_sessions
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import Event, RunStatus, list_sessions
 
 
 class Unsteady(SimulatedImu):

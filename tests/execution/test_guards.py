@@ -18,9 +18,9 @@ from testbench.execution.checklist import HAZARDS, confirm_hazards
 from testbench.execution.guards import GuardWatch, Trip
 from testbench.execution.operator import Operator
 from testbench.execution.state_machine import FOLLOWING, RunState, StateMachine
-from testbench.records.protocol_arm import Guard, Guards
-from testbench.records.samples import ArmSamples, ImuSamples
-from testbench.records.session import Event, RunStatus
+from testbench.records.session.samples import ArmSamples, ImuSamples
+from testbench.records.session.session import Event, RunStatus
+from testbench.records.specs.protocol_arm import Guard, Guards
 
 SECOND = 1_000_000_000
 

@@ -14,18 +14,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from testbench.exceptions import SessionError
-from testbench.records.storage import (
+from testbench.records.disk.journal import Journal, compact, journal_batches
+from testbench.records.disk.json_file import plain_values, read_json, write_json
+from testbench.records.disk.tables import (
     ROWS_PER_GROUP,
-    Journal,
-    compact,
-    journal_batches,
     parquet_shape,
-    plain_values,
-    read_json,
     read_parquet,
     read_parquet_batches,
     to_table,
-    write_json,
     write_parquet,
     write_parquet_batches,
 )

@@ -25,8 +25,8 @@ from testbench.execution.loop import RunLoop
 from testbench.execution.run_progress import Progress
 from testbench.execution.sensors import Sensors
 from testbench.frames import NANOSECONDS
-from testbench.records.samples import ImuSamples
-from testbench.records.session import RunStatus, Session, list_sessions
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import RunStatus, Session, list_sessions
 from tests.execution.test_record import Scripted
 
 

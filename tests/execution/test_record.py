@@ -34,8 +34,8 @@ from testbench.execution.device_recorder import record_devices
 from testbench.execution.devices import Devices, open_devices, scan_devices
 from testbench.execution.recovery import recover
 from testbench.pipeline.analyse import analyse
-from testbench.records.samples import ImuSamples
-from testbench.records.session import Event, RunStatus
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import Event, RunStatus
 from tests.asking import analysis
 
 pytest.importorskip("serial")

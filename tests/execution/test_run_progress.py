@@ -7,7 +7,7 @@ import pytest
 from testbench import plan
 from testbench.execution.motion_table import motion_rows
 from testbench.execution.run_progress import Progress, ProgressMeter
-from testbench.records.session import Event
+from testbench.records.session.session import Event
 
 SECOND = 1_000_000_000
 

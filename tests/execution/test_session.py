@@ -22,9 +22,10 @@ from testbench.execution import RunOptions, truth
 from testbench.execution.recovery import recover
 from testbench.execution.run_progress import Progress
 from testbench.model.joint_motion import Smoothing
-from testbench.records.samples import ArmSamples
-from testbench.records.session import RunStatus, Session, list_sessions
-from testbench.records.storage import journal_batches, read_parquet
+from testbench.records.disk.journal import journal_batches
+from testbench.records.disk.tables import read_parquet
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import RunStatus, Session, list_sessions
 from tests.system.crashes import SEED, killed_at
 
 RAW = ["arm.parquet", "imu_hand.parquet", "truth_hand.parquet", "plan.parquet"]

@@ -13,7 +13,7 @@ from vqf import VQF
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.formats import FORMATS, import_recording
 from testbench.pipeline.analyse import analyse
-from testbench.records.session import RunStatus
+from testbench.records.session.session import RunStatus
 from tests.asking import analysis
 
 # Published by the dataset's authors for the vqf package with its defaults [deg]; data/README.md of

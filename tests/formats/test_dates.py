@@ -19,9 +19,9 @@ from testbench.exceptions import InputError
 from testbench.formats import import_recording
 from testbench.formats.dates import NO_ZONE, read_date, recorded_in_name
 from testbench.formats.options import Options
-from testbench.records.calibration import TriadCalibration
-from testbench.records.calibration_file import SensorCalibration
-from testbench.reporting.session_section import facts
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.calibration_file import SensorCalibration
+from testbench.reporting.sections.session import facts
 
 
 @pytest.mark.parametrize(

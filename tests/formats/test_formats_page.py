@@ -13,7 +13,7 @@ from testbench.formats import FORMATS
 from testbench.formats.axes import axis_presets
 from testbench.formats.mapping import MappingSpec, list_mappings
 from testbench.formats.units import QUANTITIES, unit_names
-from testbench.records.yaml_file import load_yaml
+from testbench.records.disk.yaml_file import load_yaml
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)

@@ -15,8 +15,8 @@ from testbench.exceptions import FileProblems, SessionError
 from testbench.formats.recording import ImportedSensor, Recording, write_recording
 from testbench.formats.tables.source import ROWS_PER_CHUNK
 from testbench.formats.tables.text_table import TextTable
-from testbench.records.protocol import Analysis
-from testbench.records.samples import ImuSamples
+from testbench.records.session.samples import ImuSamples
+from testbench.records.specs.protocol import Analysis
 
 PROGRAM = """
 import resource, sys, time

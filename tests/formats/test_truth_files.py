@@ -21,10 +21,10 @@ from testbench.formats.truth.attach import TruthOptions
 from testbench.formats.truth.robot_log import commanded_steps, find_dwells, read_robot_log
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.pipeline.analyse import analyse
-from testbench.records.robot import load_robot
-from testbench.records.samples import ImuSamples
-from testbench.records.session import Session
-from testbench.records.strict import Placement
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import Session
+from testbench.records.specs.robot import load_robot
+from testbench.records.specs.strict import Placement
 from tests.asking import analysis
 
 LINK = "wrist_3_link"

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from testbench.exceptions import FileProblems, InputError
 from testbench.formats import import_recording
 from testbench.formats.options import Options
-from testbench.records.session import Session
+from testbench.records.session.session import Session
 
 G = 9.80665
 

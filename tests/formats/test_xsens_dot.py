@@ -12,7 +12,7 @@ from testbench.exceptions import FileProblems, InputError
 from testbench.formats import import_recording
 from testbench.formats.options import Options
 from testbench.pipeline.analyse import analyse
-from testbench.records.session import Session
+from testbench.records.session.session import Session
 from tests.asking import analysis
 
 ABOVE = (

@@ -24,8 +24,8 @@ from testbench.emulation.xarm.setup import make_controller as make_xarm
 from testbench.execution import RunOptions
 from testbench.execution.executor import execute_on_arm
 from testbench.execution.sensors import Sensors
-from testbench.records.plan import Plan
-from testbench.records.session import Session
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import Session
 from tests.emulated_arms import COMMAND_PORT, free_address
 from tests.lock_step.clock import LockStep
 from tests.lock_step.link import LockStepLink

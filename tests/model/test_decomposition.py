@@ -22,7 +22,7 @@ from testbench.model.decomposition import (
     follow,
 )
 from testbench.model.joint_angle import decomposition_of
-from testbench.records.joint_definition import FlexionAngle
+from testbench.records.specs.joint_definition import FlexionAngle
 
 SEQUENCES = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ"]
 TILTED = (0.6, 0.0, 0.8)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from testbench.exceptions import BenchError, InputError
 from testbench.model.dh_calibration import calibrated
 from testbench.model.kinematics import Kinematics
-from testbench.records.arm_calibration import ArmCalibration, DhTable, load_arm_calibration
-from testbench.records.robot import load_robot
+from testbench.records.specs.arm_calibration import ArmCalibration, DhTable, load_arm_calibration
+from testbench.records.specs.robot import load_robot
 
 # Universal Robots, DH parameters of the UR3e: d [m], a [m], alpha [rad]
 D, A, ALPHA = (

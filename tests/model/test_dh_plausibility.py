@@ -16,8 +16,8 @@ from testbench.model.dh_calibration import calibrated
 from testbench.model.dh_plausibility import Deviation, flange_deviation
 from testbench.pipeline.prepared import make_plan
 from testbench.pipeline.request import ArmRequest
-from testbench.records.arm_calibration import ArmCalibration, DhTable
-from testbench.records.robot import load_robot
+from testbench.records.specs.arm_calibration import ArmCalibration, DhTable
+from testbench.records.specs.robot import load_robot
 from tests.asking import run_of
 
 

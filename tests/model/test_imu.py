@@ -7,7 +7,7 @@ import pytest
 
 from testbench.model import rotation
 from testbench.model.imu import DeviceOrientationModel, TriadModel
-from testbench.records.sensor import (
+from testbench.records.specs.sensor import (
     Accelerometer,
     DeviceOrientation,
     Gyroscope,

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from testbench import plan
 from testbench.exceptions import FileProblems, NotFoundError
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.robot import Robot, list_robots, load_robot
-from testbench.records.strict import Placement
+from testbench.records.specs.robot import Robot, list_robots, load_robot
+from testbench.records.specs.strict import Placement
 
 POSES = 25
 TILTED = Placement(rotation_deg={"XYZ": [90, 20, -35]}, position_mm=[100, -200, 700])

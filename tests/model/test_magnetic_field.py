@@ -20,9 +20,9 @@ from testbench.model.magnetic_field import (
     dipole_field,
     induced_moment,
 )
-from testbench.records.magnetism import MagneticDipole
-from testbench.records.protocol import Environment
-from testbench.records.robot import Robot, load_robot
+from testbench.records.specs.magnetism import MagneticDipole
+from testbench.records.specs.protocol import Environment
+from testbench.records.specs.robot import Robot, load_robot
 
 EARTH = np.array([0.0, 24.0, -39.0])
 MU_0 = 4e-7 * np.pi

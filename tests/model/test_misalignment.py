@@ -21,8 +21,8 @@ from testbench.model.misalignment import (
     sensor_errors,
     with_errors,
 )
-from testbench.model.polynomial import fit_quadratic, fit_surface
-from testbench.records.joint_definition import FlexionAngle
+from testbench.model.statistics.polynomial import fit_quadratic, fit_surface
+from testbench.records.specs.joint_definition import FlexionAngle
 
 MISALIGNMENT_DEG = np.arange(-20.0, 21, 2)
 FLEXION_DEG = np.arange(0.0, 71, 5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.exceptions import InputError
-from testbench.model.polynomial import fit_quadratic, fit_surface
+from testbench.model.statistics.polynomial import fit_quadratic, fit_surface
 
 X = np.linspace(-3, 5, 30)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from testbench.records.robot import load_robot
+from testbench.records.specs.robot import load_robot
 
 # Universal Robots, "DH Parameters for calculations of kinematics and dynamics": d [m], a [m], alpha
 # [rad] of joints 1 to 6.

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbench.model.robust import far_ones, outer_fence
+from testbench.model.statistics.robust import far_ones, outer_fence
 
 ALIKE = {"a": 0.5, "b": 0.9, "c": 0.8, "d": 1.1, "e": 0.7}
 

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from testbench.records.robot import load_robot
+from testbench.records.specs.robot import load_robot
 from tests.records.test_robot import Bodies
 
 # UFACTORY, "Kinematic and Dynamic Parameters of xArm 6", standard D-H parameters: d, alpha, a [mm],

@@ -118,7 +118,7 @@ def test_a_plan_made_once_serves_runs_that_differ_in_seed_and_report(tiny, tmp_p
         for seed in (0, 1)
     ]
     assert [result.report is not None for result in results] == [False, True]
-    assert [result.session.manifest["seed"] for result in results] == [0, 1]
+    assert [result.session.manifest.seed for result in results] == [0, 1]
     assert all(found.plan is prepared.plan for found in seen)
 
 

@@ -18,9 +18,9 @@ from testbench.exceptions import BenchError, InputError, NotFoundError
 from testbench.pipeline.analyse import load_or_estimate
 from testbench.pipeline.request import TuneRequest
 from testbench.pipeline.tune import tune
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.session import Session
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.session import Session
 from tests.asking import analysis
 
 

@@ -12,7 +12,7 @@ from testbench import Session, plan
 from testbench.exceptions import SessionError
 from testbench.planning.cycles import common_frequency, planned_cycles
 from testbench.planning.expansion import FourierCommand, SineCommand
-from testbench.records.plan import PlannedCycles
+from testbench.records.session.plan import PlannedCycles
 
 
 def sine(frequency, cycles, ramp=1.0, amplitude=0.2, joint=0):

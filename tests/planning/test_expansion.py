@@ -5,8 +5,8 @@ import pytest
 
 from testbench.exceptions import FileProblems
 from testbench.planning.expansion import SineCommand, TrapezoidCommand, expand
-from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import load_robot
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.robot import load_robot
 
 ROBOT = load_robot("ur3e")
 HEAD = """\

@@ -17,9 +17,9 @@ from testbench.planning import designed
 from testbench.planning.designed import _gain
 from testbench.planning.experiment_design import ACCELEROMETER_SIZE, Designer, Wanted
 from testbench.planning.optimal_design import choose, efficiency, merit
-from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import load_robot
-from testbench.records.shipped import shipped_folder
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.robot import load_robot
+from testbench.records.specs.shipped import shipped_folder
 
 NOISE = ObservationNoise(0.001, np.radians(0.03), np.radians(0.01), np.radians(10 / 3600))
 
@@ -173,8 +173,8 @@ def test_an_arm_with_other_links_is_designed_for_and_compared_with_the_protocol_
 def test_a_pose_that_no_clear_way_leads_to_is_replaced(tmp_path, monkeypatch):
     refused = []
 
-    def checked(text, poses):
-        planned = check(text, poses)
+    def checked(draft):
+        planned = check(draft)
         if not refused:
             refused.append(tuple(Designer(planned[1].robot, sensor).poses_of(planned[1])[0][2]))
             contact = Contact("base_link", "z_arm", -0.001, 1.0, "pose 3")

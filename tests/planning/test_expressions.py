@@ -17,7 +17,7 @@ from testbench.planning.expressions import (
     UnknownVariable,
     evaluate_expression,
 )
-from testbench.records.protocol import RESERVED_NAMES
+from testbench.records.specs.protocol import RESERVED_NAMES
 
 VARIABLES = {"flexion_deg": 35.0, "misalignment_deg": -20.0, "x": 0.125, "half": 0.5}
 

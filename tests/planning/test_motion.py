@@ -10,8 +10,8 @@ from testbench import plan
 from testbench.exceptions import LimitError, PlanError
 from testbench.planning.expansion import FourierCommand, SineCommand
 from testbench.planning.motion import MotionBuilder, faded_series, faded_sine
-from testbench.records.protocol_steps import Motion
-from testbench.records.robot import load_robot
+from testbench.records.specs.protocol_steps import Motion
+from testbench.records.specs.robot import load_robot
 
 ROBOT = load_robot("ur3e")
 MS = 1_000_000

@@ -16,7 +16,7 @@ from testbench.exceptions import (
 )
 from testbench.model.collision import CollisionModel, NearestPair
 from testbench.model.kinematics import Kinematics
-from testbench.records.robot import load_robot
+from testbench.records.specs.robot import load_robot
 from tests.planning.conftest import TOP
 
 ROBOT = load_robot("ur3e")

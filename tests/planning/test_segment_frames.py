@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from testbench import plan
 from testbench.planning.segment_frames import _differs, _Read
-from testbench.records.joint_definition import FlexionAngle
+from testbench.records.specs.joint_definition import FlexionAngle
 from testbench.reporting.report import report
 
 # The last wrist joint as an elbow; in these segment frames its axis is y of the upper arm, against

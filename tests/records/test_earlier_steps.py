@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from testbench.evaluation import evaluate
-from testbench.records.earlier_steps import MOST_NAMES, EarlierSteps, earlier_steps
-from testbench.records.layout import PLAN
-from testbench.records.session import RunStatus, Session
+from testbench.records.session.earlier_steps import MOST_NAMES, EarlierSteps, earlier_steps
+from testbench.records.session.layout import PLAN
+from testbench.records.session.session import RunStatus, Session
 from testbench.reporting.report import render
 
 

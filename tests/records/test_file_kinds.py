@@ -8,9 +8,9 @@ import pytest
 
 from testbench.exceptions import FileProblems
 from testbench.formats.axes import PRESETS as FORMAT_PRESETS
-from testbench.records.protocol_file import load_protocol
-from testbench.records.sensor import PRESETS
-from testbench.records.shipped import shipped_folder
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.sensor import PRESETS
+from testbench.records.specs.shipped import shipped_folder
 
 ROBOTS = sorted(shipped_folder("robots").glob("*/robot.yaml"))
 OTHERS = (

@@ -11,8 +11,8 @@ import pytest
 from testbench import plan
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.robot import load_robot
-from testbench.records.sensor import load_preset
+from testbench.records.specs.robot import load_robot
+from testbench.records.specs.sensor import load_preset
 
 NEIGHBOURS = [("base_link", "y_arm", 0), ("y_arm", "x_arm", 1), ("x_arm", "z_arm", 2)]
 

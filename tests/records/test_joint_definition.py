@@ -10,9 +10,9 @@ from pydantic import ValidationError
 from testbench.exceptions import FileProblems
 from testbench.model.decomposition import AxisAngle, Euler, Hinge, RotationVector, SwingTwist
 from testbench.model.joint_angle import decomposition_of
-from testbench.records.joint_definition import FlexionAngle
-from testbench.records.protocol import JointDefinition
-from testbench.records.protocol_file import load_protocol
+from testbench.records.specs.joint_definition import FlexionAngle
+from testbench.records.specs.protocol import JointDefinition
+from testbench.records.specs.protocol_file import load_protocol
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from testbench.exceptions import SessionError
-from testbench.records.estimate import CalibrationFit, ClockFit, Estimate, SensorEstimate
-from testbench.records.evaluation import (
+from testbench.records.disk.json_file import json_text, plain_values
+from testbench.records.results.estimate import CalibrationFit, ClockFit, Estimate, SensorEstimate
+from testbench.records.results.evaluation import (
     TABLES,
     Evaluation,
     NoiseRow,
@@ -20,7 +21,6 @@ from testbench.records.evaluation import (
     Outcome,
     ResultTables,
 )
-from testbench.records.storage import json_text, plain_values
 from tests.system.test_older_sessions import SESSIONS
 
 NAN = float("nan")

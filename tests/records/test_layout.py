@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench.records import layout
+from testbench.records.session import layout
 
 PRODUCT = Path(__file__).parents[2] / "testbench"
 FILES = {
@@ -50,7 +50,7 @@ def test_only_the_layout_spells_the_names_of_a_sessions_files() -> None:
         if file != Path(layout.__file__) and file.name not in ELSEWHERE:
             names = spelt(file.read_text(encoding="utf-8"))
             wrong |= {str(file): names} if names else {}
-    assert not wrong, "take these from records/layout.py"
+    assert not wrong, "take these from records/session/layout.py"
 
 
 def test_a_name_that_is_spelt_out_is_noticed() -> None:

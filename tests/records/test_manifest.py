@@ -13,11 +13,11 @@ import pytest
 
 from testbench.exceptions import BenchError, SessionError
 from testbench.execution.resume import open_for_resume, stored_protocol
-from testbench.records.arm_record import MODEL, RECORDED_MOTION, REPORTED_MOTION
-from testbench.records.earlier_steps import earlier_steps
-from testbench.records.manifest import Manifest, RunStatus
-from testbench.records.session import Session
-from testbench.reporting.session_section import (
+from testbench.records.session.arm_record import MODEL, RECORDED_MOTION, REPORTED_MOTION
+from testbench.records.session.earlier_steps import earlier_steps
+from testbench.records.session.manifest import Manifest, RunStatus
+from testbench.records.session.session import Session
+from testbench.reporting.sections.session import (
     facts,
     provenance_section,
     run_section,

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from testbench import estimate, evaluate
 from testbench.model.truth import truth_at
 from testbench.pipeline.analyse import Result
-from testbench.records import near
-from testbench.records.near import Instants, read_near
-from testbench.records.session import Session
-from testbench.records.storage import write_parquet
+from testbench.records.disk import near
+from testbench.records.disk.near import Instants, read_near
+from testbench.records.disk.tables import write_parquet
+from testbench.records.session.session import Session
 
 
 @settings(max_examples=50)

@@ -13,14 +13,19 @@ from pydantic import BaseModel
 
 from testbench.cli import main
 from testbench.exceptions import FileProblems, NotFoundError
-from testbench.records.protocol import FILTER_NAMES, JOINT_METRICS, SENSOR_METRICS, ProtocolSpec
-from testbench.records.protocol_chain import CHAIN_METRICS
-from testbench.records.protocol_file import list_protocols, load_protocol
-from testbench.records.protocol_schema import protocol_schema, schema_text
-from testbench.records.protocol_steps import Range
-from testbench.records.sensor import ImuParameters, list_presets, load_preset
-from testbench.records.shipped import shipped_folder
-from testbench.records.yaml_file import parse_yaml
+from testbench.records.disk.yaml_file import parse_yaml
+from testbench.records.specs.protocol import (
+    FILTER_NAMES,
+    JOINT_METRICS,
+    SENSOR_METRICS,
+    ProtocolSpec,
+)
+from testbench.records.specs.protocol_chain import CHAIN_METRICS
+from testbench.records.specs.protocol_file import list_protocols, load_protocol
+from testbench.records.specs.protocol_schema import protocol_schema, schema_text
+from testbench.records.specs.protocol_steps import Range
+from testbench.records.specs.sensor import ImuParameters, list_presets, load_preset
+from testbench.records.specs.shipped import shipped_folder
 
 SHIPPED = sorted(shipped_folder("protocols").glob("*.yaml"))
 REFERENCE = Path(__file__).resolve().parents[2] / "docs" / "protocol_reference.md"

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from testbench.exceptions import InputError, StorageError
-from testbench.records.replacing import (
+from testbench.records.disk.replacing import (
     clear_partials,
     replaced_file,
     replaced_folder,
@@ -21,12 +21,12 @@ from testbench.records.replacing import (
     stored_where_asked,
     write_text,
 )
-from tests.emulated_arms import ROOT
+from tests.house import ROOT
 
 HOLD = """\
 import sys, time
 from pathlib import Path
-from testbench.records.replacing import replaced_file, replaced_folder
+from testbench.records.disk.replacing import replaced_file, replaced_folder
 
 with {manager}(Path(sys.argv[1])) as partial:
     (partial / "table" if partial.is_dir() else partial).write_text("half")

@@ -13,8 +13,8 @@ import pinocchio as pin
 import pytest
 
 from testbench.exceptions import FileProblems, InputError, NotFoundError
-from testbench.records.robot import Robot, list_robots, load_robot
-from testbench.records.shipped import shipped_folder
+from testbench.records.specs.robot import Robot, list_robots, load_robot
+from testbench.records.specs.shipped import shipped_folder
 
 OWN = ["ur3e", "ur5e", "ur10e"]
 UFACTORY = ["xarm6"]

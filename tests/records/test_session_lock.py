@@ -16,20 +16,20 @@ from testbench import estimate, evaluate
 from testbench.estimation.filters import get_filter
 from testbench.exceptions import SessionError
 from testbench.pipeline.analyse import analyse, judge_again
-from testbench.records import estimate as estimate_record
-from testbench.records import session_lock as lock_module
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.session import Session
-from testbench.records.session_lock import session_lock, session_locked
+from testbench.records.results import estimate as estimate_record
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session import session_lock as lock_module
+from testbench.records.session.session import Session
+from testbench.records.session.session_lock import session_lock, session_locked
 from testbench.reporting.report import report
 from tests.asking import analysis
-from tests.emulated_arms import ROOT
+from tests.house import ROOT
 
 HOLD = """\
 import sys, time
 from pathlib import Path
-from testbench.records.session_lock import session_lock
+from testbench.records.session.session_lock import session_lock
 
 with session_lock(Path(sys.argv[1])):
     print("held", flush=True)

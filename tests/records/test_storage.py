@@ -1,10 +1,17 @@
 """Tables read in parts: rows, columns and every so-manieth row are those of the whole."""
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from testbench.exceptions import SessionError
-from testbench.records.storage import ROWS_PER_GROUP, read_stacked, write_parquet
+from testbench.records.disk.tables import (
+    ROWS_PER_GROUP,
+    from_arrow,
+    read_stacked,
+    to_arrow,
+    write_parquet,
+)
 
 N = 2 * ROWS_PER_GROUP + 1234
 
@@ -41,3 +48,31 @@ def test_a_missing_column_is_named(table):
 def test_a_table_without_rows_gives_empty_columns(tmp_path):
     write_parquet(tmp_path / "e.parquet", {"x": np.zeros(0), "y": np.zeros(0)})
     assert read_stacked(tmp_path / "e.parquet", {"xy": ["x", "y"]})["xy"].shape == (0, 2)
+
+
+@pytest.mark.parametrize("kind", ["f8", "f4", "i8", "i4", "u4", "?"])
+@pytest.mark.parametrize("length", [0, 1, 9, 100])
+def test_a_column_goes_to_arrow_and_back_as_pyarrow_would_take_it(kind, length):
+    values = (np.random.default_rng(length).normal(size=2 * length) * 9).astype(kind)[::2]
+    if kind == "f8" and length:
+        values[0] = np.nan
+    taken = to_arrow(values)
+    assert taken.equals(pa.array(values)) or np.isnan(values).any()
+    assert taken.type == pa.array(values).type
+    back = from_arrow(pa.chunked_array([taken]))
+    np.testing.assert_array_equal(back, values)
+    assert back.dtype == values.dtype
+
+
+@pytest.mark.parametrize("kind", ["f8", "i8", "?"])
+def test_a_part_of_a_column_in_several_pieces_is_that_part(kind):
+    values = np.arange(100).astype(kind)
+    column = pa.chunked_array([to_arrow(values[:41]), to_arrow(values[41:])])
+    for begin, length in ((0, 100), (3, 21), (11, 60), (41, 59), (50, 0)):
+        part = from_arrow(column.slice(begin, length))
+        np.testing.assert_array_equal(part, values[begin : begin + length])
+
+
+def test_missing_values_of_a_foreign_table_are_nan():
+    found = from_arrow(pa.chunked_array([pa.array([1.5, None, 3.0])]))
+    np.testing.assert_array_equal(found, [1.5, np.nan, 3.0])

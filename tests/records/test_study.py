@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from testbench.exceptions import SessionError
-from testbench.records.study import FILE, BoxNumbers, StudyBoxes, StudyRecord, StudyRow, StudyTable
+from testbench.records.results.study import (
+    FILE,
+    BoxNumbers,
+    StudyBoxes,
+    StudyRecord,
+    StudyRow,
+    StudyTable,
+)
 
 
 def a_study() -> StudyRecord:

@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from testbench.exceptions import FileProblems
-from testbench.records.strict import StrictModel
-from testbench.records.yaml_file import (
+from testbench.records.disk.yaml_file import (
     LARGEST_FILE,
     MOST_PROBLEMS,
     load_yaml,
     parse_yaml,
     read_text,
 )
+from testbench.records.specs.strict import StrictModel
 
 
 class Inner(StrictModel):

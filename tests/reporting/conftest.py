@@ -16,12 +16,12 @@ from testbench.evaluation import evaluate
 from testbench.execution import RunOptions, execute
 from testbench.model import rotation
 from testbench.planning import plan
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.protocol import Analysis, Estimation
-from testbench.records.samples import ImuSamples, Truth
-from testbench.records.session import RunStatus, Session
-from testbench.records.session_writer import SessionWriter
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.session.session import RunStatus, Session
+from testbench.records.session.session_writer import SessionWriter
+from testbench.records.specs.protocol import Analysis, Estimation
 
 
 @dataclass(frozen=True)

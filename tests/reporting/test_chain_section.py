@@ -1,11 +1,11 @@
 import numpy as np
 
-from testbench.records.chain import ChainEstimate
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import ChainRow, Evaluation
-from testbench.reporting.chain_section import MOST_PANELS, chain_section
-from testbench.reporting.page import Figures, Sentence
-from testbench.reporting.tables import Table
+from testbench.records.results.chain import ChainEstimate
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import ChainRow, Evaluation
+from testbench.reporting.page.page import Figures, Sentence
+from testbench.reporting.page.tables import Table
+from testbench.reporting.sections.chain import MOST_PANELS, chain_section
 
 JOINTS = [f"joint_{i}" for i in range(8)]
 TIME = np.arange(100, dtype=np.int64) * 10_000_000

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.records.evaluation import Evaluation
-from testbench.records.evaluation_rows import CycleRow
-from testbench.reporting.cycle_section import MOST_FILTERS, MOST_SHOWN, TRUE, cycle_blocks
-from testbench.reporting.page import Figures, Section
-from testbench.reporting.palette import filter_colours
-from testbench.reporting.render import render_page
-from testbench.reporting.tables import Table
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.results.evaluation_rows import CycleRow
+from testbench.reporting.page.page import Figures, Page, Section
+from testbench.reporting.page.palette import filter_colours
+from testbench.reporting.page.render import render_page
+from testbench.reporting.page.tables import Table
+from testbench.reporting.sections.cycle import MOST_FILTERS, MOST_SHOWN, TRUE, cycle_blocks
 
 CHROMIUM = shutil.which("chromium")
 OPEN = """
@@ -227,9 +227,7 @@ def test_what_is_folded_is_drawn_once_it_is_opened(tmp_path: Path):
         [row(f"joint_{i}", "fourier", None, rom=5.0 + i) for i in range(MOST_SHOWN + 2)]
     )
     assert [type(block) for block in blocks] == [Figures, Table, Figures, Table]
-    page = render_page(
-        title="t", purpose="p", facts=[], tiles=[], sections=[Section("chain", "Chain", blocks)]
-    )
+    page = render_page(Page("t", "p", [], [], [Section("chain", "Chain", blocks)]))
     file = tmp_path / "page.html"
     file.write_text(page.replace("</body>", f"<script>{OPEN}</script></body>"), encoding="utf-8")
     command = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.reporting.decimation import Envelope
+from testbench.reporting.page.decimation import Envelope
 
 
 def test_short_signals_stay_as_they_are() -> None:

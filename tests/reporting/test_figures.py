@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.reporting.figures import Curve, error_curves, heat_map
-from testbench.reporting.outliers import common_top
-from testbench.reporting.palette import COLOURS, ORDERED, REFERENCE, rgb
+from testbench.reporting.page.figures import Axis, Curve, error_curves, heat_map
+from testbench.reporting.page.palette import COLOURS, ORDERED, REFERENCE, rgb
+from testbench.reporting.sections.outliers import common_top
 
 
 def test_curves_far_below_others_are_not_left_flat() -> None:
@@ -42,9 +42,10 @@ def test_maps_share_a_scale_that_an_outlier_does_not_set_and_cross_what_lies_bey
     grids["a"][0, 0] = everyone[0] = 5.0
     assert common_top(grids) == pytest.approx(np.quantile(everyone, 0.98))
     z = np.array([[0.1, 3.0], [np.nan, 0.9]])
-    _, crosses = heat_map("t", [1.0, 2.0], [10.0, 20.0], z, "x", "y", "z", 1.0)["data"]
+    x, y = Axis("x", [1.0, 2.0]), Axis("y", [10.0, 20.0])
+    _, crosses = heat_map("t", x, y, z, "z", 1.0)["data"]
     assert (crosses["x"], crosses["y"]) == ([2.0], [10.0])
-    assert len(heat_map("t", [1.0, 2.0], [10.0, 20.0], z, "x", "y", "z", 5.0)["data"]) == 1
+    assert len(heat_map("t", x, y, z, "z", 5.0)["data"]) == 1
 
 
 def contrast(first: str, second: str) -> float:

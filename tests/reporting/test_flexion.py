@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.records.evaluation import JointRow
-from testbench.reporting.flexion import PoseErrors, pool
+from testbench.records.results.evaluation import JointRow
+from testbench.reporting.sections.flexion import PoseErrors, pool
 
 RNG = np.random.default_rng(3)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from testbench.exceptions import NotFoundError
-from testbench.records.published import load_published
-from testbench.reporting.flexion import published_beside
+from testbench.records.specs.published import load_published
+from testbench.reporting.sections.flexion import published_beside
 
 
 def test_every_published_row_has_a_value_for_each_flexion() -> None:

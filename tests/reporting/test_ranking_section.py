@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from testbench.records.evaluation import Evaluation, OrientationRow
-from testbench.records.evaluation_rows import RankRow
-from testbench.reporting.page import Sentence
-from testbench.reporting.ranking_section import ranking_blocks, ranking_doubts
-from testbench.reporting.tables import Table
+from testbench.records.results.evaluation import Evaluation, OrientationRow
+from testbench.records.results.evaluation_rows import RankRow
+from testbench.reporting.page.page import Sentence
+from testbench.reporting.page.tables import Table
+from testbench.reporting.sections.ranking import ranking_blocks, ranking_doubts
 
 NAMES = ["good", "worse", "wild"]
 

@@ -18,19 +18,19 @@ import pytest
 from PIL import Image
 
 from testbench.cli.output import say_evaluation
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Metric, Outcome
-from testbench.records.evaluation_rows import FieldFollowingRow, OutlierRow
-from testbench.records.published import load_published
-from testbench.records.session import Session
-from testbench.reporting.fit_section import fit_section
-from testbench.reporting.joint_section import joint_section
-from testbench.reporting.magnetic_section import magnetic_blocks
-from testbench.reporting.orientation_section import orientation_section
-from testbench.reporting.page import Figures, Sentence
-from testbench.reporting.palette import COLOURS, filter_colours, rgb
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Metric, Outcome
+from testbench.records.results.evaluation_rows import FieldFollowingRow, OutlierRow
+from testbench.records.session.session import Session
+from testbench.records.specs.published import load_published
+from testbench.reporting.page.page import Figures, Sentence
+from testbench.reporting.page.palette import COLOURS, filter_colours, rgb
+from testbench.reporting.page.tables import Table
 from testbench.reporting.report import render, report
-from testbench.reporting.tables import Table
+from testbench.reporting.sections.fit import fit_section
+from testbench.reporting.sections.joint import joint_section
+from testbench.reporting.sections.magnetic import magnetic_blocks
+from testbench.reporting.sections.orientation import orientation_section
 from tests.reporting.conftest import Judged, copy_of
 
 CHROMIUM = shutil.which("chromium")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from testbench.exceptions import SessionError
-from testbench.records.study import (
+from testbench.records.results.study import (
     BoxNumbers,
     StudyBoxes,
     StudyCurve,
@@ -23,10 +23,10 @@ from testbench.records.study import (
     StudySurface,
     StudyTable,
 )
-from testbench.reporting.figures import box_plots
-from testbench.reporting.palette import COLOURS, ORDERED, REFERENCE, ordered_colours
+from testbench.reporting.page.figures import box_plots
+from testbench.reporting.page.palette import COLOURS, ORDERED, REFERENCE, ordered_colours
+from testbench.reporting.page.tables import ratio
 from testbench.reporting.study_report import draw_curves, render_study, study_report
-from testbench.reporting.tables import ratio
 
 CHROMIUM = shutil.which("chromium")
 

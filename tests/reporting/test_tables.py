@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.reporting.figures import Curve, flat_on_a_linear_axis, heat_map
-from testbench.reporting.render import _breakable, _code
-from testbench.reporting.tables import (
+from testbench.reporting.page.figures import Axis, Curve, flat_on_a_linear_axis, heat_map
+from testbench.reporting.page.render import _breakable, _code
+from testbench.reporting.page.tables import (
     counted,
     powers_of_ten,
     significant_digits,
@@ -66,13 +66,14 @@ def test_long_names_may_break_between_their_parts_and_markup_stays_text() -> Non
 
 def test_maps_end_where_their_cells_do_and_dust_is_not_crossed() -> None:
     z = [[0.0, 1.0, 20.0 + 1e-14], [0.0, 1.0, 20.0]]
-    figure = heat_map("t", [-20.0, 0.0, 20.0], ["a", "b"], np.array(z), "x", "y", "z", 20.0)
+    figure = heat_map(
+        "t", Axis("x", [-20.0, 0.0, 20.0]), Axis("y", ["a", "b"]), np.array(z), "z", 20.0
+    )
     assert figure["layout"]["xaxis"]["range"] == [-30.0, 30.0]
     assert figure["layout"]["yaxis"]["range"] == [-0.5, 1.5]
     assert len(figure["data"]) == 1
-    assert heat_map(
-        "t", [0.0, 1.0], [0.0, 1.0], np.array([[0.0, 1.5649]] * 2), "x", "y", "z", 1.5649
-    )["data"][0]["zmax"] == pytest.approx(1.57)
+    side, z = Axis("", [0.0, 1.0]), np.array([[0.0, 1.5649]] * 2)
+    assert heat_map("t", side, side, z, "z", 1.5649)["data"][0]["zmax"] == pytest.approx(1.57)
 
 
 def test_powers_of_ten_in_words_are_written_out_and_names_left_alone() -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from testbench.records.evaluation import Evaluation, JointRow, Metric, OrientationRow
-from testbench.records.evaluation_rows import RankRow
-from testbench.reporting.tiles import CRITERION, result_tiles
+from testbench.records.results.evaluation import Evaluation, JointRow, Metric, OrientationRow
+from testbench.records.results.evaluation_rows import RankRow
+from testbench.reporting.sections.tiles import CRITERION, result_tiles
 
 FLEXION = {"vqf_6d": 4.99, "gyro": 5.0, "vqf_9d": 3.21}
 TOTAL = {"vqf_6d": 5.0, "gyro": 5.02, "vqf_9d": 24.0}

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from testbench.reporting.figures import time_panels
-from testbench.reporting.page import Figures
-from testbench.reporting.true_flexion import TRUE, flexion_blocks
+from testbench.reporting.page.figures import time_panels
+from testbench.reporting.page.page import Figures
+from testbench.reporting.sections.true_flexion import TRUE, flexion_blocks
 from tests.reporting.conftest import Judged
 
 

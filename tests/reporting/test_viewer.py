@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.evaluation import ChainRow
-from testbench.records.robot import load_robot
+from testbench.records.results.evaluation import ChainRow
+from testbench.records.specs.robot import load_robot
 from testbench.reporting.viewer import process, save_recording, screenshot, view
 from testbench.reporting.viewer.process import ViewerError
 from testbench.reporting.viewer.scene import (

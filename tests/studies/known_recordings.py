@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.formats.recording import ImportedSensor, Recording, write_recording
-from testbench.records.protocol import Analysis, Estimation
-from testbench.records.samples import ImuSamples, Truth
-from testbench.records.session import Session
+from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.session.session import Session
+from testbench.records.specs.protocol import Analysis, Estimation
 
 RATE = 100.0
 GRAVITY = 9.81

@@ -14,12 +14,12 @@ from testbench.clock import SystemClock
 from testbench.estimation import estimate
 from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.evaluation import evaluate
-from testbench.records.published import load_published_tables
-from testbench.records.session import Session
-from testbench.records.study import StudyRecord
+from testbench.records.results.study import StudyRecord
+from testbench.records.session.session import Session
+from testbench.records.specs.published import load_published_tables
 from testbench.studies import get_study
 from testbench.studies.bench import StudyBench
-from testbench.studies.beta_zeta import (
+from testbench.studies.beta_zeta.study import (
     BETAS,
     MARG,
     PRINTED,

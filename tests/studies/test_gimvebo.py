@@ -16,13 +16,12 @@ from testbench.estimation.calibration.turns import Turn
 from testbench.exceptions import NotFoundError, SessionError
 from testbench.model.integrators import get_integrator, steps_as_printed
 from testbench.pipeline.prepared import make_plan
-from testbench.records.published import load_published_tables
-from testbench.records.session import Session
-from testbench.records.study import StudyRecord
+from testbench.records.results.study import StudyRecord
+from testbench.records.session.session import Session
+from testbench.records.specs.published import load_published_tables
 from testbench.studies import STUDIES, get_study
 from testbench.studies.bench import StudyBench
-from testbench.studies.gimvebo import true_parameters
-from testbench.studies.gimvebo_faults import (
+from testbench.studies.gimvebo.faults import (
     as_printed,
     fit_in_degrees,
     in_degrees,
@@ -30,8 +29,9 @@ from testbench.studies.gimvebo_faults import (
     norms_as_printed,
     speed_factor,
 )
-from testbench.studies.gimvebo_recording import read_part
-from testbench.studies.gimvebo_words import agreement, tustin_angle
+from testbench.studies.gimvebo.recording import read_part
+from testbench.studies.gimvebo.study import true_parameters
+from testbench.studies.gimvebo.words import agreement, tustin_angle
 from tests.asking import run_of
 
 # Sums of each published table as printed: a digit that was copied wrongly changes one.

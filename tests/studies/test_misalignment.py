@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from testbench.exceptions import InputError
-from testbench.studies.misalignment import misalignment_study
-from testbench.studies.misalignment_session import session_curves
+from testbench.studies.elbow.misalignment import misalignment_study
+from testbench.studies.elbow.misalignment_session import session_curves
 
 
 @pytest.fixture(scope="module")

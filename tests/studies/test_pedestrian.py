@@ -10,11 +10,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from testbench.estimation.pedestrian import PUBLISHED
+from testbench.estimation.gait import PUBLISHED
 from testbench.exceptions import InputError
 from testbench.model import rotation
-from testbench.records.published import load_published_tables
-from testbench.studies.pedestrian import pedestrian_study, swing_results
+from testbench.records.specs.published import load_published_tables
+from testbench.studies.pedestrian.study import pedestrian_study, swing_results
 
 G = 9.80665
 

@@ -9,13 +9,13 @@ import pytest
 
 from testbench.clock import SystemClock
 from testbench.model import rotation
-from testbench.records.published import load_published, load_published_tables
-from testbench.records.session import Session
-from testbench.records.study import StudyRecord
+from testbench.records.results.study import StudyRecord
+from testbench.records.session.session import Session
+from testbench.records.specs.published import load_published, load_published_tables
 from testbench.reporting.study_report import render_study
 from testbench.studies import get_study
 from testbench.studies.bench import StudyBench
-from testbench.studies.reference_1_elbow import heading_fit, heading_model
+from testbench.studies.elbow.flexion import heading_fit, heading_model
 
 # Sums of each published table as printed: a digit that was copied wrongly changes one.
 SUMS = {

@@ -13,14 +13,14 @@ import pytest
 
 from testbench.clock import SystemClock
 from testbench.exceptions import InputError
-from testbench.records.evaluation import Evaluation
-from testbench.records.session import Session
-from testbench.records.study import StudyRecord
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.results.study import StudyRecord
+from testbench.records.session.session import Session
 from testbench.reporting.study_report import study_report
 from testbench.studies import get_study, references
 from testbench.studies.bench import StudyBench
+from testbench.studies.elbow.misalignment_session import session_curves
 from testbench.studies.folder import new_folder
-from testbench.studies.misalignment_session import session_curves
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +159,7 @@ def test_a_study_is_kept_under_the_name_it_was_asked_for(bench, monkeypatch):
     gimvebo = StudyRecord(
         "gimvebo", "Title", "Why?", "Source", "2026-01-02T03:04:05Z", {}, (), (), ()
     )
-    monkeypatch.setattr("testbench.studies.gimvebo.run", lambda bench: gimvebo)
+    monkeypatch.setattr("testbench.studies.gimvebo.study.run", lambda bench: gimvebo)
     assert get_study("reference-3").run(bench) == replace(gimvebo, name="reference-3")
     assert get_study("gimvebo").run(bench) == gimvebo
 

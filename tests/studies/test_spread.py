@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 
-from testbench.studies import reference_5_words as words
-from testbench.studies.spread import Change, by_verdict, in_percent, told
+from testbench.model.statistics.spread import Change, by_verdict, in_percent, told
+from testbench.studies.chain import words
 
 ERRORS = st.lists(st.floats(0.01, 100), min_size=2, max_size=8)
 

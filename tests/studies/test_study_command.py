@@ -9,7 +9,7 @@ import pytest
 
 from testbench.cli.studying import study
 from testbench.exceptions import InputError
-from testbench.records.study import StudyRecord
+from testbench.records.results.study import StudyRecord
 from testbench.studies import STUDIES
 from testbench.studies.folder import new_folder
 from tests.processes import bench

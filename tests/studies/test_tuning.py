@@ -21,9 +21,9 @@ from testbench.exceptions import FileProblems, InputError, NotFoundError, Sessio
 from testbench.model import rotation
 from testbench.pipeline.parameter_space import Effort
 from testbench.pipeline.tune import SearchWanted, Sessions, SessionTrials, find_parameters
-from testbench.records.layout import MANIFEST
-from testbench.records.session import Session
-from testbench.records.tuning import load_tunings
+from testbench.records.results.tuning import load_tunings
+from testbench.records.session.layout import MANIFEST
+from testbench.records.session.session import Session
 from tests.studies.known_recordings import write_known
 
 NOW = "2026-01-02T03:04:05+00:00"

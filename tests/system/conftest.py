@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from testbench.pipeline.prepared import make_plan
-from testbench.records.plan import Plan
+from testbench.records.session.plan import Plan
 from tests.asking import run_of
 from tests.emulated_arms import SHORT
 from tests.lock_step.bench import VirtualArm, VirtualBench, bench

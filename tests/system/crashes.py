@@ -20,9 +20,9 @@ from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.pipeline.analyse import analyse
 from testbench.pipeline.run import run
-from testbench.records.evaluation import Evaluation
-from testbench.records.session import Session
-from testbench.records.storage import read_parquet
+from testbench.records.disk.tables import read_parquet
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.session import Session
 from tests.asking import analysis, going_on
 from tests.processes import FORKS, forked, virtual_time
 

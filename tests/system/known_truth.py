@@ -25,9 +25,9 @@ from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.planning import plan
-from testbench.records.evaluation import Evaluation
-from testbench.records.plan import Plan, judged_steps
-from testbench.records.session import Session
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.plan import Plan, judged_steps
+from testbench.records.session.session import Session
 
 FILTER = "vqf_6d"
 PROTOCOL = """\

@@ -16,8 +16,8 @@ from typing import Any
 from testbench.exceptions import BenchError
 from testbench.execution.recovery import recover
 from testbench.pipeline.prepared import make_plan
-from testbench.records.arm_calibration import load_arm_calibration
-from testbench.records.session import Session
+from testbench.records.session.session import Session
+from testbench.records.specs.arm_calibration import load_arm_calibration
 from tests.asking import run_of
 
 NASTY = [

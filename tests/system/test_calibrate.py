@@ -13,24 +13,24 @@ from scipy.spatial.transform import Rotation
 
 from testbench.drivers.imus.simulated import SimulatedImu
 from testbench.estimation.calibration.gyroscope import IN_RUN, attitude
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.poses import SETTLING_M_S2
 from testbench.estimation.calibration.prepared import prepare
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.model.kinematics import Kinematics
+from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.pipeline.analyse import analyse
 from testbench.pipeline.calibrate import calibrate
 from testbench.pipeline.request import CalibrationRequest
 from testbench.pipeline.run import run
-from testbench.records.calibration_file import (
+from testbench.records.results.calibration_file import (
     find_calibration,
     load_calibration,
     load_calibrations,
     save_calibration,
 )
-from testbench.records.protocol import Environment
+from testbench.records.specs.protocol import Environment
 from tests.asking import analysis, run_of
 from tests.command_line import command
 

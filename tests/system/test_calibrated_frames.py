@@ -15,7 +15,7 @@ from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
 from testbench.model.truth import truth_at
 from testbench.pipeline.run import run
-from testbench.records.protocol import Environment
+from testbench.records.specs.protocol import Environment
 from tests.asking import run_of
 
 CROOKED_DEG = [6.0, -5.0, 8.0]

@@ -22,10 +22,10 @@ from testbench.execution.recovery import recover
 from testbench.pipeline.analyse import analyse
 from testbench.pipeline.run import run
 from testbench.pipeline.watcher import Watcher
-from testbench.records.sensor import load_preset
-from testbench.records.session import RunStatus, Session, list_sessions
-from testbench.records.shipped import shipped_folder
-from testbench.records.storage import read_parquet
+from testbench.records.disk.tables import read_parquet
+from testbench.records.session.session import RunStatus, Session, list_sessions
+from testbench.records.specs.sensor import load_preset
+from testbench.records.specs.shipped import shipped_folder
 from tests.asking import analysis, going_on
 from tests.processes import NO_DISK, bench, small_disk, virtual_time
 from tests.system.crashes import comparable, crash, moments, undisturbed

@@ -14,9 +14,9 @@ from testbench.formats import import_recording
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording, write_recording
 from testbench.formats.suitable import suitable_analysis
-from testbench.records.calibration_file import load_calibration
-from testbench.records.samples import ImuSamples
-from testbench.records.session import Session
+from testbench.records.results.calibration_file import load_calibration
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import Session
 
 RATE_HZ, G = 100.0, 9.80665
 RESPONSE = np.array([[1.02, 0.01, -0.02], [0.005, 0.97, 0.015], [-0.01, 0.02, 1.01]])

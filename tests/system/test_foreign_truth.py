@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
 from testbench.formats.recording import ImportedSensor, Recording, write_recording
-from testbench.records.protocol import Analysis, Estimation
-from testbench.records.samples import ImuSamples, Truth
+from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.specs.protocol import Analysis, Estimation
 
 RATE, TRUTH_RATE, SECONDS = 100.0, 15.0, 180.0
 OFFSET_S, DRIFT_PPM = 0.050, 100.0

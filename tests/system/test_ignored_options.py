@@ -14,8 +14,8 @@ from testbench.exceptions import InputError
 from testbench.pipeline.arm import refuse_arm
 from testbench.pipeline.request import ArmRequest, RunRequest
 from testbench.pipeline.watcher import Consent
-from testbench.records.session import Session
-from testbench.records.storage import read_json, write_json
+from testbench.records.disk.json_file import read_json, write_json
+from testbench.records.session.session import Session
 
 
 def refusal(*arguments: str) -> str:

@@ -27,8 +27,8 @@ from testbench.pipeline.analyse import analyse
 from testbench.pipeline.prepared import make_plan
 from testbench.pipeline.run import run
 from testbench.pipeline.watcher import Watcher
-from testbench.records.samples import ImuSamples
-from testbench.records.session import RunStatus, Session, list_sessions
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import RunStatus, Session, list_sessions
 from tests.asking import analysis, going_on, run_of
 from tests.conftest import TINY, FakeClock
 from tests.lock_step.bench import VirtualArm, VirtualBench

@@ -9,7 +9,7 @@ import pytest
 
 from testbench.model import rotation
 from testbench.model.truth import truth_at
-from testbench.records.estimate import Estimate
+from testbench.records.results.estimate import Estimate
 from testbench.reporting.report import report
 
 # A bias of the gyroscope that nothing takes out: mahony_imu, without its integral, lets the heading

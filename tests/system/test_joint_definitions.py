@@ -10,7 +10,7 @@ import pytest
 from testbench import plan
 from testbench.model import rotation
 from testbench.model.joint_angle import decomposition_of
-from testbench.records.joint_definition import FlexionAngle
+from testbench.records.specs.joint_definition import FlexionAngle
 
 # Both sensors sit as the last wrist joint's axis lies (z of its link); their segments agree where
 # that joint stands at zero.

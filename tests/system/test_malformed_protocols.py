@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from testbench.cli import main
 from testbench.exceptions import BenchError
 from testbench.planning.expansion import expand
-from testbench.records.protocol_file import load_protocol
-from testbench.records.robot import load_robot
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.robot import load_robot
 from tests.processes import bench as bench_process
 from tests.system.protocol_faults import FAULTS, VALID, WHOLE_FILES
 

@@ -26,14 +26,14 @@ from testbench.execution.executor import execute_on_arm
 from testbench.execution.run_progress import Progress
 from testbench.execution.sensors import Sensors
 from testbench.formats import import_recording
-from testbench.formats.imu_tk import COUNTS_PER_M_S2
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
+from testbench.formats.vendors.imu_tk import COUNTS_PER_M_S2
 from testbench.pipeline.analyse import Result
 from testbench.pipeline.run import run
 from testbench.pipeline.watcher import Watcher
-from testbench.records.plan import Plan
-from testbench.records.session import Session
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import Session
 from tests.asking import going_on
 from tests.conftest import FakeClock
 from tests.drivers.fake_dots import Bench, FakeDot

@@ -6,9 +6,9 @@ import yaml
 
 from testbench.exceptions import FileProblems
 from testbench.pipeline.run import run
-from testbench.records.protocol_file import load_protocol
-from testbench.records.sensor import ImuParameters, load_preset
-from testbench.records.yaml_file import load_yaml
+from testbench.records.disk.yaml_file import load_yaml
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.sensor import ImuParameters, load_preset
 from tests.asking import run_of
 from tests.command_line import command
 

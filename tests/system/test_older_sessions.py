@@ -14,10 +14,10 @@ import pytest
 
 from testbench import plan
 from testbench.execution.resume import stored_protocol
-from testbench.records.estimate import Estimate
-from testbench.records.session import RunStatus, Session
-from testbench.records.session_writer import software_versions
-from testbench.records.study import StudyRecord
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.study import StudyRecord
+from testbench.records.session.session import RunStatus, Session
+from testbench.records.session.session_writer import software_versions
 from tests.command_line import command
 
 SESSIONS = Path(__file__).parents[1] / "golden" / "sessions"

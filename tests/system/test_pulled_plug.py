@@ -27,9 +27,9 @@ from testbench.pipeline.analyse import analyse
 from testbench.pipeline.run import run
 from testbench.pipeline.watcher import Watcher
 from testbench.planning import planner
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.session import RunStatus, Session
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.session import RunStatus, Session
 from testbench.reporting.report import report
 from tests.asking import analysis, going_on
 from tests.conftest import FakeClock
@@ -302,7 +302,7 @@ def test_a_disk_that_is_full_before_a_run_begins_says_what_to_do(
     recovered = recover(Session(tmp_path / "run"))
     before = raw(recovered)
     monkeypatch.setattr(
-        "testbench.records.storage.Journal.append"
+        "testbench.records.disk.tables.Journal.append"
         if begun != "anew"
         else "pathlib.Path.write_text",
         full,

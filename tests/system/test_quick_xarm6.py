@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from testbench.drivers.arms.straight_path import StraightPaths
 from testbench.model.kinematics import Kinematics
 from testbench.pipeline.prepared import make_plan
-from testbench.records.plan import Plan
+from testbench.records.session.plan import Plan
 from tests.asking import run_of
 
 

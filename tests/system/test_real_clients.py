@@ -18,8 +18,8 @@ import pytest
 from testbench.drivers.arms.controller_lock import ControllerLock
 from testbench.exceptions import DriverError
 from testbench.pipeline.prepared import make_plan
-from testbench.records.plan import Plan
-from testbench.records.session import RunStatus, list_sessions
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import RunStatus, list_sessions
 from tests.asking import run_of
 from tests.benchmarks.real_arm import worst_pose
 from tests.emulated_arms import Emulated, drive, emulated_ur, emulated_xarm, faulted_session

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from testbench.clock import SystemClock
-from testbench.records.evaluation import Evaluation
-from testbench.records.published_chain import load_published_chain
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.specs.published_chain import load_published_chain
 from testbench.studies.bench import StudyBench
-from testbench.studies.reference_5 import AXES, FOURIER, reference_5
-from testbench.studies.reference_5_record import distal_changes, findings, uncovered
+from testbench.studies.chain.comparison import AXES, FOURIER, reference_5
+from testbench.studies.chain.study import distal_changes, findings, uncovered
 
 
 def test_the_published_numbers_are_those_of_the_source():

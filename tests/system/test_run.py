@@ -15,7 +15,7 @@ from testbench import execute, plan
 from testbench.cli.output import in_ranges
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
-from testbench.records.session import RunStatus, Session
+from testbench.records.session.session import RunStatus, Session
 from tests.processes import bench, virtual_time
 
 

@@ -14,10 +14,10 @@ from testbench.exceptions import BenchError, ExpressionError, FileProblems, Sess
 from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.planning.expressions import evaluate_expression
-from testbench.records.protocol_file import load_protocol
-from testbench.records.session import Session
-from testbench.records.shipped import shipped_folder
-from testbench.records.storage import read_json
+from testbench.records.disk.json_file import read_json
+from testbench.records.session.session import Session
+from testbench.records.specs.protocol_file import load_protocol
+from testbench.records.specs.shipped import shipped_folder
 from tests.system.mutations import Campaign
 
 CALIBRATION = """\

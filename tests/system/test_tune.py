@@ -14,10 +14,10 @@ from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.formats import import_recording
 from testbench.pipeline.parameter_space import Effort
 from testbench.pipeline.tune import SearchWanted, Sessions, find_parameters
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.session import Session
-from testbench.records.tuning import load_tunings
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.results.tuning import load_tunings
+from testbench.records.session.session import Session
 from tests.command_line import command
 from tests.studies.known_recordings import FixedClock, write_known
 

@@ -14,7 +14,7 @@ import pytest
 from testbench.drivers.arms.remedies import UR_REMEDIES
 from testbench.exceptions import ArmRefused, DriverError
 from testbench.pipeline.analyse import analyse
-from testbench.records.session import RunStatus, Session, list_sessions
+from testbench.records.session.session import RunStatus, Session, list_sessions
 from tests.asking import analysis
 from tests.benchmarks.real_arm import following
 from tests.emulated_arms import faulted_session

@@ -21,8 +21,8 @@ from testbench.pipeline.approval import approve
 from testbench.pipeline.prepared import Prepared, make_plan
 from testbench.pipeline.request import ArmRequest, RunRequest
 from testbench.pipeline.watcher import Consent, Watcher
-from testbench.records.plan import Plan
-from testbench.records.session import RunStatus, list_sessions
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import RunStatus, list_sessions
 from tests.asking import analysis, run_of
 from tests.command_line import command
 from tests.emulated_arms import SHORT, run_on_ur

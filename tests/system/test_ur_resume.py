@@ -21,8 +21,8 @@ from testbench.pipeline.prepared import Prepared, make_plan
 from testbench.pipeline.request import ArmRequest
 from testbench.pipeline.run import prepare, run
 from testbench.pipeline.watcher import Consent, Watcher
-from testbench.records.plan import Plan
-from testbench.records.session import RunStatus, Session, list_sessions
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import RunStatus, Session, list_sessions
 from tests.asking import going_on, run_of
 from tests.emulated_arms import ROOT, SHORT
 from tests.lock_step.bench import VirtualArm, VirtualBench, virtual_bench

@@ -16,8 +16,8 @@ from testbench.drivers.arms.remedies import XARM_REMEDIES
 from testbench.drivers.arms.xarm import XArm, xarm_settings
 from testbench.exceptions import ArmRefused, DriverError, InputError
 from testbench.pipeline.prepared import make_plan
-from testbench.records.plan import Plan
-from testbench.records.session import RunStatus, Session
+from testbench.records.session.plan import Plan
+from testbench.records.session.session import RunStatus, Session
 from tests.asking import run_of
 from tests.benchmarks.real_arm import following
 from tests.emulated_arms import faulted_session

@@ -9,10 +9,10 @@ from typing import Any
 from testbench.drivers.arms.entry import ArmEntry
 from testbench.drivers.session_time import SessionTime
 from testbench.frames import NANOSECONDS
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.protocol_arm import Guards
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Event
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Event
+from testbench.records.specs.protocol_arm import Guards
 
 
 class SteppingArm(ABC):

@@ -19,12 +19,12 @@ from testbench.drivers.arms.entry import (
 )
 from testbench.drivers.arms.remedies import UR_REMEDIES, XARM_REMEDIES
 from testbench.exceptions import InputError, NotFoundError
-from testbench.records.arm_record import MODEL, RECORDED_MOTION, SIMULATED
+from testbench.records.session.arm_record import MODEL, RECORDED_MOTION, SIMULATED
 
 if TYPE_CHECKING:
     from testbench.drivers.arms.base import SteppingArm
     from testbench.drivers.session_time import SessionTime
-    from testbench.records.plan import Plan
+    from testbench.records.session.plan import Plan
 
 SIM = ArmEntry(
     name="sim",

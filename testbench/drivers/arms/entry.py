@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from testbench.exceptions import InputError
-from testbench.records.arm_record import REPORTED_MOTION, ArmRecord
+from testbench.records.session.arm_record import REPORTED_MOTION, ArmRecord
 
 LIVE_SENSORS = ("--serial", "--dot")
 SIMULATED_SENSORS = "--simulate-imus"

@@ -8,10 +8,10 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.entry import ArmEntry
 from testbench.drivers.session_time import SessionTime
 from testbench.frames import NANOSECONDS
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.protocol_arm import Guard, Guards
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Event
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Event
+from testbench.records.specs.protocol_arm import Guard, Guards
 
 WARNINGS = Guards(imu_silence_s=Guard(limit=2.0, action="warn"))
 """The usual guards; a sensor that falls silent does not end the recording of the others."""

@@ -22,10 +22,10 @@ from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import ArmRefused, DriverError
 from testbench.frames import NANOSECONDS
 from testbench.model.truth import WIDEST_GAP_NS
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Event
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Event
+from testbench.records.specs.robot import Robot
 
 AHEAD = 4
 """Steps that the driving process knows in advance; a sweep of an hour is 87 MB."""

@@ -19,12 +19,12 @@ from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError, InputError
 from testbench.frames import NANOSECONDS
-from testbench.records.layout import ARM, table_file
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Event, Session
-from testbench.records.storage import read_parquet
+from testbench.records.disk.tables import read_parquet
+from testbench.records.session.layout import ARM, table_file
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Event, Session
+from testbench.records.specs.robot import Robot
 
 LARGEST_LOG = 500_000_000
 """Bytes of a CSV log that are read at most."""

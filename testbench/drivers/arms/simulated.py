@@ -18,11 +18,11 @@ from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
 from testbench.model.noise import random_stream
 from testbench.model.servo import servo_parameters, servo_update
-from testbench.records.plan import Plan, PlannedStep
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Event, step_events
-from testbench.records.trajectory import Trajectory
+from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Event, step_events
+from testbench.records.session.trajectory import Trajectory
+from testbench.records.specs.robot import Robot
 
 STOP_TIME_S = 0.5
 KEPT_INSTANTS = 256

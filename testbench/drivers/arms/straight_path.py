@@ -10,7 +10,7 @@ import numpy as np
 
 from testbench.model.collision import CollisionModel, NearestPair
 from testbench.model.kinematics import Kinematics
-from testbench.records.robot import Robot
+from testbench.records.specs.robot import Robot
 
 STEP_RAD = math.radians(1.0)
 """Joint motion, summed over the joints, between two configurations that are looked at; as for

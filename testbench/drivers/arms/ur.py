@@ -13,7 +13,7 @@ from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.arms.remote import RemoteArm, common_settings
 from testbench.drivers.arms.ur_client import UrClient, UrSettings
 from testbench.drivers.session_time import SessionTime
-from testbench.records.plan import Plan
+from testbench.records.session.plan import Plan
 
 
 class UrArm(RemoteArm):

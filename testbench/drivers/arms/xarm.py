@@ -22,7 +22,7 @@ from testbench.drivers.arms.xarm_client import (
 )
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import InputError
-from testbench.records.plan import Plan
+from testbench.records.session.plan import Plan
 
 KINDS = {"xarm6": (6, 6)}
 """Axes and device type of the robots that can be driven (client library, x_config.py)."""

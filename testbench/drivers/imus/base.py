@@ -5,8 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any
 
-from testbench.records.samples import ImuSamples
-from testbench.records.session import Event
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import Event
 
 
 class Imu(ABC):

@@ -9,8 +9,8 @@ import numpy as np
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
 from testbench.model.windows import savitzky_golay
-from testbench.records.samples import ArmSamples
-from testbench.records.trajectory import Trajectory
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.trajectory import Trajectory
 
 KEPT_NS = 3 * NANOSECONDS
 """The motion stays known for so long [ns]."""

@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from testbench.exceptions import NotFoundError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
-from testbench.records.strict import StrictModel
-from testbench.records.yaml_file import load_yaml
+from testbench.records.disk.yaml_file import load_yaml
+from testbench.records.specs.strict import StrictModel
 
 PRESETS = Path(__file__).resolve().parent / "presets"
 

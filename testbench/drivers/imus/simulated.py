@@ -16,8 +16,8 @@ from testbench.model.imu import DeviceOrientationModel, TriadModel
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.magnetic_field import MagneticField
 from testbench.model.noise import random_stream
-from testbench.records.protocol import Environment, Sensor
-from testbench.records.samples import ImuSamples
+from testbench.records.session.samples import ImuSamples
+from testbench.records.specs.protocol import Environment, Sensor
 
 TrueState = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 

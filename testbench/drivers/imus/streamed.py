@@ -18,8 +18,8 @@ from testbench.drivers.imus.base import Imu
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
 from testbench.frames import NANOSECONDS
-from testbench.records.samples import ImuSamples
-from testbench.records.session import Event
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import Event
 
 QUEUE_S = 10.0
 """The queue holds this much of a device's output [s]: longer than any disk takes to sync."""

@@ -12,16 +12,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.prepared import Prepared
 from testbench.estimation.calibration.shared_frame import in_believed_axes
 from testbench.estimation.calibration.warming import with_drift
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.calibration import TriadCalibration
-from testbench.records.samples import Truth
-from testbench.records.session import Session
+from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.session.samples import Truth
+from testbench.records.session.session import Session
 
 
 def shifted_truths(session: Session, sensor: str, truth: Truth) -> list[Truth]:

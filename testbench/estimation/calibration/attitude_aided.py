@@ -16,7 +16,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.estimation.calibration.linear import solve_linear, whitening, widened_by_misfit
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import (
     ACCELEROMETER,
@@ -27,8 +26,9 @@ from testbench.estimation.calibration.triad_model import (
     response_parameters,
     warming,
 )
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.linear import solve_linear, whitening, widened_by_misfit
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 
 def attitude_aided(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> TriadCalibration:

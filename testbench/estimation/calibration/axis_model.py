@@ -12,8 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from testbench.estimation.calibration.least_squares import FitParameter
-from testbench.estimation.calibration.linear import solve_linear
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.rotational import axes_in_plane
 from testbench.estimation.calibration.triad_model import (
@@ -23,8 +21,10 @@ from testbench.estimation.calibration.triad_model import (
     bias_parameters,
     response_parameters,
 )
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import FitParameter
+from testbench.model.statistics.linear import solve_linear
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 ADVICE = "each axis needs poses that turn it up, down and across"
 

@@ -15,11 +15,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import FitParameter
 from testbench.estimation.calibration.norm_fit import ellipsoid_through, fit_norm
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import MAGNETOMETER, Tolerance
-from testbench.records.calibration import TriadCalibration
+from testbench.model.statistics.least_squares import FitParameter
+from testbench.records.results.calibration import TriadCalibration
 
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 BASIS = np.zeros((6, 3, 3))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.poses import StaticPoses
+from testbench.model.statistics.least_squares import PoorExcitation
 
 FACES = ("+x", "-x", "+y", "-y", "+z", "-z")
 LEAST_SHARE = 0.95

@@ -18,13 +18,13 @@ import numpy as np
 
 from testbench.estimation.calibration.attitude_aided import calibration_of
 from testbench.estimation.calibration.faces import face_of, need_all_faces, six_faces
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance
 from testbench.estimation.calibration.turns import GyroscopeRecording, Turn
 from testbench.exceptions import InputError
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 ABOUT_ONE_AXIS = 0.95
 """A turn is about one axis where this share of it is, as a face is up (`faces.LEAST_SHARE`)."""

@@ -19,8 +19,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtri
 
-from testbench.estimation.calibration.least_squares import FitParameter, PoorExcitation, solve
-from testbench.estimation.calibration.linear import widened_by_misfit
 from testbench.estimation.calibration.turn_integration import IntegratedTurns, TurnIntegration
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
 from testbench.estimation.calibration.whitening import Whitening
@@ -28,8 +26,10 @@ from testbench.exceptions import InputError
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.integrators import Stages, get_integrator
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import FitParameter, PoorExcitation, solve
+from testbench.model.statistics.linear import widened_by_misfit
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 SCALE_SIZE = 0.05
 """What is known of scales and misalignments beforehand, standard deviation [1, rad]: above any

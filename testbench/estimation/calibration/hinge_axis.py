@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import (
+from testbench.estimation.calibration.triad_model import AXES
+from testbench.model.statistics.least_squares import (
     FitParameter,
     PoorExcitation,
     covariance_of,
     solve,
 )
-from testbench.estimation.calibration.triad_model import AXES
-from testbench.records.fit import Fit
+from testbench.records.results.fit import Fit
 
 VAGUE = np.radians(10.0)
 """An axis that is known no better than this is refused [rad]; by eye it is known as well."""

@@ -2,17 +2,17 @@
 the joint turns about.
 
 The heading d turns the earth of the second sensor into that of the first: q_earth1_from_earth2 is
-the rotation by d about the vertical. Here it is constant; `testbench.estimation.joint_constraint`
-follows one that drifts.
+the rotation by d about the vertical. Here it is constant;
+`testbench.estimation.joints.joint_constraint` follows one that drifts.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import PoorExcitation, covariance_of
 from testbench.model import rotation
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import PoorExcitation, covariance_of
+from testbench.records.results.fit import Fit
 
 VAGUE = np.radians(20.0)
 """A heading that is known no better than this is refused [rad]."""

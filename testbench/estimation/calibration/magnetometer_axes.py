@@ -12,8 +12,6 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.estimation.calibration.ellipsoid import symmetric, symmetric_root, with_magnitude
-from testbench.estimation.calibration.least_squares import FitParameter, solve
-from testbench.estimation.calibration.linear import whitening
 from testbench.estimation.calibration.norm_fit import ellipsoid_through, searched
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import (
@@ -25,8 +23,10 @@ from testbench.estimation.calibration.triad_model import (
 )
 from testbench.exceptions import InputError
 from testbench.model import rotation
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import FitParameter, solve
+from testbench.model.statistics.linear import whitening
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 CROOKED = np.radians(10.0)
 """Standard deviation beforehand of the rotation, about each axis, and of the dip [rad]."""

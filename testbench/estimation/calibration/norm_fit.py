@@ -13,13 +13,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import (
-    FitParameter,
-    PoorExcitation,
-    covariance_of,
-    solve,
-)
-from testbench.estimation.calibration.linear import widened_by_misfit
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import (
     Tolerance,
@@ -27,8 +20,15 @@ from testbench.estimation.calibration.triad_model import (
     drift_parameters,
     warming,
 )
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import (
+    FitParameter,
+    PoorExcitation,
+    covariance_of,
+    solve,
+)
+from testbench.model.statistics.linear import widened_by_misfit
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 MOST_CONDITION = 1e3
 """Above this the readings are on no ellipsoid that could be told from others; about 10 where poses

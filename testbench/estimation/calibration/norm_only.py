@@ -16,11 +16,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import FitParameter
 from testbench.estimation.calibration.norm_fit import fit_norm
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance
-from testbench.records.calibration import TriadCalibration
+from testbench.model.statistics.least_squares import FitParameter
+from testbench.records.results.calibration import TriadCalibration
 
 GAUGE = (
     "the orthogonal axes are fixed by an upper triangular matrix; how they sit in the housing "

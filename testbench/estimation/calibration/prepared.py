@@ -11,35 +11,35 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.estimation.axes import true_rates
+from testbench.estimation.alignment.axes import true_rates
 from testbench.estimation.calibration.gyroscope import gravity_direction_errors, turn_figures
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.poses import (
     DIRECTION_SD,
     SETTLING_UT,
     StaticPoses,
     static_poses,
 )
-from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
-from testbench.estimation.filters import UniformSamples
-from testbench.estimation.static_intervals import (
+from testbench.estimation.calibration.static_intervals import (
     between_peaks,
     by_events,
     by_gyroscope,
     by_variance,
     compare,
 )
-from testbench.estimation.time_alignment import fit_clock
-from testbench.estimation.uniform import fill_gaps
+from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
+from testbench.estimation.filters import UniformSamples
+from testbench.estimation.signals.time_alignment import fit_clock
+from testbench.estimation.signals.uniform import fill_gaps
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
+from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.model.truth import truth_at
-from testbench.records.calibration import TriadCalibration
-from testbench.records.calibration_result import Agreement, CalibrationPoses
-from testbench.records.estimate import ClockFit
-from testbench.records.samples import ImuSamples, Truth
-from testbench.records.session import Session
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.calibration_result import Agreement, CalibrationPoses
+from testbench.records.results.estimate import ClockFit
+from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.session.session import Session
 
 Segmentation = Literal["arm", "gyroscope", "peaks", "variance"]
 SEGMENTATIONS: tuple[Segmentation, ...] = ("arm", "gyroscope", "peaks", "variance")

@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.estimation.calibration.gyroscope import AXES, BIAS_SIZE, G_SIZE, SCALE_SIZE
-from testbench.estimation.calibration.least_squares import covariance_of
 from testbench.estimation.calibration.turns import GyroscopeRecording
 from testbench.exceptions import InputError
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import covariance_of
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 ADVICE = "motion about other axes, and other poses, are needed"
 

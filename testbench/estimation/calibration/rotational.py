@@ -14,18 +14,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import (
-    FitParameter,
-    PoorExcitation,
-    covariance_of,
-)
-from testbench.estimation.calibration.linear import axis_by_axis, solve_linear
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES
 from testbench.exceptions import InputError
 from testbench.model import rotation
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import (
+    FitParameter,
+    PoorExcitation,
+    covariance_of,
+)
+from testbench.model.statistics.linear import axis_by_axis, solve_linear
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 IN_PLANE = 0.05
 """An axis is out of the plane of the poses where no expected force has more than this share of its

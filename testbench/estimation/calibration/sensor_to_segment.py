@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import PoorExcitation, covariance_of
+from testbench.estimation.alignment.hand_eye import solve_hand_eye
+from testbench.estimation.alignment.shown_mounting import REFUSED
 from testbench.estimation.calibration.triad_model import AXES
-from testbench.estimation.hand_eye import solve_hand_eye
-from testbench.estimation.shown_mounting import REFUSED
 from testbench.model import rotation
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import PoorExcitation, covariance_of
+from testbench.records.results.fit import Fit
 
 VAGUE = np.radians(10.0)
 """A mounting that is known no better than this about some axis is refused [rad]; by eye it is known

@@ -13,7 +13,6 @@ import numpy as np
 from testbench.estimation.calibration.arm_uncertainty import shifted_truths, with_arm_uncertainty
 from testbench.estimation.calibration.axis_model import orthogonality
 from testbench.estimation.calibration.gyroscope import IN_RUN, validated
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import (
     METHODS,
     Calibrated,
@@ -29,10 +28,11 @@ from testbench.estimation.calibration.shared_frame import take_mounting_out
 from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.estimation.calibration.warming import with_drift
 from testbench.exceptions import InputError
-from testbench.records.calibration import TriadCalibration
-from testbench.records.calibration_file import SensorCalibration
-from testbench.records.calibration_result import CalibrationResult
-from testbench.records.session import Session
+from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.calibration_file import SensorCalibration
+from testbench.records.results.calibration_result import CalibrationResult
+from testbench.records.session.session import Session
 
 SCALE_WITHIN = 1.5
 """Largest factor that a calibration may find between a gyroscope and the rate: data sheets of

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.estimation.axes import true_rates
+from testbench.estimation.alignment.axes import true_rates
+from testbench.estimation.alignment.vector_mounting import mounting_from_vectors
 from testbench.estimation.calibration.hinge_axis import axis_of_turn
 from testbench.estimation.calibration.prepared import Prepared
 from testbench.estimation.calibration.sensor_to_segment import (
@@ -18,15 +19,14 @@ from testbench.estimation.calibration.sensor_to_segment import (
     from_directions,
 )
 from testbench.estimation.filters import get_filter
-from testbench.estimation.vector_mounting import mounting_from_vectors
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.truth import truth_at
-from testbench.records.calibration import MountingCalibration, TriadCalibration
-from testbench.records.calibration_file import SensorCalibration
-from testbench.records.fit import Fit
-from testbench.records.plan import PlannedStep
+from testbench.records.results.calibration import MountingCalibration, TriadCalibration
+from testbench.records.results.calibration_file import SensorCalibration
+from testbench.records.results.fit import Fit
+from testbench.records.session.plan import PlannedStep
 
 GRAVITY_SD = np.radians(0.1)
 """Of gravity's direction in a rest, by a calibrated accelerometer and the arm [rad]."""
@@ -102,7 +102,13 @@ def _across(name: str) -> bool:
 def by_rates(
     prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
 ) -> MountingCalibration:
-    """The turn that brings the sensor's rates and gravity nearest to the arm's."""
+    """The turn that brings the sensor's rates and gravity nearest to the arm's.
+
+    Args:
+        prepared: The recording, its triads corrected.
+        rest: Which samples are at rest, shape (n,).
+        sweeps: Of the session.
+    """
     assert prepared.truth is not None
     samples, seconds = prepared.samples, prepared.samples.interval
     rate, sound = true_rates(
@@ -134,7 +140,13 @@ def by_rates(
 def by_orientations(
     prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
 ) -> MountingCalibration:
-    """The turn between the orientations of a filter and the arm's."""
+    """The turn between the orientations of a filter and the arm's.
+
+    Args:
+        prepared: The recording, its triads corrected.
+        rest: Which samples are at rest, shape (n,).
+        sweeps: Of the session.
+    """
     assert prepared.truth is not None
     q_true = truth_at(prepared.truth, prepared.time_ns)
     q = get_filter("vqf_6d").run(prepared.samples)
@@ -147,7 +159,13 @@ def by_orientations(
 def by_hinge(
     prepared: Prepared, rest: np.ndarray, sweeps: list[PlannedStep]
 ) -> MountingCalibration:
-    """Gravity at rest, and the axis of the sweep that turned most."""
+    """Gravity at rest, and the axis of the sweep that turned most.
+
+    Args:
+        prepared: The recording, its triads corrected.
+        rest: Which samples are at rest, shape (n,).
+        sweeps: Of the session.
+    """
     assert prepared.truth is not None
     time = prepared.time_ns
     rate, sound = true_rates(prepared.truth, time - round(prepared.rate_delay * NANOSECONDS))

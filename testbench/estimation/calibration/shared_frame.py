@@ -19,8 +19,8 @@ from testbench.estimation.calibration.gyroscope import matrix_of
 from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.static_poses import LEAST_TURN
 from testbench.model import rotation
-from testbench.records.calibration import MountingCalibration, TriadCalibration
-from testbench.records.fit import Fit
+from testbench.records.results.calibration import MountingCalibration, TriadCalibration
+from testbench.records.results.fit import Fit
 
 STEP = 1e-6
 """Of a parameter in a numeric derivative, in its own unit [1, rad]: its square is lost beside a

@@ -13,8 +13,8 @@ import numpy as np
 from testbench.estimation.calibration.faces import six_faces
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 
 def six_position(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> TriadCalibration:

@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model import rotation
-from testbench.records.estimate import CalibrationFit
+from testbench.records.results.estimate import CalibrationFit
 
 PRIOR_BIAS = 0.4
 """Standard deviation of an accelerometer bias before the calibration [m/s^2]: 40 mg, of consumer

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import FitParameter
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.static_poses import PRIOR_BIAS
+from testbench.model.statistics.least_squares import FitParameter
 
 AXES = "xyz"
 LEAST_WARMING_K = 2.0

@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import AXES
 from testbench.frames import STANDARD_GRAVITY
-from testbench.records.calibration import TriadCalibration
+from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.results.calibration import TriadCalibration
 
 FOLDS = 5
 """Of a cross-validation (Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, 2009,

@@ -15,12 +15,12 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.estimation.calibration.gyroscope import AXES, BIAS_SIZE, G_SIZE, IN_RUN
-from testbench.estimation.calibration.least_squares import FitParameter, PoorExcitation
-from testbench.estimation.calibration.linear import axis_by_axis, solve_linear
 from testbench.estimation.calibration.triad_model import LEAST_WARMING_K
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest
-from testbench.records.calibration import TriadCalibration
-from testbench.records.fit import Fit
+from testbench.model.statistics.least_squares import FitParameter, PoorExcitation
+from testbench.model.statistics.linear import axis_by_axis, solve_linear
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 
 DRIFT_SIZE = np.radians(0.3)
 """What is known of a drift beforehand [rad/s/K]: +-20 deg/s over 125 K of consumer MEMS data sheets

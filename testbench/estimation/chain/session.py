@@ -18,22 +18,22 @@ from testbench.estimation.chain.settings import (
 )
 from testbench.estimation.chain.smoother import run_smoother
 from testbench.estimation.chain.state import motion_size
-from testbench.estimation.recording import RunFacts
+from testbench.estimation.signals.recording import RunFacts
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.chain import ChainEstimate
-from testbench.records.estimate import CalibrationFit, ClockFit, SensorEstimate
-from testbench.records.layout import PLAN
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol_chain import ChainEstimation, ChainState
-from testbench.records.robot import Robot
-from testbench.records.samples import ImuSamples
-from testbench.records.sensor import ImuParameters, TriadParameters
-from testbench.records.sensor_file import SensorFile
-from testbench.records.session import Session
-from testbench.records.storage import read_parquet
+from testbench.records.disk.tables import read_parquet
+from testbench.records.results.chain import ChainEstimate
+from testbench.records.results.estimate import CalibrationFit, ClockFit, SensorEstimate
+from testbench.records.session.layout import PLAN
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.sensor_file import SensorFile
+from testbench.records.session.session import Session
+from testbench.records.specs.protocol_chain import ChainEstimation, ChainState
+from testbench.records.specs.robot import Robot
+from testbench.records.specs.sensor import ImuParameters, TriadParameters
 
 SETTLED_NS = NANOSECONDS * 3 // 10
 """After a move the arm still swings in; this long is left out of a rest."""

@@ -26,7 +26,7 @@ from testbench.estimation.filters.base import (
     UniformSamples,
 )
 from testbench.exceptions import InputError, NotFoundError
-from testbench.records.protocol import FILTER_NAMES
+from testbench.records.specs.protocol import FILTER_NAMES
 
 _MODULES = (
     complementary,

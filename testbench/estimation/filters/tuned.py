@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from testbench.estimation.filters import FILTERS, OrientationFilter, choose_filters
 from testbench.exceptions import InputError, NotFoundError
-from testbench.records.tuning import Tuning
+from testbench.records.results.tuning import Tuning
 
 Parameters = Mapping[str, Mapping[str, float]]
 """Values of parameters, by filter and name."""

@@ -12,8 +12,8 @@ from pathlib import Path
 from testbench.exceptions import BenchError, InputError, NotFoundError
 from testbench.formats.exporters.source import TRUTH, ExportSource, Frame
 from testbench.formats.exporters.writing import check_target, written_whole
-from testbench.records.layout import EXPORT
-from testbench.records.session import Session
+from testbench.records.session.layout import EXPORT
+from testbench.records.session.session import Session
 
 Writer = Callable[[ExportSource, Path], list[str]]
 """Writes at a path what the source holds; returns notes: sentences on what the file does not show
@@ -58,8 +58,7 @@ class ExportFormat:
                 raise
             raise InputError(
                 f"the package '{error.name.split('.')[0]}' is not installed; the extra "
-                f"'{self.extra}' brings it: "
-                f"pip install 'imu-testbench[{self.extra}]'"
+                f"'{self.extra}' brings it: pip install 'imu-testbench[{self.extra}]'"
             ) from None
         return function
 

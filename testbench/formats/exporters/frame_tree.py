@@ -13,8 +13,8 @@ from testbench.formats.exporters.source import TRUTH, ExportSource, increasing
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import FrameMotion, Kinematics, Pose
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples
+from testbench.records.session.samples import ArmSamples
+from testbench.records.specs.robot import Robot
 
 WORLD = "world"
 RATE = 50.0

@@ -30,8 +30,7 @@ def write(source: ExportSource, path: Path) -> list[str]:
     if size > LARGEST:
         raise InputError(
             f"{source.session.path}: {size / 1e9:.1f} GB do not fit into a MATLAB file of version "
-            "5 (2 GB); "
-            "export to parquet, which MATLAB reads by parquetread"
+            "5 (2 GB); export to parquet, which MATLAB reads by parquetread"
         )
     content: dict[str, Any] = {
         "name": source.session.name,

@@ -27,7 +27,7 @@ from testbench.formats.exporters.ros_messages import (
 )
 from testbench.formats.exporters.source import ExportSource, software
 from testbench.frames import NANOSECONDS
-from testbench.records.samples import ArmSamples
+from testbench.records.session.samples import ArmSamples
 
 WINDOW_NS = 20 * NANOSECONDS
 """Messages are built and put in order for this long at a time, so that a long session needs little

@@ -8,7 +8,7 @@ from pathlib import Path
 from testbench.formats.exporters.source import ExportSource
 from testbench.formats.exporters.tables import all_tables, conventions, description, unit_of
 from testbench.formats.exporters.writing import write_index
-from testbench.records.storage import write_parquet
+from testbench.records.disk.tables import write_parquet
 
 
 def write(source: ExportSource, folder: Path) -> list[str]:

@@ -14,10 +14,10 @@ import numpy as np
 from testbench.exceptions import InputError
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series, segment_orientation
-from testbench.records.estimate import Estimate
-from testbench.records.joint_definition import FlexionAngle
-from testbench.records.samples import ArmSamples, ImuSamples, Truth
-from testbench.records.session import Session
+from testbench.records.results.estimate import Estimate
+from testbench.records.session.samples import ArmSamples, ImuSamples, Truth
+from testbench.records.session.session import Session
+from testbench.records.specs.joint_definition import FlexionAngle
 
 TRUTH = "truth"
 """In place of a filter's name: the orientation by the arm's kinematics, or by the reference system

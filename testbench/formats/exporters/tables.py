@@ -13,7 +13,7 @@ import numpy as np
 from testbench.formats.exporters.source import TRUTH, ExportSource, software, true_orientation
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_angle import flexion_of
-from testbench.records.samples import QUATERNION, names, split
+from testbench.records.session.samples import QUATERNION, names, split
 
 Table = dict[str, np.ndarray]
 

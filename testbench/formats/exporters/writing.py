@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from testbench.exceptions import InputError
-from testbench.records.layout import DERIVED, EVENTS, MANIFEST
-from testbench.records.replacing import replaced_file, replaced_folder, stored_where_asked
-from testbench.records.session import Session
-from testbench.records.storage import json_text
+from testbench.records.disk.json_file import json_text
+from testbench.records.disk.replacing import replaced_file, replaced_folder, stored_where_asked
+from testbench.records.session.layout import DERIVED, EVENTS, MANIFEST
+from testbench.records.session.session import Session
 
 INDEX = "export.json"
 """File of an exported folder that says what its tables are; a folder without it is never

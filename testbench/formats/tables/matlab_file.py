@@ -74,8 +74,8 @@ def _load_hdf5(file: Path, size: int) -> dict[str, Any]:
 
 def _lies(name: str, claimed: float, size: int) -> str:
     return (
-        f"{name} claims {claimed / 1e9:.1f} GB, in a file of {size / 1e6:.1f} MB: damaged, or "
-        "too large to import"
+        f"{name} claims {claimed / 1e9:.1f} GB, in a file of {size / 1e6:.1f} MB: damaged, or too "
+        "large to import"
     )
 
 

@@ -12,7 +12,7 @@ from testbench.formats.tables.source import Columns, Kind, Source
 from testbench.formats.tables.timeline import BadRowError, CounterUnwrapper, Timeline
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
-from testbench.records.samples import ImuSamples
+from testbench.records.session.samples import ImuSamples
 
 GRAVITY_UP = np.array([0.0, 0.0, STANDARD_GRAVITY])
 LATEST = 1 << 62

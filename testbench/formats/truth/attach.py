@@ -26,9 +26,9 @@ from testbench.formats.truth.robot_log import (
 )
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.protocol import Analysis
-from testbench.records.robot import load_robot
-from testbench.records.strict import Placement
+from testbench.records.specs.protocol import Analysis
+from testbench.records.specs.robot import load_robot
+from testbench.records.specs.strict import Placement
 
 _POSES = re.compile(
     r"(quat\w*|\bq|orientation\w*)[\s_.\[(]*[wxyz0]|^\W*time\W.*\b[wW]\b", re.IGNORECASE
@@ -119,8 +119,7 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
     if log.time_ns is None and options.dwell is None:
         raise InputError(
             f"{options.file} has {len(log.q)} joint poses without times: state how long each is "
-            "held (--dwell S), "
-            "or the rate of a regular log (--truth-rate HZ)"
+            "held (--dwell S), or the rate of a regular log (--truth-rate HZ)"
         )
     if log.time_ns is not None and options.dwell is not None:
         raise InputError(f"{options.file} has times: leave --dwell out, or the times")
@@ -129,8 +128,7 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
     ):
         raise InputError(
             f"--calibration-poses {options.calibration_poses} asks for a list of more commanded "
-            "poses than that; "
-            f"{options.file} has "
+            f"poses than that; {options.file} has "
             f"{len(log.q)}{' rows, with times' if log.time_ns is not None else ''}"
         )
     dwells = []

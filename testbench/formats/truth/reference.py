@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from testbench.model import rotation
-from testbench.records.samples import ImuSamples, Truth
+from testbench.records.session.samples import ImuSamples, Truth
 
 NORM_WITHIN = 0.02
 """Quaternions further from unit length than this are counted as lost."""

@@ -33,9 +33,9 @@ from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.windows import savitzky_golay
-from testbench.records.plan import PlannedStep
-from testbench.records.protocol_steps import Role
-from testbench.records.samples import Truth
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import Truth
+from testbench.records.specs.protocol_steps import Role
 
 SMOOTHING_S = 0.1
 """Width of the cubic Savitzky-Golay window that differentiates the joint angles [s]."""
@@ -330,9 +330,8 @@ def commanded_dwells(
     if len(spans) != poses:
         raise InputError(
             f"sensor '{name}': {len(spans)} stretches of rest of {DWELL_AT_LEAST * dwell:g} s or "
-            f"more, but {poses} poses; "
-            "cut the recording to the poses, correct --dwell, or state how long each move takes "
-            "with --move"
+            f"more, but {poses} poses; cut the recording to the poses, correct --dwell, or state "
+            "how long each move takes with --move"
         )
     notes.append(
         f"{name}: {len(spans)} dwells found in the samples, {np.diff(spans).mean():.2f} s long on "

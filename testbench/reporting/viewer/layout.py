@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import rerun.blueprint as rrb
 
-from testbench.records.evaluation import Evaluation
-from testbench.records.session import Session
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.session import Session
 from testbench.reporting.viewer.scene import ROW, WORLD, arrangement, column_width
 from testbench.reporting.viewer.signals import PARTS, chain_joints
 from testbench.reporting.viewer.timeline import TIMELINE
@@ -157,7 +157,11 @@ def _plot(name: str, contents: list[str]) -> rrb.TimeSeriesView:
 
 
 def reach_of(positions: list[np.ndarray]) -> float:
-    """The farthest that any sensor comes from the world's origin [m], at least 0.3."""
+    """The farthest that any sensor comes from the world's origin [m], at least 0.3.
+
+    Args:
+        positions: Of each sensor in the world, shape (n, 3) each [m].
+    """
     return max(
         [
             0.3,

@@ -20,10 +20,10 @@ from urllib.parse import quote
 
 from testbench.exceptions import BenchError
 from testbench.frames import NANOSECONDS
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.layout import RECORDING
-from testbench.records.session import Session
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.layout import RECORDING
+from testbench.records.session.session import Session
 from testbench.reporting.viewer.recording import save_recording
 from testbench.reporting.viewer.timeline import TIMELINE
 
@@ -55,8 +55,8 @@ def view(
     Args:
         session: The recording; session.rrd is written into its folder.
         web: Serve to a browser on this machine instead of opening a window.
-        estimate: As for `save_recording`.
-        evaluation: As for `save_recording`.
+        estimate: As `save_recording` takes it.
+        evaluation: Of its errors, as `save_recording` takes it.
         web_port: Of the web page.
         announce: Told where to look.
 
@@ -97,8 +97,8 @@ def screenshot(
     Args:
         session: The recording.
         path: The .png file to write.
-        estimate: As for `save_recording`.
-        evaluation: As for `save_recording`.
+        estimate: As `save_recording` takes it.
+        evaluation: Of its errors, as `save_recording` takes it.
         time_s: Of the picture, from the start of the session [s]; two thirds into its longest
             section if None.
         size: Width and height [pixels].
@@ -138,8 +138,7 @@ def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float
         if process.poll() is not None:
             raise ViewerError(
                 f"the viewer ended with code {process.returncode} before it drew anything; drawing "
-                "without a screen needs "
-                "Vulkan (Debian: libvulkan1 and mesa-vulkan-drivers)"
+                "without a screen needs Vulkan (Debian: libvulkan1 and mesa-vulkan-drivers)"
             )
         if waited > START_TIMEOUT:
             raise ViewerError(f"the viewer did not answer within {START_TIMEOUT:.0f} s")

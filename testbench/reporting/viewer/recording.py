@@ -7,13 +7,13 @@ from pathlib import Path
 import rerun as rr
 
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.replacing import replaced_file, stored_where_asked
-from testbench.records.samples import ArmSamples
-from testbench.records.session import Session
-from testbench.records.session_lock import session_lock
-from testbench.reporting.palette import filter_colours
+from testbench.records.disk.replacing import replaced_file, stored_where_asked
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.samples import ArmSamples
+from testbench.records.session.session import Session
+from testbench.records.session.session_lock import session_lock
+from testbench.reporting.page.palette import filter_colours
 from testbench.reporting.report import load_estimate, load_evaluation
 from testbench.reporting.viewer.layout import layout, reach_of
 from testbench.reporting.viewer.scene import (
@@ -37,10 +37,10 @@ def save_recording(
     Args:
         session: The recording.
         path: The .rrd file to write.
-        estimate: What was made of it; read from the session's folder if None, and left out where
+        estimate: Of its orientations; read from the session's folder if None, and left out where
             the folder has none.
-        evaluation: What was made of it; read from the session's folder if None, and left out where
-            the folder has none.
+        evaluation: Of its errors; read from the session's folder if None, and left out where the
+            folder has none.
 
     Returns:
         The path.

@@ -14,12 +14,12 @@ import rerun.urdf
 
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.estimate import Estimate
-from testbench.records.protocol import Sensor
-from testbench.records.robot import Robot
-from testbench.records.samples import ArmSamples, Truth
-from testbench.records.session import Session
-from testbench.reporting.palette import rgb
+from testbench.records.results.estimate import Estimate
+from testbench.records.session.samples import ArmSamples, Truth
+from testbench.records.session.session import Session
+from testbench.records.specs.protocol import Sensor
+from testbench.records.specs.robot import Robot
+from testbench.reporting.page.palette import rgb
 from testbench.reporting.viewer.timeline import changing, every, send
 
 WORLD = "bench"

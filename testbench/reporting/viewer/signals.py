@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 import rerun as rr
 
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.layout import chain_table, joint_table, orientation_table
-from testbench.records.samples import ImuSamples
-from testbench.records.session import Session
-from testbench.reporting.palette import COLOURS, REFERENCE, filter_colours, rgb
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.layout import chain_table, joint_table, orientation_table
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import Session
+from testbench.reporting.page.palette import COLOURS, REFERENCE, filter_colours, rgb
 from testbench.reporting.viewer.timeline import every, send
 
 ERROR_RATE = 20.0

@@ -15,7 +15,7 @@ from scipy.stats import binom
 from testbench.estimation.calibration.gyroscope import IN_RUN
 from testbench.estimation.calibration.methods import METHODS, get_method, methods_of
 from testbench.estimation.calibration.poses import StaticPoses
-from testbench.records.fit import Fit
+from testbench.records.results.fit import Fit
 from tests.estimation.calibration.gyroscopes import Gyroscope, Motion, chain, record
 from tests.estimation.calibration.simulated import (
     FIELD,

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from testbench.estimation.calibration.poses import StaticPoses
-from testbench.records.fit import Fit
+from testbench.records.results.fit import Fit
 
 GRAVITY = 9.80665
 UP = np.array([0.0, 0.0, GRAVITY])

@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from testbench.estimation.calibration.attitude_aided import attitude_aided
 from testbench.estimation.calibration.axis_model import orthogonality
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import METHODS, methods_of
 from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.rotational import likeness
 from testbench.estimation.calibration.triad_model import ACCELEROMETER
 from testbench.exceptions import InputError
+from testbench.model.statistics.least_squares import PoorExcitation
 from tests.estimation.calibration.covering import DRIFT, NOISE, heated, set_up, truth_for
 from tests.estimation.calibration.simulated import (
     GRAVITY,

@@ -12,9 +12,9 @@ import pandas as pd
 import pytest
 
 from testbench.estimation.calibration.ferraris import FerrarisTurn, ferraris, ferraris_gyroscope
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.poses import StaticPoses, static_poses
 from testbench.exceptions import InputError
+from testbench.model.statistics.least_squares import PoorExcitation
 from tests.estimation.calibration.simulated import GRAVITY, SIX, part, poses_of, rng
 
 RATE_HZ, EARTH = 204.8, 9.81

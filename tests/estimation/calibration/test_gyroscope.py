@@ -18,7 +18,6 @@ from testbench.estimation.calibration.gyroscope import (
     static_bias,
     validated,
 )
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import METHODS, get_method
 from testbench.estimation.calibration.rate_table import correlation_time, rate_table
 from testbench.estimation.calibration.turn_integration import TurnIntegration
@@ -31,7 +30,8 @@ from testbench.estimation.calibration.turns import (
 from testbench.estimation.calibration.whitening import Whitening
 from testbench.exceptions import InputError, NotFoundError
 from testbench.model.integrators import INTEGRATORS, get_integrator
-from testbench.records.calibration import TriadCalibration
+from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.results.calibration import TriadCalibration
 from tests.estimation.calibration import covering
 from tests.estimation.calibration.covering import gyroscope_truth
 from tests.estimation.calibration.gyroscopes import Gyroscope, chain, fixed_axis_motion, record

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from testbench.estimation.calibration.gyroscope import IN_RUN, attitude, gravity_turns
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.turns import GyroscopeRecording
+from testbench.model.statistics.least_squares import PoorExcitation
 from tests.estimation.calibration.gyroscopes import Gyroscope, chain, record
 
 NOISE = np.radians(0.05)

@@ -16,7 +16,7 @@ from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import static_poses
 from testbench.estimation.calibration.turns import GyroscopeRecording, turns_between_rests
 from testbench.formats import import_recording
-from testbench.formats.imu_tk import COUNTS_PER_RAD_S, LOCAL_GRAVITY
+from testbench.formats.vendors.imu_tk import COUNTS_PER_RAD_S, LOCAL_GRAVITY
 from testbench.frames import NANOSECONDS
 from testbench.model.integrators import INTEGRATORS
 
@@ -63,7 +63,9 @@ def test_the_recording_has_its_known_rests(recording):
 
 
 def test_scales_agree_between_integrators_and_with_the_sensitivity_that_the_turns_show(recording):
-    """4780 counts per rad/s is where imu_tk's own search ends (see testbench/formats/imu_tk.py)."""
+    """4780 counts per rad/s is where imu_tk's own search ends; testbench/formats/vendors/imu_tk.py
+    says why.
+    """
     for name in INTEGRATORS:
         found = gravity_turns(GyroscopeRecording(recording.rests[:1], recording.turns), name)
         (fit,) = found.fits

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.magnetometer_axes import align_axes
 from testbench.estimation.calibration.methods import METHODS, methods_of
 from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.exceptions import InputError
+from testbench.model.statistics.least_squares import PoorExcitation
 from tests.estimation.calibration.covering import (
     DIP,
     FIELD_NOISE,

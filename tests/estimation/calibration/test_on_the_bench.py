@@ -12,21 +12,21 @@ from scipy.spatial.transform import Rotation
 
 from testbench.estimation.calibration.axis_model import orthogonality
 from testbench.estimation.calibration.hinge_axis import axis_of_turn, hinge_axes
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.poses import StaticPoses, static_poses
 from testbench.estimation.calibration.sensor_to_segment import from_arm_kinematics, from_rates
-from testbench.estimation.calibration.validation import validate
-from testbench.estimation.static_intervals import (
+from testbench.estimation.calibration.static_intervals import (
     between_peaks,
     by_events,
     by_gyroscope,
     by_variance,
     compare,
 )
+from testbench.estimation.calibration.validation import validate
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.imu import TriadModel
+from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.pipeline.analyse import Result
 
 HELD_OUT = [

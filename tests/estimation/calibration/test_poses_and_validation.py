@@ -8,10 +8,10 @@ import pytest
 from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import StaticPoses, static_poses
+from testbench.estimation.calibration.static_intervals import by_gyroscope, by_variance
 from testbench.estimation.calibration.validation import cross_validate, validate
-from testbench.estimation.static_intervals import by_gyroscope, by_variance
 from testbench.exceptions import InputError
-from testbench.records.calibration import TriadCalibration
+from testbench.records.results.calibration import TriadCalibration
 from tests.estimation.calibration.simulated import GRAVITY, SIX, UP, part, poses_of, rng, turned
 
 

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from testbench.estimation.calibration.hinge_axis import axis_of_turn, hinge_axes
 from testbench.estimation.calibration.joint_heading import heading_1d, heading_2d
-from testbench.estimation.calibration.least_squares import PoorExcitation
 from testbench.estimation.calibration.sensor_to_segment import (
     SegmentMounting,
     from_arm_kinematics,
@@ -19,6 +18,7 @@ from testbench.estimation.calibration.sensor_to_segment import (
     from_static_pose,
 )
 from testbench.model import rotation
+from testbench.model.statistics.least_squares import PoorExcitation
 from tests.estimation.calibration.covering import as_often_as_stated
 from tests.estimation.calibration.simulated import rng
 

@@ -13,7 +13,7 @@ from testbench.estimation.chain.run import ChainSamples
 from testbench.estimation.chain.sensors import ChainSensors, chain_sensors
 from testbench.estimation.chain.settings import FilterSettings, SensorNoise
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.robot import load_robot
+from testbench.records.specs.robot import load_robot
 
 INTERVAL = 0.01
 NOISE = SensorNoise(np.radians(0.1), 0.03, np.radians(0.3), 0.05, 1e-5, 1e-4)

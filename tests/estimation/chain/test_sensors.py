@@ -6,7 +6,7 @@ from testbench.estimation.chain.sensors import chain_sensors
 from testbench.exceptions import InputError
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.robot import load_robot
+from testbench.records.specs.robot import load_robot
 
 SOME = ["shoulder_lift_joint", "wrist_1_joint", "wrist_3_joint"]
 

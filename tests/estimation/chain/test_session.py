@@ -11,9 +11,9 @@ from testbench.estimation.chain.period import base_frequency
 from testbench.estimation.chain.run import ChainSamples
 from testbench.evaluation import evaluate
 from testbench.exceptions import InputError
-from testbench.records.estimate import Estimate
-from testbench.records.evaluation import Evaluation
-from testbench.records.storage import read_parquet, write_parquet
+from testbench.records.disk.tables import read_parquet, write_parquet
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
 
 
 @pytest.fixture(scope="module")

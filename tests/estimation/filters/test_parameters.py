@@ -15,8 +15,8 @@ from testbench.estimation import estimate
 from testbench.estimation.filters import FILTERS, UniformSamples, choose_filters, get_filter, kinds
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.pipeline.prepared import make_plan
-from testbench.records.estimate import Estimate
-from testbench.records.protocol import FILTER_NAMES
+from testbench.records.results.estimate import Estimate
+from testbench.records.specs.protocol import FILTER_NAMES
 from tests.asking import run_of
 from tests.estimation.filters.motions import heading_deg, inclination_deg, wander
 

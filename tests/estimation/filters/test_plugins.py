@@ -24,7 +24,7 @@ from testbench.exceptions import InputError, NotFoundError
 from testbench.pipeline import show
 from testbench.pipeline.analyse import is_as_asked, load_analysis, load_or_estimate, sound_filters
 from testbench.pipeline.request import ExportRequest
-from testbench.records.session import Session
+from testbench.records.session.session import Session
 from tests.asking import analysis
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "03_a_filter_of_your_own.py"

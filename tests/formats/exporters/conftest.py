@@ -15,10 +15,10 @@ from testbench.estimation import estimate
 from testbench.formats.exporters import ExportSource
 from testbench.model import rotation
 from testbench.pipeline.analyse import Result
-from testbench.records.protocol import Analysis, Estimation
-from testbench.records.samples import ImuSamples, Truth
-from testbench.records.session import RunStatus, Session
-from testbench.records.session_writer import SessionWriter
+from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.session.session import RunStatus, Session
+from testbench.records.session.session_writer import SessionWriter
+from testbench.records.specs.protocol import Analysis, Estimation
 
 RATE = 100.0
 STARTED = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)

@@ -12,7 +12,7 @@ from testbench.exceptions import InputError, NotFoundError, StorageError
 from testbench.formats.exporters import EXPORTS, ExportSource, prepare_export, write_export
 from testbench.pipeline.request import ExportRequest
 from testbench.pipeline.show import export
-from testbench.records.session import Session
+from testbench.records.session.session import Session
 from testbench.reporting.viewer import save_recording
 from tests.processes import bench
 from tests.reporting.test_viewer import chunks_of

@@ -11,7 +11,7 @@ import pytest
 
 from testbench.formats.exporters import ExportSource, write_export
 from testbench.formats.exporters.tables import all_tables, grouped, unit_of
-from testbench.records.samples import AXES, QUATERNION, names
+from testbench.records.session.samples import AXES, QUATERNION, names
 
 WXYZ = list(QUATERNION)
 

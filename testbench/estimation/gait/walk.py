@@ -1,0 +1,91 @@
+"""From an orientation series to a walk: signals, cycles, their lengths, and the path (Cabezuelo
+2019, eqs 2.26 to 2.29).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.estimation.gait.cycles import Cycles, find_cycles
+from testbench.estimation.gait.parameters import MOUNTINGS, PedestrianParameters
+from testbench.model import rotation
+from testbench.model.heading import yaw
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What one sensor says of a walk.
+
+    Attributes:
+        cycles: Gait cycles of the leg.
+        lengths: Of each [m], shape (k,).
+        headings: During each [rad], counted from the start, shape (k,).
+        positions: After each, starting at the origin [m], shape (k + 1, 2).
+    """
+
+    cycles: Cycles
+    lengths: np.ndarray
+    headings: np.ndarray
+    positions: np.ndarray
+
+    @property
+    def distance(self) -> float:
+        """Length of the path [m]."""
+        return float(self.lengths.sum())
+
+    @property
+    def end(self) -> np.ndarray:
+        """Where it ends [m], shape (2,)."""
+        return np.asarray(self.positions[-1])
+
+
+def walk(
+    time_ns: np.ndarray,
+    q_world_from_sensor: np.ndarray,
+    parameters: PedestrianParameters,
+    heading: float = 0.0,
+) -> Walk:
+    """Count cycles and reckon the path.
+
+    Args:
+        time_ns: Increasing, shape (n,).
+        q_world_from_sensor: Shape (n, 4); rows that are not finite are passed over.
+        parameters: See `PUBLISHED`.
+        heading: At the start [rad].
+
+    Returns:
+        The walk. Its steps are the leg's; a person makes two for each.
+    """
+    step, orientation = gait_signals(q_world_from_sensor, parameters)
+    cycles = find_cycles(time_ns, step, parameters)
+    lengths = np.array(
+        [parameters.length(float(np.degrees(swing))) for swing in cycles.swing], dtype=float
+    )
+    known = orientation[np.isfinite(orientation)]
+    start = float(known[0]) if len(known) else 0.0
+    headings = (
+        heading + orientation[cycles.peak] - start
+    )  # the sum of the changes from peak to peak
+    moves = lengths[:, None] * np.column_stack([np.cos(headings), np.sin(headings)])
+    return Walk(cycles, lengths, headings, np.vstack([np.zeros((1, 2)), np.cumsum(moves, axis=0)]))
+
+
+def gait_signals(
+    q_world_from_sensor: np.ndarray, parameters: PedestrianParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Step signal (pitch) and orientation signal (yaw) of the level frame, intrinsic ZYX, without
+    jumps, shape (n,) [rad].
+    """
+    q_level_from_sensor = rotation.from_matrix(
+        np.array(MOUNTINGS[parameters.mounting], dtype=float)
+    )
+    q = np.asarray(q_world_from_sensor, float)
+    known = np.isfinite(q).all(axis=1)
+    step = np.full(len(q), np.nan)
+    level = rotation.multiply(q[known], rotation.conjugate(q_level_from_sensor))
+    step[known] = rotation.to_euler("ZYX", level)[:, 1]
+    orientation = np.full(len(q), np.nan)
+    orientation[known] = yaw(level)
+    return step, orientation

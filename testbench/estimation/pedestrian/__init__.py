@@ -1,6 +1,0 @@
-"""Gait cycles, step lengths and a dead-reckoned path from the orientation of one worn sensor."""
-
-from testbench.estimation.pedestrian.parameters import PUBLISHED, PedestrianParameters
-from testbench.estimation.pedestrian.walk import Walk, walk
-
-__all__ = ["PUBLISHED", "PedestrianParameters", "Walk", "walk"]

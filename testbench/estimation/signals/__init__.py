@@ -1,0 +1,1 @@
+"""What every recording passes first: access, quality, rates, timing, still intervals."""

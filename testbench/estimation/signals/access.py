@@ -1,0 +1,322 @@
+"""A sensor's samples, all at once or, where hours of them would not fit in memory, in pieces.
+
+A long recording is gone through three times in pieces: once to learn what must be known of the
+whole, once for the quality gates and the timing, once for the filters, which go on from piece to
+piece. What is kept of it is every so-manieth sample, the last of as many, so that the memory of a
+session is bounded whatever its length; nothing that is computed is decimated before.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.estimation.filters import OrientationFilter, UniformSamples
+from testbench.estimation.filters.base import FilterState, RecursiveFilter
+from testbench.estimation.signals.quality import (
+    STUCK_SAMPLES,
+    AfterGaps,
+    Quality,
+    Traits,
+    assess,
+    remarks_on,
+    sample_flags,
+)
+from testbench.estimation.signals.timing import (
+    STRETCH,
+    IntervalAudit,
+    arrival_jitter,
+    asynchrony,
+    audit_timing,
+    usual_interval,
+)
+from testbench.estimation.signals.uniform import MOST_FILLING, fill_gaps, fill_rows
+from testbench.frames import NANOSECONDS
+from testbench.model.windows import moving_mean
+from testbench.records.disk.pieces import overlapping
+from testbench.records.results.estimate import ClockFit, TimingAudit
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.sensor_file import SensorFile
+
+MOST_KEPT = 1_000_000
+"""Estimates kept of a sensor; a recording with more samples is estimated in pieces, and every
+so-manieth one is kept.
+"""
+MOST_KEPT_IN_ALL = 4_000_000
+"""Likewise of all sensors of a session together: about 0.5 GB with three filters."""
+MOST_AT_ONCE = 4_000_000
+"""A filter that needs the whole recording still gets so many samples of a sensor at once: about 0.5
+GB.
+"""
+PIECE = 131_072
+"""Samples of a long recording that are in memory at once."""
+OF_EACH_PIECE = 4_096
+"""Intervals of each piece that tell the usual one."""
+
+Correct = Callable[[UniformSamples], UniformSamples]
+Change = Callable[[ImuSamples], ImuSamples]
+
+
+def _unchanged(samples: ImuSamples) -> ImuSamples:
+    return samples
+
+
+def open_samples(
+    raw: SensorFile, together: int, has_noise: bool = True, stored: Change | None = None
+) -> SampleAccess:
+    """Access to a sensor's samples, in the way their number asks for.
+
+    Args:
+        raw: The samples.
+        together: Samples of all sensors of the recording.
+        has_noise: Whether the readings must differ at rest.
+        stored: A stored calibration, applied to all that is read.
+    """
+    change = stored or _unchanged
+    every = max(-(-raw.count // MOST_KEPT), -(-together // MOST_KEPT_IN_ALL), 1)
+    if every == 1:
+        return WholeRecording(raw, has_noise, change)
+    return PiecewiseRecording(raw, every, has_noise, change)
+
+
+class SampleAccess(ABC):
+    """A sensor's samples.
+
+    Attributes:
+        samples: Those that estimates are kept at.
+        every: One of how many that is.
+    """
+
+    samples: ImuSamples
+    every: int
+
+    @abstractmethod
+    def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
+        """The kept samples on a regular grid, and the row of each in it."""
+
+    @abstractmethod
+    def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
+        """What the gates find; `static`, shape (n,), is where the kept samples are at rest."""
+
+    @abstractmethod
+    def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
+        """Audit of the time stamps; see `audit_timing`."""
+
+    @abstractmethod
+    def refuses(self, kind: OrientationFilter) -> str | None:
+        """Why a filter cannot run over this recording, or None."""
+
+    @abstractmethod
+    def orientations(
+        self, filters: Mapping[str, OrientationFilter], clock: ClockFit, correct: Correct
+    ) -> Iterator[tuple[str, np.ndarray]]:
+        """q_earth_from_sensor of each filter at the kept samples, shape (n, 4), one filter after
+        the other, in any order.
+
+        Args:
+            filters: By name.
+            clock: Gives the true interval.
+            correct: Calibration, applied to what the filters get.
+        """
+
+
+class WholeRecording(SampleAccess):
+    """All samples at once."""
+
+    def __init__(self, raw: SensorFile, has_noise: bool = True, change: Change = _unchanged):
+        self.samples, self.every = change(raw.read()), 1
+        self._has_noise = has_noise
+        self._regular: tuple[ClockFit, tuple[UniformSamples, np.ndarray]] | None = None
+
+    def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
+        """See SampleAccess."""
+        if self._regular is None or self._regular[0] != clock:
+            self._regular = clock, fill_gaps(self.samples, clock)
+        return self._regular[1]
+
+    def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
+        """See SampleAccess."""
+        return assess(
+            self.samples, clock.to_host(self.samples.device_time_ns), static, self._has_noise
+        )
+
+    def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
+        """See SampleAccess."""
+        return audit_timing(self.samples, nominal_rate, rate_age)
+
+    def refuses(self, kind: OrientationFilter) -> str | None:
+        """See SampleAccess."""
+        return None
+
+    def orientations(
+        self, filters: Mapping[str, OrientationFilter], clock: ClockFit, correct: Correct
+    ) -> Iterator[tuple[str, np.ndarray]]:
+        """See SampleAccess."""
+        uniform, rows = self.regular(clock)
+        corrected = correct(uniform)
+        for name, kind in filters.items():
+            yield name, kind.run(corrected)[rows]
+
+
+class PiecewiseRecording(SampleAccess):
+    """Samples in pieces; of `every` of them the last is kept."""
+
+    def __init__(
+        self, raw: SensorFile, every: int, has_noise: bool = True, change: Change = _unchanged
+    ):
+        self._file, self.every, self._change = raw, every, change
+        self._count = self._file.count
+        self.samples = change(self._file.read(every=every))
+        self._traits = Traits(has_noise)
+        steps, ordered = [], True
+        first = last = None
+        for piece in self._file.batches(PIECE):
+            self._traits.add(change(piece))
+            steps.append(np.diff(piece.device_time_ns[:OF_EACH_PIECE]))
+            ordered &= bool((np.diff(piece.counter) > 0).all()) and (
+                last is None or piece.counter[0] > last.counter[-1]
+            )
+            first, last = first or piece, piece
+        assert first is not None
+        assert last is not None
+        rows = int(last.counter[-1] - first.counter[0]) + 1
+        self._counted = (
+            ordered and rows <= MOST_FILLING * self._count
+        )  # else the counter is not trusted
+        self._grid = rows if self._counted else self._count
+        self._span = float(last.device_time_ns[-1] - first.device_time_ns[0]) / NANOSECONDS
+        self._usual = usual_interval(np.concatenate(steps))
+
+    def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
+        """See SampleAccess; the time that lost packets leave open is spread over the rest, which
+        only rests are told by.
+        """
+        return fill_gaps(replace(self.samples, counter=np.arange(len(self.samples))), clock)
+
+    def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
+        """See SampleAccess; a kept sample is flagged if any of those it stands for is."""
+        kept: dict[str, np.ndarray] = {}
+        numbers: dict[str, int] = {}
+        after_gaps, done = AfterGaps(), 0
+        for piece, counted in self._pieces():
+            flags = {
+                reason: flag[counted] for reason, flag in sample_flags(piece, self._traits).items()
+            }
+            flags["after a gap"] = after_gaps(clock.to_host(piece.device_time_ns[counted]))
+            for reason, flag in flags.items():
+                numbers[reason] = numbers.get(reason, 0) + int(flag.sum())
+                own = kept.setdefault(reason, np.zeros(len(self.samples), dtype=bool))
+                rows = (done + np.flatnonzero(flag)) // self.every
+                own[rows[rows < len(own)]] = True
+            done += len(next(iter(flags.values())))
+        return Quality(kept, remarks_on(self.samples, static & ~kept["not finite"]), numbers)
+
+    def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
+        """See SampleAccess."""
+        intervals = IntervalAudit(self._usual)
+        for columns in self._file.tables(PIECE, ["device_time_ns", "counter"]):
+            intervals.add(columns["device_time_ns"], columns["counter"])
+        turning = np.nan_to_num(np.linalg.norm(self.samples.gyr, axis=1))
+        middle = int(np.argmax(moving_mean(turning, max(STRETCH // self.every, 1)))) * self.every
+        begin = min(max(middle - STRETCH // 2, 0), max(self._count - STRETCH, 0))
+        stretch = self._change(self._file.read(begin, begin + STRETCH))
+        return intervals.audit(
+            nominal_rate, arrival_jitter(self.samples), asynchrony(stretch, self._usual) + rate_age
+        )
+
+    def refuses(self, kind: OrientationFilter) -> str | None:
+        """See SampleAccess."""
+        if not isinstance(kind, RecursiveFilter) and self._count > MOST_AT_ONCE:
+            return (
+                f"it needs all {self._count} samples at once; recordings of more than "
+                f"{MOST_AT_ONCE} go through in pieces"
+            )
+        return None
+
+    def orientations(
+        self, filters: Mapping[str, OrientationFilter], clock: ClockFit, correct: Correct
+    ) -> Iterator[tuple[str, np.ndarray]]:
+        """See SampleAccess."""
+        at_once = {
+            name: kind for name, kind in filters.items() if not isinstance(kind, RecursiveFilter)
+        }
+        for name, kind in at_once.items():
+            uniform, rows = fill_gaps(self._change(self._file.read()), clock)
+            yield name, kind.run(correct(uniform))[rows[self.every - 1 :: self.every]]
+        filters = {name: kind for name, kind in filters.items() if name not in at_once}
+        interval = self._span / max(self._grid - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
+        states: dict[str, FilterState | None] = dict.fromkeys(filters)
+        results = {name: np.empty((len(self.samples), 4)) for name in filters}
+        done, origin = 0, None
+        held: tuple[ImuSamples, int] | None = None
+        for piece, counted in self._pieces():
+            row = piece.counter if self._counted else np.arange(len(piece)) + done - counted.start
+            origin = int(row[counted.start]) if origin is None else origin
+            begin = int(row[counted.start - 1]) + 1 if counted.start else origin
+            number = len(row[counted])
+            end = int(row[counted][-1]) + 1
+            wanted = (
+                self.every
+                * np.arange(-(-(done + 1) // self.every), (done + number) // self.every + 1)
+                - 1
+            )
+            wanted_rows = row[counted.start + wanted - done]
+            whole = self._traits.finite(piece)
+            if whole.any():
+                held = piece, int(np.flatnonzero(whole)[-1])
+            else:  # minutes without a reading: nothing is known but the last one
+                piece, whole = _repeated(piece, *(held or (piece, 0))), ~whole
+            for start in range(begin, end, PIECE):
+                stop = min(start + PIECE, end)
+                before = int(start > origin)
+                corrected = correct(
+                    fill_rows(piece, row, np.arange(start - before, stop), interval, whole)
+                )
+                given = corrected if not before else _without_first(corrected)
+                here = (wanted_rows >= start) & (wanted_rows < stop)
+                for name, kind in filters.items():
+                    q, states[name] = kind.advance(given, states[name])
+                    results[name][(wanted[here] + 1) // self.every - 1] = q[
+                        wanted_rows[here] - start
+                    ]
+            done += number
+        for name in list(results):
+            yield name, results.pop(name)
+
+    def _pieces(self) -> Iterator[tuple[ImuSamples, slice]]:
+        """Pieces with a few neighbours at either end, and which of their samples are the piece
+        itself.
+        """
+        for columns, counted in overlapping(self._file.tables(PIECE), PIECE, STUCK_SAMPLES):
+            if len(columns["counter"][counted]):
+                yield self._change(ImuSamples.from_columns(columns)), counted
+
+
+def _repeated(piece: ImuSamples, other: ImuSamples, row: int) -> ImuSamples:
+    """The piece with all its readings replaced by one, of another piece; zero where that is not
+    known.
+    """
+
+    def filled(array: np.ndarray | None) -> np.ndarray | None:
+        return (
+            None
+            if array is None
+            else np.nan_to_num(np.repeat(array[row : row + 1], len(piece), axis=0))
+        )
+
+    readings = {key: filled(getattr(other, key)) for key in ("gyr", "acc", "mag", "device_q")}
+    return replace(piece, **readings)  # type: ignore[arg-type]
+
+
+def _without_first(samples: UniformSamples) -> UniformSamples:
+    mag, q = samples.mag, samples.device_q
+    return UniformSamples(
+        samples.interval,
+        samples.gyr[1:],
+        samples.acc[1:],
+        None if mag is None else mag[1:],
+        None if q is None else q[1:],
+    )

@@ -1,0 +1,104 @@
+"""Angular rates by whatever a recording has: a gyroscope, a vendor's orientation, or a truth of
+orientations only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.records.session.samples import ImuSamples, Truth
+
+WIDEST = 2.5
+"""Orientations further apart than this many median intervals do not give a rate between them."""
+
+
+@dataclass(frozen=True)
+class RateMagnitude:
+    """Magnitude of the angular rate over time.
+
+    Attributes:
+        time: Increasing, shape (n,) [s].
+        rate: Shape (n,) [rad/s].
+        width: The rate is a mean over this long [s].
+        gap: Longest distance between neighbours that may be interpolated over [s].
+    """
+
+    time: np.ndarray
+    rate: np.ndarray
+    width: float
+    gap: float
+
+    def thinned(self, most: int) -> RateMagnitude:
+        """At most so many of its points, evenly spread."""
+        step = -(-len(self.time) // most)
+        return self if step <= 1 else replace(self, time=self.time[::step], rate=self.rate[::step])
+
+    def known_at(self, time: np.ndarray) -> np.ndarray:
+        """Whether a time lies within the record and not in one of its gaps, shape (m,), bool."""
+        index = np.clip(np.searchsorted(self.time, time, side="right"), 1, len(self.time) - 1)
+        inside = (time > self.time[0]) & (time < self.time[-1])
+        return np.asarray(inside & (self.time[index] - self.time[index - 1] <= self.gap))
+
+
+def truth_rate(truth: Truth) -> RateMagnitude:
+    """Angular-rate magnitude of the truth; without rates, from the angles between its orientations,
+    whatever their signs.
+    """
+    time = truth.host_time_ns / NANOSECONDS
+    if truth.rate is not None:
+        known = np.isfinite(truth.rate).all(axis=1)
+        interval = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+        return RateMagnitude(
+            time[known], rotation.lengths(truth.rate[known]), 0.0, WIDEST * interval
+        )
+    return _from_orientations(time, truth.q_world_from_sensor)
+
+
+def sensor_rate(samples: ImuSamples) -> RateMagnitude:
+    """Angular-rate magnitude by the sensor's own clock: from the gyroscope, else from the device's
+    orientation.
+    """
+    time = samples.device_time_ns / NANOSECONDS
+    known = np.isfinite(samples.gyr).all(axis=1)
+    if known.any():
+        gyr = samples.gyr[known]
+        return RateMagnitude(time[known], rotation.lengths(gyr - rest_reading(gyr)), 0.0, np.inf)
+    if samples.device_q is not None:
+        return _from_orientations(time, samples.device_q)
+    return RateMagnitude(np.zeros(0), np.zeros(0), 0.0, np.inf)
+
+
+def rest_reading(gyr: np.ndarray) -> np.ndarray:
+    """What a gyroscope reads at rest, shape (3,) [rad/s]: the median over the tenth of the record
+    that varies least.
+    """
+    size = 25
+    if len(gyr) < 4 * size:
+        return np.zeros(3)
+    blocks = gyr[: len(gyr) // size * size].reshape(-1, size, 3)
+    spread = blocks.var(axis=1).sum(axis=1)
+    quiet = blocks[spread <= np.quantile(spread, 0.1)].reshape(-1, 3)
+    reading = np.median(quiet, axis=0)
+    return (
+        reading if np.linalg.norm(reading) < np.radians(10) else np.zeros(3)
+    )  # more than that is motion
+
+
+def _from_orientations(time: np.ndarray, q: np.ndarray) -> RateMagnitude:
+    known = np.isfinite(q).all(axis=1)
+    time, q = time[known], q[known]
+    fresh = np.diff(time, prepend=-np.inf) > 0
+    time, q = time[fresh], q[fresh]
+    if len(time) < 3:
+        return RateMagnitude(np.zeros(0), np.zeros(0), 0.0, 0.0)
+    interval = np.diff(time)
+    usual = float(np.median(interval))
+    angle = rotation.angle(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
+    near = interval <= WIDEST * usual
+    return RateMagnitude(
+        (time[:-1] + interval / 2)[near], (angle / interval)[near], usual, WIDEST * usual
+    )

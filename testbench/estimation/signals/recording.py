@@ -1,0 +1,103 @@
+"""A recording opened for its estimate: what follows sees samples and numbers, no session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from testbench.estimation.signals.access import Change, SampleAccess, open_samples
+from testbench.frames import STANDARD_GRAVITY
+from testbench.records.session.manifest import SensorRecord
+from testbench.records.session.plan import PlannedStep
+from testbench.records.session.sensor_file import SensorFile, TruthFile
+from testbench.records.session.session import Session
+from testbench.records.specs.protocol import Estimation, Sensor
+
+STANDARD_DOWN = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+
+
+@dataclass(frozen=True)
+class SensorRecording:
+    """One sensor of a recording.
+
+    Attributes:
+        name: Of the sensor.
+        raw: Its samples.
+        truth: What it went through, or None where nobody knows.
+        described: What is known of it.
+        has_noise: Whether its readings must differ at rest.
+        together: Samples of all sensors of the recording.
+    """
+
+    name: str
+    raw: SensorFile
+    truth: TruthFile | None
+    described: SensorRecord
+    has_noise: bool
+    together: int
+
+    @staticmethod
+    def of(session: Session, sensor: str) -> SensorRecording:
+        """A sensor of a session.
+
+        Raises:
+            NotFoundError: No such sensor.
+            SessionError: Its samples are being recorded, were cut off, or are damaged.
+        """
+        return SensorRecording(
+            sensor,
+            session.sensor(sensor),
+            session.truth_file(sensor),
+            session.manifest.sensors[sensor],
+            _has_noise(session, sensor),
+            sum(session.sample_count(name) for name in session.sensor_names),
+        )
+
+    def samples(self, stored: Change | None = None) -> SampleAccess:
+        """Access to its samples; see `open_samples`."""
+        return open_samples(self.raw, self.together, self.has_noise, stored)
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """What is known of a run beside its samples.
+
+    Attributes:
+        settings: How to estimate.
+        placed: The sensors of the protocol, by name.
+        steps: That were finished.
+        gravity: In the world, shape (3,) [m/s^2].
+        recorded: When the samples were taken; None where nobody knows.
+    """
+
+    settings: Estimation
+    placed: Mapping[str, Sensor]
+    steps: list[PlannedStep]
+    gravity: np.ndarray
+    recorded: datetime | None
+
+    @staticmethod
+    def of(session: Session) -> RunFacts:
+        """Those of a session."""
+        return RunFacts(
+            session.analysis.estimate,
+            session.analysis.sensors,
+            session.steps,
+            session.robot.gravity if session.robot else STANDARD_DOWN,
+            session.recorded_at,
+        )
+
+
+def _has_noise(session: Session, sensor: str) -> bool:
+    """Whether a sensor's readings must differ at rest: not those of a simulated one whose data
+    sheet states no noise.
+    """
+    if session.manifest.sensors[sensor].driver != "simulated":
+        return True
+    sheet = session.analysis.sensors[sensor].imu()
+    return any(
+        bool(triad.triad().noise_density.any()) for triad in (sheet.accelerometer, sheet.gyroscope)
+    )

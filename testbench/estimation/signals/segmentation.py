@@ -1,0 +1,53 @@
+"""Segmentation: when a sensor is at rest, by its own gyroscope."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.model import rotation
+from testbench.model.windows import moving_mean
+
+WINDOW_S = 0.2
+LEAST_SPREAD = np.radians(0.3)
+"""A spread below this counts as rest however quiet the sensor is [rad/s]."""
+NOISE_FACTOR = 3.0
+MOST_BIAS = np.radians(2.0)
+"""A steady reading may differ by this from the quietest and still be rest: a bias moves with the
+pose [rad/s].
+"""
+
+
+def detect_static(gyr: np.ndarray, interval: float, real: np.ndarray | None = None) -> np.ndarray:
+    """Samples at which the sensor is at rest.
+
+    The RMS of the angular rate about its own mean, over a window, must stay below three times its
+    quietest tenth, and the mean near the quietest one; a turn that is both steady and slower than 2
+    deg/s is taken for a bias. The borders of each rest are drawn in by half a window, so that no
+    transient is let in.
+
+    Args:
+        gyr: Shape (n, 3) [rad/s].
+        interval: [s].
+        real: Rows that were measured, not filled in: a straight line over a gap is quieter than any
+            sensor and must not set the measure; all if None.
+
+    Returns:
+        Shape (n,), bool.
+    """
+    window = min(max(round(WINDOW_S / interval), 3), max(len(gyr), 1))
+    mean = moving_mean(gyr, window)
+    variance = moving_mean(np.sum((gyr - mean) ** 2, axis=1), window)
+    spread = np.sqrt(np.maximum(variance, 0))  # a running sum may round below 0
+    measured = slice(None) if real is None else real
+    quietest = float(np.quantile(spread[measured], 0.1))
+    centre = np.median(mean[measured][spread[measured] <= quietest], axis=0)
+    steady = spread <= max(NOISE_FACTOR * quietest, LEAST_SPREAD)
+    moving = ~steady | (rotation.lengths(mean - centre) > MOST_BIAS)
+    return moving_mean(moving, window) == 0
+
+
+def intervals_of(resting: np.ndarray, least: int = 1) -> np.ndarray:
+    """Runs of True that last `least` samples at least, shape (n,) to (k, 2)."""
+    steps = np.diff(np.concatenate([[0], np.asarray(resting).astype(np.int8), [0]]))
+    runs = np.column_stack([np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)])
+    return np.asarray(runs[runs[:, 1] - runs[:, 0] >= least])

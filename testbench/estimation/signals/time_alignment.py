@@ -1,0 +1,199 @@
+"""Time alignment: a sensor's clock against the host's, from the magnitude of the angular rate.
+
+The magnitude does not depend on any frame, so it needs neither heading nor mounting, and
+orientations give it whatever their signs. A coarse offset comes from cross-correlation, then offset
+and drift (with the gyroscope's gain) from least squares by Gauss-Newton, to a fraction of a sample;
+a truth of low rate is met by averaging the sensor over the same interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.estimation.signals.rates import RateMagnitude, sensor_rate, truth_rate
+from testbench.frames import NANOSECONDS
+from testbench.model.windows import moving_mean
+from testbench.records.results.estimate import ClockFit
+from testbench.records.session.samples import ImuSamples, Truth
+
+GRID_S = 0.01
+SEARCH_S = 3.0
+"""The coarse search looks this far on either side of what the arrival times say."""
+LEAST_RATE = np.radians(2.0)
+"""A record whose fastest motion stays below this says nothing of time [rad/s]."""
+ITERATIONS = 15
+MOST_POINTS = 400_000
+"""More rates than this are thinned out: hours of them say no more of two numbers."""
+CLUSTER_S = 2.0
+"""Residuals nearer than this count as one when the uncertainty is stated [s]."""
+PART_ERROR_S = 50e-6
+"""What the part's own cross-axis and g-sensitivity errors may do to the offset in every move alike
+[s]; from simulation.
+"""
+MOST_DRIFT = 0.01
+"""No clock drifts by more: the fit has lost its way [1]."""
+
+
+def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0) -> ClockFit:
+    """Fit the sensor's clock to the host's.
+
+    Args:
+        samples: Of the sensor.
+        truth: Its rates or orientations; None or motionless leaves only the arrival times.
+        rate_delay: How much older than its time stamp an angular rate is [s]: half an interval for
+            a sensor that integrates on board.
+
+    Returns:
+        The fit; its method is "angular_rate", or "arrival" where nothing moves: then it is late by
+        the unknown latency.
+    """
+    arrival = _fit_arrival(samples)
+    if truth is None or len(samples) < 10:
+        return arrival
+    true, measured = truth_rate(truth), sensor_rate(samples)
+    if len(true.time) < 10 or len(measured.time) < 10 or true.rate.max() < LEAST_RATE:
+        return arrival
+    delay = (
+        rate_delay if measured.width == 0 else 0.0
+    )  # the rate between two orientations is not late
+    # A device's clock may count from anywhere; about its own beginning offset and drift are far
+    # from singular.
+    zero = float(measured.time[0]) - float(true.time[0])
+    measured = _averaged(
+        RateMagnitude(measured.time - zero - delay, measured.rate, measured.width, measured.gap),
+        true.width,
+    )
+    measured = measured.thinned(MOST_POINTS)
+    drift = 1e-6 * arrival.drift_ppm
+    offset = arrival.offset_s - zero
+    lag = _coarse_lag((measured.time - offset) / (1 + drift), measured.rate, true)
+    fit = _refine(measured, true, offset + lag, drift)
+    return arrival if fit is None else replace(fit, offset_s=fit.offset_s + zero)
+
+
+def _fit_arrival(samples: ImuSamples) -> ClockFit:
+    """From the least delayed arrivals: in each of up to 50 windows, the sample whose delay was
+    shortest.
+    """
+    host, device = samples.host_time_ns / NANOSECONDS, samples.device_time_ns / NANOSECONDS
+    if len(host) < 2:
+        return ClockFit(offset_s=float(device[0] - host[0]) if len(host) else 0.0, method="arrival")
+    ahead = device - host
+    picks = [
+        window[np.argmax(ahead[window])]
+        for window in np.array_split(np.arange(len(host)), min(50, len(host) // 2 + 1))
+    ]
+    enough = len(picks) > 5 and host[-1] - host[0] > 10
+    drift, offset = (
+        np.polyfit(host[picks], ahead[picks], 1) if enough else (0.0, float(ahead[picks].max()))
+    )
+    return ClockFit(offset_s=float(offset), drift_ppm=float(drift * 1e6), method="arrival")
+
+
+def _averaged(measured: RateMagnitude, width: float) -> RateMagnitude:
+    """The sensor's rate as a truth sees it that is a mean over `width` [s]."""
+    interval = float(np.median(np.diff(measured.time)))
+    count = round(width / interval)
+    rate = moving_mean(measured.rate, count) if count > 1 else measured.rate
+    # the centre of an even window lies half a sample before the sample it is assigned to
+    shift = interval / 2 if count > 1 and count % 2 == 0 else 0.0
+    return RateMagnitude(measured.time - shift, rate, max(width, measured.width), measured.gap)
+
+
+def _coarse_lag(time: np.ndarray, rate: np.ndarray, true: RateMagnitude) -> float:
+    """Seconds that the sensor's time, brought to the host, still lies ahead of the truth."""
+    start, end = max(time[0], true.time[0]) - SEARCH_S, min(time[-1], true.time[-1]) + SEARCH_S
+    grid = np.arange(start, end, GRID_S)
+    a = np.interp(grid, time, rate, left=0, right=0)
+    b = np.where(true.known_at(grid), np.interp(grid, true.time, true.rate, left=0, right=0), 0.0)
+    size = 1 << (2 * len(grid)).bit_length()  # so long that neither end meets the other
+    spectrum = np.fft.rfft(a - a.mean(), size) * np.conj(np.fft.rfft(b - b.mean(), size))
+    correlation = np.fft.irfft(spectrum, size)
+    longest = min(int(SEARCH_S / GRID_S), len(grid) - 1)
+    lags = np.arange(-longest, longest + 1)
+    return float(lags[np.argmax(correlation[lags])] * GRID_S)
+
+
+def _refine(
+    measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float
+) -> ClockFit | None:
+    """Gauss-Newton on offset, drift and gain: minimise sum (rate(t) - gain * truth((t - offset) /
+    (1 + drift)))^2.
+
+    None where the two records drift apart, so that nothing can be compared.
+    """
+    slope = np.gradient(true.rate, true.time)
+    middle = float(measured.time.mean())
+    gain = 1.0
+    residual, jacobian, inside = np.zeros(1), np.eye(3), np.zeros(1, dtype=bool)
+    for _ in range(ITERATIONS):
+        host = (measured.time - offset) / (1 + drift)
+        inside = true.known_at(host)
+        if inside.sum() < 10:
+            return None
+        expected = np.interp(host[inside], true.time, true.rate)
+        gradient = gain * np.interp(host[inside], true.time, slope) / (1 + drift)
+        # About the middle of the recording, offset and drift are nearly uncorrelated.
+        centred = (measured.time[inside] - middle) / (1 + drift)
+        jacobian = np.column_stack([gradient, gradient * centred, -expected])
+        residual = measured.rate[inside] - gain * expected
+        step, *_ = np.linalg.lstsq(jacobian, -residual, rcond=None)
+        drift += step[1]
+        offset += step[0] - step[1] * (middle - offset) / (1 + drift)
+        gain += step[2]
+        if abs(step[0]) < 1e-9 and abs(step[1]) < 1e-12:
+            break
+    if abs(drift) > MOST_DRIFT:
+        return None
+    variance = float(residual @ residual) / max(len(residual) - 3, 1)
+    cluster = np.floor(measured.time[inside] / CLUSTER_S).astype(np.int64)
+    candidates = (
+        variance * np.linalg.pinv(jacobian.T @ jacobian),
+        _jackknife_covariance(jacobian, residual, cluster),
+    )
+
+    def sd(direction: list[float], floor: float = 0.0) -> float:
+        """The larger of the two, and never less than the floor."""
+        weights = np.array(direction)
+        return float(
+            np.sqrt(max(weights @ covariance @ weights for covariance in candidates) + floor**2)
+        )
+
+    return ClockFit(
+        offset_s=float(offset),
+        drift_ppm=float(drift * 1e6),
+        offset_sd_s=sd([1.0, -(middle - offset) / (1 + drift), 0.0], PART_ERROR_S),
+        drift_sd_ppm=sd([0.0, 1.0, 0.0]) * 1e6,
+        residual_deg_s=float(np.degrees(np.sqrt(variance))),
+        angle_error_deg=float(np.degrees(true.rate.max())) * sd([1.0, 0.0, 0.0], PART_ERROR_S),
+        method="angular_rate",
+    )
+
+
+def _jackknife_covariance(
+    jacobian: np.ndarray, residual: np.ndarray, cluster: np.ndarray
+) -> np.ndarray:
+    """Covariance of a least-squares fit by leaving out one cluster at a time (Efron & Tibshirani
+    1993, chapter 11).
+
+    What remains after the fit is mostly the gyroscope's own errors, which last as long as a move
+    does; and moves may be few.
+
+    Args:
+        jacobian: Shape (n, k).
+        residual: Shape (n,).
+        cluster: Which cluster each row belongs to, shape (n,), increasing.
+    """
+    starts = np.flatnonzero(np.diff(cluster, prepend=cluster[0] - 1))
+    scores = np.add.reduceat(jacobian * residual[:, None], starts, axis=0)
+    informations = np.add.reduceat(jacobian[:, :, None] * jacobian[:, None, :], starts, axis=0)
+    sizes = np.trace(informations, axis1=1, axis2=2)
+    telling = sizes > 1e-6 * sizes.max()  # clusters at rest say nothing
+    scores, informations = scores[telling], informations[telling]
+    without = jacobian.T @ jacobian - informations
+    steps = (np.linalg.pinv(without, rcond=1e-10) @ scores[:, :, None])[:, :, 0]
+    count = len(steps)
+    centred = steps - steps.mean(axis=0)
+    return np.asarray((count - 1) / max(count, 1) * centred.T @ centred)

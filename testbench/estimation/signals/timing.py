@@ -1,0 +1,191 @@
+"""Timing audit: what the time stamps and the counter of a recording say of its sampling."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.records.results.estimate import TimingAudit
+from testbench.records.session.samples import ImuSamples
+
+GAP_FACTOR = 1.5
+"""Intervals longer than this many median ones are gaps."""
+SMOOTH = 5
+MOST_LAG = 30
+LEAST_LIKENESS = 0.9
+"""Correlation of the two signals below which their lag says nothing: noise or linear acceleration
+is most of one of them.
+"""
+STRETCH = 300_000
+"""Samples that tell whether the accelerometer lags, of a longer recording: those with most
+motion.
+"""
+
+
+def audit_timing(
+    samples: ImuSamples, nominal_rate: float | None, rate_age: float = 0.0
+) -> TimingAudit:
+    """Audit a sensor's sampling, by its own clock.
+
+    Args:
+        samples: As recorded.
+        nominal_rate: As the data sheet or file says [Hz], or None.
+        rate_age: How much older than its stamp a rate is by the data sheet, against the force [s]:
+            half an interval where both are integrated over it and the force is seen in the axes at
+            its end.
+    """
+    if len(samples) < 2:
+        return TimingAudit(samples=len(samples), nominal_rate_hz=nominal_rate)
+    median = usual_interval(np.diff(samples.device_time_ns))
+    intervals = IntervalAudit(median)
+    intervals.add(samples.device_time_ns, samples.counter)
+    return intervals.audit(
+        nominal_rate, arrival_jitter(samples), asynchrony(samples, median) + rate_age
+    )
+
+
+def usual_interval(steps_ns: np.ndarray) -> float:
+    """Median of the intervals [ns] that are longer than nothing [s]; NaN where there is none."""
+    moving = steps_ns[steps_ns > 0]
+    return float(np.median(moving)) / NANOSECONDS if len(moving) else float("nan")
+
+
+class IntervalAudit:
+    """Intervals between time stamps and steps of the counter, counted piece by piece.
+
+    Args:
+        median: The usual interval [s].
+    """
+
+    def __init__(self, median: float):
+        self.median = median
+        self._samples = self._repeated = self._backward = self._gaps = self._lost = (
+            self._regular
+        ) = 0
+        self._sum = self._squares = self._longest = 0.0
+        self._first = self._last = self._counter = 0
+
+    def add(self, device_time_ns: np.ndarray, counter: np.ndarray) -> None:
+        """Count the next samples."""
+        if not len(counter):
+            return
+        if not self._samples:
+            self._first, self._last, self._counter = (
+                int(device_time_ns[0]),
+                int(device_time_ns[0]),
+                int(counter[0]),
+            )
+            self._samples, device_time_ns, counter = 1, device_time_ns[1:], counter[1:]
+            if not len(counter):
+                return
+        intervals = np.diff(device_time_ns, prepend=self._last) / NANOSECONDS
+        is_gap = intervals > GAP_FACTOR * self.median
+        excess = intervals[(intervals > 0) & ~is_gap] - self.median
+        steps = np.diff(counter, prepend=self._counter)
+        self._samples += len(intervals)
+        self._repeated += int(np.sum(intervals == 0))
+        self._backward += int(np.sum(intervals < 0))
+        self._gaps += int(is_gap.sum())
+        self._longest = max(self._longest, float(intervals[is_gap].max(initial=0.0)))
+        self._lost += int(np.sum(steps[steps > 1] - 1))
+        self._regular += len(excess)
+        self._sum += float(excess.sum())
+        self._squares += float(excess @ excess)
+        self._last, self._counter = int(device_time_ns[-1]), int(counter[-1])
+
+    def audit(self, nominal_rate: float | None, jitter: float, lag: float) -> TimingAudit:
+        """The audit.
+
+        Args:
+            nominal_rate: [Hz].
+            jitter: Of the arrival [s].
+            lag: How much later than the gyroscope the accelerometer is [s].
+        """
+        n, span = self._samples, (self._last - self._first) / NANOSECONDS
+        mean = self._sum / self._regular if self._regular else float("nan")
+        variance = (
+            max(self._squares / self._regular - mean**2, 0.0) if self._regular else float("nan")
+        )
+        return TimingAudit(
+            samples=n,
+            nominal_rate_hz=nominal_rate,
+            effective_rate_hz=(n - 1) / span if span > 0 else float("nan"),
+            sampling_rate_hz=1 / (self.median + mean),
+            interval_median_ms=1e3 * self.median,
+            jitter_ms=1e3 * variance**0.5,
+            repeated_stamps=self._repeated,
+            backward_stamps=self._backward,
+            gaps=self._gaps,
+            longest_gap_ms=1e3 * self._longest,
+            lost_packets=self._lost,
+            lost_percent=100 * self._lost / (n + self._lost),
+            arrival_jitter_ms=1e3 * jitter,
+            acc_after_gyr_ms=1e3 * lag,
+        )
+
+
+def arrival_jitter(samples: ImuSamples) -> float:
+    """Standard deviation of the arrivals at the host about a straight line over the device's time
+    [s].
+    """
+    time = (samples.device_time_ns - samples.device_time_ns.mean()) / NANOSECONDS
+    delay = (samples.host_time_ns - samples.device_time_ns) / NANOSECONDS
+    delay -= delay.mean()
+    spread = float(time @ time)
+    return float(np.std(delay - time * (float(time @ delay) / spread if spread > 0 else 0.0)))
+
+
+def asynchrony(samples: ImuSamples, interval: float) -> float:
+    """How much later than the gyroscope the accelerometer sees a turn [s]; NaN where the motion
+    does not tell.
+
+    While turning, gravity's direction u in the sensor moves as du/dt = -omega x u: the magnitudes
+    of both sides are correlated.
+    """
+    if (
+        not np.isfinite(samples.acc).all()
+        or not np.isfinite(samples.gyr).all()
+        or len(samples) < 20 * MOST_LAG
+    ):
+        return float("nan")
+    if len(samples) > STRETCH:
+        samples = _liveliest(samples)
+    kernel = np.ones(SMOOTH) / SMOOTH
+
+    def smooth(columns: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.convolve(column, kernel, mode="same") for column in columns.T])
+
+    u = smooth(samples.acc)
+    u = u / np.maximum(rotation.lengths(u), 1e-9)[:, None]
+    seen = rotation.lengths(np.gradient(u, interval, axis=0))
+    expected = rotation.lengths(np.cross(smooth(samples.gyr), u))
+    if np.percentile(expected, 95) < np.radians(10):
+        return float("nan")
+    a, b = seen - seen.mean(), expected - expected.mean()
+    lags = np.arange(-MOST_LAG, MOST_LAG + 1)
+    begin, end = MOST_LAG, len(a) - MOST_LAG
+    correlation = np.array(
+        [np.einsum("i,i->", a[begin + lag : end + lag], b[begin:end]) for lag in lags]
+    )
+    k = int(np.argmax(correlation))
+    begin_k, end_k = begin + lags[k], end + lags[k]
+    likeness = correlation[k] / np.sqrt(np.sum(a[begin_k:end_k] ** 2) * np.sum(b[begin:end] ** 2))
+    if k in (0, len(lags) - 1) or not likeness > LEAST_LIKENESS:
+        return float("nan")
+    left, top, right = correlation[k - 1 : k + 2]
+    return float((lags[k] + 0.5 * (left - right) / (left - 2 * top + right)) * interval)
+
+
+def _liveliest(samples: ImuSamples) -> ImuSamples:
+    """The stretch of a recording in which it turns most."""
+    turned = (
+        np.abs(samples.gyr[: len(samples) // 1000 * 1000]).sum(axis=1).reshape(-1, 1000).sum(axis=1)
+    )
+    total = np.concatenate([[0.0], np.cumsum(turned)])
+    size = STRETCH // 1000
+    begin = 1000 * int(np.argmax(total[size:] - total[:-size]))
+    stretch = slice(begin, begin + STRETCH)
+    return ImuSamples.from_groups(
+        {key: column[stretch] for key, column in vars(samples).items() if column is not None}
+    )

@@ -1,0 +1,1 @@
+"""Readers of makers' and datasets' own files, one module each."""

@@ -1,0 +1,231 @@
+"""Xsens MTw and MTi: text files exported by MT Manager: `//` lines, titles, columns apart by tabs
+(or commas).
+
+Source: MTw Awinda user manual, table of the ASCII export; MTi documentation. Acceleration m/s^2,
+angular rate rad/s, magnetic field in arbitrary units; PacketCounter wraps at 65535; SampleTimeFine
+counts 10 kHz ticks of 32 bits; Mat[row][column] and Quat_q0..q3 turn the sensor into the earth;
+Roll, Pitch, Yaw are earth-fixed (ZYX) in degrees. Earth is ENU unless the header says otherwise.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from testbench.exceptions import InputError
+from testbench.formats.dates import earliest, recorded
+from testbench.formats.names import sensor_name, unique_names
+from testbench.formats.options import Options
+from testbench.formats.recording import ImportedSensor, Recording
+from testbench.formats.suitable import suitable_analysis
+from testbench.formats.tables.samples_stream import (
+    Quantities,
+    SampleStream,
+    increment_rate,
+    measured_rate,
+    specific_force,
+    stack,
+)
+from testbench.formats.tables.source import Columns, Kind, first_rows
+from testbench.formats.tables.text_table import TextTable, find_table
+from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.model.earths import Q_ENU_FROM
+
+SETS = {
+    "acc": ["Acc_X", "Acc_Y", "Acc_Z"],
+    "gyr": ["Gyr_X", "Gyr_Y", "Gyr_Z"],
+    "mag": ["Mag_X", "Mag_Y", "Mag_Z"],
+    "quat": ["Quat_q0", "Quat_q1", "Quat_q2", "Quat_q3"],
+    "mat": [f"Mat[{row}][{column}]" for row in "123" for column in "123"],
+    "euler": ["Yaw", "Pitch", "Roll"],
+    "free": ["FreeAcc_E", "FreeAcc_N", "FreeAcc_U"],
+    "free_xyz": ["FreeAcc_X", "FreeAcc_Y", "FreeAcc_Z"],
+    "dq": ["OriInc_q0", "OriInc_q1", "OriInc_q2", "OriInc_q3"],
+    "dv": ["VelInc_X", "VelInc_Y", "VelInc_Z"],
+}
+COUNTER, TICKS = "PacketCounter", "SampleTimeFine"
+TICK_NS = NANOSECONDS // 10_000
+
+
+def read(files: list[Path], options: Options) -> Recording:
+    """Read one file for each sensor.
+
+    Args:
+        files: Text files.
+        options: Rate, where neither the header nor the time stamps tell it; units, where they are
+            others.
+
+    Raises:
+        InputError: No files, or the rate is open.
+        FileProblems: A file is not of this format.
+    """
+    if not files:
+        raise InputError("an MT Manager recording needs at least one file")
+    opened = []
+    for file in files:
+        table, above = find_table(
+            file,
+            re.compile(r"^(?!\s*//).*\b(PacketCounter|SampleTimeFine|Acc_X|Gyr_X|Quat_q0)\b"),
+            "an MT Manager export",
+        )
+        opened.append(
+            (
+                table,
+                {
+                    key.strip(" /"): value.strip()
+                    for key, _, value in (line.partition(":") for line in above)
+                },
+            )
+        )
+    names = unique_names(_name(table, header) for table, header in opened)
+    notes: list[str] = []
+    sensors = {}
+    for name, (table, header) in zip(names, opened, strict=True):
+        sensors[name] = _sensor(name, table, header, options, notes)
+    if len(files) > 1:
+        notes.append("the host time of each sensor begins at 0 with its own first sample")
+    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
+    label = sensor_name(files[0].stem) if len(files) == 1 else "mtw"
+    date = earliest(
+        recorded(header.get("Start Time"), f"Start Time in {table.file.name}")
+        for table, header in opened
+    )
+    return Recording(
+        label,
+        "Xsens recording exported by MT Manager",
+        sensors,
+        suitable_analysis(heads),
+        notes,
+        recorded=date,
+    )
+
+
+def _name(table: TextTable, header: dict[str, str]) -> str:
+    """Device number from the header or the end of the file's name (MT_0120000B-000_00B432CC), else
+    the whole name.
+    """
+    found = re.search(r"_([0-9A-F]{8})$", table.file.stem, re.IGNORECASE)
+    return header.get("DeviceId") or (found.group(1) if found else table.file.stem)
+
+
+def _sensor(
+    name: str, table: TextTable, header: dict[str, str], options: Options, notes: list[str]
+) -> ImportedSensor:
+    titles = {title.strip().lower(): title for title in table.names}
+    columns_of = {
+        key: [titles.get(column.lower(), column) for column in columns]
+        for key, columns in SETS.items()
+    }
+    has = {key: set(columns) <= set(table.names) for key, columns in columns_of.items()}
+    used = [column for key, columns in columns_of.items() if has[key] for column in columns]
+    if not used:
+        raise table.problem(
+            f"not an MT Manager export with samples; it has {', '.join(table.names)}"
+        )
+    kinds: dict[str, Kind] = dict.fromkeys(used, "float")
+    counter = titles.get(COUNTER.lower())
+    rate, timeline, how = _time(table, header, titles, counter, options)
+    notes.append(f"{name}: {how}")
+    units = {
+        q: options.unit(q, stated)
+        for q, stated in (("acc", "m/s^2"), ("gyr", "rad/s"), ("mag", "au"))
+        if has[q]
+    }
+    factors = {quantity: unit.factor for quantity, unit in units.items() if unit is not None}
+    earth = next(
+        (key for key in Q_ENU_FROM if key in header.get("Coordinate system", "ENU").upper()), "ENU"
+    )
+    if earth != "ENU":
+        notes.append(f"{name}: orientations are turned from {earth} to ENU")
+    q_enu_from_earth = np.array(Q_ENU_FROM[earth])
+
+    def pick(columns: Columns, key: str, factor: float = 1.0) -> np.ndarray:
+        return stack(columns, columns_of[key], factor)
+
+    def convert(columns: Columns) -> Quantities:
+        q = None
+        if has["quat"]:
+            q = pick(columns, "quat")
+        elif has["mat"]:
+            matrices = pick(columns, "mat").reshape(-1, 3, 3)
+            q = np.full((len(matrices), 4), np.nan)
+            known = np.isfinite(matrices).all(axis=(1, 2))
+            q[known] = rotation.from_matrix(matrices[known])
+        elif has["euler"]:
+            q = rotation.from_euler("ZYX", np.radians(pick(columns, "euler")))
+        free = "free" if has["free"] else "free_xyz" if has["free_xyz"] else None
+        acc = gyr = None
+        if has["acc"]:
+            acc = pick(columns, "acc", factors["acc"])
+        elif has["dv"]:
+            acc = pick(columns, "dv", rate)
+        elif q is not None and free is not None and earth != "NED":
+            acc = specific_force(q, pick(columns, free))
+        if has["gyr"]:
+            gyr = pick(columns, "gyr", factors["gyr"])
+        elif has["dq"]:
+            gyr = increment_rate(pick(columns, "dq"), rate)
+        mag = pick(columns, "mag", factors["mag"]) if has["mag"] else None
+        return Quantities(
+            gyr,
+            acc,
+            mag,
+            q if q is None or earth == "ENU" else rotation.multiply(q_enu_from_earth, q),
+        )
+
+    if has["mag"] and not options.answered("mag"):
+        notes.append(
+            f"{name}: magnetic field: 1 a.u. of the file is taken for 40 uT; only its direction is "
+            "exact"
+        )
+    notes += [] if has["gyr"] or has["dq"] else [f"{name}: no angular rate: NaN"]
+    kept = {
+        "DeviceId": "device_id",
+        "Firmware Version": "firmware",
+        "Filter Profile": "filter_profile",
+        "ProductCode": "product",
+    }
+    details = {key: header[title] for title, key in kept.items() if header.get(title)}
+    stream = SampleStream(table, kinds, convert, timeline, counter)
+    return ImportedSensor(stream, rate, "Xsens MTw or MTi, exported by MT Manager", details=details)
+
+
+def _time(
+    table: TextTable,
+    header: dict[str, str],
+    titles: dict[str, str],
+    counter: str | None,
+    options: Options,
+) -> tuple[float, Callable[[], Timeline], str]:
+    """Rate [Hz], what makes the times, and a note on where they come from."""
+    found = re.match(r"([0-9.]+)\s*Hz", header.get("Update Rate", ""))
+    rate = options.rate_or(float(found.group(1)) if found else None)
+    ticks = titles.get(TICKS.lower())
+    if ticks is not None and np.isfinite(first_rows(table, {ticks: "float"})[ticks]).all():
+
+        def stamped() -> StampedTime:
+            return StampedTime(ticks, "us", bits=32, tick_ns=TICK_NS)
+
+        probe = SampleStream(
+            table, {ticks: "integer"}, lambda columns: Quantities(None, None), stamped
+        )
+        measured = measured_rate(probe.first())
+        if measured is None or (rate is not None and abs(measured / rate - 1) > 0.05):
+            told = (
+                f"{TICKS}, in ticks of 0.1 ms, gives {measured or 0:.4g} Hz where {rate or 0:g} Hz "
+                "is stated"
+            )
+            raise table.problem(f"{told}; one of them is wrong: remove it from the file")
+        return rate or round(measured, 3), stamped, f"times by {TICKS} in ticks of 0.1 ms"
+    if rate is None:
+        raise InputError(
+            f"{table.file}: neither an update rate in the header nor {TICKS}; state the sampling "
+            "rate with --rate HZ"
+        )
+    steps = f"times by {COUNTER} at {rate:g} Hz" if counter else f"times by the rows at {rate:g} Hz"
+    return rate, lambda: RegularTime(rate, counter), steps

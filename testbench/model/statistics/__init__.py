@@ -1,0 +1,1 @@
+"""One family of fitters: least squares, blocks, spread, robust, polynomial."""

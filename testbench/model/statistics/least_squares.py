@@ -1,0 +1,161 @@
+"""Weighted non-linear least squares with uncertainty, and the refusal of data that do not determine
+the parameters.
+
+Gauss-Newton covariance (J' J)^-1 of residuals scaled to unit variance (Bates & Watts, Nonlinear
+Regression Analysis, 1988, section 2.3). Whether the data determine a parameter is asked against its
+`size`: what the data sheet already says of it. Data that say less than that are refused by the
+parameter's name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.exceptions import InputError
+from testbench.records.results.fit import Fit
+
+Residuals = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class FitParameter:
+    """One unknown.
+
+    Attributes:
+        name: For the record.
+        unit: For the record.
+        start: Where the search begins.
+        size: Standard deviation of what is known beforehand, such as a data sheet's tolerance; the
+            scale of the search, and the uncertainty that a fit must beat.
+    """
+
+    name: str
+    unit: str
+    start: float
+    size: float
+
+
+class PoorExcitation(InputError):
+    """The recording does not determine some parameters.
+
+    Attributes:
+        parameters: Their names.
+        condition: Condition number of the scaled design.
+    """
+
+    def __init__(self, parameters: Sequence[str], condition: float, advice: str):
+        self.parameters, self.condition = tuple(parameters), condition
+        named = ", ".join(parameters)
+        super().__init__(
+            f"the recording does not determine {named} (condition number {condition:.3g}); {advice}"
+        )
+
+
+def solve(
+    residuals: Residuals,
+    parameters: Sequence[FitParameter],
+    *,
+    jacobian: Residuals | None = None,
+    known_scatter: bool = False,
+    residual_unit: str = "",
+    residual_scale: float = 1.0,
+    advice: str = "more poses or motions about other axes are needed",
+) -> Fit:
+    """Fit parameters to residuals.
+
+    Args:
+        residuals: From the parameters (p,) to residuals (m,), each divided by its standard
+            deviation, or all by the same number.
+        parameters: The unknowns.
+        jacobian: Shape (m, p); by differences if None.
+        known_scatter: The residuals' standard deviation is 1 by knowledge; else it is estimated
+            from what the fit leaves.
+        residual_unit: What one unit of residual means, for the record.
+        residual_scale: What one unit of residual means, for the record.
+        advice: Against poor excitation.
+
+    Raises:
+        PoorExcitation: Fewer residuals than parameters, or a parameter that the data leave vaguer
+            than its size.
+    """
+    p = len(parameters)
+    start, size = (
+        np.array([getattr(item, key) for item in parameters]) for key in ("start", "size")
+    )
+    names, units = tuple(item.name for item in parameters), tuple(item.unit for item in parameters)
+
+    def scaled(z: np.ndarray) -> np.ndarray:
+        return residuals(start + size * z)
+
+    def scaled_jacobian(z: np.ndarray) -> np.ndarray:
+        assert jacobian is not None
+        return jacobian(start + size * z) * size
+
+    if len(scaled(np.zeros(p))) < p:
+        raise PoorExcitation(
+            names,
+            float("inf"),
+            f"{len(scaled(np.zeros(p)))} observations are fewer than {p} parameters",
+        )
+    from scipy.optimize import least_squares  # a quarter of a second to load
+
+    found = least_squares(
+        scaled,
+        np.zeros(p),
+        jac=scaled_jacobian if jacobian else "3-point",
+        method="trf",
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+        max_nfev=200 * (p + 1),
+    )
+    J, left = np.asarray(found.jac), np.asarray(found.fun)
+    dof = float("inf") if known_scatter else float(len(left) - p)
+    variance = 1.0 if known_scatter else float(left @ left / dof) if dof > 0 else 1.0
+    covariance, condition = covariance_of(J, variance, names, advice)
+    return Fit(
+        names,
+        units,
+        start + size * found.x,
+        covariance * np.outer(size, size),
+        dof,
+        condition,
+        left * residual_scale,
+        residual_unit,
+    )
+
+
+def covariance_of(
+    J: np.ndarray, variance: float, names: Sequence[str], advice: str
+) -> tuple[np.ndarray, float]:
+    """Covariance of parameters in units of their sizes, and the condition number.
+
+    Args:
+        J: Jacobian of residuals of unit variance by parameters in units of their sizes, shape (m,
+            p).
+        variance: Of those.
+        names: Of the parameters.
+        advice: For the error.
+
+    Raises:
+        PoorExcitation: A parameter stays vaguer than its size.
+    """
+    length = np.linalg.norm(J, axis=0)
+    safe = np.where(length > 0, length, 1.0)
+    _, strength, vt = np.linalg.svd(J / safe, full_matrices=False)
+    condition = float(strength[0] / strength[-1]) if strength[-1] > 0 else float("inf")
+    kept = strength > 1e-10 * strength[0]
+    inverse = np.divide(1.0, strength, out=np.zeros_like(strength), where=kept)
+    lost = np.abs(vt[~kept]).max(axis=0, initial=0.0) > 0.1
+    half = (vt.T * inverse) / safe[:, None]
+    covariance = half @ half.T * variance
+    vague = np.sqrt(np.diag(covariance)) > 1.0
+    poor = lost | vague | (length == 0)
+    if poor.any():
+        raise PoorExcitation(
+            [name for name, bad in zip(names, poor, strict=True) if bad], condition, advice
+        )
+    return covariance, condition

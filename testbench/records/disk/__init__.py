@@ -1,0 +1,1 @@
+"""Tables, journals, JSON and YAML on disk, each replaced atomically."""

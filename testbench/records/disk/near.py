@@ -1,0 +1,103 @@
+"""Rows of a long table on either side of given instants: all that interpolating at these instants
+needs of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from testbench.records.disk.tables import read_parquet_batches, read_stacked
+
+MOST_ROWS = 500_000
+"""Rows of the arm or of a truth that are read as a whole; of more, those are read that are
+needed.
+"""
+MOST_THINNED = 4_000_000
+"""Rows of a truth that is thinned out for what looks at the whole of it: eight hours at 125 Hz stay
+as they are.
+"""
+TIME = "host_time_ns"
+
+
+@dataclass(frozen=True)
+class Instants:
+    """Host times at which a session is looked at [ns], increasing: by sensor for the truths, and
+    for the arm.
+    """
+
+    sensors: Mapping[str, np.ndarray]
+    arm: np.ndarray
+
+
+def united(times: Iterable[np.ndarray]) -> np.ndarray:
+    """All of several columns of times, increasing, each time once.
+
+    Args:
+        times: Columns, each of shape (k,) and increasing [ns].
+
+    Returns:
+        Shape (n,), int64.
+    """
+    columns = list(times)
+    if len(columns) == 1:
+        return columns[0]
+    every = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *columns]))
+    return every[np.diff(every, prepend=every[:1] - 1) > 0]
+
+
+def is_long(rows: int) -> bool:
+    """Whether a table of the arm or of a truth is too long to be read as a whole."""
+    return rows > MOST_ROWS
+
+
+def read_near(
+    path: Path, groups: Mapping[str, str | Sequence[str]], instants: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The rows of a table before and after each instant, its first and its last one, in order.
+
+    Between two neighbouring rows of the table that hold an instant between them none is left out,
+    so that interpolation at the instants gives what it would give with the whole table. The table
+    is gone through in pieces.
+
+    Args:
+        path: A table whose column `host_time_ns` increases.
+        groups: By the name of the result, a column, or several that stand side by side in an array
+            (n, k), straight at their places.
+        instants: Increasing, shape (n,) [ns].
+
+    Raises:
+        SessionError: The file is missing or damaged, or lacks a column.
+    """
+    times = read_stacked(path, {TIME: TIME})[TIME]
+    if not len(times):
+        return read_stacked(path, groups)
+    wanted = np.zeros(len(times), dtype=bool)
+    wanted[[0, -1]] = True
+    following = np.searchsorted(times, instants, side="right")
+    for rows in (following, following - 1, np.searchsorted(times, instants)):
+        wanted[np.clip(rows, 0, len(times) - 1)] = True
+    count, done, place = int(wanted.sum()), 0, 0
+    result: dict[str, np.ndarray] = {}
+    columns = [
+        name for group in groups.values() for name in ([group] if isinstance(group, str) else group)
+    ]
+    for batch in read_parquet_batches(path, columns):
+        here = wanted[done : done + len(batch[columns[0]])]
+        taken = slice(place, place + int(here.sum()))
+        for key, group in groups.items():
+            if isinstance(group, str):
+                result.setdefault(key, np.empty(count, dtype=batch[group].dtype))[taken] = batch[
+                    group
+                ][here]
+            else:
+                matrix = result.setdefault(
+                    key, np.empty((count, len(group)), dtype=batch[group[0]].dtype)
+                )
+                for i, name in enumerate(group):
+                    matrix[taken, i] = batch[name][here]
+        done, place = done + len(here), taken.stop
+    return result

@@ -1,0 +1,1 @@
+"""What estimation, evaluation, calibration, studies and tuning come to."""

@@ -1,0 +1,1 @@
+"""A session: its manifest, samples, plan and trajectory."""

@@ -1,0 +1,119 @@
+"""What one sensor reported and what it went through, on disk: opened once, and read from as it is
+asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from testbench.records.disk.near import MOST_THINNED, is_long, read_near
+from testbench.records.disk.tables import (
+    ROWS_PER_GROUP,
+    parquet_shape,
+    read_parquet,
+    read_parquet_batches,
+    read_stacked,
+)
+from testbench.records.session.samples import TRUTH_Q, TRUTH_RATE, ImuSamples, Truth
+
+
+class SensorFile:
+    """Raw samples of a sensor: what algorithms get of a recording that may not fit in memory.
+
+    Args:
+        path: Its table.
+
+    Attributes:
+        count: Number of samples.
+        columns: Names of the columns.
+
+    Raises:
+        SessionError: The file is missing or damaged; so do all that read from it.
+    """
+
+    def __init__(self, path: Path):
+        self._path = path
+        self.count, self.columns = parquet_shape(path)
+
+    def read(self, begin: int = 0, end: int | None = None, every: int = 1) -> ImuSamples:
+        """Samples in memory.
+
+        Args:
+            begin: First sample.
+            end: The one after the last; to the end if None.
+            every: Only one sample of so many, the last of them.
+        """
+        groups = ImuSamples.groups(self.columns)
+        return ImuSamples.from_groups(read_stacked(self._path, groups, begin, end, every))
+
+    def batches(self, rows: int = ROWS_PER_GROUP) -> Iterator[ImuSamples]:
+        """All samples in pieces of at most so many."""
+        return (ImuSamples.from_columns(columns) for columns in self.tables(rows))
+
+    def tables(
+        self, rows: int = ROWS_PER_GROUP, columns: Sequence[str] | None = None
+    ) -> Iterator[dict[str, np.ndarray]]:
+        """Some columns, all if None, in pieces of at most so many samples, shape (n,) each."""
+        return read_parquet_batches(self._path, columns, rows)
+
+    def column(self, name: str, begin: int = 0, end: int | None = None) -> np.ndarray:
+        """One column, from sample `begin` to before `end`, shape (n,)."""
+        return read_stacked(self._path, {name: name}, begin, end)[name]
+
+
+class TruthFile:
+    """What a sensor went through, which may not fit in memory either.
+
+    Args:
+        path: Its table.
+
+    Attributes:
+        count: Number of rows.
+        columns: Names of the columns.
+
+    Raises:
+        SessionError: The file is missing or damaged; so do all that read from it.
+    """
+
+    def __init__(self, path: Path):
+        self._path = path
+        self.count, self.columns = parquet_shape(path)
+
+    @property
+    def is_long(self) -> bool:
+        """Whether it is too long to be read as a whole."""
+        return is_long(self.count)
+
+    def read(self) -> Truth:
+        """All of it."""
+        return Truth.from_columns(read_parquet(self._path))
+
+    def thinned(self) -> Truth:
+        """Evenly spread rows of a long one, for what looks at the whole of it: with rates or, where
+        it has none, orientations; a short one as it is.
+        """
+        if not self.is_long:
+            return self.read()
+        rates = TRUTH_RATE[0] in self.columns
+        groups: dict[str, str | list[str]] = {"host_time_ns": "host_time_ns"}
+        groups |= {"rate": TRUTH_RATE} if rates else {"q": TRUTH_Q}
+        table = read_stacked(self._path, groups, every=-(-self.count // MOST_THINNED))
+        q = np.broadcast_to(np.nan, (len(table["host_time_ns"]), 4)) if rates else table["q"]
+        return Truth(table["host_time_ns"], q, table.get("rate"))
+
+    def near(self, instants: np.ndarray) -> Truth:
+        """The rows around some instants.
+
+        What is interpolated there is not changed by it, and the memory is bounded whatever the
+        length. A short one, and one that does not come from an arm, is read as a whole: whether one
+        of its orientations has jumped shows beside the others only.
+
+        Args:
+            instants: Host times, increasing, shape (n,) [ns].
+        """
+        if not self.is_long or TRUTH_RATE[0] not in self.columns:
+            return self.read()
+        return Truth(**read_near(self._path, Truth.groups(self.columns), instants))

@@ -1,0 +1,411 @@
+"""Session: a recording on disk, and the door to read it; docs/session_format.md describes every
+file.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from copy import copy
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from testbench.exceptions import NotFoundError, SessionError
+from testbench.records.disk.json_record import first_problem
+from testbench.records.disk.near import Instants, is_long, read_near
+from testbench.records.disk.tables import ROWS_PER_GROUP, parquet_shape, read_parquet
+from testbench.records.session.layout import (
+    ARM,
+    EVENTS,
+    JOURNALS,
+    MANIFEST,
+    ROBOT,
+    URDF,
+    imu_stream,
+    table_file,
+    truth_stream,
+)
+from testbench.records.session.manifest import Manifest
+from testbench.records.session.manifest import RunStatus as RunStatus  # its status is one of these
+from testbench.records.session.plan import PlannedCycles, PlannedStep
+from testbench.records.session.samples import ArmSamples, ImuSamples, Truth
+from testbench.records.session.sensor_file import SensorFile, TruthFile
+from testbench.records.specs.protocol import Analysis
+from testbench.records.specs.robot import Robot, robot_from_text
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened: host time [ns], kind, and its details."""
+
+    host_time_ns: int
+    event: str
+    details: dict[str, Any]
+
+    def to_json(self) -> str:
+        """One line of events.jsonl."""
+        return json.dumps({"host_time_ns": self.host_time_ns, "event": self.event, **self.details})
+
+
+class Session:
+    """A recorded session.
+
+    Args:
+        path: Its folder.
+
+    Raises:
+        SessionError: The folder is not a session, or one of a newer schema.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        self._near: Instants | None = None
+        self._sensors: dict[str, SensorFile] = {}
+        self._truths: dict[str, TruthFile] = {}
+        if not (self.path / MANIFEST).is_file():
+            what = "is a file; a session is a folder" if self.path.is_file() else "does not exist"
+            what = "is not a session: it has no manifest.json" if self.path.is_dir() else what
+            raise SessionError(f"{self.path} {what}")
+        self.manifest = Manifest.read(self.path)
+
+    @property
+    def name(self) -> str:
+        return self.path.name
+
+    @property
+    def started(self) -> datetime:
+        """When the run or recording began; of an import, when it was made.
+
+        Raises:
+            SessionError: The manifest has no date.
+        """
+        return self._date("started_utc", self.manifest.started_utc)
+
+    @property
+    def recorded_at(self) -> datetime | None:
+        """When the samples were taken; None where nobody knows, as of an import whose files do not
+        say.
+
+        Raises:
+            SessionError: What the manifest has is no date.
+        """
+        if self.manifest.kind != "import":
+            return self.started
+        recorded = self.manifest.recorded_utc
+        return self._date("recorded_utc", recorded) if recorded else None
+
+    def _date(self, key: str, text: str | None) -> datetime:
+        try:
+            moment = datetime.fromisoformat(text or "")
+        except ValueError:
+            raise SessionError(f"{self.path}: {key} of the manifest is no date: {text}") from None
+        return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+    @property
+    def status(self) -> RunStatus:
+        return self.manifest.status
+
+    @cached_property
+    def analysis(self) -> Analysis:
+        """Sensors, joints, filters and limits, as of the recording.
+
+        Raises:
+            SessionError: The manifest does not hold them.
+        """
+        try:
+            return Analysis.model_validate(self.manifest.analysis)
+        except ValidationError as error:
+            raise SessionError(
+                f"{self.path / MANIFEST}: the analysis is damaged: {first_problem(error)}"
+            ) from None
+
+    @property
+    def is_being_recorded(self) -> bool:
+        """Whether a living process still writes it."""
+        if self.status is not RunStatus.RUNNING or not (self.path / EVENTS).is_file():
+            return False
+        with (self.path / EVENTS).open("r", encoding="utf-8") as events:
+            try:
+                fcntl.flock(events, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return True
+        return False
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of the manifest, which holds the hashes of every raw file and what to compute
+        from them.
+        """
+        return hashlib.sha256((self.path / MANIFEST).read_bytes()).hexdigest()
+
+    @property
+    def has_protocol(self) -> bool:
+        """Whether the bench ran it, step by step; of an imported recording at most the poses of the
+        arm are known.
+        """
+        return self.manifest.kind == "run"
+
+    @property
+    def simulated(self) -> list[str]:
+        """What of a run was simulated: arm and sensors, the sensors alone, or nothing."""
+        arm = self.manifest.arm.record
+        if arm is not None and arm.simulated:
+            return ["arm", "sensors"]
+        return ["sensors"] if self.manifest.simulated_sensors else []
+
+    @property
+    def sensor_names(self) -> list[str]:
+        return list(self.manifest.sensors)
+
+    @cached_property
+    def robot(self) -> Robot | None:
+        """The arm, or None for an imported recording without one."""
+        file, copy = self.path / ROBOT, self.path / URDF
+        if not file.is_file():
+            return None
+        urdf = self.manifest.robot.urdf
+        if urdf is None or "\0" in urdf:
+            raise SessionError(
+                f"{self.path / MANIFEST} is damaged: it does not say which URDF the robot has"
+            )
+        original = Path(urdf)  # its meshes lie beside it
+        same = original.is_file() and copy.is_file() and original.read_bytes() == copy.read_bytes()
+        return robot_from_text(file, original if same else copy)
+
+    def sensor(self, sensor: str) -> SensorFile:
+        """The raw samples of a sensor, opened the first time that they are asked for.
+
+        Raises:
+            NotFoundError: No such sensor.
+            SessionError: They are being recorded, were cut off, or are damaged.
+        """
+        self._check(sensor)
+        self._check_closed()
+        if sensor not in self._sensors:
+            self._sensors[sensor] = SensorFile(self.path / table_file(imu_stream(sensor)))
+        return self._sensors[sensor]
+
+    def imu(
+        self, sensor: str, begin: int = 0, end: int | None = None, every: int = 1
+    ) -> ImuSamples:
+        """Raw samples of a sensor.
+
+        Args:
+            sensor: Its name.
+            begin: First sample.
+            end: The one after the last; to the end if None.
+            every: Only one sample of so many, the last of them.
+
+        Raises:
+            NotFoundError: No such sensor.
+        """
+        return self.sensor(sensor).read(begin, end, every)
+
+    def imu_batches(self, sensor: str, rows: int = ROWS_PER_GROUP) -> Iterator[ImuSamples]:
+        """Raw samples of a sensor in pieces of at most so many, for recordings that do not fit in
+        memory.
+        """
+        return self.sensor(sensor).batches(rows)
+
+    def imu_columns(self, sensor: str) -> list[str]:
+        """Names of the columns of a sensor's raw samples."""
+        return self.sensor(sensor).columns
+
+    def imu_column(
+        self, sensor: str, column: str, begin: int = 0, end: int | None = None
+    ) -> np.ndarray:
+        """One column of a sensor's raw samples, from sample `begin` to before `end`, shape (n,)."""
+        return self.sensor(sensor).column(column, begin, end)
+
+    def sample_count(self, sensor: str) -> int:
+        """How many samples of a sensor there are."""
+        return self.sensor(sensor).count
+
+    def near(self, instants: Instants) -> Session:
+        """The same session, of whose long truths and arm only those samples are read that lie
+        around the instants.
+
+        What is interpolated at these instants is not changed by it, and the memory is bounded
+        whatever the length. Truths that do not come from an arm are read whole: whether one of
+        their orientations has jumped shows beside the others only.
+        """
+        copied = copy(self)
+        copied._near = instants
+        return copied
+
+    def truth(self, sensor: str) -> Truth | None:
+        """What the sensor went through, or None where nobody knows."""
+        file = self.truth_file(sensor)
+        if file is None:
+            return None
+        if self._near is not None and sensor in self._near.sensors:
+            return file.near(self._near.sensors[sensor])
+        return file.read()
+
+    def truth_file(self, sensor: str) -> TruthFile | None:
+        """The same, opened the first time that it is asked for."""
+        self._check(sensor)
+        file = self.path / table_file(truth_stream(sensor))
+        if file.is_file() and sensor not in self._truths:
+            self._truths[sensor] = TruthFile(file)
+        if not file.is_file() and file.name in self.manifest.files:
+            raise SessionError(
+                f"{file} is missing, though the manifest lists it; the session is damaged"
+            )
+        return self._truths[sensor] if file.is_file() else None
+
+    def arm(self) -> ArmSamples | None:
+        """What the arm reported, or None when there was none."""
+        file = self.path / table_file(ARM)
+        if not file.is_file() or self.robot is None:
+            return None
+        names = self.robot.joint_names
+        if self._near is not None and is_long(parquet_shape(file)[0]):
+            near = read_near(file, ArmSamples.groups(names), self._near.arm)
+            return ArmSamples(
+                names, near["host_time_ns"], near["q_sent"], near["q_measured"], near["v_measured"]
+            )
+        return ArmSamples.from_columns(read_parquet(file), names)
+
+    def arm_joint(self, joint: str) -> tuple[np.ndarray, np.ndarray] | None:
+        """When one joint of the arm was measured [ns], and its angles [rad], shape (n,) each; None
+        where there is none.
+        """
+        file = self.path / table_file(ARM)
+        if not file.is_file() or self.robot is None or joint not in self.robot.joint_names:
+            return None
+        columns = ["host_time_ns", f"q_measured_{joint}_rad"]
+        if self._near is not None and is_long(parquet_shape(file)[0]):
+            table = read_near(file, {name: name for name in columns}, self._near.arm)
+        else:
+            table = read_parquet(file, columns)
+        return table[columns[0]], table[columns[1]]
+
+    @cached_property
+    def events(self) -> list[Event]:
+        """Everything that happened, in order; a last line cut off by a crash is left out."""
+        file = self.path / EVENTS
+        stated = self.manifest.files.get(EVENTS)
+        if (
+            stated is not None
+            and file.is_file()
+            and hashlib.sha256(file.read_bytes()).hexdigest() != stated
+        ):
+            raise SessionError(
+                f"{file} is not what the manifest says was recorded (its SHA-256 differs); the "
+                "session is damaged"
+            )
+        events = []
+        for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else []:
+            try:
+                data = json.loads(line)
+                time, name = data.pop("host_time_ns"), data.pop("event")
+            except (
+                ValueError,
+                KeyError,
+                AttributeError,
+                RecursionError,
+            ):  # cut off, empty, or damaged
+                continue
+            if isinstance(time, int) and isinstance(name, str):
+                events.append(Event(time, name, data))
+        return events
+
+    @cached_property
+    def steps(self) -> list[PlannedStep]:
+        """The steps that were finished, with the times at which they happened."""
+        started: dict[int, Event] = {}
+        settled: dict[int, int] = {}
+        steps = []
+        for event in self.events:
+            index = event.details.get("index")
+            if not isinstance(index, int):
+                continue
+            if event.event == "step_started":
+                started[index] = event
+            elif event.event == "step_settled":
+                settled[index] = event.host_time_ns
+            elif event.event == "step_ended" and index in started:
+                step = started[index]
+                times = (
+                    step.host_time_ns,
+                    settled.get(index, step.host_time_ns),
+                    event.host_time_ns,
+                )
+                keys = ("index", "section", "role", "name", "kind", "variables")
+                if not all(key in step.details for key in keys):
+                    raise SessionError(
+                        f"{self.path / EVENTS} is damaged: step {index} says too little"
+                    )
+                data = {key: step.details[key] for key in keys}
+                try:
+                    data["cycles"] = PlannedCycles.of(step.details.get("cycles"))
+                except ValueError as error:
+                    raise SessionError(
+                        f"{self.path / EVENTS} is damaged: of step {index}, {error}"
+                    ) from None
+                steps.append(
+                    PlannedStep(**data, start_ns=times[0], settled_ns=times[1], end_ns=times[2])
+                )
+        return steps
+
+    def _check_closed(self) -> None:
+        if self.is_being_recorded:
+            raise SessionError(f"{self.path} is still being recorded")
+        if any(self.path.glob(JOURNALS)):
+            raise SessionError(
+                f"{self.path} was cut off while it was recorded; `testbench recover {self.path}` "
+                "makes it readable"
+            )
+
+    def _check(self, sensor: str) -> None:
+        if sensor not in self.sensor_names:
+            raise NotFoundError("sensor of this session", sensor, self.sensor_names)
+
+
+def step_events(steps: Iterable[PlannedStep]) -> list[Event]:
+    """What the steps of an arm did, as the events that `Session.steps` is read from, in order."""
+    events = []
+    for step in steps:
+        details = {
+            key: getattr(step, key)
+            for key in ("index", "section", "role", "name", "kind", "variables")
+        }
+        details |= {"cycles": asdict(step.cycles)} if step.cycles is not None else {}
+        events.append(Event(step.start_ns, "step_started", details))
+        events.append(Event(step.settled_ns, "step_settled", {"index": step.index}))
+        events.append(Event(step.end_ns, "step_ended", {"index": step.index}))
+    return events
+
+
+def list_sessions(logs: Path) -> list[Session]:
+    """Sessions below a folder, oldest first; folders that are none, or that cannot be read, are
+    passed over.
+    """
+    sessions = []
+    for path in sorted(logs.glob(f"*/{MANIFEST}")):
+        with suppress(SessionError):
+            sessions.append(Session(path.parent))
+    return sessions
+
+
+def damaged_sessions(logs: Path) -> dict[str, str]:
+    """Folders below a folder that have a manifest and are no readable session: by their names, what
+    is wrong with them.
+    """
+    damaged = {}
+    for path in sorted(logs.glob(f"*/{MANIFEST}")):
+        try:
+            Session(path.parent)
+        except SessionError as error:
+            damaged[path.parent.name] = str(error)
+    return damaged

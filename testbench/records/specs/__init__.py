@@ -1,0 +1,1 @@
+"""What a person writes: protocols, robots, sensors, calibrations."""

@@ -1,0 +1,111 @@
+"""The part of a protocol that asks for the joints of the whole chain, estimated from the sensors on
+its links.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from testbench.records.specs.strict import Name, StrictModel
+
+ChainState = Literal["kinematic", "fourier"]
+WHOLE_CHAIN = "chain"
+"""Stands for all joints together in the name of a metric."""
+CHAIN_METRICS = {
+    "angle_mean_error_deg": "signed mean of the error of the joint's angle by the chain filter",
+    "angle_mean_abs_error_deg": "mean magnitude of the error of the joint's angle by the chain "
+    "filter",
+    "angle_rmse_deg": "root mean square of the error of the joint's angle by the chain filter",
+    "angle_max_abs_error_deg": "largest magnitude of the error of the joint's angle by the chain "
+    "filter",
+    "angle_covered_percent": "part of the errors of the joint's angle within 1.96 of the "
+    "uncertainty that the filter states",
+}
+"""Metrics of a joint of the arm, and of all joints together but for the signed mean."""
+
+
+class ChainEstimation(StrictModel):
+    """Joint angles of the arm from the rates and forces of several sensors together, by an extended
+    Kalman filter.
+    """
+
+    states: list[ChainState] = Field(
+        default=["kinematic"],
+        min_length=1,
+        description="kinematic: angles, rates, accelerations under white jerk; fourier: a series "
+        "whose frequency is estimated.",
+    )
+    sensors: list[Name] = Field(
+        default=[],
+        description="Sensors to use, the one whose instants count first; none named: all.",
+    )
+    joints: list[str] = Field(
+        default=[],
+        description="Joints to estimate; the others stand still as planned. None named: all that "
+        "carry a sensor.",
+    )
+    sections: list[Name] = Field(
+        default=[],
+        description="Sections to run over, each anew from the rest before it; none named: those "
+        "that are judged.",
+    )
+    start_sd_deg: float = Field(
+        default=0.5,
+        gt=0,
+        le=45,
+        description="Standard uncertainty of each joint's planned angle at that rest [deg].",
+    )
+    settling_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="Left out of the evaluation at either end of each judged step: fades are not "
+        "periodic [s].",
+    )
+    harmonics: int = Field(default=4, ge=1, le=10, description="Harmonics of the Fourier series.")
+    frequency_hz: float | None = Field(
+        default=None,
+        gt=0,
+        le=20,
+        description="First guess of its base frequency [Hz]; null: from the period of the rates.",
+    )
+    jerk_deg_s3_sqrthz: float | None = Field(
+        default=None,
+        gt=0,
+        description="Density of the white jerk, kinematic [deg/s^3/sqrt(Hz)]; null: the most "
+        "likely one.",
+    )
+    walk_deg_sqrts: float | None = Field(
+        default=None,
+        gt=0,
+        description="Random walk of the first harmonic, fourier [deg/sqrt(s)]; null: the most "
+        "likely one.",
+    )
+    biases: bool = Field(
+        default=True,
+        description="Whether the biases of gyroscopes and accelerometers, and how late their "
+        "clocks are, are states.",
+    )
+    scales: bool = Field(
+        default=True,
+        description="Whether, beside the biases, errors of scale, axes and linearity are states; "
+        "without, the stated "
+        "uncertainty leaves them out.",
+    )
+    limits: bool = Field(
+        default=True, description="Whether the joint limits of the robot file hold the estimate."
+    )
+    smooth: bool = Field(
+        default=False,
+        description="Smooth backwards as well: better, but not to be had while it moves.",
+    )
+
+    @model_validator(mode="after")
+    def _each_once(self) -> ChainEstimation:
+        for key in ("states", "sensors", "joints", "sections"):
+            names = getattr(self, key)
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise ValueError(f"{key}: {', '.join(twice)} stands more than once")
+        return self

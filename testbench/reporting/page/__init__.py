@@ -1,0 +1,1 @@
+"""Components of a page: tables, figures, colours, templates."""

@@ -1,0 +1,62 @@
+"""HTML from sections: the one place that knows the template."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup, escape
+
+from testbench.reporting.page.figures import plotly_script
+from testbench.reporting.page.page import Figures, Folded, Heading, Page
+from testbench.reporting.page.tables import Table, counted, powers_of_ten
+
+TEMPLATES = Path(__file__).resolve().parent / "templates"
+
+
+def render_page(page: Page) -> str:
+    """A page that works offline."""
+    blocks = [block for section in page.sections for block in section.blocks]
+    return _template().render(
+        vars(page), has_figures=any(isinstance(block, Figures) for block in blocks)
+    )
+
+
+@cache
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.tests["table"] = lambda block: isinstance(block, Table)
+    environment.tests["figures"] = lambda block: isinstance(block, Figures)
+    environment.tests["fold"] = lambda block: isinstance(block, Folded)
+    environment.tests["heading"] = lambda block: isinstance(block, Heading)
+    environment.globals["plotly_script"] = lambda: Markup(plotly_script())
+    environment.filters["breakable"] = _breakable
+    environment.filters["code"] = _code
+    environment.globals["counted"] = counted
+    environment.globals["verbatim"] = _verbatim
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
+    return environment.get_template("report.html.j2")
+
+
+def _breakable(text: str) -> Any:
+    """A name that may go on in another line after an underscore or a point inside it."""
+    return Markup(re.sub(r"(?<=[^\s_.])([_.])(?=[A-Za-z])", r"\1<wbr>", str(escape(text))))
+
+
+def _code(text: str) -> Any:
+    """A sentence whose parts in backticks are shown as code, and whose powers of ten as such."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(powers_of_ten(text)))))
+
+
+def _verbatim(name: str) -> Any:
+    """A style sheet or script of ours, unescaped."""
+    return Markup((TEMPLATES / name).read_text(encoding="utf-8"))

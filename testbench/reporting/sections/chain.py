@@ -1,0 +1,236 @@
+"""The section of the report on the joints of the whole chain, estimated from several sensors
+together.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from testbench.frames import NANOSECONDS
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import ChainRow, Evaluation
+from testbench.records.session.layout import chain_table
+from testbench.reporting.page.decimation import Envelope
+from testbench.reporting.page.figures import Span, time_panels
+from testbench.reporting.page.page import Figures, Section, Sentence, Tile
+from testbench.reporting.page.palette import filter_colours
+from testbench.reporting.page.tables import (
+    Cell,
+    Row,
+    Table,
+    counted,
+    digits,
+    header,
+    label,
+    number,
+    significant,
+    text,
+)
+from testbench.reporting.sections.cycle import cycle_blocks
+from testbench.reporting.sections.ranking import plus_minus
+
+MOST_PANELS = 6
+"""Joints drawn over time; of more, those with the largest errors."""
+KINDS = (
+    ("mean_abs_error_deg", 3),
+    ("rmse_deg", 3),
+    ("iqr_deg", 3),
+    ("largest_error_deg", 2),
+    ("correlation", 5),
+    ("rate_rmse_deg_s", 2),
+    ("acceleration_rmse_deg_s2", 1),
+    ("uncertainty_deg", 3),
+    ("covered_percent", 0),
+)
+
+
+def chain_section(
+    estimate: Estimate, evaluation: Evaluation | None, spans: list[Span]
+) -> Section | None:
+    """Errors of every joint by every state of the filter; None where no chain was asked for."""
+    if not estimate.chain:
+        return None
+    section = Section("chain", "Joints of the chain")
+    if evaluation is None:
+        section.blocks += [
+            Sentence("This session has not been evaluated: its errors are not known."),
+            _facts(estimate),
+        ]
+        return section
+    rows = evaluation.chain
+    section.blocks += [
+        Sentence(f"Note: {note}.") for note in evaluation.notes if note.startswith("chain, ")
+    ]
+    section.blocks += [_errors(rows), _facts(estimate)] if rows else [_facts(estimate)]
+    colours = filter_colours(list(dict.fromkeys(chain.state for chain in estimate.chain)))
+    for name in dict.fromkeys(row.section for row in rows):
+        cycles = {
+            i: row
+            for i, row in enumerate(evaluation.cycles)
+            if row.section == name and row.sequence is None
+        }
+        section.blocks += cycle_blocks(
+            evaluation, cycles, f"joints of the chain, section {name}", colours
+        )
+        own = [row for row in rows if row.section == name]
+        section.blocks.append(_over_time(evaluation, name, own, colours, spans))
+    return section
+
+
+def _over_time(
+    evaluation: Evaluation,
+    name: str,
+    rows: list[ChainRow],
+    colours: dict[str, str],
+    spans: list[Span],
+) -> Figures:
+    """The errors of a section's joints, those with the largest first."""
+    states = list(dict.fromkeys(row.state for row in rows))
+    worst = sorted(rows, key=lambda row: -row.rmse_deg)
+    joints = list(dict.fromkeys(row.joint for row in worst))
+    drawn = joints[:MOST_PANELS]
+    series = evaluation.series[chain_table(name, states[0])]
+    envelope = Envelope(series["host_time_ns"] / NANOSECONDS, series["judged"])
+    panels = {
+        f"{joint} [deg]": {
+            state: envelope(
+                np.degrees(evaluation.series[chain_table(name, state)][f"{joint}_error_rad"])
+            )
+            for state in states
+        }
+        for joint in drawn
+    }
+    figure = time_panels(envelope.time, panels, colours, spans)
+    how = (
+        "How to read: estimate less what the arm measured; a constant part is a bias of a sensor "
+        "or of the start, a growing one a heading that nothing tells."
+    )
+    if len(joints) > len(drawn):
+        how += f" Of {len(joints)} joints those with the largest errors are drawn."
+    return Figures(
+        f"Error of the joint angles over time: {name}",
+        {f"error of the joints of {name} over time": figure},
+        how,
+    )
+
+
+def chain_tiles(evaluation: Evaluation) -> list[Tile]:
+    """The state of each section with the smallest error, over all joints; states are not ranked."""
+    tiles = []
+    for section in dict.fromkeys(row.section for row in evaluation.chain):
+        rms: dict[str, float] = {}
+        for state in dict.fromkeys(row.state for row in evaluation.chain if row.section == section):
+            own = [row for row in evaluation.chain if (row.section, row.state) == (section, state)]
+            rms[state] = float(np.sqrt(np.mean([row.rmse_deg**2 for row in own])))
+        best = min(rms, key=lambda state: rms[state])
+        own = [row for row in evaluation.chain if (row.section, row.state) == (section, best)]
+        worst = max(own, key=lambda row: row.rmse_deg)
+        detail = (
+            best
+            if len(rms) < 2
+            else f"{best}, the smallest of {len(rms)}, not tested against the others"
+        )
+        bounds = [
+            row.expanded_uncertainty_magnitude_deg
+            for row in own
+            if row.expanded_uncertainty_magnitude_deg is not None
+        ]
+        if bounds:
+            detail += f" (truth ± {digits(max(bounds), 2)} deg)"
+        if len(own) > 1:
+            detail += f"; worst joint: {worst.joint}, {digits(worst.rmse_deg, 2)} deg"
+        other = max(rms, key=lambda state: rms[state])
+        if other != best:
+            detail += f"; {other}: {digits(rms[other], 2)} deg"
+        tiles.append(
+            Tile(
+                digits(rms[best], 2),
+                "deg",
+                f"RMS error of {counted(len(own), 'chain joint')}, {section}",
+                detail,
+            )
+        )
+    return tiles
+
+
+def _facts(estimate: Estimate) -> Table:
+    rows = [
+        Row(
+            [
+                label(chain.section),
+                text(chain.state),
+                text(", ".join(chain.sensors)),
+                number(len(chain.joints), 0),
+                text("yes" if chain.facts.get("smoothed") else "no"),
+                significant(chain.facts.get("jerk_deg_s3_sqrthz")),
+                significant(chain.facts.get("walk_deg_sqrts")),
+                significant(chain.facts.get("frequency_hz"), 6),
+                significant(chain.facts.get("frequency_sd_hz"), 2),
+                number(chain.facts.get("normalised_innovation_squared"), 2),
+            ]
+        )
+        for chain in estimate.chain
+    ]
+    return Table(
+        "Chain filters",
+        header(
+            "section",
+            "state",
+            "sensors",
+            "joints",
+            "smoothed",
+            "jerk [deg/s³/√Hz]",
+            "walk [deg/√s]",
+            "base frequency [Hz]",
+            "sd [Hz]",
+            "innovation² / variance",
+            numbers_from=5,
+        ),
+        rows,
+        "How to read: what the filter was told or found of the motion. The last column is 1 where "
+        "the readings differ from what was predicted as much as their variances say; far above 1 "
+        "the model is too sure of itself.",
+    )
+
+
+def _errors(rows: list[ChainRow]) -> Table:
+    body = []
+    for section in dict.fromkeys(row.section for row in rows):
+        for joint in dict.fromkeys(row.joint for row in rows if row.section == section):
+            own = [row for row in rows if row.section == section and row.joint == joint]
+            best = min(own, key=lambda row: row.rmse_deg)
+            for row in own:
+                cells: list[Cell] = [
+                    number(
+                        getattr(row, kind),
+                        digits,
+                        kind="best" if kind == "rmse_deg" and row is best and len(own) > 1 else "",
+                    )
+                    for kind, digits in KINDS
+                ]
+                mean = plus_minus(row.mean_error_deg, row.expanded_uncertainty_deg)
+                body.append(Row([label(joint), text(section), text(row.state), mean, *cells]))
+    return Table(
+        "Error of each joint by each state",
+        header(
+            "joint",
+            "section",
+            "state",
+            "mean ± U [deg]",
+            "mean magnitude [deg]",
+            "RMS [deg]",
+            "IQR [deg]",
+            "largest [deg]",
+            "correlation",
+            "rate, RMS [deg/s]",
+            "acceleration, RMS [deg/s²]",
+            "uncertainty [deg]",
+            "covered [%]",
+            numbers_from=3,
+        ),
+        body,
+        "How to read: the mean is signed and hides what it averages; bold is the lower RMS. ± U is "
+        "how far the arm's own angle may be off (k = 2). Uncertainty is what the filter states "
+        "(RMS of the standard uncertainty), covered the part of the errors within 1.96 of it: 95 "
+        "is honest.",
+    )

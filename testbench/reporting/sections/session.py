@@ -1,0 +1,540 @@
+"""The sections of the report on what was run, the verdict, and where the numbers come from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from testbench.clock import utc_shown
+from testbench.frames import NANOSECONDS
+from testbench.records.results.evaluation import Evaluation, Metric
+from testbench.records.session.manifest import CheckRecord, EnvironmentRecord, Manifest
+from testbench.records.session.session import Session
+from testbench.records.specs.strict import Placement
+from testbench.reporting.page.page import Block, Section, Sentence
+from testbench.reporting.page.tables import (
+    NOTHING,
+    Cell,
+    Row,
+    Table,
+    digits,
+    header,
+    label,
+    number,
+    text,
+    vector,
+)
+from testbench.reporting.sections.ranking import plus_minus
+
+SHOWN = {
+    "schema_version",
+    "session",
+    "status",
+    "started_utc",
+    "clocks",
+    "software",
+    "sensors",
+    "analysis",
+    "kind",
+    "seed",
+    "protocol",
+    "robot",
+    "plan",
+    "message",
+    "duration_s",
+    "files",
+    "arm",
+    "recorded_utc",
+    "recorded_by",
+    "environment",
+}
+"""Entries of the manifest that have a place of their own."""
+DATES = {"run": "Started", "import": "Imported", "recording": "Recorded"}
+"""What the date of a session is, by its kind; an import is dated when it was made, for its files
+need not say.
+"""
+NO_ROBOT = {"import": "none: an imported recording", "recording": "none: devices recorded alone"}
+
+
+def facts(session: Session) -> list[tuple[str, str]]:
+    """What was run, as pairs for the head of the page."""
+    manifest = session.manifest
+    ran = session.has_protocol
+    rows: list[tuple[str, Any]] = [
+        ("Protocol" if ran else "Recording", manifest.protocol.name),
+        ("Files", ", ".join(manifest.source)),
+        ("Robot", _robot(session)),
+        ("Recorded", _recorded(manifest) if manifest.kind == "import" else None),
+        (DATES.get(str(manifest.kind), "Started"), _date(manifest.started_utc)),
+        ("Duration", duration(manifest.duration_s)),
+        ("Steps", f"{len(session.steps)} finished" if session.steps else None),
+        ("Seed", manifest.seed),
+        (
+            "Bench" if ran else "Status",
+            session.status.value + (f": {manifest.message}" if manifest.message else ""),
+        ),
+        ("Session", session.name),
+    ]
+    return [(name, str(value)) for name, value in rows if value not in (None, "")]
+
+
+def simulated_parts(session: Session) -> str:
+    """What of a recording came from a model, in a few words; empty if nothing did."""
+    arm = session.manifest.arm.record
+    sensors = [sensor.driver == "simulated" for sensor in session.manifest.sensors.values()]
+    if arm is not None and arm.simulated:
+        return (
+            "models of the arm and of the sensors, not from real ones"
+            if any(sensors)
+            else arm.provenance
+        )
+    if not any(sensors):
+        return ""
+    which = "models of the sensors" if all(sensors) else "models of some of the sensors"
+    return which if arm is None else f"{which}, which followed {arm.provenance}"
+
+
+def _interruptions(session: Session) -> list[Sentence]:
+    """Pauses and broken limits of a run on an arm in real time, and what its controller did not
+    deliver.
+    """
+    sentences, since, why = [], None, ""
+    for event in session.events:
+        if event.event == "state" and event.details.get("state") == "paused":
+            why = str(event.details.get("why", ""))
+        elif event.event == "paused":
+            since = event.host_time_ns
+        elif event.event == "resumed" and since is not None:
+            begin, length = since / NANOSECONDS, (event.host_time_ns - since) / NANOSECONDS
+            sentences.append(
+                Sentence(f"Paused at {begin:.1f} s for {length:.1f} s ({why or 'asked for'}).")
+            )
+            since = None
+    trips = [event.details for event in session.events if event.event == "guard"]
+    limits = dict.fromkeys(
+        f"{trip.get('guard')} of {trip.get('subject')} ({trip.get('action')})" for trip in trips
+    )
+    if limits:
+        sentences.append(
+            Sentence(
+                f"Limits of guards that were broken ({len(trips)} in all): {', '.join(limits)}."
+            )
+        )
+    missed = session.manifest.arm.timing.samples_missed
+    if missed > 0:
+        sentences.append(Sentence(f"Of the controller's samples {missed} did not come."))
+    return sentences
+
+
+def _robot(session: Session) -> str:
+    manifest = session.manifest
+    if session.robot is None:
+        return manifest.robot.name or NO_ROBOT.get(str(manifest.kind), "none")
+    described = session.robot.spec.description or session.robot.name
+    return described + (f" ({manifest.arm.driver})" if manifest.arm.driver else "")
+
+
+def _recorded(manifest: Manifest) -> str:
+    """Date of the recording that was imported, and who says so."""
+    date = manifest.recorded_utc
+    return f"{_date(date)}, by {manifest.recorded_by}" if date else "date unknown"
+
+
+def _date(text: str | None) -> str:
+    try:
+        return utc_shown(datetime.fromisoformat(text or ""))
+    except ValueError:
+        return text or ""
+
+
+def duration(seconds: Any) -> str:
+    """Seconds as hours, minutes and seconds."""
+    if not isinstance(seconds, int | float) or not np.isfinite(seconds):
+        return ""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return (f"{hours} h " if hours else "") + f"{minutes} min {rest} s"
+
+
+def run_section(session: Session) -> Section:
+    """Sensors with their mounting, and the sections of the protocol."""
+    blocks: list[Block] = [_sensors(session)]
+    blocks.append(
+        _sections(session)
+        if session.steps
+        else Sentence("The session lists no steps: it is judged as a whole.")
+    )
+    environment = session.manifest.environment
+    if environment is not None:
+        blocks.append(
+            _environment(environment) if environment.dipoles else _undisturbed(environment)
+        )
+    blocks += _interruptions(session)
+    blocks += [
+        Sentence(f"Note: {note}{'' if note.endswith('.') else '.'}")
+        for note in session.manifest.notes
+    ]
+    return Section("run", "What was run" if session.has_protocol else "What was recorded", blocks)
+
+
+def _sensors(session: Session) -> Table:
+    rows = []
+    for name in session.sensor_names:
+        described = session.manifest.sensors[name]
+        sensor = session.analysis.sensors.get(name)
+        carried = [NOTHING] * 4
+        if sensor is not None:
+            segment = sensor.segment.name if sensor.segment else NOTHING
+            carried = [
+                sensor.link,
+                segment,
+                _rotation(sensor.mounting),
+                vector(sensor.mounting.position_mm, 1),
+            ]
+            if sensor.mounting_error != Placement():
+                carried[2] += f", injected error {_rotation(sensor.mounting_error)}"
+                if any(sensor.mounting_error.position_mm):
+                    carried[3] += f", injected error {vector(sensor.mounting_error.position_mm, 1)}"
+        kind = described.description or described.preset or described.driver
+        rate = described.rate_hz
+        rows.append(
+            Row(
+                [
+                    label(name),
+                    text(kind, kind="wide"),
+                    Cell(NOTHING if rate is None else f"{rate:.4g}", kind="number"),
+                    *(text(value) for value in carried),
+                ]
+            )
+        )
+    return Table(
+        "Sensors and their mounting",
+        [
+            Cell("sensor"),
+            Cell("kind"),
+            Cell("rate [Hz]", kind="number"),
+            Cell("link"),
+            Cell("segment"),
+            Cell("rotation in the link [deg]"),
+            Cell("position in the link [mm]"),
+        ],
+        rows,
+        "How to read: the mounting is what the estimators believe; an injected error is a known "
+        "fault that they are not told of.",
+    )
+
+
+def _undisturbed(environment: EnvironmentRecord) -> Sentence:
+    earth = vector(environment.magnetic_field_uT, 1)
+    return Sentence(
+        f"Magnetic field that was simulated: the earth's of ({earth}) µT in the world; nothing "
+        "disturbs it."
+    )
+
+
+def _environment(environment: EnvironmentRecord) -> Table:
+    """The magnetic field that the simulated sensors feel, and what disturbs it."""
+    earth = environment.magnetic_field_uT
+    rows = [
+        Row(
+            [
+                label(dipole.name or NOTHING),
+                text(dipole.link),
+                text(vector(dipole.position_mm, 1)),
+                text(vector(dipole.moment_A_m2, 3)),
+                number(dipole.iron_radius_mm or None, 0),
+            ]
+        )
+        for dipole in environment.dipoles
+    ]
+    why = f" {environment.why}" if environment.why else ""
+    return Table(
+        f"Magnetic field that was simulated: the earth's of ({vector(earth, 1)}) µT in the world, "
+        "and what disturbs it",
+        [
+            Cell("source"),
+            Cell("link"),
+            Cell("position in the link [mm]"),
+            Cell("permanent moment in the link [A m²]"),
+            Cell("soft iron, radius [mm]", kind="number"),
+        ],
+        rows,
+        "How to read: what is fixed to the base stays where it is while the sensors travel; what "
+        "is fixed to another link moves against the sensor; what is fixed to the sensor's own link "
+        "turns with it. Filters are not told of any of it." + why,
+        folded=True,
+    )
+
+
+def _rotation(placement: Placement) -> str:
+    parts = [
+        f"{sequence} ({vector(angles, 1)})" for sequence, angles in placement.rotation_deg.items()
+    ]
+    return " ".join(parts) or "none"
+
+
+def _sections(session: Session) -> Table:
+    rows = []
+    for name in dict.fromkeys(step.section for step in session.steps):
+        steps = [step for step in session.steps if step.section == name]
+        begin, end = steps[0].start_ns / NANOSECONDS, steps[-1].end_ns / NANOSECONDS
+        varied = {
+            key: sorted({step.variables[key] for step in steps if key in step.variables})
+            for key in steps[0].variables
+        }
+        ranges = [
+            f"{key} {v[0]:g}" + (f" to {v[-1]:g} ({len(v)} values)" if len(v) > 1 else "")
+            for key, v in varied.items()
+        ]
+        ranges = [part.replace(" -", " −") for part in ranges]
+        rows.append(
+            Row(
+                [
+                    label(name),
+                    text(steps[0].role),
+                    number(len(steps), 0),
+                    number(begin, 1),
+                    number(end - begin, 1),
+                    text("; ".join(ranges), kind="wide" if ranges else ""),
+                ]
+            )
+        )
+    return Table(
+        "Sections of the protocol, as they happened",
+        [
+            Cell("section"),
+            Cell("role"),
+            *header("steps", "begin [s]", "duration [s]", numbers_from=0),
+            Cell("variables"),
+        ],
+        rows,
+        "How to read: calibration fits sensor errors, reference aligns the frames, evaluation is "
+        "judged.",
+    )
+
+
+def verdict_section(evaluation: Evaluation | None) -> Section:
+    """Metrics that have limits, then the others."""
+    section = Section("verdict", "Verdict")
+    if evaluation is None:
+        section.blocks.append(
+            Sentence("This session has not been evaluated: there is nothing to judge yet.")
+        )
+        return section
+    judged = [metric for metric in evaluation.metrics if metric.outcome is not None]
+    others = [metric for metric in evaluation.metrics if metric.outcome is None]
+    if judged:
+        section.blocks.append(
+            _metrics(
+                "Metrics with limits",
+                judged,
+                "How to read: pass keeps the limit even if the truth is off by U (its expanded "
+                "uncertainty, k = 2); fail breaks it even then; marginal lies between, or keeps it "
+                "with less to spare than the protocol wants, or keeps it while U cannot be stated, "
+                "and then its meaning says why; not measured could not be taken. The worst of them "
+                "is the verdict on the sensors. It says nothing about the bench. The 95 % "
+                "confidence interval comes from this session's own scatter.",
+            )
+        )
+    else:
+        section.blocks.append(Sentence("No limits were stated, so nothing is passed or failed."))
+    if others:
+        section.blocks.append(
+            _metrics(
+                "Metrics without a limit",
+                others,
+                "How to read: for information; no limit was set for them.",
+                limits=False,
+            )
+        )
+    section.blocks += [Sentence(f"Note: {note}.") for note in evaluation.notes]
+    return section
+
+
+def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True) -> Table:
+    rows = []
+    for metric in metrics:
+        cells = [
+            label(metric.name),
+            *(text(value) for value in (metric.filter, metric.sequence, metric.section)),
+        ]
+        cells += [
+            plus_minus(metric.value, metric.expanded_uncertainty),
+            _interval(metric),
+            text(metric.unit),
+        ]
+        if limits and metric.outcome is not None:
+            cells += [
+                text(_limits(metric), kind="limit"),
+                Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}"),
+            ]
+        lacking = f" (no U: {metric.no_uncertainty})" if metric.no_uncertainty else ""
+        rows.append(Row([*cells, text(metric.meaning + lacking, kind="wide")]))
+    titles = ["metric", "filter", "sequence", "section"]
+    columns = [
+        *(Cell(title) for title in titles),
+        Cell("value ± U", kind="number"),
+        Cell("95 % CI", kind="number"),
+        Cell("unit"),
+    ]
+    columns += [Cell("limit"), Cell("outcome")] if limits else []
+    return Table(caption, [*columns, Cell("meaning")], rows, how, folded=not limits)
+
+
+def _interval(metric: Metric) -> Cell:
+    if metric.ci95 is None:
+        return number(None)
+    return Cell(f"[{digits(metric.ci95[0], 3)}, {digits(metric.ci95[1], 3)}]", kind="number")
+
+
+def _limits(metric: Metric) -> str:
+    if metric.lower is not None and metric.upper is not None:
+        return f"{metric.lower:g} to {metric.upper:g}"
+    return f"≥ {metric.lower:g}" if metric.lower is not None else f"≤ {metric.upper:g}"
+
+
+def provenance_section(session: Session) -> Section:
+    """Quality of the recording, and what would be needed to repeat it."""
+    manifest = session.manifest
+    blocks: list[Block] = [_quality(session)]
+    if manifest.plan.check.joints:
+        blocks.append(_joint_use(manifest.plan.check))
+    status = "status of the bench" if session.has_protocol else "status"
+    entries = [
+        (status, session.status.value),
+        ("kind", manifest.kind),
+        ("seed", manifest.seed),
+    ]
+    entries += [("SHA-256 of the plan", manifest.plan.hash)]
+    entries += [(f"version of {name}", version) for name, version in manifest.software.items()]
+    entries += list(
+        _scalars({key: value for key, value in manifest.content.items() if key not in SHOWN})
+    )
+    blocks.append(_pairs("Provenance", entries, f"How to read: {_repeatable(session)}.", False))
+    files = list(manifest.files.items())
+    if files:
+        blocks.append(
+            _pairs(
+                "SHA-256 of the raw files",
+                files,
+                "How to read: a file whose hash differs was changed later.",
+                True,
+            )
+        )
+    return Section("provenance", "Quality and provenance", blocks)
+
+
+def _repeatable(session: Session) -> str:
+    """What gives the same raw files again."""
+    if session.manifest.kind == "import":
+        return (
+            "the same files, options and versions give the same session; the files themselves are "
+            "not in it"
+        )
+    if session.has_protocol and "arm" in session.simulated:
+        return "the same plan, seed and versions give the same raw files, bit by bit"
+    return (
+        "what real devices measured cannot be measured again; the versions are of the software "
+        "that wrote it down"
+    )
+
+
+def _quality(session: Session) -> Table:
+    rows = []
+    for name in session.sensor_names:
+        n = session.sample_count(name)
+        steps = np.diff(session.imu_column(name, "counter"))
+        lost = int(np.sum(steps[steps > 0] - 1)) if n else 0
+        ends = [
+            session.imu_column(name, "device_time_ns", row, row + 1) for row in (0, max(n - 1, 0))
+        ]
+        span = float(ends[1][0] - ends[0][0]) / NANOSECONDS if n > 1 else 0.0
+        rate = float(np.sum(steps[steps > 0])) / span if span > 0 else None
+        saturated = int(session.imu_column(name, "saturated").sum())
+        rows.append(
+            Row(
+                [
+                    label(name),
+                    number(n, 0),
+                    number(rate, 3),
+                    number(lost, 0),
+                    number(100 * lost / max(n + lost, 1), 2),
+                    number(saturated, 0),
+                ]
+            )
+        )
+    return Table(
+        "Quality of the recording",
+        header(
+            "sensor",
+            "samples",
+            "rate by its own clock [Hz]",
+            "samples lost",
+            "lost [%]",
+            "samples at full scale",
+        ),
+        rows,
+        "How to read: lost samples are gaps of the sensor's counter; a sample at full scale is "
+        "wrong in at least one axis.",
+    )
+
+
+def _joint_use(check: CheckRecord) -> Table:
+    rows = [
+        Row(
+            [
+                label(use.joint),
+                number(use.lowest_deg, 1),
+                number(use.highest_deg, 1),
+                number(use.peak_speed_deg_s, 1),
+                number(100 * use.peak_speed_deg_s / use.speed_limit_deg_s, 0),
+                number(use.peak_acceleration_deg_s2, 0),
+                number(100 * use.peak_acceleration_deg_s2 / use.acceleration_limit_deg_s2, 0),
+            ]
+        )
+        for use in check.joints
+    ]
+    how = "How to read: as planned, before anything moved; 100 % is the limit in the robot file."
+    near = check.clearance
+    if near:
+        how += (
+            f" The smallest clearance was {digits(near.distance_mm, 1)} mm, between {near.first} "
+            f"and {near.second} at {digits(near.time_s, 1)} s."
+        )
+    return Table(
+        "What the plan asked of the arm",
+        header(
+            "joint",
+            "lowest [deg]",
+            "highest [deg]",
+            "peak speed [deg/s]",
+            "of limit [%]",
+            "peak acceleration [deg/s²]",
+            "of limit [%]",
+        ),
+        rows,
+        how,
+        folded=True,
+    )
+
+
+def _pairs(caption: str, entries: Iterable[tuple[str, Any]], how: str, folded: bool) -> Table:
+    rows = [
+        Row([label(name), Cell(str(value), kind="code")])
+        for name, value in entries
+        if value not in (None, "")
+    ]
+    return Table(caption, [Cell("entry"), Cell("value")], rows, how, folded=folded)
+
+
+def _scalars(data: dict[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    for key, value in data.items():
+        if isinstance(value, dict):
+            yield from _scalars(value, f"{prefix}{key}.")
+        elif not isinstance(value, list):
+            yield f"{prefix}{key}", value

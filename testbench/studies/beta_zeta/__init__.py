@@ -1,0 +1,1 @@
+"""Madgwick's gains on the lower limb, reference 2."""

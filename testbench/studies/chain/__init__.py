@@ -1,0 +1,1 @@
+"""The kinematic-chain filter on the lower limb, reference 5."""

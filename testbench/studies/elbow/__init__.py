@@ -1,0 +1,1 @@
+"""The elbow bench, reference 1."""

@@ -1,0 +1,1 @@
+"""Integrators in gyroscope calibration, reference 3."""

@@ -1,0 +1,1 @@
+"""Steps and path of a walker, reference 4."""

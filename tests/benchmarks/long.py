@@ -1,0 +1,30 @@
+"""Everything that is asked by the hundred, one campaign after the other: `make long`. Stopped, it
+goes on where it was; docs/validation.md holds what it printed.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+from tests.benchmarks.coverage import bench_coverage
+from tests.benchmarks.crashes import bench_crashes
+from tests.benchmarks.intervals import bench_intervals
+from tests.benchmarks.mutations import bench_mutations
+
+CAMPAIGNS: list[Callable[[], bool]] = [
+    bench_intervals,
+    bench_coverage,
+    bench_crashes,
+    bench_mutations,
+]
+
+
+def main() -> bool:
+    """Run all; whether every figure is as it should be."""
+    passed = [campaign() for campaign in CAMPAIGNS]
+    return all(passed)
+
+
+if __name__ == "__main__":
+    sys.exit(not main())
