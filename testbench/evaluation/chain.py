@@ -34,7 +34,7 @@ def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, lis
     """
     arm = TrueArm.of(session) if estimate.chain else None
     recorded = arm.samples if arm is not None else None
-    result, found = ResultTables(), list[Found]()
+    result, found, stated = ResultTables(), list[Found](), set[tuple[str, str | None]]()
     for one in estimate.chain:
         where = f"chain, section {one.section}, {one.state}"
         if recorded is None:
@@ -61,7 +61,9 @@ def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, lis
                 series[f"{row.joint}_rad"] - series[f"{row.joint}_error_rad"], series["judged"]
             )
             budget = chain_budget(session, estimate, one, row.joint, true, arm)
-            if budget not in result.uncertainty:  # the states share their truth
+            place = (budget.owner, budget.section)
+            if place not in stated:  # the states share their truth, but for the last digits
+                stated.add(place)
                 result.uncertainty.append(budget)
             known = replace(row, expanded_uncertainty_deg=budget.expanded_deg)
             result.chain.append(

@@ -4,6 +4,8 @@ short run of the pendulum.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from testbench import plan
 from testbench.cli.output import say_evaluation
 from testbench.drivers.arms.simulated import SimulatedArm
 from testbench.evaluation import evaluate
+from testbench.evaluation.budgets import chain_budget
 from testbench.evaluation.verdict import summarise_metrics
 from testbench.exceptions import FileProblems
 from testbench.records.results.evaluation import Evaluation, Outcome
@@ -227,3 +230,22 @@ def test_the_terminal_and_the_cards_show_the_joints(result, capsys):
     assert (
         page.index('id="chain"') < page.index('id="orientation"') < page.index('id="uncertainty"')
     )
+
+
+def test_states_that_share_their_truth_have_one_budget_though_its_last_digits_differ(
+    result, monkeypatch
+):
+    """The truth is found again as estimate less error, which rounds otherwise for another state."""
+
+    def rounded(session, estimate, one, *others):
+        budget = chain_budget(session, estimate, one, *others)
+        last = 1 + 2**-52 * (one.state == "fourier")
+        return replace(budget, combined_deg=budget.combined_deg * last)
+
+    monkeypatch.setattr("testbench.evaluation.chain.chain_budget", rounded)
+    estimate = result.estimate
+    (one,) = estimate.chain
+    two = replace(estimate, chain=[one, replace(one, state="fourier")])
+    again = evaluate(result.session, two)
+    assert {row.state for row in again.chain} == {"kinematic", "fourier"}
+    assert [b.owner for b in again.uncertainty if b.quantity == "angle"] == ["knee"]
