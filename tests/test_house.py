@@ -13,17 +13,11 @@ from tests import house
 OPEN: dict[str, dict[str, int]] = {
     "arguments": {
         "estimation": 14,
-        "exceptions": 1,
     },
     "entries": {
-        "drivers": 13,
-        "emulation": 5,
         "estimation": 65,
-        "exceptions": 5,
     },
     "shapes": {
-        "drivers": 13,
-        "emulation": 5,
         "estimation": 151,
     },
 }

@@ -26,7 +26,7 @@ class EmulatedController(ABC):
     Args:
         robot: The arm.
         identity: What the controller says of itself.
-        q: Joint angles at the start [rad]; the arm's home if None.
+        q: Joint angles at the start, shape (n,) [rad]; the arm's home if None.
         seed: Of the encoders' noise.
         scenario: Faults to come.
 

@@ -71,8 +71,8 @@ class UrSettings(LinkSettings):
     """How a Universal Robots arm is driven.
 
     Attributes:
-        lookahead: Of servoJ [s].
-        gain: Of servoJ [s].
+        lookahead: Lookahead time of servoJ [s].
+        gain: Gain of servoJ, a number without unit.
         watchdog: The controller ends the program, which stops the arm, when no input comes for so
             long [s]; it is the last resort, for when the driving process itself is gone.
         least_slider: Smallest position of the speed slider that does not stop the run.
@@ -368,7 +368,13 @@ class UrClient(ArmClient):
                 raise ArmFault("refused", "the watchdog could not be fed")
 
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
-        """Begin a moveJ."""
+        """Begin a moveJ.
+
+        Args:
+            target: Joint angles, shape (n,) [rad].
+            speed: Of the leading joint [rad/s].
+            acceleration: Of the leading joint [rad/s^2].
+        """
         asked_ns = self.now_ns()
         self._command(
             "moveJ was refused", self._control.moveJ, target.tolist(), speed, acceleration, True
@@ -378,7 +384,11 @@ class UrClient(ArmClient):
         self.clock.not_before(round(1e9 * self._receive.getTimestamp()), asked_ns, ANSWERED_NS)
 
     def stream(self, target: np.ndarray) -> None:
-        """Send a target of servoJ; the controller's watchdog is fed by it."""
+        """Send a target of servoJ, which also feeds the controller's watchdog.
+
+        Args:
+            target: Joint angles, shape (n,) [rad].
+        """
         settings, period = self.settings, 1.0 / self.settings.control_hz
         self._fed, self._streaming = self.now(), True
         self._command(

@@ -19,8 +19,8 @@ def greet_dashboard(
     """What is wrong at an address, in a sentence; None if a dashboard answers.
 
     Args:
-        host: Where.
-        port: Where.
+        host: Name or address of the controller.
+        port: Of its dashboard.
         patience_s: For the connection, and for each answer [s].
     """
     said = b""

@@ -396,7 +396,13 @@ class XArmClient(ArmClient):
         """The controller has no watchdog that could be fed."""
 
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
-        """Begin a move; the first one, to the start, takes the controller over."""
+        """Begin a move; the first one, to the start, takes the controller over.
+
+        Args:
+            target: Joint angles, shape (n,) [rad].
+            speed: Of the leading joint [rad/s].
+            acceleration: Of the leading joint [rad/s^2].
+        """
         if not self._taken_over:
             self._take_over()
         self._enter(POSITION)

@@ -14,9 +14,9 @@ class Imu(ABC):
 
     Attributes:
         rate: Nominal output rate [Hz].
-        has_magnetometer: What its samples hold.
-        has_orientation: What its samples hold.
-        has_temperature: What its samples hold.
+        has_magnetometer: Whether its samples hold the magnetic field.
+        has_orientation: Whether its samples hold orientations of the device's own.
+        has_temperature: Whether its samples hold a temperature.
     """
 
     rate: float

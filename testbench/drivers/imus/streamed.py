@@ -92,8 +92,8 @@ class SampleQueue:
 
     Args:
         capacity: Samples it holds.
-        magnetometer: What follows rate and force in each row.
-        orientation: What follows rate and force in each row.
+        magnetometer: Whether each row holds the magnetic field.
+        orientation: Whether each row ends with a quaternion.
         notices: Told of drops.
     """
 
@@ -145,8 +145,8 @@ class StreamedImu(Imu):
     Args:
         time: Of the session.
         rate: Nominal [Hz].
-        magnetometer: What its samples hold.
-        orientation: What its samples hold.
+        magnetometer: Whether its samples hold the magnetic field.
+        orientation: Whether its samples hold orientations of the device's own.
         queue_s: Length of the queue [s].
     """
 

@@ -25,8 +25,8 @@ class FitParameter:
     """One unknown.
 
     Attributes:
-        name: For the record.
-        unit: For the record.
+        name: What the record calls it.
+        unit: Unit of its value, for the record.
         start: Where the search begins.
         size: Standard deviation of what is known beforehand, such as a data sheet's tolerance; the
             scale of the search, and the uncertainty that a fit must beat.
@@ -73,8 +73,8 @@ def solve(
         jacobian: Shape (m, p); by differences if None.
         known_scatter: The residuals' standard deviation is 1 by knowledge; else it is estimated
             from what the fit leaves.
-        residual_unit: What one unit of residual means, for the record.
-        residual_scale: What one unit of residual means, for the record.
+        residual_unit: Unit of the residuals in the record.
+        residual_scale: How many of that unit one unit of `residuals` is.
         advice: Against poor excitation.
 
     Raises:

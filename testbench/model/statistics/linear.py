@@ -39,10 +39,11 @@ def solve_linear(
         design: Shape (m, p).
         observed: Shape (m,).
         parameters: Their `start` is not used.
-        known_scatter: As of `solve`.
-        residual_unit: As of `solve`.
-        residual_scale: As of `solve`.
-        advice: As of `solve`.
+        known_scatter: The residuals' standard deviation is 1 by knowledge; else it is estimated
+            from what the fit leaves.
+        residual_unit: Unit of the residuals in the record.
+        residual_scale: How many of that unit one unit of `observed` is.
+        advice: Against poor excitation.
 
     Raises:
         PoorExcitation: Fewer observations than parameters, or a parameter that the data leave
@@ -72,8 +73,14 @@ def solve_linear(
 
 
 def axis_by_axis(regressors: np.ndarray, axes: int) -> np.ndarray:
-    """Design of several axes with the same regressors and own coefficients, axis after axis: (m, q)
-    to (m * axes, q * axes).
+    """Design of several axes with the same regressors and own coefficients, axis after axis.
+
+    Args:
+        regressors: Of each of m observations, shape (m, q).
+        axes: How many axes were observed.
+
+    Returns:
+        Shape (m * axes, q * axes), in the units of the regressors.
     """
     m, q = regressors.shape
     design = np.zeros((m, axes, axes * q))
@@ -102,7 +109,12 @@ def widened_by_misfit(fit: Fit) -> Fit:
 
 
 def whitening(covariance: np.ndarray) -> np.ndarray:
-    """Matrices W with W C W' = 1, shape (m, k, k) to (m, k, k): the inverse of the Cholesky factor
-    of each covariance.
+    """Matrices W with W C W' = 1: the inverse of the Cholesky factor of each covariance C.
+
+    Args:
+        covariance: Shape (m, k, k).
+
+    Returns:
+        Shape (m, k, k), in the inverse unit of the standard deviations.
     """
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
