@@ -29,9 +29,7 @@ def arrows() -> dict[str, set[str]]:
 def test_the_page_shows_every_room_and_every_arrow() -> None:
     text = PAGE.read_text(encoding="utf-8")
     rooms = text[text.index("## Rooms") : text.index("## Inside the rooms")]
-    shown = {
-        room: set(re.findall(r"`(\w+)`", imports)) for room, _, imports in ROOM.findall(rooms)
-    }
+    shown = {room: set(re.findall(r"`(\w+)`", imports)) for room, _, imports in ROOM.findall(rooms)}
     assert shown == arrows()
 
 
