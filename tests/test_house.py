@@ -13,17 +13,8 @@ from tests import house
 OPEN: dict[str, dict[str, int]] = {
     "arguments": {"estimation": 14, "model": 1},
     "entries": {"estimation": 60},
-    "long": {
-        "cli": 10,
-        "drivers": 3,
-        "emulation": 2,
-        "estimation": 18,
-        "execution": 1,
-        "model": 3,
-        "pipeline": 2,
-        "records": 4,
-    },
-    "shapes": {"estimation": 146, "records": 1},
+    "long": {"estimation": 18},
+    "shapes": {"estimation": 146},
 }
 
 FILE = house.ROOT / "testbench" / "room" / "module.py"

@@ -63,6 +63,7 @@ else:
 ARM_HELP = "Which arm to drive: " + ", ".join(f"{arm.name} {arm.title}" for arm in ARMS.values())
 
 
+# Long by its options, one parameter each, and the request that holds them.
 def run(
     protocol: Annotated[str | None, PROTOCOL] = None,
     robot: RobotOption = None,

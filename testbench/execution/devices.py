@@ -131,14 +131,8 @@ def open_devices(
         imus[name] = imu
 
     for number, text in enumerate(serial, 1):
-        name, rest = _split_name(text)
-        port, _, line_format = rest.rpartition(":")
-        if not port or not line_format:
-            raise InputError(
-                f"--serial {text}: must be PORT:FORMAT, such as /dev/ttyACM0:mpu6050 or "
-                "/dev/ttyACM0:board.yaml"
-            )
-        add(name or f"serial{number}", SerialImu(port, load_line_format(line_format), time))
+        name, imu = _serial_imu(text, time)
+        add(name or f"serial{number}", imu)
     if dots:
         bluetooth = bluetooth or BluetoothLoop()
         try:
@@ -153,6 +147,18 @@ def open_devices(
             raise
     common = (lambda: synchronise(together)) if synchronise_dots else None
     return Devices(imus, time, bluetooth, common)
+
+
+def _serial_imu(text: str, time: SessionTime) -> tuple[str, SerialImu]:
+    """The device of `[NAME=]PORT:FORMAT`, and its name or ""."""
+    name, rest = _split_name(text)
+    port, _, line_format = rest.rpartition(":")
+    if not port or not line_format:
+        raise InputError(
+            f"--serial {text}: must be PORT:FORMAT, such as /dev/ttyACM0:mpu6050 or "
+            "/dev/ttyACM0:board.yaml"
+        )
+    return name, SerialImu(port, load_line_format(line_format), time)
 
 
 def _split_name(text: str) -> tuple[str, str]:

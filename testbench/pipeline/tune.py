@@ -184,6 +184,7 @@ class SearchWanted:
     leave_one_out: bool = False
 
 
+# One piece: each stage of the search needs the trials and the optimum of the one before.
 def find_parameters(
     kind: OrientationFilter,
     sessions: Sessions,

@@ -149,20 +149,7 @@ class UrClient(ArmClient):
             refusal = self._refusal()
             if refusal is not None:
                 return info | {"refused": refusal}
-            interface = rtde_control.RTDEControlInterface
-            flags = (
-                interface.FLAG_UPLOAD_SCRIPT
-                | interface.FLAG_UPPER_RANGE_REGISTERS
-                | interface.FLAG_NO_EXT_FT
-            )
-            self._control = interface(host, self.settings.control_hz, flags)
-            if self.settings.mass is not None and not self._control.setPayload(
-                self.settings.mass, list(self.settings.centre)
-            ):
-                raise ArmFault("payload", "the controller did not take the weight of the tool")
-            if not self._control.setWatchdog(1 / self.settings.watchdog):
-                raise ArmFault("watchdog", "the controller's watchdog could not be set")
-            self._program_seen, self._said_at = True, self.now()
+            self._start_program(rtde_control.RTDEControlInterface)
         except ArmFault:
             raise
         except Exception as error:
@@ -171,6 +158,24 @@ class UrClient(ArmClient):
             ) from None
         return info
 
+    def _start_program(self, interface: Any) -> None:
+        """Let the client library's program run on the controller, with tool and watchdog set."""
+        settings = self.settings
+        flags = (
+            interface.FLAG_UPLOAD_SCRIPT
+            | interface.FLAG_UPPER_RANGE_REGISTERS
+            | interface.FLAG_NO_EXT_FT
+        )
+        self._control = interface(settings.host, settings.control_hz, flags)
+        if settings.mass is not None and not self._control.setPayload(
+            settings.mass, list(settings.centre)
+        ):
+            raise ArmFault("payload", "the controller did not take the weight of the tool")
+        if not self._control.setWatchdog(1 / settings.watchdog):
+            raise ArmFault("watchdog", "the controller's watchdog could not be set")
+        self._program_seen, self._said_at = True, self.now()
+
+    # One piece, since the questions go over one connection and every failure of it is one fault.
     def _ask(self, dashboard: Any) -> dict[str, Any]:
         """What the dashboard says of the arm, and why it must be refused, if it must."""
         host = self.settings.host

@@ -134,6 +134,7 @@ class LineParser:
             if (kind, axis) in places
         ]
 
+    # One piece, since it runs once a sample and calls would cost more than the checks.
     def parse(self, line: bytes) -> Line | None:
         """Read one line, without its end; None for a comment or an empty line.
 

@@ -131,6 +131,7 @@ class ControlScript:
             self._waiting = True  # a command that moves nothing is done at the next instant
         return ended
 
+    # One branch a command of the client library's script.
     def _process(self, controller: Machine, command: int) -> str | None:
         joints, first = controller.joints, self.offset
         value = controller.registers.input_double

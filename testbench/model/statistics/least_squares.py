@@ -54,6 +54,7 @@ class PoorExcitation(InputError):
         )
 
 
+# One piece: the problem scaled by the parameters' sizes, solved, and scaled back.
 def solve(
     residuals: Residuals,
     parameters: Sequence[FitParameter],

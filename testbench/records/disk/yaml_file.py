@@ -199,6 +199,7 @@ def _syntax_problem(error: Exception, text: str) -> Problem:
     return Problem(f"not valid YAML: {_one_line(said)}", "", line, column)
 
 
+# One recursion over the kinds of nodes, each of which refuses what it does not take.
 def _construct(
     loader: _Loader,
     node: yaml.Node,

@@ -270,6 +270,7 @@ class _Names:
             ):
                 self._refuse(f"the variable '{name}' is looped over twice", *where, m)
 
+    # One check a field of the limit, each against the names that the field may hold.
     def _limit(self, limit: AcceptanceLimit, *where: Any) -> None:
         spec = self.spec
         joint_metrics = [f"{joint}.{kind}" for joint in spec.joints for kind in JOINT_METRICS]
