@@ -1,5 +1,4 @@
-"""The one tree of errors: a bad input is refused, a bad bench is reported, a bad sensor is neither
-(it is a verdict).
+"""The one tree of errors: bad input and a bad bench; a bad sensor is a verdict, not an error.
 
 Every error is a full sentence, carries its numbers as attributes, and knows the exit code of the
 command line.
@@ -49,8 +48,9 @@ class Problem:
 
 
 class FileProblems(InputError):
-    """An input file was refused; lists every problem found in it at once as `file:line:column:
-    path: message`.
+    """An input file was refused.
+
+    Lists every problem found in it at once as `file:line:column: path: message`.
     """
 
     def __init__(self, file: str | Path, problems: list[Problem]):
@@ -70,9 +70,7 @@ MOST_DIGITS = 9
 
 
 def _apart(value: float, limit: float, digits: int) -> tuple[str, str]:
-    """Two numbers with as many digits after the point, at least `digits`, as show which is
-    larger.
-    """
+    """Two numbers with as many digits after the point, at least `digits`, as tell them apart."""
     while (
         digits < MOST_DIGITS and value != limit and f"{value:.{digits}f}" == f"{limit:.{digits}f}"
     ):

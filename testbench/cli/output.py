@@ -29,9 +29,7 @@ def say_error(message: str, notes: Sequence[str] = ()) -> None:
 
 
 def say_json_error(error: BenchError) -> None:
-    """One line of JSON on stderr: what kind of error, the message, the exit code, and where in a
-    file if that is known.
-    """
+    """One line of JSON on stderr: kind of error, message, exit code, and place in a file."""
     from testbench.exceptions import FileProblems
     from testbench.records.disk.json_file import plain_values
 
@@ -64,8 +62,9 @@ def say_json(data: Any) -> None:
 
 
 def in_ranges(numbers: Sequence[int], longest: int = 100) -> str:
-    """Rising whole numbers in few words, such as "3, 12-40, 45"; of what makes more than so many
-    characters, how many more.
+    """Rising whole numbers in few words, such as "3, 12-40, 45".
+
+    Of what makes more than so many characters, how many more.
     """
     spans: list[list[int]] = []
     for number in numbers:
@@ -128,8 +127,9 @@ def _is_number(value: Any) -> bool:
 
 
 class RunDisplay:
-    """A bar with step, part done and remaining time on stderr, and lines above it; where there is
-    no terminal, the lines alone.
+    """A bar with step, part done and remaining time on stderr, and lines above it.
+
+    Where there is no terminal, the lines alone.
 
     The bar appears with the first progress, so that whoever is asked something before has the
     terminal alone.

@@ -1,6 +1,4 @@
-"""What emulated controllers have in common: a clock of control periods, joints, and faults that
-come by a scenario.
-"""
+"""What emulated controllers share: a clock of control periods, joints, and scenarios of faults."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""How emulated joints move: references of a controller's commands, limits, and the servo that
-follows them.
+"""How emulated joints move: commanded references, limits, and the servo that follows.
 
 Makers publish neither the filter of their servo commands nor the servo. Here a streamed target
 passes a critically damped filter that lags a ramp by the lookahead time (for UR's `servoj` at the

@@ -40,8 +40,9 @@ class Devices:
     started: bool = False
 
     def kickoff(self) -> None:
-        """Connect all, then start all, so that the first does not wait long for the last; a second
-        call does nothing.
+        """Connect all, then start all; a second call does nothing.
+
+        So the first does not wait long for the last.
         """
         if self.started:
             return
@@ -55,8 +56,9 @@ class Devices:
             imu.kickoff()
 
     def listen(self) -> None:
-        """Make sure that devices deliver samples whose connection alone does not show it, and let
-        go of them again.
+        """Make sure that devices deliver samples, where connecting alone does not show it.
+
+        They are let go of again.
 
         Raises:
             DriverError: A port cannot be opened, or a board delivers no sample that fits its
@@ -170,9 +172,7 @@ def _split_name(text: str) -> tuple[str, str]:
 def scan_devices(
     duration_s: float = SCAN_S, bluetooth: BluetoothLoop | None = None
 ) -> dict[str, list[Any]]:
-    """What could be recorded: `serial` ports, `dots` that can be heard, and `notes` on what could
-    not be searched.
-    """
+    """What could be recorded: `serial` ports, `dots` in range, `notes` on what was not searched."""
     found: dict[str, list[Any]] = {"serial": [], "dots": [], "notes": []}
     try:
         found["serial"] = list_serial_ports()

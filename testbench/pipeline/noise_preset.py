@@ -1,6 +1,4 @@
-"""A sensor as measured at rest, in the words of a data sheet: to be saved as a preset and
-simulated.
-"""
+"""A sensor as measured at rest, in the words of a data sheet: a preset to simulate it by."""
 
 from __future__ import annotations
 

@@ -112,8 +112,9 @@ class ArmClient(ABC):
 
     @abstractmethod
     def connect(self) -> dict[str, Any]:
-        """Connect, and say what there is, with the reason to refuse it under `refused`; nothing
-        moves.
+        """Connect, and say what there is; nothing moves.
+
+        A reason to refuse the arm stands under `refused`.
 
         Raises:
             ArmFault: There is no controller, or none that this client can drive.

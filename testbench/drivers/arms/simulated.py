@@ -1,6 +1,4 @@
-"""A simulated arm: servo lag, encoders that round and hiss, and joints that are not quite where the
-encoders say.
-"""
+"""A simulated arm: servo lag, noisy and rounding encoders, and joints slightly off from them."""
 
 from __future__ import annotations
 
@@ -226,9 +224,7 @@ def simulated_arm(plan: Plan, wanted: WantedArm, time: VirtualTime | None = None
 
 
 def draw_zero_errors(robot: Robot, seed: int) -> np.ndarray:
-    """How far each joint's true angle lies from what its encoder says, through a whole run, shape
-    (n_joints,) [rad].
-    """
+    """True minus encoder angle of each joint through a whole run, shape (n_joints,) [rad]."""
     return robot.joint_angle_uncertainty * random_stream(seed, "arm", "zeros").standard_normal(
         len(robot.joint_names)
     )

@@ -1,5 +1,6 @@
-"""Clearance along straight lines between joint angles: the path of moveJ, which no plan has looked
-at.
+"""Clearance along straight lines between joint angles: the path of moveJ.
+
+No plan has looked at it.
 """
 
 from __future__ import annotations

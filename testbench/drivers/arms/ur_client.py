@@ -1,5 +1,4 @@
-"""A Universal Robots controller through its client library ur_rtde: connect, ask, sample, move,
-stop.
+"""A Universal Robots controller through its client library ur_rtde.
 
 Samples are read as one piece: the time stamp is read before and after the values, and where it
 changed they are read again.
@@ -359,8 +358,9 @@ class UrClient(ArmClient):
             raise ArmFault("power_off", f"the arm lost its power (robot mode {self._modes[0]})")
 
     def keep_alive(self) -> None:
-        """Feed the controller's watchdog; a feed that is lost is repeated, for the watchdog itself
-        decides what is too late.
+        """Feed the controller's watchdog.
+
+        A feed that is lost is repeated, for the watchdog itself decides what is too late.
         """
         now = self.now()
         if self._control is not None and now - self._fed > KEEP_ALIVE_S:

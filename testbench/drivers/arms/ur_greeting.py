@@ -1,6 +1,4 @@
-"""Whether a Universal Robots dashboard answers at an address, before the client library is let
-loose on it.
-"""
+"""Whether a Universal Robots dashboard answers, before the client library connects to it."""
 
 from __future__ import annotations
 

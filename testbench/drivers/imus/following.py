@@ -1,6 +1,4 @@
-"""The motion that an arm reports, as simulated sensors feel it: for rehearsals on a real or an
-emulated arm.
-"""
+"""The motion that an arm reports, as simulated sensors feel it: for rehearsals on a moving arm."""
 
 from __future__ import annotations
 

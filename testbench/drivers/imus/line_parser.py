@@ -1,6 +1,4 @@
-"""Parse a board's lines by their format, fast enough for several boards at hundreds of lines a
-second.
-"""
+"""Parse a board's lines by their format, fast enough for several boards at hundreds a second."""
 
 from __future__ import annotations
 

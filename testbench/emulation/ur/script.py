@@ -1,5 +1,4 @@
-"""The script that ur_rtde uploads, as a machine of its own: it reads commands from input registers
-and answers in output ones.
+"""The script that ur_rtde uploads, as a machine: commands in input registers, answers in output.
 
 The client writes a command's number into input integer register 0 and its arguments into the input
 double registers (both shifted by 24 with the upper range). The script writes 1 into output integer

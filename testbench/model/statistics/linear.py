@@ -29,8 +29,9 @@ def solve_linear(
     residual_scale: float = 1.0,
     advice: str = "more poses or motions about other axes are needed",
 ) -> Fit:
-    """Fit observed = design @ values, rows divided by their standard deviations, or by a typical
-    one.
+    """Fit observed = design @ values.
+
+    Rows are divided by their standard deviations, or all by a typical one.
 
     With as many observations as parameters nothing is left to tell the scatter from, and the
     standard deviations are believed.

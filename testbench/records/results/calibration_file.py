@@ -1,6 +1,4 @@
-"""Calibration files: the corrections of one sensor, dated, as YAML; and the folder of many that a
-session is corrected from.
-"""
+"""Calibration files: dated corrections of one sensor as YAML, and the folder of many."""
 
 from __future__ import annotations
 

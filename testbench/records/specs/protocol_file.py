@@ -1,6 +1,4 @@
-"""Read a protocol file with those it includes, and check that the names in it agree with one
-another.
-"""
+"""Read a protocol file with those it includes, and check that its names agree."""
 
 from __future__ import annotations
 

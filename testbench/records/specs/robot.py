@@ -1,5 +1,7 @@
-"""Robot: what the bench knows of an arm beside its URDF: limits with their reasons, mounting,
-servo, noise of its encoders. Of a bare URDF, what it does not say is filled in, and told.
+"""Robot: what the bench knows of an arm beside its URDF.
+
+Limits with their reasons, mounting, servo, noise of its encoders. Of a bare URDF, what it does not
+say is filled in, and told.
 """
 
 from __future__ import annotations
@@ -205,8 +207,7 @@ class RobotSpec(StrictModel):
 
 
 class Robot:
-    """An arm the bench can plan for: its specification, where its URDF lies, and its limits in
-    radians.
+    """An arm the bench can plan for: its specification, its URDF, and its limits in radians.
 
     Args:
         spec: The content of robot.yaml.
