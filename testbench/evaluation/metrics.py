@@ -42,7 +42,7 @@ def _error_angles(q: np.ndarray, p: np.ndarray) -> np.ndarray:
     angles = np.empty((3, len(q)))
     for i in range(len(q)):
         w, x, y, z = rotation.product(
-            q[i, 0], q[i, 1], q[i, 2], q[i, 3], p[i, 0], -p[i, 1], -p[i, 2], -p[i, 3]
+            (q[i, 0], q[i, 1], q[i, 2], q[i, 3]), (p[i, 0], -p[i, 1], -p[i, 2], -p[i, 3])
         )
         level2 = x * x + y * y
         angles[0, i] = 2.0 * np.arctan2(np.sqrt(level2 + z * z), abs(w))

@@ -14,6 +14,9 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 GIMBAL_LOCK = 1e-7
 """So near to its end the middle angle leaves only the sum or difference of the others [rad]."""
 
+Parts = tuple[float, float, float, float]
+"""w, x, y, z of one quaternion."""
+
 
 def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Hamilton product p q.
@@ -47,16 +50,16 @@ def _products(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     for row in range(n):
         a, b = p[row if len(p) > 1 else 0], q[row if len(q) > 1 else 0]
         products[row, 0], products[row, 1], products[row, 2], products[row, 3] = product(
-            a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]
+            (a[0], a[1], a[2], a[3]), (b[0], b[1], b[2], b[3])
         )
     return products
 
 
 @njit(cache=True)
-def product(
-    pw: float, px: float, py: float, pz: float, qw: float, qx: float, qy: float, qz: float
-) -> tuple[float, float, float, float]:
-    """Hamilton product of one pair, for compiled loops."""
+def product(p: Parts, q: Parts) -> Parts:
+    """Hamilton product p q of one pair, for compiled loops."""
+    pw, px, py, pz = p
+    qw, qx, qy, qz = q
     return (
         pw * qw - px * qx - py * qy - pz * qz,
         pw * qx + px * qw + py * qz - pz * qy,
@@ -335,14 +338,8 @@ def _turns(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     vector = np.empty((len(p), 3))
     for row in range(len(p)):
         w, x, y, z = product(
-            q[row, 0],
-            q[row, 1],
-            q[row, 2],
-            q[row, 3],
-            p[row, 0],
-            -p[row, 1],
-            -p[row, 2],
-            -p[row, 3],
+            (q[row, 0], q[row, 1], q[row, 2], q[row, 3]),
+            (p[row, 0], -p[row, 1], -p[row, 2], -p[row, 3]),
         )
         vector[row, 0], vector[row, 1], vector[row, 2] = _vector(w, x, y, z)
     return vector
@@ -387,7 +384,7 @@ def _from_euler(axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
             half = angles[row, i] / 2.0
             turn[:] = 0.0
             turn[axes[i]] = np.sin(half)
-            w, x, y, z = product(w, x, y, z, np.cos(half), turn[0], turn[1], turn[2])
+            w, x, y, z = product((w, x, y, z), (np.cos(half), turn[0], turn[1], turn[2]))
         q[row, 0], q[row, 1], q[row, 2], q[row, 3] = w, x, y, z
     return q
 

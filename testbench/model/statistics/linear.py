@@ -39,7 +39,7 @@ def solve_linear(
     Args:
         design: Shape (m, p).
         observed: Shape (m,).
-        parameters: Their `start` is not used.
+        parameters: The unknowns; their `start` is not used.
         known_scatter: The residuals' standard deviation is 1 by knowledge; else it is estimated
             from what the fit leaves.
         residual_unit: Unit of the residuals in the record.
