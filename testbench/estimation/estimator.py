@@ -161,10 +161,8 @@ class PreparedSensor:
         facts: What is known of the recording.
         access: To its samples.
         truth: What it went through, or None.
-        aligned_every: Where motion aligns it, one of how many samples does so, and
-            q_world_from_sensor at those, shape (m, 4).
-        aligned_to: Where motion aligns it, one of how many samples does so, and q_world_from_sensor
-            at those, shape (m, 4).
+        aligned_every: Where motion aligns it: one of how many samples does so.
+        aligned_to: q_world_from_sensor at those samples, shape (m, 4), or None.
         uniform: The kept samples on a regular grid.
         correct: Calibration of what the filters get.
         mounting: As rates and gravity gave it, or None.
@@ -323,6 +321,7 @@ def prepare_sensor(
         stored: Calibration to correct the raw samples with first.
         remarks: On that.
     """
+    # Longer than a screen: one step after another, each with what the ones before it found.
     settings, description = run.settings, recording.described
     access = recording.samples(None if stored is None else _corrector(stored))
     samples = access.samples
@@ -333,7 +332,7 @@ def prepare_sensor(
     if recording.truth is not None and recording.truth.is_long:
         truth = recording.truth.near(time)
     uniform, rows = access.regular(clock)
-    static = detect_static(uniform.turning(), uniform.interval, rows)[rows]
+    static = detect_static(uniform.angular_rate(), uniform.interval, rows)[rows]
     quality = access.quality(clock, static)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:

@@ -41,14 +41,16 @@ def sensor_reading(
 
     Args:
         chain: Those joints.
-        tip: The sensor.
+        tip: The sensor in the frame of the last of them.
         gravity: In the world, shape (3,) [m/s^2].
-        motion: Joint angles, rates and accelerations, shape (3, m) [rad, rad/s, rad/s^2].
+        motion: Angles [rad], rates [rad/s] and accelerations [rad/s^2] of the joints, shape (3, m).
         reading: Filled with angular rate [rad/s] and specific force [m/s^2] in the sensor, shape
             (6,).
         slopes: Filled with the derivatives by angles, rates and accelerations, shape (3, 6, m);
             columns of other joints are left alone.
     """
+    # Longer than a screen and of many branches: the walk and the derivatives share all vectors,
+    # whose algebra is written out, since arrays made in the loops would take most of the time.
     count, columns = chain.columns.shape[0], chain.columns
     body, R, S = np.empty((7, 3)), np.empty((3, 3)), np.empty((3, 3))
     d, x, y = np.empty(3), np.empty(3), np.empty(3)
@@ -77,28 +79,29 @@ def sensor_reading(
         np.empty(3),
     )
     for j in range(count):
-        column, axis, rate, turning = columns[j], at[j, 0], at[j, 4], at[j, 5]
-        for r in range(3):
+        column, axis, rate, spin_up = columns[j], at[j, 0], at[j, 4], at[j, 5]
+        for r in range(3):  # r of the module's equations
             d[r] = p[r] - at[j, 1, r]
-        _cross(rate, d, x)
+        _cross(rate, d, x)  # r' = v_s - v_o - omega x r
         for r in range(3):
             rel_v[r] = pv[r] - at[j, 2, r] - x[r]
+        # r'' = a_s - a_o - alpha x r - omega x (omega x r) - 2 omega x r'
         _cross(rate, x, y)
-        _cross(turning, d, x)
+        _cross(spin_up, d, x)
         for r in range(3):
             rel_a[r] = pa[r] - at[j, 3, r] - x[r] - y[r]
         _cross(rate, rel_v, x)
         for r in range(3):
             rel_a[r] -= 2.0 * x[r]
-        _cross(axis, d, ur)
-        _cross(rate, axis, gyr_q)
-        _cross(rate, ur, x)  # by v: 2 rate x (u x r) + 2 u x r'
+        _cross(axis, d, ur)  # d a / d a_k
+        _cross(rate, axis, gyr_q)  # d omega / d q_k
+        _cross(rate, ur, x)  # d a / d v_k
         _cross(axis, rel_v, y)
         for r in range(3):
             acc_v[r] = 2.0 * x[r] + 2.0 * y[r]
-        _cross(rate, x, acc_q)  # by q, with -u x f from the turning of the sensor's axes
+        _cross(rate, x, acc_q)  # d a / d q_k, with -u x f as the sensor's axes turn with the joint
         _cross(rate, y, x)
-        _cross(turning, ur, y)
+        _cross(spin_up, ur, y)
         for r in range(3):
             acc_q[r] += 2.0 * x[r] + y[r]
             d[r] = rel_a[r] - f[r]

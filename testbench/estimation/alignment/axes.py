@@ -1,5 +1,4 @@
-"""Axis identification: which axis of the recording, with which sign, is each axis of the sensor as
-mounted.
+"""Axis identification: which axis of the recording is each axis of the sensor as mounted.
 
 The readings are regressed on what the arm says the sensor felt; the signed permutation nearest to
 the 3 x 3 map names the axes, its determinant the handedness, its size the unit, and what is left
@@ -42,8 +41,8 @@ def identify_axes(
 
     Args:
         samples: As recorded.
-        time_ns: Their instants on the host's clock, shape (n,).
-        static: At rest and sound, shape (n,).
+        time_ns: Their instants on the host's clock, shape (n,) [ns].
+        static: Whether each is at rest and sound, shape (n,), bool.
         truth: Of the sensor, in the axes it is believed to have.
         gravity: In the world, shape (3,) [m/s^2].
 
@@ -146,14 +145,16 @@ def _two_readings(axes: str, dip_deg: float | None) -> str:
 def true_rates(
     truth: Truth, time_ns: np.ndarray, over_s: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """True angular rate in the sensor at times, shape (n, 3) [rad/s], and where it is known, shape
-    (n,).
+    """True angular rate in the sensor at times.
 
     Args:
         truth: Of the sensor.
-        time_ns: Shape (n,).
+        time_ns: The times, shape (n,) [ns].
         over_s: Length of the interval about each time that the rate is the mean of [s], as of a
             sensor that integrates; the rate at the instant if 0.
+
+    Returns:
+        The rate, shape (n, 3) [rad/s], and where it is known, shape (n,), bool.
     """
     if truth.rate is not None and over_s <= 0:
         rate = np.column_stack(
@@ -180,9 +181,8 @@ def _triad(read: np.ndarray, felt: np.ndarray, least: float) -> AxisFinding:
     if seen.sum() < 2:
         return AxisFinding(unseen=unseen)
     columns = np.flatnonzero(seen)
-    response = np.linalg.lstsq(y[:, columns], x, rcond=None)[
-        0
-    ].T  # (3, k): readings = response @ felt
+    # readings = response @ felt, shape (3, k)
+    response = np.linalg.lstsq(y[:, columns], x, rcond=None)[0].T
     gain = float(np.sqrt(np.mean(np.sum(response**2, axis=0))))
     left = x - y[:, columns] @ response.T
     agreement = float(1 - np.sum(left**2) / np.sum(x**2)) if np.any(x) else float("nan")
@@ -209,8 +209,9 @@ def _alone(spread: np.ndarray, j: int) -> float:
 
 
 def _text(nearest: np.ndarray) -> str:
-    """As `testbench import --axes` takes it: which axis of the file each axis of the sensor is.
-    readings = nearest @ felt.
+    """Which axis of the file each axis of the sensor is, as `testbench import --axes` takes it.
+
+    Readings = nearest @ felt.
     """
     entries = []
     for j, axis in enumerate(AXES):

@@ -1,5 +1,4 @@
-"""Frame alignment: the heading of a filter's earth, and what is left of the mounting, from a pose
-the arm knows.
+"""Frame alignment: heading of a filter's earth and error of the mounting, from a known pose.
 
 Two rotations stand between what a filter says and the truth: the unknown heading acts on the left
 (about the vertical, one angle, new at each power-up), the mounting acts on the right (in the
@@ -24,7 +23,7 @@ def fit_frames(
 
     Args:
         q_earth_from_sensor: By the filter, over the reference pose, shape (n, 4).
-        q_world_from_sensor: The truth, (m, 4).
+        q_world_from_sensor: The truth, shape (m, 4).
         method: "heading" or "reference_pose".
     """
     estimated, true = rotation.mean(q_earth_from_sensor), rotation.mean(q_world_from_sensor)
@@ -45,7 +44,7 @@ def fit_frames_by_motion(
 
     Args:
         q_earth_from_sensor: By the filter, shape (n, 4).
-        q_world_from_sensor: The truth at the same instants, (n, 4).
+        q_world_from_sensor: The truth at the same instants, shape (n, 4).
         seconds: How long the motion lasts; a pair a second counts as independent.
 
     Returns:
@@ -75,12 +74,11 @@ def fit_frames_by_motion(
 def fit_frames_by_vectors(
     q_earth_from_sensor: np.ndarray, q_world_from_sensor: np.ndarray, mounting: VectorMounting
 ) -> tuple[FrameFit, str | None]:
-    """Alignment with the mounting that rates and gravity gave; only the heading is left to the
-    filter.
+    """Alignment with the mounting by rates and gravity; only the heading is left to the filter.
 
     Args:
         q_earth_from_sensor: By the filter, shape (n, 4).
-        q_world_from_sensor: The truth at the same instants, (n, 4).
+        q_world_from_sensor: The truth at the same instants, shape (n, 4).
         mounting: How the sensor sits in its mounting as believed.
     """
     q = q_earth_from_sensor
@@ -104,7 +102,12 @@ def fit_frames_by_vectors(
 
 
 def apply_frames(q_earth_from_sensor: np.ndarray, fit: FrameFit) -> np.ndarray:
-    """q_world_from_sensor, shape (n, 4)."""
+    """q_world_from_sensor by a filter and its alignment, shape (n, 4).
+
+    Args:
+        q_earth_from_sensor: By the filter, shape (n, 4).
+        fit: The alignment.
+    """
     if fit.method == "none":
         return q_earth_from_sensor
     tilt = rotation.from_rotation_vector(np.radians(np.array(fit.tilt_deg)))

@@ -1,6 +1,6 @@
-"""World and mounting together from orientations: q_world_from_body X = Z q_earth_from_sensor, often
-written AX = ZB.
+"""World and mounting together from orientations: q_world_from_body X = Z q_earth_from_sensor.
 
+That is often written AX = ZB.
 Maximising sum (z' M_i x)^2, with M_i x = conj-product of the pair, is blind to the signs of the
 quaternions. The best rank-one approximation starts it, alternating eigenvectors finish it. Its
 information matrix says which rotation the motion cannot show: with a single axis of motion, turning
@@ -28,8 +28,8 @@ class HandEye(ShownMounting):
     Attributes:
         q_world_from_earth: Shape (4,).
         residual: RMS angle that is left [rad].
-        world_sd: Standard uncertainties about each axis, shape (3,) [rad].
-        mounting_sd: Standard uncertainties about each axis, shape (3,) [rad].
+        world_sd: Standard uncertainty of the world about each axis, shape (3,) [rad].
+        mounting_sd: Standard uncertainty of the mounting about each axis, shape (3,) [rad].
         mounting_covariance: Of a small rotation about the axes of the sensor, shape (3, 3) [rad^2].
     """
 
@@ -45,12 +45,11 @@ class HandEye(ShownMounting):
 def solve_hand_eye(
     q_world_from_body: np.ndarray, q_earth_from_sensor: np.ndarray, independent: float | None = None
 ) -> HandEye:
-    """Solve q_world_from_body X = Z q_earth_from_sensor for X = q_body_from_sensor and Z =
-    q_world_from_earth.
+    """Solve for X = q_body_from_sensor and Z = q_world_from_earth.
 
     Args:
-        q_world_from_body: At the same instants, of any signs, shape (n, 4), n >= 3.
-        q_earth_from_sensor: At the same instants, of any signs, shape (n, 4), n >= 3.
+        q_world_from_body: By the arm, of any signs, shape (n, 4), n >= 3.
+        q_earth_from_sensor: By the filter, at the same instants, of any signs, shape (n, 4).
         independent: How many of the pairs count as independent for the uncertainties; all if None.
 
     Raises:
@@ -73,7 +72,7 @@ def solve_hand_eye(
     _, vectors = np.linalg.eigh(flat.T @ flat)
     u, _, vt = np.linalg.svd(vectors[:, -1].reshape(4, 4))
     z, x = u[:, 0], vt[0]
-    for _ in range(50):
+    for _ in range(50):  # alternately the best z for x and the best x for z
         previous = x
         z = _principal(M @ x)
         x = _principal(np.einsum("nji,j->ni", M, z))
@@ -90,8 +89,9 @@ def solve_hand_eye(
 def _with_uncertainty(
     z: np.ndarray, x: np.ndarray, residual: float, sensor: np.ndarray, independent: float
 ) -> HandEye:
-    """Information of small rotations of the sensor (right) and of the earth (left): each pair sees
-    dx - R' dz.
+    """The solution with its information: of small rotations each pair sees dx - R' dz.
+
+    dx is that of the sensor (right), dz that of the earth (left).
     """
     R_sensor_from_earth = np.swapaxes(rotation.to_matrix(sensor), 1, 2)
     mean = R_sensor_from_earth.mean(axis=0)

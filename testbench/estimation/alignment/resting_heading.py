@@ -9,14 +9,12 @@ from testbench.estimation.signals.segmentation import intervals_of
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 
-LEAST_REST_S, LONGEST_PIECE_S = 1.0, 5.0
-"""Rests are looked at in pieces of up to this long: a heading that turns once round in a piece is
-not seen to move [s].
+LEAST_REST_S, LONGEST_CHUNK_S = 1.0, 5.0
+"""Shortest still interval that counts, and the longest chunk of one: a heading that turns once
+round in a chunk is not seen to move [s].
 """
 ENOUGH_REST_S = 10.0
-"""Of a shorter rest, all rests together, nothing is said: a filter still settles in its first
-seconds [s].
-"""
+"""Of less still time in all nothing is said: a filter still settles in its first seconds [s]."""
 LEAST_DRIFT = np.radians(0.1)
 """A slower drift is not remarked on; an Xsens DOT's gyroscope is specified to 10 deg/h, 0.003 deg/s
 [rad/s].
@@ -26,19 +24,21 @@ LEAST_DRIFT = np.radians(0.1)
 def resting_drift(
     q_world_from_sensor: np.ndarray, time_ns: np.ndarray, resting: np.ndarray
 ) -> float | None:
-    """Median speed of an orientation's heading while the sensor rests [rad/s], or None where it
-    never rests for a second.
+    """Median speed of an orientation's heading while the sensor rests [rad/s].
 
     Args:
         q_world_from_sensor: Shape (n, 4).
-        time_ns: Increasing, shape (n,).
-        resting: Shape (n,), bool.
+        time_ns: Increasing, shape (n,) [ns].
+        resting: Whether the sensor is at rest, shape (n,), bool.
+
+    Returns:
+        The speed; None where the sensor never rests for a second.
     """
     begins, ends = [], []
     for first, end in intervals_of(resting, 2):
         seconds = (time_ns[end - 1] - time_ns[first]) / NANOSECONDS
         if seconds >= LEAST_REST_S:
-            edges = np.linspace(first, end - 1, int(np.ceil(seconds / LONGEST_PIECE_S)) + 1).astype(
+            edges = np.linspace(first, end - 1, int(np.ceil(seconds / LONGEST_CHUNK_S)) + 1).astype(
                 int
             )
             begins.append(edges[:-1])
@@ -53,8 +53,16 @@ def resting_drift(
 def drift_remark(
     kind: OrientationFilter, q: np.ndarray, time_ns: np.ndarray, resting: np.ndarray
 ) -> str | None:
-    """A sentence on a filter without magnetometer whose heading turns while the sensor rests; None
-    where it stays.
+    """A sentence on a filter without magnetometer whose heading turns while the sensor rests.
+
+    Args:
+        kind: The filter.
+        q: What it gave, q_world_from_sensor, shape (n, 4).
+        time_ns: Increasing, shape (n,) [ns].
+        resting: Whether the sensor is at rest, shape (n,), bool.
+
+    Returns:
+        The sentence; None where the heading stays.
     """
     if "mag" in kind.needs:
         return None
@@ -70,7 +78,12 @@ def drift_remark(
 
 
 def rest_seconds(time_ns: np.ndarray, resting: np.ndarray) -> float:
-    """How long a sensor rests, rests below a second left out [s]."""
+    """How long a sensor rests, still intervals below a second left out [s].
+
+    Args:
+        time_ns: Increasing, shape (n,) [ns].
+        resting: Whether the sensor is at rest, shape (n,), bool.
+    """
     lengths = [
         (time_ns[end - 1] - time_ns[first]) / NANOSECONDS for first, end in intervals_of(resting, 2)
     ]

@@ -1,6 +1,4 @@
-"""What a recording shows of a mounting, and whether that is enough to believe it: one verdict for
-every way of solving it.
-"""
+"""What a recording shows of a mounting, and whether that is enough to believe it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Mounting from vectors that arm and sensor both know, angular rates and gravity, without any
-filter.
+"""Mounting from vectors that arm and sensor both know: angular rates and gravity, no filter.
 
 Wahba's problem by SVD (Markley, Attitude determination using vector observations and the singular
 value decomposition, 1988); the two kinds of vectors weigh in by what each leaves unexplained.
@@ -20,8 +19,7 @@ ROUNDS = 4
 
 @dataclass(frozen=True)
 class VectorMounting(ShownMounting):
-    """How a sensor sits in the body; observability is that of the vectors beside the axis they show
-    least.
+    """How a sensor sits in the body; observability is that of the axis which is shown least.
 
     Attributes:
         sd: Standard uncertainty about each axis of the sensor, shape (3,) [rad].

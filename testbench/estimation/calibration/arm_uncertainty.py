@@ -25,13 +25,15 @@ from testbench.records.session.session import Session
 
 
 def shifted_truths(session: Session, sensor: str, truth: Truth) -> list[Truth]:
-    """The truth with each joint's zero off by its standard uncertainty, of the joints that turn the
-    sensor.
+    """The truth with the zero of a joint off by its standard uncertainty, joint by joint.
 
     Args:
         session: With the arm's samples, or nothing comes of it.
         sensor: Its name.
         truth: Of the sensor.
+
+    Returns:
+        One truth for each joint that turns the sensor.
     """
     arm, robot = session.arm(), session.robot
     if (
@@ -83,7 +85,7 @@ def with_arm_uncertainty(
         prepared: The recording.
         truths: One for each joint.
         triads: As the methods gave them.
-        field: As for `calibrate`.
+        field: Of the earth in the world, shape (3,) [uT], as for `calibrate`.
     """
     accelerometer = triads.get("accelerometer")
     by_arm = accelerometer is not None and in_believed_axes(accelerometer)
@@ -108,10 +110,11 @@ def with_arm_uncertainty(
             continue
         for name, found in concerned.items():
             for total, old, new in zip(added[name], found.fits, again[name].fits, strict=True):
+                # JCGM 100:2008, 5.1.3 with a numeric derivative
                 total += np.outer(new.values - old.values, new.values - old.values)
         name = next(iter(concerned))
-        near = [rotation.nearest_rotation(which[name].matrix) for which in (concerned, again)]
-        turned += float(rotation.angle(rotation.from_matrix(near[0].T @ near[1]))) ** 2
+        nearest = [rotation.nearest_rotation(which[name].matrix) for which in (concerned, again)]
+        turned += float(rotation.angle(rotation.from_matrix(nearest[0].T @ nearest[1]))) ** 2
     result = dict(triads)
     for name, found in concerned.items():
         fits = tuple(

@@ -1,5 +1,4 @@
-"""Twelve parameters from poses whose orientation the arm knows: reading = response x expected +
-bias.
+"""Twelve parameters from poses of known orientation: reading = response x expected + bias.
 
 Linear in all twelve, so one weighted least-squares step is the answer (the multi-position tumble
 test of IEEE Std 1293-2018, with the arm in the place of the dividing head). Each pose gives three
@@ -49,6 +48,7 @@ def attitude_aided(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> 
     if warm is not None:
         parameters += drift_parameters(tolerance)
         design = np.concatenate([design, np.eye(3) * warm[:, None, None]], axis=2)
+    # rows of unit variance, so that one step of least squares is the answer
     whiten = whitening(poses.covariance())
     fit = solve_linear(
         (whiten @ design).reshape(-1, len(parameters)),
@@ -68,8 +68,13 @@ def known_field(poses: StaticPoses) -> TriadCalibration:
 
 
 def triad_design(expected: np.ndarray) -> np.ndarray:
-    """Readings of a triad by its twelve parameters: response row by row, then bias; shape (m, 3) to
-    (m, 3, 12).
+    """Derivative of a triad's readings by its twelve parameters: response by rows, then bias.
+
+    Args:
+        expected: True vectors, shape (m, 3) [unit].
+
+    Returns:
+        Shape (m, 3, 12).
     """
     design = np.zeros((len(expected), 3, 12))
     for axis in range(3):

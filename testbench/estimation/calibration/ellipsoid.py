@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.estimation.calibration.norm_fit import ellipsoid_through, fit_norm
+from testbench.estimation.calibration.norm_fit import MatrixModel, ellipsoid_through, fit_norm
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import MAGNETOMETER, Tolerance
 from testbench.model.statistics.least_squares import FitParameter
@@ -57,15 +57,12 @@ def ellipsoid(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> TriadC
         FitParameter(f"soft_{name}", "1", float(name[0] == name[1]), tolerance.response)
         for name in ENTRIES
     ]
-    return fit_norm(
-        poses, shape, symmetric_root, symmetric, lambda _: BASIS, tolerance, "ellipsoid", remarks
-    )
+    model = MatrixModel(shape, symmetric_root, symmetric, lambda _: BASIS)
+    return fit_norm(poses, model, tolerance, "ellipsoid", remarks)
 
 
 def with_magnitude(poses: StaticPoses) -> tuple[StaticPoses, bool]:
-    """The poses with a length of the field, by their own ellipsoid where none was given; and
-    whether that was so.
-    """
+    """The poses with a length of the field, and whether it is that of their own ellipsoid."""
     if np.isfinite(poses.magnitude):
         return poses, False
     guess = ellipsoid_through(poses.mean)
@@ -79,12 +76,20 @@ def with_magnitude(poses: StaticPoses) -> tuple[StaticPoses, bool]:
 
 
 def symmetric(theta: np.ndarray) -> np.ndarray:
-    """A symmetric matrix of its six entries, xx, yy, zz, xy, xz, yz."""
+    """A symmetric matrix, shape (3, 3), of its six entries.
+
+    Args:
+        theta: xx, yy, zz, xy, xz and yz, shape (6,).
+    """
     return np.asarray(np.tensordot(theta, BASIS, 1))
 
 
 def symmetric_root(Q: np.ndarray) -> np.ndarray:
-    """The six entries of the positive root of a symmetric matrix (3, 3)."""
+    """The six entries of the positive root of a symmetric matrix, shape (6,).
+
+    Args:
+        Q: Shape (3, 3).
+    """
     values, vectors = np.linalg.eigh(Q)
     root = vectors * np.sqrt(values) @ vectors.T
     return root[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]

@@ -13,7 +13,14 @@ LEAST_SHARE = 0.95
 
 
 def face_of(vectors: np.ndarray) -> np.ndarray:
-    """Index into `FACES` of each vector, -1 where no face is up, shape (m, 3) to (m,), int."""
+    """The face that each vector points out of.
+
+    Args:
+        vectors: Shape (m, 3), any unit.
+
+    Returns:
+        Indices into `FACES`, -1 where no face is up, shape (m,), int.
+    """
     axis = np.argmax(np.abs(vectors), axis=1)
     along = vectors[np.arange(len(vectors)), axis]
     clear = np.abs(along) >= LEAST_SHARE * np.linalg.norm(vectors, axis=1)
@@ -24,7 +31,7 @@ def need_all_faces(face: np.ndarray) -> None:
     """Refuse poses that leave a face out.
 
     Args:
-        face: As of `face_of`.
+        face: As of `face_of`, shape (m,).
 
     Raises:
         PoorExcitation: A face is never up.

@@ -38,7 +38,7 @@ class FerrarisTurn:
     Attributes:
         rate: Raw, shape (n, 3) [rad/s].
         force: By the calibrated accelerometer, shape (n, 3) [m/s^2].
-        interval: [s].
+        interval: Between samples [s].
     """
 
     rate: np.ndarray
@@ -62,6 +62,7 @@ def ferraris(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> TriadC
         up, down = 2 * j, 2 * j + 1
         for i in range(3):
             combine[3 * i + j, [3 * up + i, 3 * down + i]] = np.array([0.5, -0.5]) / poses.magnitude
+        # bias, eq. 20; response above, eqs 21 to 23
         combine[9 + j, [3 * up + j, 3 * down + j]] = 0.5
     noise = np.zeros((18, 18))
     for face in range(6):
@@ -97,6 +98,7 @@ def ferraris_gyroscope(
         InputError: Not three turns.
         PoorExcitation: A face is never up.
     """
+    # Longer than a screen: one linear map of the means, its rows in the order of the paper.
     if len(turns) != 3:
         raise InputError(f"Ferraris needs three turns, about x, y and z; {len(turns)} were given")
     face = face_of(force.mean)
@@ -114,6 +116,7 @@ def ferraris_gyroscope(
     # axis of the gyroscope.
     found = np.zeros((7, m + 3))  # response (3), bias, g-sensitivity (3)
     found[3, :m], found[4:, :m] = pooled, differ
+    # eqs 12 to 15: what was swept less bias and response to force, over the angle
     found[:3, m:] = np.eye(3) / angle
     found[:3, :m] = -(lasting[:, None] * pooled + felt @ differ) / angle
     values = found @ np.vstack([rest.mean, swept])
@@ -178,8 +181,7 @@ def unused_turns(recording: GyroscopeRecording) -> list[Turn]:
 def ferraris_of_recording(
     recording: GyroscopeRecording, angle: float | None = None
 ) -> TriadCalibration:
-    """The same from rests and the turns between them, of which the largest about each axis is the
-    known one.
+    """The same from rests and turns, of which the largest about each axis is the known one.
 
     Args:
         recording: Rests with the force they feel, and each face up in one of them; turns with their
@@ -206,9 +208,8 @@ def ferraris_of_recording(
         -1, 3
     )
     still = StaticPoses(mean, variance, magnitude, count=count)
-    felt = StaticPoses(
-        force, np.ones_like(force), magnitude, count=count
-    )  # of it only the means are asked for
+    # of the forces only the means are asked for
+    felt = StaticPoses(force, np.ones_like(force), magnitude, count=count)
     largest = [recording.turns[i] for i in largest_turns(recording)]
     turns = [
         FerrarisTurn(turn.gyr, turn.force, turn.interval)

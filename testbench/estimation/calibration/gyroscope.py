@@ -1,5 +1,4 @@
-"""Gyroscope calibration from rests and turns: bias, scale, misalignment, and where the force is
-known the response to it.
+"""Gyroscope calibration from rests and turns: bias, scale, misalignment, response to force.
 
 The model is that of Tedaldi, Pretto & Menegatti, A robust and easy to implement method for IMU
 calibration without external equipments, ICRA 2014, with the bias subtracted and the response to
@@ -32,9 +31,7 @@ from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.fit import Fit
 
 SCALE_SIZE = 0.05
-"""What is known of scales and misalignments beforehand, standard deviation [1, rad]: above any
-consumer MEMS data sheet.
-"""
+"""Standard deviation of scales and misalignments beforehand [1, rad], above any data sheet."""
 BIAS_SIZE = np.radians(20.0)
 """What is known of a bias beforehand [rad/s]: the zero-rate output of consumer MEMS data sheets
 (PS-MPU-6000A: +-20 deg/s).
@@ -50,12 +47,12 @@ consumer MEMS data sheets.
 LEAST_NOISE = 1e-9
 """Below this a sensor counts as free of noise [rad/s]; weights stay finite."""
 FEWEST_SAMPLES = 10
-SHORTEST_PIECE = 3
-"""Samples of a piece: integrators whose rates inside a step come from the samples beside need as
+SHORTEST_CHUNK = 3
+"""Samples of a chunk: integrators whose rates inside a step come from the samples beside need as
 many.
 """
 WINDOW_S = 0.5
-"""Length of the pieces whose turn is compared with the arm's [s]: long against a sample, short
+"""Length of the chunks whose turn is compared with the arm's [s]: long against a sample, short
 against a motion.
 """
 
@@ -83,7 +80,7 @@ class RestReading:
 
     Attributes:
         bias: Mean, shape (3,) [rad/s].
-        sd: Standard uncertainty of it as the bias of a turn, shape (3,).
+        sd: Standard uncertainty of it as the bias of a turn, shape (3,) [rad/s].
         noise: Of one sample, about each axis alike [rad/s].
         samples: How many.
     """
@@ -153,8 +150,7 @@ def gravity_turns(
     g_sensitivity: bool = False,
     in_run: float = IN_RUN,
 ) -> TriadCalibration:
-    """Scale and misalignment by the direction of gravity before and after each turn (Tedaldi,
-    Pretto & Menegatti 2014).
+    """Scale and misalignment by gravity before and after each turn (Tedaldi et al. 2014).
 
     Turning the direction before by the integrated rates must give the direction after. Of the
     difference, the two components across that direction count, each weighed by the noise of the
@@ -162,8 +158,8 @@ def gravity_turns(
     along, so that what is not known of it widens the rest.
 
     Args:
-        recording: Rests, and turns with `up_before` and `up_after`; seven turns at least about
-            different axes.
+        recording: Rests, and turns with `up_before` and `up_after`; at least seven, about different
+            axes.
         integrator: See `testbench.model.integrators`.
         stages: Where its rates come from, its best if None.
         g_sensitivity: Whether to fit the response to specific force too, from rests and turns that
@@ -174,6 +170,7 @@ def gravity_turns(
         PoorExcitation: The turns do not determine a parameter.
         InputError: Nothing to calibrate from.
     """
+    # Longer than a screen: what is compared and what makes it independent share the turns.
     turns = [
         turn for turn in recording.turns if turn.up_before is not None and turn.up_after is not None
     ]
@@ -235,30 +232,30 @@ def attitude(
     g_sensitivity: bool = True,
     in_run: float = IN_RUN,
 ) -> TriadCalibration:
-    """Scale, misalignment, bias and response to force by an arm that knows the orientation at every
-    sample.
+    """Scale, misalignment, bias and response to force by an arm that knows every orientation.
 
-    Each piece of a turn, integrated, must turn as the arm did: three numbers for each piece, where
+    Each chunk of a turn, integrated, must turn as the arm did: three numbers for each chunk, where
     gravity gives two for each turn.
 
     Args:
         recording: Turns with `q_world_from_sensor`, and rests.
-        integrator: As for `gravity_turns`.
-        stages: As for `gravity_turns`.
-        in_run: As for `gravity_turns`.
-        window: Length of a piece [s]; the whole turn if None.
+        integrator: See `testbench.model.integrators`.
+        stages: Where its rates come from, its best if None.
+        window: Length of a chunk [s]; the whole turn if None.
         g_sensitivity: Whether to fit the response to specific force, which every turn must then
             know; rests that know it help.
+        in_run: What the bias of a turn may differ from that at rest [rad/s].
 
     Raises:
         PoorExcitation: The turns do not determine a parameter.
         InputError: Nothing to calibrate from.
     """
+    # Longer than a screen: what is compared and what makes it independent share the turns.
     turns = [
-        piece
+        chunk
         for turn in recording.turns
         if turn.q_world_from_sensor is not None
-        for piece in _pieces(turn, window)
+        for chunk in _chunks(turn, window)
     ]
     if not turns:
         raise InputError(
@@ -296,9 +293,9 @@ def attitude(
     fit = _search(
         integration, compare, whiten, _RestRows(reading, rests, in_run), g_sensitivity, advice
     )
-    pieces = "whole turns" if window is None else f"pieces of {window:g} s"
+    chunks = "whole turns" if window is None else f"chunks of {window:g} s"
     return _result(
-        "attitude", fit, (f"{pieces}, integrated by {integrator} with {integration.stages} rates",)
+        "attitude", fit, (f"{chunks}, integrated by {integrator} with {integration.stages} rates",)
     )
 
 
@@ -315,15 +312,16 @@ def _rests_with_force(recording: GyroscopeRecording, turns: Sequence[Turn]) -> l
     return [rest for rest in recording.rests if rest.force is not None]
 
 
-def _pieces(turn: Turn, window: float | None) -> list[Turn]:
-    """A turn cut into pieces that share their borders; two samples left at the end, too few to
-    integrate, join the last one.
+def _chunks(turn: Turn, window: float | None) -> list[Turn]:
+    """A turn cut into chunks that share their borders.
+
+    Two samples left at the end are too few to integrate, and join the last chunk.
     """
     if window is None:
         return [turn]
     size, last = max(round(window / turn.interval), 1), len(turn.gyr) - 1
     borders = [*range(0, last, size), last]
-    if len(borders) > 2 and borders[-1] - borders[-2] < min(SHORTEST_PIECE - 1, size):
+    if len(borders) > 2 and borders[-1] - borders[-2] < min(SHORTEST_CHUNK - 1, size):
         del borders[-2]
     return [turn.part(begin, end + 1) for begin, end in pairwise(borders)]
 
@@ -382,16 +380,17 @@ def _search(
     g_sensitivity: bool,
     advice: str,
 ) -> Fit:
-    """Least squares over turns and rests, the scatter known: widened where the residuals are
-    larger, and never narrowed.
+    """Least squares over turns and rests, the scatter known.
+
+    The covariance is widened where the residuals are larger, and never narrowed.
 
     Small differences at the ends say that the arm repeats well. They say nothing of the bias and
     the response to gravity, which the rests and their in-run bias decide.
 
     Args:
         integration: The turns.
-        compare: Differences at their ends (m, k), and what a small turn of an end does to them (m,
-            k, 3).
+        compare: Differences at their ends, shape (m, k), and what a small turn of an end does to
+            them, shape (m, k, 3).
         whiten: What makes them independent and of unit variance.
         rest_rows: What the rests say.
         g_sensitivity: Whether to fit G.
@@ -451,8 +450,14 @@ def _parameters(bias: np.ndarray, g_sensitivity: bool) -> list[FitParameter]:
 
 
 def matrix_of(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """T K, shape (3, 3), of scales and misalignments, and its elements (row by row) by these, shape
-    (9, 9).
+    """T K of scales and misalignments, and its derivative.
+
+    Args:
+        theta: Three scales [1], then six misalignments [rad] in the order of `ELEMENTS`, shape (p,)
+            with p >= 9.
+
+    Returns:
+        T K, shape (3, 3), and its elements, row by row, by the nine parameters, shape (9, 9).
     """
     scale, T = theta[SCALES], np.eye(3)
     slope = np.zeros((3, 3, 9))
@@ -478,15 +483,14 @@ def gravity_direction_errors(
     integrator: str = "rk4",
     stages: Stages | None = None,
 ) -> np.ndarray:
-    """Angle between gravity's direction after each turn as integrated and as measured, shape (m,)
-    [rad].
+    """Angle between gravity after each turn as integrated and as measured, shape (m,) [rad].
 
     Args:
         calibration: To correct with; `TriadCalibration("none")` for raw readings.
         turns: With `up_before` and `up_after`; turns that the calibration was not made from, if it
             is to be judged.
-        integrator: As for `gravity_turns`.
-        stages: As for `gravity_turns`.
+        integrator: See `testbench.model.integrators`.
+        stages: Where its rates come from, its best if None.
     """
     if calibration.reference is not None:
         turns = [turn.without_drift(calibration.drift, calibration.reference) for turn in turns]
@@ -516,8 +520,10 @@ def validated(
 
 
 def turn_figures(errors: np.ndarray) -> dict[str, float]:
-    """Errors of gravity's direction on turns held out, shape (m,) [rad], as figures of a
-    validation.
+    """Errors of gravity's direction on turns held out, as figures of a validation.
+
+    Args:
+        errors: Angles, shape (m,) [rad].
     """
     error_deg = np.degrees(errors)
     return {

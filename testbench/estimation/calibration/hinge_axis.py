@@ -1,6 +1,4 @@
-"""The axis of a hinge, such as an elbow or a knee, in the axes of the sensors beside it, from their
-motion alone.
-"""
+"""The axis of a hinge, such as an elbow, in the sensors beside it, from their motion alone."""
 
 from __future__ import annotations
 
@@ -42,8 +40,8 @@ class HingeAxes:
     """One hinge in the axes of two sensors.
 
     Attributes:
-        first: Unit vectors, shape (3,).
-        second: Unit vectors, shape (3,).
+        first: Unit vector in the first sensor, shape (3,).
+        second: Unit vector in the second sensor, shape (3,).
         fit: Both, first_x to second_z, with covariance (each lies across its vector).
         signs_agree: Whether accelerometers told that both point the same way; rates alone do not.
     """
@@ -55,8 +53,7 @@ class HingeAxes:
 
 
 def axis_of_turn(rate: np.ndarray, independent: float | None = None) -> Fit:
-    """Axis about which a sensor turns to and fro, its other segment at rest: the principal
-    direction of its rates.
+    """Axis about which a sensor turns, its other segment at rest: main direction of its rates.
 
     Positive along its largest component. Noise across the axis decides the uncertainty.
 
@@ -113,10 +110,10 @@ def hinge_axes(
     the best of a grid.
 
     Args:
-        first_rate: Biases taken away, at the same instants, shape (n, 3) [rad/s].
-        second_rate: Biases taken away, at the same instants, shape (n, 3) [rad/s].
-        first_force: Specific force, shape (n, 3) [m/s^2]; both or none.
-        second_force: Specific force, shape (n, 3) [m/s^2]; both or none.
+        first_rate: Of the first sensor, bias taken away, shape (n, 3) [rad/s].
+        second_rate: Of the second sensor, at the same instants, shape (n, 3) [rad/s].
+        first_force: Specific force of the first sensor, shape (n, 3) [m/s^2]; both or none.
+        second_force: Specific force of the second sensor, shape (n, 3) [m/s^2].
         force_weight: Of the second constraint against the first [rad/s per m/s^2]: standard
             deviation of the difference of rates over that of forces. The default takes 0.01 rad/s
             and 0.5 m/s^2, the latter by the sensors' distance.
@@ -125,6 +122,7 @@ def hinge_axes(
     Raises:
         PoorExcitation: The motion leaves an axis vaguer than 10 deg.
     """
+    # Longer than a screen: residuals and their derivatives share the readings and the tangents.
     names = [f"{which}_{i}" for which in ("first", "second") for i in AXES]
     moving = np.linalg.norm(first_rate, axis=1) + np.linalg.norm(second_rate, axis=1) > LEAST_RATE
     if moving.sum() < 5:
@@ -148,6 +146,7 @@ def hinge_axes(
         return a, b, (B1 - np.outer(a, a @ B1)) / na, (B2 - np.outer(b, b @ B2)) / nb
 
     def residuals(t: np.ndarray) -> np.ndarray:
+        # |w1 x j1| - |w2 x j2|, and a1 . j1 - a2 . j2
         a, b, _, _ = axes(t)
         rates = np.linalg.norm(np.cross(w1, a), axis=1) - np.linalg.norm(np.cross(w2, b), axis=1)
         return rates if forces is None else np.concatenate([rates, forces[0] @ a - forces[1] @ b])

@@ -1,5 +1,4 @@
-"""Heading between two sensors of a joint, whose filters know up but not north, from the axes that
-the joint turns about.
+"""Heading between two sensors of a joint that know no north, from the axes that it turns about.
 
 The heading d turns the earth of the second sensor into that of the first: q_earth1_from_earth2 is
 the rotation by d about the vertical. Here it is constant;
@@ -43,10 +42,10 @@ def heading_1d(
     lengths.
 
     Args:
-        q_earth1_from_sensor1: At the same instants, shape (n, 4).
-        q_earth2_from_sensor2: At the same instants, shape (n, 4).
-        axis1: The hinge in each sensor, pointing the same way, shape (3,).
-        axis2: The hinge in each sensor, pointing the same way, shape (3,).
+        q_earth1_from_sensor1: Orientations of the first sensor, shape (n, 4).
+        axis1: The hinge in the first sensor, shape (3,).
+        q_earth2_from_sensor2: Orientations of the second, at the same instants, shape (n, 4).
+        axis2: The hinge in the second sensor, pointing the same way, shape (3,).
         independent: How many of the samples count as independent; all if None.
 
     Returns:
@@ -63,9 +62,8 @@ def heading_1d(
     if np.sqrt(weight.mean()) < LEAST_HORIZONTAL:
         raise PoorExcitation(["heading"], float("inf"), ADVICE_1D)
     heading = float(np.angle(np.sum(first * np.conj(second))))
-    left = np.imag(first * np.conj(second) * np.exp(-1j * heading)) / np.sqrt(
-        weight
-    )  # sd is that of the horizontal parts
+    # divided by the root of the weight, so that its sd is that of the horizontal parts
+    left = np.imag(first * np.conj(second) * np.exp(-1j * heading)) / np.sqrt(weight)
     return _fit(heading, np.sqrt(weight), left, independent, ADVICE_1D)
 
 
@@ -77,8 +75,7 @@ def heading_2d(
     angle: float = np.pi / 2,
     independent: float | None = None,
 ) -> Fit:
-    """Constant heading of a joint with two axes, such as elbow and forearm together: the angle
-    between them does not change.
+    """Constant heading of a joint with two axes, such as elbow and forearm together.
 
     Laidig, Lehmann, Begin & Seel, Magnetometer-free realtime inertial motion tracking by
     exploitation of kinematic constraints in 2-DoF joints, EMBC 2019. The first axis is fixed in the
@@ -86,10 +83,10 @@ def heading_2d(
     b sin d + c = cos(angle).
 
     Args:
-        q_earth1_from_sensor1: At the same instants, shape (n, 4).
-        q_earth2_from_sensor2: At the same instants, shape (n, 4).
-        axis1: In each sensor, shape (3,).
-        axis2: In each sensor, shape (3,).
+        q_earth1_from_sensor1: Orientations of the first sensor, shape (n, 4).
+        axis1: The first axis, in the first sensor, shape (3,).
+        q_earth2_from_sensor2: Orientations of the second, at the same instants, shape (n, 4).
+        axis2: The second axis, in the second sensor, shape (3,).
         angle: Between the axes [rad].
         independent: How many of the samples count as independent; all if None.
 
@@ -101,6 +98,7 @@ def heading_2d(
     """
     j1 = rotation.rotate(q_earth1_from_sensor1, axis1 / np.linalg.norm(axis1))
     j2 = rotation.rotate(q_earth2_from_sensor2, axis2 / np.linalg.norm(axis2))
+    # j1 . j2 - cos(angle) = a cos d + b sin d + c
     a = j1[:, 0] * j2[:, 0] + j1[:, 1] * j2[:, 1]
     b = j1[:, 1] * j2[:, 0] - j1[:, 0] * j2[:, 1]
     c = j1[:, 2] * j2[:, 2] - np.cos(angle)

@@ -1,5 +1,4 @@
-"""How a magnetometer's axes sit against the accelerometer's: the field makes the same angle with
-the vertical in all poses.
+"""How a magnetometer's axes sit against the accelerometer's, by a dip that is always the same.
 
 Vertical u and field m, each in its own axes: u . R m = -|m| sin(dip) whatever the pose, which the
 heading does not enter (Kok & Schon, Magnetometer calibration using inertial sensors, IEEE Sensors
@@ -40,7 +39,7 @@ def align_axes(
 
     Args:
         field: By a calibrated magnetometer, shape (m, 3), any unit.
-        vertical: Upward, by the accelerometer, shape (m, 3).
+        vertical: Upward, by the accelerometer, shape (m, 3), any unit.
         angle_sd: Standard deviation of the angle between the two in a pose [rad]; from the scatter
             if None.
 
@@ -76,8 +75,7 @@ def align_axes(
 
 
 def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> TriadCalibration:
-    """Hard iron, soft iron and the axes against the accelerometer's together: from length and dip
-    of the field in each pose.
+    """Hard iron, soft iron and axes together, from length and dip of the field in each pose.
 
     corrected = A (raw - bias), with A general. Each pose gives |A (raw - bias)| = F and u . A (raw
     - bias) = -F sin(dip).
@@ -91,6 +89,7 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
         InputError: No vertical.
         PoorExcitation: The poses leave a parameter vaguer than its tolerance.
     """
+    # Longer than a screen: residuals and their derivatives share the poses and the whitening.
     if poses.vertical is None:
         raise InputError(
             "the method ellipsoid_dip needs the vertical of each pose, from a calibrated "
@@ -120,19 +119,17 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
         return A, h, np.linalg.norm(h, axis=1)
 
     def residuals(theta: np.ndarray) -> np.ndarray:
+        # |A (raw - bias)| - F, and u . A (raw - bias) + F sin(dip)
         _, h, length = split(theta)
         pair = np.column_stack([length - F, np.sum(u * h, axis=1) + F * np.sin(theta[12])])
         return np.asarray(np.einsum("mij,mj->mi", whiten, pair)).reshape(-1)
 
     def jacobian(theta: np.ndarray) -> np.ndarray:
         A, h, length = split(theta)
-        rows = np.stack(
-            [h / length[:, None], u], axis=1
-        )  # what each residual takes of a change of h
+        # what each residual takes of a change of h; dA = -A dM A
+        rows = np.stack([h / length[:, None], u], axis=1)
         J = np.zeros((len(x), 2, 13))
-        J[:, :, :9] = -((rows @ A)[:, :, :, None] * h[:, None, None, :]).reshape(
-            len(x), 2, 9
-        )  # dA = -A dM A
+        J[:, :, :9] = -((rows @ A)[:, :, :, None] * h[:, None, None, :]).reshape(len(x), 2, 9)
         J[:, :, 9:12] = -rows @ A
         J[:, 1, 12] = F * np.cos(theta[12])
         return np.asarray((whiten @ J).reshape(-1, 13))
@@ -148,9 +145,7 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
 
 
 def _start(m: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, float]:
-    """Rotation and dip from the linear problem u . G m + s = 0: its null vector, or no rotation
-    where that is none.
-    """
+    """Rotation and dip from the null vector of u . G m + s = 0; no rotation where that is none."""
     design = np.column_stack([(u[:, :, None] * m[:, None, :]).reshape(-1, 9), np.ones(len(u))])
     if len(u) >= 9:
         null = np.linalg.svd(design)[2][-1]
@@ -165,8 +160,9 @@ def _start(m: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _covariance(poses: StaticPoses, A: np.ndarray, bias: np.ndarray, dip: float) -> np.ndarray:
-    """Of both residuals of each pose, shape (m, 2, 2): noise of the field, and of the vertical's
-    direction in the second.
+    """Covariance of both residuals of each pose, shape (m, 2, 2).
+
+    Noise of the field, and in the second residual of the vertical's direction.
     """
     assert poses.vertical is not None
     h = (poses.mean - bias) @ A.T
@@ -177,8 +173,9 @@ def _covariance(poses: StaticPoses, A: np.ndarray, bias: np.ndarray, dip: float)
 
 
 def _turn(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """exp(w) and J with exp(w + d) = exp(J d) exp(w) to first order (Barfoot, State Estimation for
-    Robotics, ch. 7).
+    """exp(w), and J with exp(w + d) = exp(J d) exp(w) to first order.
+
+    Barfoot, State Estimation for Robotics, ch. 7.
     """
     x, y, z = w
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

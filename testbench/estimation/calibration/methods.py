@@ -195,7 +195,7 @@ _ALL = (
         "attitude",
         "gyroscope",
         "rests, and the arm's orientation and force at every sample",
-        "turns of the arm, piece by piece; docs/methods.md",
+        "turns of the arm, chunk by chunk; docs/methods.md",
         attitude,
         asks=("arm",),
         axes="believed",

@@ -1,5 +1,4 @@
-"""Calibration by the length of a vector alone: |A (reading - bias)| is the same in all poses,
-whatever they are.
+"""Calibration by the length of a vector alone: |A (reading - bias)| is the same in all poses.
 
 Geometrically the readings lie on an ellipsoid. A is found up to a rotation from the left, which
 leaves all lengths as they are: each method that uses this states which A it picks. An algebraic fit
@@ -10,6 +9,7 @@ of the ellipsoid starts the search (Li & Griffiths, Least squares ellipsoid spec
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,13 +34,17 @@ MOST_CONDITION = 1e3
 """Above this the readings are on no ellipsoid that could be told from others; about 10 where poses
 go all round.
 """
-MatrixOf = Callable[[np.ndarray], np.ndarray]
 ADVICE = "poses that turn every axis up, down and across are needed: nine at least, not in a plane"
 
 
 def ellipsoid_through(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Centre (3,) and shape Q (3, 3) of (x - centre)' Q (x - centre) = 1 nearest to readings (m,
-    3); None if it is none.
+    """The ellipsoid (x - centre)' Q (x - centre) = 1 nearest to readings.
+
+    Args:
+        readings: Shape (m, 3).
+
+    Returns:
+        The centre, shape (3,), and Q, shape (3, 3); None where the readings are on no ellipsoid.
     """
     if len(readings) < 9:
         return None
@@ -51,15 +55,34 @@ def ellipsoid_through(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray] | N
     )
     if np.linalg.cond(terms) > MOST_CONDITION:
         return None
+    # x' Q x + 2 b' x = 1, linear in Q and b
     a, *_ = np.linalg.lstsq(terms, np.ones(len(x)), rcond=None)
     Q = np.array([[a[0], a[3], a[4]], [a[3], a[1], a[5]], [a[4], a[5], a[2]]])
     if abs(np.linalg.det(Q)) < 1e-12:
         return None
+    # the centre, and Q scaled to 1 about it
     centre = -np.linalg.solve(Q, a[6:])
     Q = Q / (1 + centre @ Q @ centre)
     if np.linalg.eigvalsh(Q)[0] <= 0:
         return None
     return middle + spread * centre, Q / spread**2
+
+
+@dataclass(frozen=True)
+class MatrixModel:
+    """How the matrix A follows from k parameters.
+
+    Attributes:
+        parameters: The k parameters.
+        start: From magnitude^2 Q, shape (3, 3), to their values, shape (k,).
+        matrix: From their values to A, shape (3, 3).
+        gradient: From their values to dA, shape (k, 3, 3).
+    """
+
+    parameters: Sequence[FitParameter]
+    start: Callable[[np.ndarray], np.ndarray]
+    matrix: Callable[[np.ndarray], np.ndarray]
+    gradient: Callable[[np.ndarray], np.ndarray]
 
 
 def searched(
@@ -99,10 +122,7 @@ def searched(
 
 def fit_norm(
     poses: StaticPoses,
-    shape: Sequence[FitParameter],
-    start: Callable[[np.ndarray], np.ndarray],
-    matrix_of: MatrixOf,
-    gradient_of: MatrixOf,
+    model: MatrixModel,
     tolerance: Tolerance,
     method: str,
     remarks: tuple[str, ...] = (),
@@ -111,23 +131,21 @@ def fit_norm(
 
     Args:
         poses: Of known `magnitude`.
-        shape: Parameters of the matrix.
-        start: From magnitude^2 Q to those parameters.
-        matrix_of: From the parameters to A, (3, 3).
-        gradient_of: From the parameters to dA, shape (k, 3, 3).
-        tolerance: For bias and drift.
-        method: For the record.
-        remarks: For the record.
+        model: How the matrix follows from its parameters.
+        tolerance: Known of bias and drift beforehand.
+        method: Name that the calibration bears.
+        remarks: What its user must know.
 
     Raises:
         PoorExcitation: Poses in a plane, say, which leave a parameter vaguer than its tolerance.
     """
-    k, x, magnitude = len(shape), poses.mean, poses.magnitude
+    # Longer than a screen: residuals and their derivatives share the poses and the weights.
+    shape, k, x, magnitude = model.parameters, len(model.parameters), poses.mean, poses.magnitude
     warm, reference = warming(poses)
     begin, bias = np.array([item.start for item in shape]), np.zeros(3)
     guess = ellipsoid_through(x)
     if guess is not None:
-        bias, begin = guess[0], start(magnitude**2 * guess[1])
+        bias, begin = guess[0], model.start(magnitude**2 * guess[1])
     parameters = [
         FitParameter(item.name, item.unit, float(value), item.size)
         for item, value in zip(shape, begin, strict=True)
@@ -136,7 +154,7 @@ def fit_norm(
     if warm is not None:
         parameters += drift_parameters(tolerance)
     # Noise along the corrected vector, by the start: it differs little over the search.
-    A = matrix_of(begin)
+    A = model.matrix(begin)
     h = (x - bias) @ A.T
     along = (h / np.linalg.norm(h, axis=1, keepdims=True)) @ A
     weight = 1 / np.sqrt(np.sum(along**2 * poses.variance, axis=1))
@@ -146,14 +164,15 @@ def fit_norm(
         return b if warm is None else b - warm[:, None] * theta[k + 3 :]
 
     def residuals(theta: np.ndarray) -> np.ndarray:
-        length = np.linalg.norm(centred(theta) @ matrix_of(theta[:k]).T, axis=1)
+        length = np.linalg.norm(centred(theta) @ model.matrix(theta[:k]).T, axis=1)
         return np.asarray(weight * (length - magnitude))
 
     def jacobian(theta: np.ndarray) -> np.ndarray:
-        y, A = centred(theta), matrix_of(theta[:k])
+        # d|A y| = u' dA y - u' A db, u along A y
+        y, A = centred(theta), model.matrix(theta[:k])
         h = y @ A.T
         u = h / np.maximum(np.linalg.norm(h, axis=1, keepdims=True), 1e-12)
-        columns = [np.einsum("mi,kij,mj->mk", u, gradient_of(theta[:k]), y), -u @ A]
+        columns = [np.einsum("mi,kij,mj->mk", u, model.gradient(theta[:k]), y), -u @ A]
         if warm is not None:
             columns.append(-(u @ A) * warm[:, None])
         return np.asarray(weight[:, None] * np.hstack(columns))
@@ -167,7 +186,7 @@ def fit_norm(
     drift = fit.values[k + 3 :] if warm is not None else np.zeros(3)
     return TriadCalibration(
         method,
-        matrix_of(fit.values[:k]),
+        model.matrix(fit.values[:k]),
         fit.values[k : k + 3],
         drift=drift,
         reference=reference,

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.estimation.calibration.norm_fit import fit_norm
+from testbench.estimation.calibration.norm_fit import MatrixModel, fit_norm
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.triad_model import ACCELEROMETER, AXES, Tolerance
 from testbench.model.statistics.least_squares import FitParameter
@@ -45,12 +45,13 @@ def norm_only(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> Triad
     shape += [FitParameter(f"scale_{i}", "1", 1.0, tolerance.response) for i in AXES]
 
     def start(Q: np.ndarray) -> np.ndarray:
+        # Q = A' A with A = T K upper triangular
         A = np.linalg.cholesky(Q).T
         scale = np.diag(A)
         return np.array([-A[0, 1] / scale[1], A[0, 2] / scale[2], -A[1, 2] / scale[2], *scale])
 
     def matrix_of(theta: np.ndarray) -> np.ndarray:
-        return _skewed(theta) * theta[3:]
+        return _skewed(theta) * theta[3:]  # T K, of Tedaldi's model
 
     def gradient_of(theta: np.ndarray) -> np.ndarray:
         d = np.zeros((6, 3, 3))
@@ -60,7 +61,8 @@ def norm_only(poses: StaticPoses, tolerance: Tolerance = ACCELEROMETER) -> Triad
             d[3 + i, :, i] = T[:, i]
         return d
 
-    return fit_norm(poses, shape, start, matrix_of, gradient_of, tolerance, "norm_only", (GAUGE,))
+    model = MatrixModel(shape, start, matrix_of, gradient_of)
+    return fit_norm(poses, model, tolerance, "norm_only", (GAUGE,))
 
 
 def _skewed(theta: np.ndarray) -> np.ndarray:

@@ -1,6 +1,4 @@
-"""Static poses: what a triad reads on average while it rests, how sure that is, and what it should
-have read.
-"""
+"""Static poses: what a triad reads on average while it is still, and what it should have read."""
 
 from __future__ import annotations
 
@@ -28,11 +26,12 @@ FEWEST_SAMPLES = 2
 
 @dataclass(frozen=True)
 class StaticPoses:
-    """Mean readings of one triad in m poses at rest; the unit is m/s^2 for an accelerometer, uT for
-    a magnetometer.
+    """Mean readings of one triad in m poses at rest.
+
+    The unit is m/s^2 for an accelerometer, uT for a magnetometer.
 
     Attributes:
-        mean: Shape (m, 3).
+        mean: Shape (m, 3) [unit].
         variance: Of each mean, shape (m, 3): that of the samples over their number, plus a floor.
         magnitude: Length of the true vector, the same in all poses; NaN where nobody knows it.
         expected: The true vector in the sensor axes as believed, shape (m, 3), or None.
@@ -41,8 +40,8 @@ class StaticPoses:
             3), or None; for a magnetometer.
         vertical_sd: Standard deviation of its direction [rad].
         temperature: Shape (m,) [deg C], or None.
-        start: When each pose began and ended, shape (m,) [s].
-        end: When each pose began and ended, shape (m,) [s].
+        start: When each pose began, shape (m,) [s].
+        end: When each pose ended, shape (m,) [s].
         count: Samples of each, shape (m,).
 
     Raises:
@@ -87,7 +86,11 @@ class StaticPoses:
         return len(self.mean)
 
     def subset(self, index: np.ndarray) -> StaticPoses:
-        """Some of the poses, by a mask or by indices."""
+        """Some of the poses.
+
+        Args:
+            index: Mask of shape (m,), or indices of shape (k,).
+        """
         arrays = {item.name: getattr(self, item.name) for item in fields(self)}
         return replace(
             self, **{name: a[index] for name, a in arrays.items() if isinstance(a, np.ndarray)}
@@ -123,10 +126,28 @@ class StaticPoses:
         return np.asarray(across + np.eye(3) * self.variance[:, None, :])
 
     def typical_sd(self) -> float:
-        """Standard deviation of a mean reading, RMS over poses and axes; for methods by which all
-        poses count alike.
+        """Standard deviation of a mean reading, RMS over poses and axes.
+
+        For methods by which all poses count alike.
         """
         return float(np.sqrt(np.trace(self.covariance(), axis1=1, axis2=2).mean() / 3))
+
+
+@dataclass(frozen=True)
+class TrueVector:
+    """What is known of the vector that a triad measures, in k still intervals.
+
+    Attributes:
+        magnitude: Its length, the same in all [unit]; NaN where nobody knows it.
+        expected: The vector in the sensor axes as believed, shape (k, 3) [unit], or None.
+        vertical: Upward unit vector in the sensor axes, shape (k, 3), or None.
+        vertical_sd: Standard deviation of the direction of `vertical` [rad].
+    """
+
+    magnitude: float = STANDARD_GRAVITY
+    expected: np.ndarray | None = None
+    vertical: np.ndarray | None = None
+    vertical_sd: float = 0.0
 
 
 def static_poses(
@@ -134,26 +155,18 @@ def static_poses(
     intervals: np.ndarray,
     *,
     times: np.ndarray,
-    magnitude: float = STANDARD_GRAVITY,
+    true: TrueVector = TrueVector(),
     floor: float = SETTLING_M_S2,
-    expected: np.ndarray | None = None,
-    direction_sd: float = float(DIRECTION_SD),
-    vertical: np.ndarray | None = None,
-    vertical_sd: float = 0.0,
     temperature: np.ndarray | None = None,
 ) -> StaticPoses:
-    """Means over intervals of rest.
+    """Means over still intervals.
 
     Args:
-        samples: Shape (n, 3); rows with NaN are left out.
-        intervals: Begin and end (exclusive) of k rests, in samples, (k, 2).
+        samples: Readings, shape (n, 3) [unit]; rows with NaN are left out.
+        intervals: Begin and end (exclusive) of k still intervals, in samples, shape (k, 2).
         times: Of the samples, shape (n,) [s].
-        magnitude: Length of the true vector.
-        floor: Standard deviation of a mean beside its noise, in the samples' unit.
-        expected: Of each interval, shape (k, 3).
-        vertical: Of each interval, shape (k, 3).
-        direction_sd: [rad].
-        vertical_sd: [rad].
+        true: What the triad should have read.
+        floor: Standard deviation of a mean beside its noise [unit].
         temperature: Of the samples, shape (n,) [deg C]; NaN where unknown.
 
     Raises:
@@ -168,19 +181,19 @@ def static_poses(
             "calibrate from"
         )
     rows = [rows[i] for i in kept]
-    warmth = None
+    mean_temperature = None
     if temperature is not None:
-        warmth = np.array([np.mean(temperature[row]) for row in rows])
-        warmth = warmth if np.isfinite(warmth).all() else None
+        mean_temperature = np.array([np.mean(temperature[row]) for row in rows])
+        if not np.isfinite(mean_temperature).all():
+            mean_temperature = None
     return StaticPoses(
         mean=np.array([samples[row].mean(axis=0) for row in rows]),
         variance=np.array([samples[row].var(axis=0, ddof=1) / len(row) for row in rows]) + floor**2,
-        magnitude=magnitude,
-        expected=None if expected is None else np.asarray(expected)[kept],
-        direction_sd=direction_sd,
-        vertical=None if vertical is None else np.asarray(vertical)[kept],
-        vertical_sd=vertical_sd,
-        temperature=warmth,
+        magnitude=true.magnitude,
+        expected=None if true.expected is None else np.asarray(true.expected)[kept],
+        vertical=None if true.vertical is None else np.asarray(true.vertical)[kept],
+        vertical_sd=true.vertical_sd,
+        temperature=mean_temperature,
         start=np.array([times[row[0]] for row in rows]),
         end=np.array([times[row[-1]] for row in rows]),
         count=np.array([len(row) for row in rows]),

@@ -1,5 +1,6 @@
-"""A recording made ready for calibration: on the arm's clock, cut into rests and turns, with what
-the arm knows of each.
+"""A recording made ready for calibration: on the arm's clock, cut into rests and turns.
+
+A rest is a still interval. Of rests and turns it holds what the arm knows.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from testbench.estimation.calibration.poses import (
     DIRECTION_SD,
     SETTLING_UT,
     StaticPoses,
+    TrueVector,
     static_poses,
 )
 from testbench.estimation.calibration.static_intervals import (
@@ -50,20 +52,20 @@ TURN_MARGIN_S = 0.1
 
 @dataclass(frozen=True)
 class Prepared:
-    """See the module.
+    """A recording made ready.
 
     Attributes:
         samples: On a regular grid.
-        time_ns: Of the grid on the host's clock, shape (n,), int64.
-        rests: Those used, (k, 2).
-        truth: Or None.
+        time_ns: Of the grid on the host's clock, shape (n,), int64 [ns].
+        rests: Begin and end (exclusive) of the still intervals used, in samples, shape (k, 2).
+        truth: By the arm, or None.
         gravity: In the world, shape (3,) [m/s^2].
         rate_delay: How much older than its stamp a rate is [s].
         segmentation: Who said where the rests are.
         agreements: How far the witnesses agree.
         remarks: What is odd.
-        warmth: Temperature of the part on the grid, shape (n,) [deg C], or None.
-        integrated: Its rates are means over the interval before each sample, not those of instants.
+        temperatures: Of the part on the grid, shape (n,) [deg C], or None.
+        integrated: Whether its rates are means over the interval before each sample.
     """
 
     samples: UniformSamples
@@ -75,7 +77,7 @@ class Prepared:
     segmentation: Segmentation
     agreements: list[Agreement]
     remarks: list[str]
-    warmth: np.ndarray | None = None
+    temperatures: np.ndarray | None = None
     integrated: bool = False
 
     @property
@@ -89,7 +91,7 @@ class Prepared:
     @property
     def temperature(self) -> float | None:
         """Mean temperature of the part [deg C], or None."""
-        return None if self.warmth is None else float(np.nanmean(self.warmth))
+        return None if self.temperatures is None else float(np.nanmean(self.temperatures))
 
     @property
     def has_truth(self) -> bool:
@@ -98,15 +100,17 @@ class Prepared:
     @cached_property
     def poses(self) -> StaticPoses:
         """Of the accelerometer."""
+        expected = (
+            None
+            if self.truth is None
+            else rotation.rotate(rotation.conjugate(self._attitudes), -self.gravity)
+        )
         return static_poses(
             self.samples.acc,
             self.rests,
             times=self.time_ns / NANOSECONDS,
-            magnitude=float(np.linalg.norm(self.gravity)),
-            expected=None
-            if self.truth is None
-            else rotation.rotate(rotation.conjugate(self._attitudes), -self.gravity),
-            temperature=self.warmth,
+            true=TrueVector(float(np.linalg.norm(self.gravity)), expected),
+            temperature=self.temperatures,
         )
 
     @cached_property
@@ -137,11 +141,13 @@ class Prepared:
             self.samples.mag,
             self.rests,
             times=self.time_ns / NANOSECONDS,
+            true=TrueVector(
+                float("nan") if field is None else float(np.linalg.norm(field)),
+                expected,
+                up / np.linalg.norm(up, axis=1, keepdims=True),
+                float(DIRECTION_SD),
+            ),
             floor=SETTLING_UT,
-            expected=expected,
-            magnitude=float("nan") if field is None else float(np.linalg.norm(field)),
-            vertical=up / np.linalg.norm(up, axis=1, keepdims=True),
-            vertical_sd=float(DIRECTION_SD),
         )
 
     def calibration_poses(self, accelerometer: TriadCalibration | None) -> CalibrationPoses:
@@ -154,7 +160,7 @@ class Prepared:
             self.samples.acc,
             self.samples.acc
             if accelerometer is None
-            else accelerometer.apply(self.samples.acc, temperature=self.warmth),
+            else accelerometer.apply(self.samples.acc, temperature=self.temperatures),
         ):
             within = readings[inside]
             means = np.array([within[which == i].mean(axis=0) for i in range(len(self.rests))])
@@ -168,9 +174,7 @@ class Prepared:
         )
 
     def felt(self, accelerometer: TriadCalibration | None) -> np.ndarray:
-        """Mean specific force of each rest as the calibrated accelerometer has it, shape (k, 3)
-        [m/s^2].
-        """
+        """Mean force of each rest by the calibrated accelerometer, shape (k, 3) [m/s^2]."""
         return (
             self.poses.mean
             if accelerometer is None
@@ -179,18 +183,23 @@ class Prepared:
 
     def gyroscope_recording(self, accelerometer: TriadCalibration | None) -> GyroscopeRecording:
         """Rests, and the turns between them with what the arm, or gravity alone, knows of each."""
+        # Longer than a screen: rests and turns are cut from the same arrays, column by column.
         force = self.felt(accelerometer)
         up = force / np.linalg.norm(force, axis=1, keepdims=True)
         up_sd = float(np.sqrt(self.poses.variance.mean()) / STANDARD_GRAVITY)
-        warmth = self.warmth
+        temperatures = self.temperatures
         rests = [
-            Rest(self.samples.gyr[begin:end], felt, None if warmth is None else warmth[begin:end])
+            Rest(
+                self.samples.gyr[begin:end],
+                felt,
+                None if temperatures is None else temperatures[begin:end],
+            )
             for (begin, end), felt in zip(self.rests, force, strict=True)
         ]
         reach = max(round(TURN_MARGIN_S / self.samples.interval), 1)
         felt_along = self.samples.acc
         if accelerometer is not None:
-            felt_along = accelerometer.apply(felt_along, temperature=self.warmth)
+            felt_along = accelerometer.apply(felt_along, temperature=temperatures)
         attitude = rate = sound = None
         if self.truth is not None:
             at = self.time_ns - round(self.rate_delay * NANOSECONDS)
@@ -206,26 +215,26 @@ class Prepared:
             end = self.rests[i + 1, 0] + min(
                 reach, (self.rests[i + 1, 1] - self.rests[i + 1, 0]) // 2
             )
-            piece = slice(begin, end)
+            span = slice(begin, end)
             known = (
                 attitude is not None
-                and bool(np.isfinite(attitude[piece]).all())
+                and bool(np.isfinite(attitude[span]).all())
                 and end - begin >= 2
             )
             turns.append(
                 Turn(
-                    self.samples.gyr[piece],
+                    self.samples.gyr[span],
                     self.samples.interval,
                     up[i],
                     up[i + 1],
-                    q_world_from_sensor=attitude[piece] if known and attitude is not None else None,
-                    rate=rate[piece]
-                    if known and rate is not None and sound is not None and sound[piece].all()
+                    q_world_from_sensor=attitude[span] if known and attitude is not None else None,
+                    rate=rate[span]
+                    if known and rate is not None and sound is not None and sound[span].all()
                     else None,
-                    force=felt_along[piece],
+                    force=felt_along[span],
                     up_sd=up_sd,
                     attitude_sd=float(DIRECTION_SD),
-                    temperature=None if warmth is None else warmth[piece],
+                    temperature=None if temperatures is None else temperatures[span],
                 )
             )
         return GyroscopeRecording(rests, turns)
@@ -236,14 +245,13 @@ class Prepared:
         recording: GyroscopeRecording,
         others: Sequence[GyroscopeRecording] = (),
     ) -> TriadCalibration:
-        """A calibration from all turns, with the errors of gravity's direction on turns that the
-        fit had not seen.
+        """A calibration from all turns, with its errors on turns that the fit had not seen.
 
         Args:
             function: The method.
             recording: All rests and turns.
-            others: Other recordings, whose turns are held out; in each of some folds a part of the
-                turns, held out from a fit to the rest, where there are none.
+            others: Other recordings, whose turns are held out. Where there are none, a part of the
+                turns is held out in each of some folds.
         """
         found = function(recording)
         errors = [gravity_direction_errors(found, other.turns) for other in others if other.turns]
@@ -278,6 +286,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         NotFoundError: No such sensor.
         InputError: No rest was found, or the arm is asked for and was not there.
     """
+    # Longer than a screen: one step after another, each with what the ones before it found.
     samples, truth = session.imu(sensor), session.truth(sensor)
     delay = session.manifest.sensors[sensor].rate_delay_s or 0.0
     clock = (
@@ -300,9 +309,9 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
             for key in ("settled_ns", "end_ns")
         )
         found["arm"] = by_events(settled, ended, time / NANOSECONDS)
-    turning = uniform.turning()
-    found["gyroscope"] = by_gyroscope(turning, uniform.interval)
-    found["peaks"] = between_peaks(turning, uniform.interval)
+    rate = uniform.angular_rate()
+    found["gyroscope"] = by_gyroscope(rate, uniform.interval)
+    found["peaks"] = between_peaks(rate, uniform.interval)
     if np.isfinite(uniform.acc).all():
         found["variance"] = by_variance(uniform.acc, uniform.interval).intervals
     chosen: Segmentation = segmentation or ("arm" if "arm" in found else "gyroscope")
@@ -333,14 +342,26 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
             remarks.append("the truth is not known in any rest and is not used")
     gravity = session.robot.gravity if session.robot else np.array([0.0, 0.0, -STANDARD_GRAVITY])
     agreements = compare(found, len(uniform.gyr), uniform.interval)
-    warmth = _warmth(samples, host, time)
+    temperatures = _temperatures(samples, host, time)
     integrated = session.manifest.sensors[sensor].sampling == "integrated"
     return Prepared(
-        uniform, time, rests, truth, gravity, delay, chosen, agreements, remarks, warmth, integrated
+        uniform,
+        time,
+        rests,
+        truth,
+        gravity,
+        delay,
+        chosen,
+        agreements,
+        remarks,
+        temperatures,
+        integrated,
     )
 
 
-def _warmth(samples: ImuSamples, host_ns: np.ndarray, time_ns: np.ndarray) -> np.ndarray | None:
+def _temperatures(
+    samples: ImuSamples, host_ns: np.ndarray, time_ns: np.ndarray
+) -> np.ndarray | None:
     """Temperature at the times of the grid, shape (n,) [deg C]; None where it was not recorded."""
     if samples.temperature is None or not np.isfinite(samples.temperature).any():
         return None

@@ -1,5 +1,4 @@
-"""Gyroscope calibration as on a rate table, with the arm as the table: raw = S w + b + G f at every
-sample.
+"""Gyroscope calibration with the arm as a rate table: raw = S w + b + G f at every sample.
 
 Linear in all 21 unknowns; IEEE Std 952-1997 tests a gyroscope so, and calls them scale factor,
 misalignment, bias and acceleration sensitivity.
@@ -69,7 +68,7 @@ def rate_table(recording: GyroscopeRecording, g_sensitivity: bool = True) -> Tri
 
 
 def _regress(raw: np.ndarray, design: np.ndarray, g_sensitivity: bool) -> Fit:
-    """Least squares for each axis; parameters axis by axis."""
+    """Least squares for each axis, raw = S w + b + G f; parameters axis by axis."""
     n, width = design.shape
     size = np.array([SCALE_SIZE] * 3 + [BIAS_SIZE] + ([G_SIZE] * 3 if g_sensitivity else []))
     names: list[str] = []
@@ -98,10 +97,13 @@ def _regress(raw: np.ndarray, design: np.ndarray, g_sensitivity: bool) -> Fit:
 
 
 def correlation_time(residuals: np.ndarray) -> float:
-    """How many neighbouring residuals say the same, 1 for white ones: 1 + 2 (sum of the
-    autocorrelation up to its first zero).
+    """How many neighbouring residuals say the same; 1 for white ones.
 
-    Correlations that white noise of this length shows as well count as zero.
+    1 + 2 (sum of the autocorrelation up to its first zero); correlations that white noise of this
+    length shows as well count as zero.
+
+    Args:
+        residuals: Shape (n,).
     """
     n = len(residuals)
     centred = residuals - residuals.mean()

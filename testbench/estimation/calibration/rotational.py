@@ -58,8 +58,10 @@ class Likeness:
 
 
 def likeness(matrix: np.ndarray) -> Likeness:
-    """Compare a matrix with the rotation nearest to it in the Frobenius norm, shape (2, 2) or (3,
-    3).
+    """Compare a matrix with the rotation nearest to it in the Frobenius norm.
+
+    Args:
+        matrix: Shape (2, 2) or (3, 3).
     """
     k = len(matrix)
     u, _, vt = np.linalg.svd(matrix)

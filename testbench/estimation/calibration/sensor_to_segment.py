@@ -1,5 +1,4 @@
-"""How a sensor sits on its segment: from a known pose, from directions known in both, or from the
-arm's kinematics.
+"""How a sensor sits on its segment: by a known pose, directions known in both, or kinematics.
 
 All give q_segment_from_sensor with the covariance of a small rotation about the axes of the
 segment.
@@ -50,8 +49,7 @@ def from_static_pose(
     independent: float = 1.0,
     pose_sd: float = 0.0,
 ) -> SegmentMounting:
-    """From orientations while the segment holds a pose that is known (Castellanos Alonso 2023, eqs
-    2.2 and 2.4).
+    """From orientations in a known pose (Castellanos Alonso 2023, eqs 2.2 and 2.4).
 
     Args:
         q_earth_from_sensor: By the filter, shape (n, 4).
@@ -61,7 +59,7 @@ def from_static_pose(
         pose_sd: Standard deviation of the pose itself about each axis [rad].
     """
     q = rotation.mean(q_earth_from_sensor)
-    mounting = rotation.multiply(rotation.conjugate(q_earth_from_segment), q)
+    mounting = rotation.multiply(rotation.conjugate(q_earth_from_segment), q)  # eqs 2.2, 2.4
     spread = rotation.to_rotation_vector(
         rotation.multiply(
             rotation.multiply(rotation.conjugate(q_earth_from_segment), q_earth_from_sensor),
@@ -91,15 +89,14 @@ def from_static_pose(
 def from_directions(
     in_sensor: np.ndarray, in_segment: np.ndarray, sd: np.ndarray
 ) -> SegmentMounting:
-    """From two or more directions known in both, such as gravity in a pose and the axis of a hinge
-    (Wahba's problem).
+    """From directions known in both, such as gravity and the axis of a hinge (Wahba's problem).
 
     Shuster & Oh, Three-axis attitude determination from vector observations, J. Guidance and
     Control 4(1), 1981.
 
     Args:
-        in_sensor: Shape (k, 3), of any length.
-        in_segment: Shape (k, 3), of any length.
+        in_sensor: Directions in the sensor, shape (k, 3), of any length, k >= 2.
+        in_segment: The same directions in the segment, shape (k, 3), of any length.
         sd: Standard deviation of each direction [rad], shape (k,).
 
     Raises:
@@ -117,8 +114,8 @@ def from_rates(
     """From angular rates: those of the gyroscope and those that the arm's kinematics give its link.
 
     Args:
-        rate_in_sensor: At the same instants, biases taken away, shape (n, 3) [rad/s].
-        rate_in_segment: At the same instants, biases taken away, shape (n, 3) [rad/s].
+        rate_in_sensor: By the gyroscope, bias taken away, shape (n, 3) [rad/s].
+        rate_in_segment: By the arm, at the same instants, shape (n, 3) [rad/s].
         independent: How many of the samples count as independent; all if None.
 
     Raises:
@@ -139,13 +136,12 @@ def from_arm_kinematics(
     q_earth_from_sensor: np.ndarray,
     independent: float | None = None,
 ) -> SegmentMounting:
-    """From orientations along a motion: those of the link by the arm, and those of a filter whose
-    earth is not known.
+    """From orientations along a motion, by the arm and by a filter whose earth is not known.
 
     Args:
-        q_world_from_segment: At the same instants, shape (n, 4).
-        q_earth_from_sensor: At the same instants, shape (n, 4).
-        independent: As of `from_rates`.
+        q_world_from_segment: By the arm, shape (n, 4).
+        q_earth_from_sensor: By the filter, at the same instants, shape (n, 4).
+        independent: How many of the samples count as independent; all if None.
 
     Raises:
         PoorExcitation: The motion is about one axis.

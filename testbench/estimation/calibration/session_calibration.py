@@ -1,6 +1,4 @@
-"""Calibration of one sensor from a session: its rests and turns, the methods asked for, and figures
-on poses held out.
-"""
+"""Calibration of one sensor from a session, with figures on poses and turns held out."""
 
 from __future__ import annotations
 
@@ -66,6 +64,7 @@ def calibrate(
         InputError: Two methods for one triad, or nothing to calibrate from.
         PoorExcitation: The recording does not determine a parameter of a method that was asked for.
     """
+    # Longer than a screen: triad after triad, each with what the ones before it gave.
     chosen = _by_triad(methods, field, turn_angle)
     prepared = prepare(session, sensor, segmentation)
     others = [prepare(other, sensor, None) for other in held_out]
@@ -207,9 +206,7 @@ def _with_in_run(triad: str, found: TriadCalibration) -> TriadCalibration:
 
 
 def _orthogonality(poses: StaticPoses) -> list[str]:
-    """What poses that turn two axes through the vertical say of the angle between these; nothing of
-    other poses.
-    """
+    """The angle between two axes, by poses that turn both through the vertical; else nothing."""
     try:
         found = orthogonality(poses)
     except InputError:
@@ -234,9 +231,7 @@ def _held_out_poses(found: TriadCalibration, others: list[Prepared]) -> dict[str
 
 
 def joined(several: list[StaticPoses]) -> StaticPoses:
-    """Poses of several recordings of one sensor, together; what not all of them know is left
-    out.
-    """
+    """Poses of several recordings of one sensor; what not all of them know is left out."""
 
     def all_of(name: str) -> np.ndarray | None:
         arrays = [getattr(poses, name) for poses in several]

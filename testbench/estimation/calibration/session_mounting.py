@@ -59,7 +59,7 @@ def find_mounting(
             f"the method {name} compares the sensor with the arm; this recording has no truth"
         )
     samples = prepared.samples
-    gyr, acc, mag = calibration.apply(samples.gyr, samples.acc, samples.mag, prepared.warmth)
+    gyr, acc, mag = calibration.apply(samples.gyr, samples.acc, samples.mag, prepared.temperatures)
     rest = np.zeros(len(gyr), bool)
     for begin, end in prepared.rests:
         rest[begin:end] = True
@@ -106,8 +106,8 @@ def by_rates(
 
     Args:
         prepared: The recording, its triads corrected.
-        rest: Which samples are at rest, shape (n,).
-        sweeps: Of the session.
+        rest: Whether each sample of the grid is at rest, shape (n,), bool.
+        sweeps: Sweeps of the session; not looked at.
     """
     assert prepared.truth is not None
     samples, seconds = prepared.samples, prepared.samples.interval
@@ -144,8 +144,8 @@ def by_orientations(
 
     Args:
         prepared: The recording, its triads corrected.
-        rest: Which samples are at rest, shape (n,).
-        sweeps: Of the session.
+        rest: Whether each sample of the grid is at rest, shape (n,), bool.
+        sweeps: Sweeps of the session; not looked at.
     """
     assert prepared.truth is not None
     q_true = truth_at(prepared.truth, prepared.time_ns)
@@ -163,8 +163,8 @@ def by_hinge(
 
     Args:
         prepared: The recording, its triads corrected.
-        rest: Which samples are at rest, shape (n,).
-        sweeps: Of the session.
+        rest: Whether each sample of the grid is at rest, shape (n,), bool.
+        sweeps: Sweeps of the session.
     """
     assert prepared.truth is not None
     time = prepared.time_ns
@@ -177,13 +177,13 @@ def by_hinge(
             best = power, within
     if best is None:
         raise InputError("mounting_hinge needs a sweep of one joint; the session has none")
-    turning = best[1]
-    seconds = max(float(turning.sum()) * prepared.samples.interval, 2.0)
+    moving = best[1]
+    seconds = max(float(moving.sum()) * prepared.samples.interval, 2.0)
     own, arms = (
-        axis_of_turn(prepared.samples.gyr[turning], seconds),
-        axis_of_turn(rate[turning], seconds),
+        axis_of_turn(prepared.samples.gyr[moving], seconds),
+        axis_of_turn(rate[moving], seconds),
     )
-    same = float(np.sum(prepared.samples.gyr[turning] @ own.values * (rate[turning] @ arms.values)))
+    same = float(np.sum(prepared.samples.gyr[moving] @ own.values * (rate[moving] @ arms.values)))
     axis = own.values * np.sign(same)
     q = truth_at(prepared.truth, time[prepared.rests.mean(axis=1).astype(int)])
     known = np.isfinite(q[:, 0])

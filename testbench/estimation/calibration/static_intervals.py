@@ -1,5 +1,4 @@
-"""Static segmentation: the rests of a recording as intervals, by four independent witnesses, and
-how far they agree.
+"""Static segmentation: the still intervals of a recording by four witnesses, and their agreement.
 
 The gyroscope at rest (`segmentation`), the plateaus between the gyroscope's peaks (Castellanos
 Alonso 2023), the variance of the accelerometer with its threshold found automatically (Tedaldi,
@@ -16,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from testbench.estimation.calibration.norm_only import norm_only
-from testbench.estimation.calibration.poses import static_poses
+from testbench.estimation.calibration.poses import TrueVector, static_poses
 from testbench.estimation.signals.segmentation import detect_static, intervals_of
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model.statistics.least_squares import PoorExcitation
@@ -24,7 +23,7 @@ from testbench.model.windows import moving_mean
 from testbench.records.results.calibration_result import Agreement
 
 LEAST_REST_S = 0.5
-"""Shorter rests are no poses: their mean says less than the arm's settling [s]."""
+"""Shorter still intervals are no poses: their mean says less than the arm's settling [s]."""
 SMOOTHING_S = 0.2
 LEAST_PEAK = np.radians(3.0)
 """A turn that never gets faster than this is no move between poses [rad/s]."""
@@ -37,29 +36,28 @@ WINDOW_S = 1.0
 MULTIPLES = np.arange(1, 11)
 """Of the initial variance that are tried for a threshold; integers, as Tedaldi has it."""
 LEAST_SHARE = 0.8
-"""Multiples that find less than this share of the longest rest in all are not chosen: bits of rests
-fit well by chance.
+"""Multiples that find less than this share of the most still time are not chosen: bits of still
+intervals fit well by chance.
 """
 SETTLING_S = 0.3
 """After a move the arm still swings in (a servo of 12 Hz is within 1e-6 after 0.3 s) [s]."""
 MATCHING = 0.5
-"""Two intervals are one rest where they share more than this part of the shorter."""
+"""Two still intervals are one where they share more than this part of the shorter."""
 
 
 def by_gyroscope(gyr: np.ndarray, interval: float, least_s: float = LEAST_REST_S) -> np.ndarray:
-    """Rests by the spread of the gyroscope; see `detect_static`.
+    """Still intervals by the spread of the gyroscope; see `detect_static`.
 
     Args:
         gyr: Shape (n, 3) [rad/s].
-        interval: [s].
-        least_s: Shortest rest [s].
+        interval: Between samples [s].
+        least_s: Shortest still interval [s].
     """
     return intervals_of(detect_static(gyr, interval), round(least_s / interval))
 
 
 def between_peaks(gyr: np.ndarray, interval: float, least_s: float = LEAST_REST_S) -> np.ndarray:
-    """Rests as the plateaus between the peaks of the angular rate, by which the moves between poses
-    show.
+    """Still intervals as the plateaus between the peaks of the angular rate.
 
     The rate, without its median and smoothed over 0.2 s, has a peak for each move, of 3 deg/s at
     least; the plateau is what lies between the feet of two peaks, at 1 deg/s, drawn in by the
@@ -67,8 +65,8 @@ def between_peaks(gyr: np.ndarray, interval: float, least_s: float = LEAST_REST_
 
     Args:
         gyr: Shape (n, 3) [rad/s].
-        interval: [s].
-        least_s: Shortest rest [s].
+        interval: Between samples [s].
+        least_s: Shortest still interval [s].
     """
     if not len(gyr):
         return np.zeros((0, 2), int)
@@ -87,12 +85,12 @@ class VarianceSegmentation:
     """What the variance of the accelerometer says.
 
     Attributes:
-        intervals: Shape (k, 2).
+        intervals: Still intervals, shape (k, 2).
         multiple: Of the initial variance that was chosen.
-        threshold: [(m/s^2)^2].
+        threshold: That multiple of it [(m/s^2)^2].
         residuals: For each of `MULTIPLES`, RMS of |force| - gravity after a norm-only calibration,
-            with its degrees of freedom [m/s^2]; NaN where the rests found did not allow one.
-        calibrated: Whether any did; else the multiple with the longest rest was taken.
+            with its degrees of freedom [m/s^2]; NaN where the intervals found did not allow one.
+        calibrated: Whether any did; else the multiple with the most still time was taken.
     """
 
     intervals: np.ndarray
@@ -110,21 +108,21 @@ def by_variance(
     window_s: float = WINDOW_S,
     least_s: float = LEAST_REST_S,
 ) -> VarianceSegmentation:
-    """Rests by the variance of the accelerometer (Tedaldi, Pretto & Menegatti, ICRA 2014, section
-    V).
+    """Still intervals by the variance of the accelerometer.
 
-    At rest is where the norm of the three variances, over a window, is below a multiple of its
-    value over an initial rest. Each multiple gives other rests; of those that find four fifths of
-    the longest rest at least, the one whose rests let a norm-only calibration fit best is taken.
+    Tedaldi, Pretto & Menegatti, ICRA 2014, section V. The sensor is still where the norm of the
+    three variances, over a window, is below a multiple of its value over an initial interval. Each
+    multiple gives other intervals; of those that find four fifths of the most still time at least,
+    the one whose intervals let a norm-only calibration fit best is taken.
 
     Args:
         acc: Shape (n, 3) [m/s^2].
-        interval: [s].
-        initial_s: The sensor rests this long at first [s]; if None, the quietest tenth of the
+        interval: Between samples [s].
+        initial_s: How long the sensor is still at first [s]; if None, the quietest tenth of the
             recording stands for that.
         gravity: Local [m/s^2].
-        window_s: [s].
-        least_s: [s].
+        window_s: Over which the variance is taken [s].
+        least_s: Shortest still interval [s].
     """
     window = max(round(window_s / interval), 2)
     mean = moving_mean(acc, window)
@@ -150,12 +148,11 @@ def by_variance(
 def _norm_residual(
     acc: np.ndarray, intervals: np.ndarray, interval: float, gravity: float
 ) -> float:
-    """RMS of what a norm-only calibration leaves of gravity's length [m/s^2]; NaN where there can
-    be none.
-    """
+    """RMS of what a norm-only calibration leaves of gravity's length [m/s^2]; NaN without one."""
     if len(intervals) < 10:
         return float("nan")
-    poses = static_poses(acc, intervals, times=np.arange(len(acc)) * interval, magnitude=gravity)
+    times = np.arange(len(acc)) * interval
+    poses = static_poses(acc, intervals, times=times, true=TrueVector(gravity))
     try:
         calibration = norm_only(poses)
     except PoorExcitation:
@@ -167,12 +164,11 @@ def _norm_residual(
 def by_events(
     settled: np.ndarray, ended: np.ndarray, times: np.ndarray, settling_s: float = SETTLING_S
 ) -> np.ndarray:
-    """Rests as the arm reports them: from when a move has settled, and a while later, to when the
-    next begins.
+    """Still intervals as the arm reports them: from a while after a move to the next one.
 
     Args:
-        settled: Of each dwell, shape (k,) [s].
-        ended: Of each dwell, shape (k,) [s].
+        settled: When the arm had settled in each dwell, shape (k,) [s].
+        ended: When each dwell ended, shape (k,) [s].
         times: Of the samples, on the same clock, shape (n,) [s].
         settling_s: Left out at the beginning [s].
 
@@ -186,12 +182,12 @@ def by_events(
 
 
 def compare(found: Mapping[str, np.ndarray], samples: int, interval: float) -> list[Agreement]:
-    """Every pair of ways to find rests, in the order given.
+    """Every pair of ways to find still intervals, in the order given.
 
     Args:
         found: Intervals by name, shape (k, 2).
         samples: Length of the recording.
-        interval: [s].
+        interval: Between samples [s].
     """
     return [
         _agreement(a, b, found[a], found[b], samples, interval) for a, b in combinations(found, 2)

@@ -63,9 +63,9 @@ def fit_static_poses(
     """Fit corrections to static poses.
 
     Args:
-        acc: Raw samples of each pose, shape (n_i, 3) [m/s^2], [rad/s].
-        gyr: Raw samples of each pose, shape (n_i, 3) [m/s^2], [rad/s].
-        q_world_from_sensor: The truth in each, (4,).
+        acc: Raw forces of each pose, shape (n_i, 3) [m/s^2].
+        gyr: Raw rates of each pose, shape (n_i, 3) [rad/s].
+        q_world_from_sensor: The truth in each pose, shape (4,).
         gravity: In the world, shape (3,) [m/s^2].
 
     Returns:
@@ -103,15 +103,15 @@ def fit_static_poses(
 
 
 def _mounting(force: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """R_sensor_from_believed that turns the expected forces into those felt (Wahba's problem by
-    SVD; Markley 1988).
+    """R_sensor_from_believed that turns expected forces into felt ones (Wahba's problem).
 
+    By SVD (Markley 1988).
     The mounting as believed weighs in as three unit vectors with `PRIOR_MOUNTING` of error, so that
     what the poses do not show stays as it was.
 
     Args:
-        force: Shape (m, 3) [m/s^2].
-        expected: Shape (m, 3) [m/s^2].
+        force: As felt, shape (m, 3) [m/s^2].
+        expected: By the truth, shape (m, 3) [m/s^2].
     """
     attitude = force.T @ expected / DIRECTION_ERROR**2 + np.eye(3) / PRIOR_MOUNTING**2
     return rotation.nearest_rotation(attitude)
@@ -132,8 +132,8 @@ def _regress(
         samples: Of each of m poses, shape (n_i, 3).
         force: Shape (m, 3).
         prior: Response expected beforehand, shape (3, 3).
-        response_sd: Standard deviations of the prior.
-        bias_sd: Standard deviations of the prior.
+        response_sd: Standard deviation of the response beforehand.
+        bias_sd: Standard deviation of the bias beforehand.
         pose_error: Standard deviation of a pose's mean beside its noise.
     """
     readings = np.array([pose.mean(axis=0) for pose in samples])

@@ -1,6 +1,4 @@
-"""The linear measurement model of a triad, reading = response x true + bias + drift (T -
-reference), and what bounds it.
-"""
+"""The linear model of a triad, reading = response x true + bias + drift (T - reference)."""
 
 from __future__ import annotations
 
@@ -24,8 +22,8 @@ class Tolerance:
     Attributes:
         unit: Of the readings.
         response: Standard deviation of scale, cross-axis error and mounting [1].
-        bias: [unit].
-        drift: [unit/K].
+        bias: Standard deviation of the bias [unit].
+        drift: Standard deviation of its drift [unit/K].
     """
 
     unit: str
@@ -54,7 +52,12 @@ def response_parameters(tolerance: Tolerance) -> list[FitParameter]:
 
 
 def bias_parameters(tolerance: Tolerance, start: np.ndarray | None = None) -> list[FitParameter]:
-    """bias_x, bias_y, bias_z."""
+    """bias_x, bias_y, bias_z.
+
+    Args:
+        tolerance: Known beforehand.
+        start: Where the search begins, shape (3,) [unit]; zeros if None.
+    """
     at = np.zeros(3) if start is None else start
     return [
         FitParameter(f"bias_{i}", tolerance.unit, float(b), tolerance.bias)
@@ -68,8 +71,9 @@ def drift_parameters(tolerance: Tolerance) -> list[FitParameter]:
 
 
 def warming(poses: StaticPoses) -> tuple[np.ndarray | None, float | None]:
-    """Temperature of each pose above the mean one, shape (m,) [K], and that mean [deg C]; None
-    where it did not vary.
+    """Temperature of each pose above the mean one, shape (m,) [K], and that mean [deg C].
+
+    None for both where the temperature did not vary.
     """
     if poses.temperature is None or np.ptp(poses.temperature) < LEAST_WARMING_K:
         return None, None

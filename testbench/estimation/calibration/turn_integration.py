@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -47,6 +48,24 @@ class IntegratedTurns:
     by_g: np.ndarray
 
 
+class _Steps(NamedTuple):
+    """The steps of all m turns, one after the other.
+
+    Attributes:
+        raw: Readings at the stages of each step, shape (n, stages, 3) [rad/s].
+        force: Specific force there, shape (n, stages, 3) [m/s^2].
+        borders: First step of each turn, and the end of the last, shape (m + 1,).
+        lengths: Length of the steps of each turn, shape (m,) [s].
+        weights: Share of each stage in the mean rate of a step, shape (stages,).
+    """
+
+    raw: np.ndarray
+    force: np.ndarray
+    borders: np.ndarray
+    lengths: np.ndarray
+    weights: np.ndarray
+
+
 class TurnIntegration:
     """Turns, made ready for an integrator: stage readings are computed once, since they are linear
     in the readings.
@@ -71,23 +90,29 @@ class TurnIntegration:
             force.append(integrator.stages_from_samples(felt, stages)[0])
             counts.append(len(at_stages))
             steps.append(covered * turn.interval)
-        self._raw, self._force = np.concatenate(raw), np.concatenate(force)
-        self._borders, self._steps = np.cumsum(counts), np.array(steps)
-        self._weights = _weights(integrator)
+        self._steps = _Steps(
+            np.concatenate(raw),
+            np.concatenate(force),
+            np.cumsum(counts),
+            np.array(steps),
+            _weights(integrator),
+        )
 
     def run(
         self, matrix: np.ndarray, bias: np.ndarray, g_matrix: np.ndarray | None = None
     ) -> IntegratedTurns:
-        """Integrate every turn with rates matrix (raw - bias - g_matrix force)."""
+        """Integrate every turn with rates matrix (raw - bias - g_matrix force).
+
+        Args:
+            matrix: M, shape (3, 3).
+            bias: b, shape (3,) [rad/s].
+            g_matrix: G, shape (3, 3) [rad/s/(m/s^2)]; none if None.
+        """
         G = np.zeros((3, 3)) if g_matrix is None else g_matrix
         return IntegratedTurns(
             *_run(
                 self.integrator.scheme,
-                self._raw,
-                self._force,
-                self._borders,
                 self._steps,
-                self._weights,
                 np.ascontiguousarray(matrix),
                 bias,
                 np.ascontiguousarray(G),
@@ -119,17 +144,16 @@ def _corrected(
 @njit(cache=True)
 def _run(
     scheme: int,
-    raw: np.ndarray,
-    force: np.ndarray,
-    borders: np.ndarray,
-    steps: np.ndarray,
-    weights: np.ndarray,
+    steps: _Steps,
     matrix: np.ndarray,
     bias: np.ndarray,
     G: np.ndarray,
     renormalised: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    m, stages = len(steps), raw.shape[1]
+    """The ends of all turns and their derivatives, in the order of `IntegratedTurns`."""
+    # Longer than a screen and of many branches: one loop over the steps, sums written out.
+    raw, force, borders, lengths, weights = steps
+    m, stages = len(lengths), raw.shape[1]
     ends = np.empty((m, 4))
     by_matrix, by_bias, by_g = np.zeros((m, 3, 9)), np.zeros((m, 3, 3)), np.zeros((m, 3, 9))
     w, x, mean_x, mean_f = np.empty((stages, 3)), np.empty(3), np.empty(3), np.empty(3)
@@ -141,13 +165,13 @@ def _run(
         np.empty((3, 9)),
     )
     for turn in range(m):
-        h = steps[turn]
+        h = lengths[turn]
         q[:] = 0.0
         q[0] = 1.0
         a_matrix[:], a_bias[:], a_g[:] = 0.0, 0.0, 0.0
         for k in range(borders[turn], borders[turn + 1]):
             mean_x[:], mean_f[:] = 0.0, 0.0
-            for i in range(stages):
+            for i in range(stages):  # x = r - b - G f and w = M x at each stage, and their means
                 _corrected(raw[k, i], force[k, i], matrix, bias, G, x)
                 for j in range(3):
                     w[i, j] = matrix[j, 0] * x[0] + matrix[j, 1] * x[1] + matrix[j, 2] * x[2]
@@ -159,6 +183,7 @@ def _run(
             if renormalised:
                 q /= np.sqrt(np.sum(q**2))
             _rotation(before, q, R)  # halfway
+            # sums over the steps of h R, h R (x) x and h R (x) f: see the module's equation
             for i in range(3):
                 for j in range(3):
                     weight = h * R[i, j]
@@ -169,6 +194,7 @@ def _run(
         q /= np.sqrt(np.sum(q**2))
         ends[turn] = q
         _rotation(q, q, R)
+        # the same in the axes of the end; - R (M db) and - R (M dG f)
         by_matrix[turn] = R.T @ a_matrix
         by_bias[turn] = -(R.T @ a_bias) @ matrix
         own = R.T @ a_g
@@ -182,7 +208,7 @@ def _run(
 
 @njit(cache=True)
 def _rotation(p: np.ndarray, q: np.ndarray, R: np.ndarray) -> None:
-    """Rotation matrix of the quaternion halfway between two near ones, into R."""
+    """Rotation matrix of the quaternion halfway between two neighbouring ones, into R."""
     w, x, y, z = p[0] + q[0], p[1] + q[1], p[2] + q[2], p[3] + q[3]
     n = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
     w, x, y, z = n * w, n * x, n * y, n * z

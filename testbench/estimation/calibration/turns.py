@@ -1,6 +1,4 @@
-"""What a gyroscope is calibrated from: rests, and turns between them whose ends or whose every
-sample are known.
-"""
+"""What a gyroscope is calibrated from: rests, and the turns between them."""
 
 from __future__ import annotations
 
@@ -14,7 +12,7 @@ from testbench.exceptions import InputError
 
 @dataclass(frozen=True)
 class Rest:
-    """A time at rest.
+    """A still interval.
 
     Attributes:
         gyr: Raw readings, shape (n, 3) [rad/s].
@@ -27,8 +25,11 @@ class Rest:
     temperature: np.ndarray | None = None
 
     def without_drift(self, drift: np.ndarray, reference: float) -> Rest:
-        """The readings as they would be at a temperature [deg C]; `drift` of shape (3,)
-        [rad/s/K].
+        """The readings as they would be at another temperature.
+
+        Args:
+            drift: Of the bias, shape (3,) [rad/s/K].
+            reference: The temperature [deg C].
         """
         return replace(self, gyr=_at_reference(self.gyr, self.temperature, drift, reference))
 
@@ -42,16 +43,14 @@ class Turn:
     Attributes:
         gyr: Raw readings, shape (n, 3) [rad/s], n >= 2, the first and the last at rest.
         interval: Between them [s].
-        up_before: Unit vector of the specific force at rest, in the axes that the calibration shall
-            give, such as those of a calibrated accelerometer, shape (3,).
-        up_after: Unit vector of the specific force at rest, in the axes that the calibration shall
-            give, such as those of a calibrated accelerometer, shape (3,).
+        up_before: Unit vector of the specific force in the rest before, shape (3,), in the axes
+            that the calibration shall give, such as those of a calibrated accelerometer.
+        up_after: The same in the rest after, shape (3,).
         q_world_from_sensor: At every sample, shape (n, 4).
         rate: True rate in those axes, shape (n, 3) [rad/s].
         force: Specific force, shape (n, 3) [m/s^2].
-        up_sd: Standard uncertainty of either direction, and of an attitude, about each axis [rad].
-        attitude_sd: Standard uncertainty of either direction, and of an attitude, about each axis
-            [rad].
+        up_sd: Standard uncertainty of either direction about each axis [rad].
+        attitude_sd: Standard uncertainty of an attitude about each axis [rad].
         temperature: Of the part, shape (n,) [deg C].
     """
 
@@ -67,7 +66,12 @@ class Turn:
     temperature: np.ndarray | None = None
 
     def without_drift(self, drift: np.ndarray, reference: float) -> Turn:
-        """As of `Rest`."""
+        """The readings as they would be at another temperature.
+
+        Args:
+            drift: Of the bias, shape (3,) [rad/s/K].
+            reference: The temperature [deg C].
+        """
         return replace(self, gyr=_at_reference(self.gyr, self.temperature, drift, reference))
 
     def __post_init__(self) -> None:
@@ -91,7 +95,6 @@ class Turn:
             return None if array is None else array[begin:end]
 
         known = (cut(self.q_world_from_sensor), cut(self.rate), cut(self.force))
-        warmth = cut(self.temperature)
         return Turn(
             self.gyr[begin:end],
             self.interval,
@@ -99,7 +102,7 @@ class Turn:
             None,
             *known,
             attitude_sd=self.attitude_sd,
-            temperature=warmth,
+            temperature=cut(self.temperature),
         )
 
 
@@ -119,7 +122,12 @@ class GyroscopeRecording:
     turns: Sequence[Turn] = field(default=())
 
     def without_drift(self, drift: np.ndarray, reference: float) -> GyroscopeRecording:
-        """As of `Rest`, all of it."""
+        """All readings as they would be at another temperature.
+
+        Args:
+            drift: Of the bias, shape (3,) [rad/s/K].
+            reference: The temperature [deg C].
+        """
         return GyroscopeRecording(
             [rest.without_drift(drift, reference) for rest in self.rests],
             [turn.without_drift(drift, reference) for turn in self.turns],

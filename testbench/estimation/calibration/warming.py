@@ -1,5 +1,4 @@
-"""A gyroscope that warms up: the drift of its bias with temperature, by the rests, taken out before
-a method runs.
+"""A gyroscope that warms up: its bias's drift with temperature, taken out before a method runs.
 
 At rest raw = b + D (T - reference) + G f, linear in all; over a recording in which the part warms,
 a response to force fitted without D takes the drift for itself. What is not known of D widens the
@@ -31,9 +30,7 @@ Function = Callable[[GyroscopeRecording], TriadCalibration]
 
 
 def with_drift(function: Function) -> Function:
-    """A method that finds the drift of the bias too, where the rests know a temperature that varies
-    by 2 K or more.
-    """
+    """A method that finds the drift of the bias too, where the part warms by 2 K or more."""
 
     def run(recording: GyroscopeRecording) -> TriadCalibration:
         warm = [
@@ -77,8 +74,14 @@ def with_drift(function: Function) -> Function:
     return run
 
 
-def _drift(rests: list[Rest], warmth: np.ndarray) -> Fit:
-    """Drift of each axis, fitted with bias and response to force, of which nothing is kept."""
+def _drift(rests: list[Rest], above: np.ndarray) -> Fit:
+    """Drift of each axis, fitted with bias and response to force, of which nothing is kept.
+
+    Args:
+        rests: With their force, m of them.
+        above: Mean temperature of each above the reference, shape (m,) [K].
+    """
+    # raw = b + D (T - reference) + G f, axis by axis
     means = np.array([rest.gyr.mean(axis=0) for rest in rests])
     force = np.array([rest.force for rest in rests])
     sizes = {"bias": BIAS_SIZE, "drift": DRIFT_SIZE} | {f"g_{a}": G_SIZE for a in AXES}
@@ -87,14 +90,13 @@ def _drift(rests: list[Rest], warmth: np.ndarray) -> Fit:
         for axis in AXES
         for kind, size in sizes.items()
     ]
-    design = axis_by_axis(np.column_stack([np.ones(len(rests)), warmth, force]), 3)
+    design = axis_by_axis(np.column_stack([np.ones(len(rests)), above, force]), 3)
     whole = solve_linear(
         design, means.reshape(-1), parameters, residual_unit="rad/s", advice="more rests are needed"
     )
     kept = [i for i, name in enumerate(whole.names) if name.startswith("gyr_drift_")]
-    along = IN_RUN / float(
-        np.sqrt(np.mean(warmth**2))
-    )  # in-run bias that happens to go with the temperature
+    # in-run bias that happens to go with the temperature
+    along = IN_RUN / float(np.sqrt(np.mean(above**2)))
     return replace(
         whole,
         names=tuple(whole.names[i] for i in kept),

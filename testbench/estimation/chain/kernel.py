@@ -9,12 +9,13 @@ that of the joint update).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from testbench.estimation.chain.sensors import SensorArrays, read_sensor
-from testbench.estimation.chain.state import drive, joint_motion, propagate
+from testbench.estimation.chain.state import Process, drive, joint_motion, propagate
 
 WIDE = 0.3
 """A joint whose standard deviation exceeds this part of its range is held by its limits though its
@@ -23,57 +24,54 @@ deviation is 1 / sqrt(12) = 0.289 of it.
 """
 
 
+class FilterPoint(NamedTuple):
+    """Where the filter stands at an instant.
+
+    Attributes:
+        x: State, shape (n,).
+        P: Its covariance, shape (n, n).
+        levels: Of the two levels of process noise (Bar-Shalom, Li & Kirubarajan, 2001, sect.
+            11.2.2), shape (5,): mean normalised innovation squared of one reading above which the
+            raised one holds, memory of that mean [s], the mean now, part of the raised level now,
+            time constant with which it falls back [s].
+        time: The instant [s].
+    """
+
+    x: np.ndarray
+    P: np.ndarray
+    levels: np.ndarray
+    time: float
+
+
+class ChainReadings(NamedTuple):
+    """The e samples of all sensors, in order of time.
+
+    Attributes:
+        time: Instants, shape (e,), not decreasing [s].
+        sensor: Which of the sensors, shape (e,).
+        reading: Rate and force, shape (e, 6) [rad/s], [m/s^2].
+        change: Their derivatives by time, shape (e, 6).
+        variance: Their variances, shape (e, 6).
+    """
+
+    time: np.ndarray
+    sensor: np.ndarray
+    reading: np.ndarray
+    change: np.ndarray
+    variance: np.ndarray
+
+
 @njit(cache=True)
 def filter_chain(
-    x: np.ndarray,
-    P: np.ndarray,
-    harmonics: int,
-    indices: np.ndarray,
-    chain: SensorArrays,
-    gravity: np.ndarray,
-    limits: np.ndarray,
-    confined: np.ndarray,
-    start: float,
-    time: np.ndarray,
-    sensor: np.ndarray,
-    reading: np.ndarray,
-    change: np.ndarray,
-    variance: np.ndarray,
-    jerk: np.ndarray,
-    walk: np.ndarray,
-    raised: np.ndarray,
-    levels: np.ndarray,
-    keep: bool,
+    point: FilterPoint, process: Process, sensors: SensorArrays, readings: ChainReadings, keep: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Run the filter.
 
     Args:
-        x: State and covariance at `start`, shapes (n,) and (n, n); they end as those of the last
-            sample.
-        P: State and covariance at `start`, shapes (n,) and (n, n); they end as those of the last
-            sample.
-        harmonics: As for `state.joint_motion`.
-        indices: As for `state.joint_motion`.
-        chain: As of ChainSensors.
-        gravity: As of ChainSensors.
-        limits: Of the joints, shape (m, 2), infinite for none [rad].
-        confined: As `state.confinement` gives it, shape (m, 2).
-        start: [s].
-        time: Of the e samples, shape (e,), not decreasing [s].
-        sensor: Which one, shape (e,).
-        reading: Rate and force, their derivatives by time and their variances, shape (e, 6) each.
-        change: Rate and force, their derivatives by time and their variances, shape (e, 6) each.
-        variance: Rate and force, their derivatives by time and their variances, shape (e, 6) each.
-        jerk: As for `state.drive`.
-        walk: As for `state.drive`.
-        raised: A second level of process noise (Bar-Shalom, Li & Kirubarajan, 2001, sect. 11.2.2):
-            what it adds to `walk`; mean normalised innovation squared (of one reading) above which
-            it holds, memory of that mean [s], the mean and the part of the raised level at `start`,
-            which are changed in place, and the time constant with which the level falls back [s].
-        levels: A second level of process noise (Bar-Shalom, Li & Kirubarajan, 2001, sect. 11.2.2):
-            what it adds to `walk`; mean normalised innovation squared (of one reading) above which
-            it holds, memory of that mean [s], the mean and the part of the raised level at `start`,
-            which are changed in place, and the time constant with which the level falls back [s].
+        point: Where it stands; its arrays end as those after the last sample.
+        process: How the joints move.
+        sensors: What sits on the chain.
+        readings: What it read.
         keep: Whether to keep the state and covariance of every sample.
 
     Returns:
@@ -82,7 +80,12 @@ def filter_chain(
         logarithm of its likelihood, and the part of the raised level that held before it; states
         and covariances, shapes (e, n) and (e, n, n), empty unless kept.
     """
-    counts, columns = chain.counts, chain.columns
+    # Longer than a screen and of many branches: prediction, and the update by six readings, whose
+    # rows of H are assembled where all that they depend on is at hand.
+    x, P, levels, now = point
+    harmonics, indices, _, confined, jerk, walk, raised = process
+    time, sensor, reading, change, variance = readings
+    counts, columns = sensors.counts, sensors.columns
     e, n, m = len(time), len(x), indices.shape[0]
     bias = m * (2 * harmonics + 1) + 1 if harmonics else 3 * m
     clock = bias + 6 * len(counts)
@@ -94,20 +97,22 @@ def filter_chain(
     motion, slopes = np.empty((3, m)), np.empty((3, m, indices.shape[1]))
     by = np.zeros((3, 6, m))
     predicted, h, Ph, dx = np.empty(6), np.empty(n), np.empty(n), np.empty(n)
-    likelihood, now = np.zeros(e), start
+    likelihood = np.zeros(e)
     for i in range(e):
         dt = time[i] - now
         now = time[i]
         if dt > 0:
             propagate(x, P, m, harmonics, confined, dt)
+            # the raised level holds while innovations are large, and then fades
             levels[3] = 1.0 if levels[2] > levels[0] else levels[3] * math.exp(-dt / levels[4])
             high[i] = levels[3]
             drive(P, m, harmonics, jerk, confined, walk + high[i] * raised, dt)
         s = sensor[i]
         joint_motion(x, indices, harmonics, motion, slopes)
-        read_sensor(chain, s, gravity, motion, predicted, by)
+        read_sensor(sensors, s, motion, predicted, by)
         dx[:] = 0.0
         for r in range(6):
+            # row of H: the reading by the motion of each joint, times that by the states
             h[:] = 0.0
             for k in range(counts[s]):
                 j = columns[s, k]
@@ -118,20 +123,20 @@ def filter_chain(
                         + by[2, r, j] * slopes[2, j, t]
                     )
             innovation = reading[i, r] - predicted[r]
-            if n > bias:
+            if n > bias:  # its bias, and what a late clock adds
                 h[bias + 6 * s + r] = 1.0
                 h[clock + s] = change[i, r]
                 innovation -= x[bias + 6 * s + r] + change[i, r] * x[clock + s]
             if n > scale:
-                for t in range(
-                    3 if r >= 3 else 6
-                ):  # rows of both matrices, and the gyroscope's response to force
+                # scale and axes, the gyroscope's response to force, and nonlinearity
+                for t in range(3 if r >= 3 else 6):
                     place = scale + 33 * s + (6 * r if r < 3 else 9 + 3 * r) + t
                     h[place] = predicted[t if r < 3 else 3 + t]
                     innovation -= x[place] * h[place]
                 place = scale + 33 * s + 27 + r
                 h[place] = predicted[r] ** 3
                 innovation -= x[place] * h[place]
+            # S = h' P h + R, and the innovation less what the readings before it have told
             times_gain(P, h, Ph)
             S = variance[i, r]
             for t in range(n):
@@ -143,9 +148,10 @@ def filter_chain(
         for t in range(n):
             x[t] += dx[t]
         nis[i] /= 6
+        # mean of the normalised innovation squared with a fading memory
         fade = math.exp(-dt / levels[1])
         levels[2] = fade * levels[2] + (1 - fade) * nis[i]
-        hold(x, P, harmonics, indices, limits, motion, slopes, h, Ph)
+        hold(x, P, process, motion, slopes, h, Ph)
         joint_motion(x, indices, harmonics, motion, slopes)
         for order in range(3):
             for j in range(m):
@@ -158,7 +164,13 @@ def filter_chain(
 
 @njit(cache=True)
 def times_gain(P: np.ndarray, h: np.ndarray, Ph: np.ndarray) -> None:
-    """P h of a symmetric P and a sparse h, shape (n,)."""
+    """P h of a symmetric P and a sparse h.
+
+    Args:
+        P: Shape (n, n).
+        h: Shape (n,).
+        Ph: Filled with the product, shape (n,).
+    """
     n = len(h)
     Ph[:] = 0.0
     for t in range(n):
@@ -170,7 +182,15 @@ def times_gain(P: np.ndarray, h: np.ndarray, Ph: np.ndarray) -> None:
 
 @njit(cache=True)
 def take(x: np.ndarray, P: np.ndarray, Ph: np.ndarray, step: float, shrink: float) -> None:
-    """Put one reading in: x += Ph step, P -= Ph Ph' shrink."""
+    """Put one reading in: x += Ph step, P -= Ph Ph' shrink.
+
+    Args:
+        x: State, shape (n,); updated.
+        P: Covariance, shape (n, n); updated.
+        Ph: P times the row of H, shape (n,).
+        step: Innovation over its variance.
+        shrink: One over the variance of the innovation.
+    """
     n = len(x)
     for r in range(n):
         x[r] += Ph[r] * step
@@ -180,7 +200,13 @@ def take(x: np.ndarray, P: np.ndarray, Ph: np.ndarray, step: float, shrink: floa
 
 @njit(cache=True)
 def spread(P: np.ndarray, index: np.ndarray, slope: np.ndarray) -> float:
-    """Variance of a sum of states with weights, shapes (k,)."""
+    """Variance of a weighted sum of states.
+
+    Args:
+        P: Covariance of the states, shape (n, n).
+        index: Which states, shape (k,).
+        slope: Their weights, shape (k,).
+    """
     total = 0.0
     for r in range(len(index)):
         if slope[r] != 0.0:
@@ -193,9 +219,7 @@ def spread(P: np.ndarray, index: np.ndarray, slope: np.ndarray) -> float:
 def hold(
     x: np.ndarray,
     P: np.ndarray,
-    harmonics: int,
-    indices: np.ndarray,
-    limits: np.ndarray,
+    process: Process,
     motion: np.ndarray,
     slopes: np.ndarray,
     h: np.ndarray,
@@ -207,7 +231,17 @@ def hold(
     An estimate beyond a limit is moved to the mean of what is left, and the other states with it.
     The covariance is only shrunk where the joint is so uncertain that the limits know more: the
     same knowledge put in with every sample would soon make the filter sure of a limit.
+
+    Args:
+        x: State, shape (n,); updated.
+        P: Covariance, shape (n, n); updated.
+        process: With the limits.
+        motion: Filled with q, v and a, shape (3, m).
+        slopes: Filled with their derivatives by the states, shape (3, m, k).
+        h: Space for a row of H, shape (n,).
+        Ph: Space for P times that, shape (n,).
     """
+    harmonics, indices, limits = process.harmonics, process.indices, process.limits
     joint_motion(x, indices, harmonics, motion, slopes)
     for j in range(indices.shape[0]):
         low, high = limits[j, 0], limits[j, 1]

@@ -1,6 +1,4 @@
-"""The base frequency of a motion, from its angular rates: a first guess, which the filter then
-improves.
-"""
+"""The base frequency of a motion, by its angular rates: the first guess of the filter."""
 
 from __future__ import annotations
 
@@ -12,8 +10,8 @@ from testbench.exceptions import InputError
 GRID_S = 0.01
 SHORTEST_PERIOD_S = 0.1
 NEARLY = 0.9
-"""The shortest lag whose correlation comes this near to the best one is the period; its multiples
-correlate as well [1].
+"""The shortest lag with this part of the best correlation is the period [1]; its multiples
+correlate as well.
 """
 PERIODIC = 0.5
 """Correlation that the best lag must reach [1]."""
@@ -52,8 +50,7 @@ def base_frequency(samples: ChainSamples, begin: float) -> float:
             "the motion does not repeat, so no Fourier series fits it; name frequency_hz if it does"
         )
     best = int(peaks[correlation[peaks] >= NEARLY * correlation[peaks].max()][0])
+    # vertex of the parabola through three points
     left, middle, right = correlation[best - 1 : best + 2]
-    shift = (
-        0.5 * (left - right) / (left - 2 * middle + right)
-    )  # vertex of the parabola through three points
+    shift = 0.5 * (left - right) / (left - 2 * middle + right)
     return float(1.0 / ((best + shift) * GRID_S))

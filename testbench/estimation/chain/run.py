@@ -1,6 +1,4 @@
-"""Run the chain filter over samples: forwards, backwards where a smoother is wanted, and find how
-lively the joints are.
-"""
+"""Run the chain filter over samples, and find the process noise that makes them most likely."""
 
 from __future__ import annotations
 
@@ -8,17 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.estimation.chain.kernel import filter_chain
+from testbench.estimation.chain.kernel import ChainReadings, FilterPoint, filter_chain
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.start import start_state
-from testbench.estimation.chain.state import confinement, state_indices
+from testbench.estimation.chain.state import Process, confinement, state_indices
 
-LIVELINESS = {
+PROCESS_NOISE = {
     "kinematic": (np.radians(10.0), np.radians(1e5)),
     "fourier": (np.radians(1e-4), np.radians(10.0)),
 }
-"""Between what values the liveliness is sought; units as of FilterSettings."""
+"""Between what values the process noise is sought; units as of FilterSettings."""
 GRID, REFINEMENTS, SEARCH_TOLERANCE = 6, 4, 0.1
 """Values tried at first and then at most; the tolerance is of the decimal logarithm."""
 
@@ -29,12 +27,12 @@ class ChainSamples:
 
     Attributes:
         start: When the rest ends and the filter begins [s].
-        mean: Mean readings at rest, shape (s, 6), and how many.
-        counts: Mean readings at rest, shape (s, 6), and how many.
+        mean: Mean readings at rest, shape (s, 6) [rad/s], [m/s^2].
+        counts: Number of readings behind each mean, shape (s,).
         time: Instants, shape (e,), not decreasing [s].
         sensor: Which of the sensors, shape (e,).
         reading: Rate and force, shape (e, 6) [rad/s], [m/s^2].
-        known_change: Of a part, see `change`.
+        known_change: The changes of a part of a recording, shape (e, 6); see `change`.
     """
 
     start: float
@@ -47,8 +45,9 @@ class ChainSamples:
 
     @property
     def change(self) -> np.ndarray:
-        """How fast the readings change, by central differences of each sensor's own, shape (e, 6):
-        what a late clock adds.
+        """How fast the readings change, shape (e, 6), which is what a late clock adds.
+
+        By central differences of each sensor's own.
         """
         if self.known_change is not None:
             return self.known_change
@@ -82,12 +81,12 @@ class ChainMotion:
 
     Attributes:
         time: Shape (e,) [s].
-        mean: Joint angles, rates and accelerations with standard uncertainties, shape (e, 3, m).
-        sd: Joint angles, rates and accelerations with standard uncertainties, shape (e, 3, m).
+        mean: Joint angles [rad], rates [rad/s] and accelerations [rad/s^2], shape (e, 3, m).
+        sd: Their standard uncertainties, shape (e, 3, m).
         nis: Normalised innovation squared, mean over the readings of a sample, shape (e,).
         likelihood: Logarithm of that of each sample, shape (e,).
-        state: Shapes (e, n) and (e, n, n); empty unless asked for.
-        covariance: Shapes (e, n) and (e, n, n); empty unless asked for.
+        state: States after each sample, shape (e, n); empty unless asked for.
+        covariance: Their covariances, shape (e, n, n); empty unless asked for.
         high: Part of the raised level of process noise that held before each sample, shape (e,).
         last: State and covariance of the filter after the last sample.
     """
@@ -115,75 +114,73 @@ def run_filter(
         keep: Whether to keep states and covariances.
     """
     x, P = start_state(sensors, settings, samples.mean, samples.counts)
-    return continue_filter(sensors, settings, samples, x, P, samples.start, settings.levels(), keep)
+    point = FilterPoint(x, P, settings.levels(), samples.start)
+    return continue_filter(sensors, settings, samples, point, keep)
 
 
 def continue_filter(
     sensors: ChainSensors,
     settings: FilterSettings,
     samples: ChainSamples,
-    x: np.ndarray,
-    P: np.ndarray,
-    start: float,
-    levels: np.ndarray,
+    point: FilterPoint,
     keep: bool = False,
 ) -> ChainMotion:
-    """Filter samples from a state on; x, P and levels are changed in place to those of the last
-    sample.
+    """Filter samples from a state on.
+
+    Args:
+        sensors: The chain and what sits on it.
+        settings: State and noise of the filter.
+        samples: What the sensors read.
+        point: Where the filter stands; its arrays end as those after the last sample.
+        keep: Whether to keep states and covariances.
     """
-    m = len(sensors.joints)
     variance = np.array([noise.variance for noise in settings.noise])[samples.sensor]
-    limits = holding_limits(sensors, settings)
-    jerk = settings.jerk(m)
+    readings = ChainReadings(
+        samples.time, samples.sensor, samples.reading, samples.change, variance
+    )
     mean, sd, nis, likelihood, high, states, covariances = filter_chain(
-        x,
-        P,
+        point, process_of(sensors, settings), sensors.arrays, readings, keep
+    )
+    last = point.x, point.P
+    return ChainMotion(samples.time, mean, sd, nis, likelihood, states, covariances, high, last)
+
+
+def process_of(sensors: ChainSensors, settings: FilterSettings) -> Process:
+    """How the joints of a chain move by the settings; limits are infinite where none shall hold."""
+    m = len(sensors.joints)
+    limits = sensors.limits if settings.limits else np.tile([-np.inf, np.inf], (m, 1))
+    jerk = settings.jerk(m)
+    return Process(
         settings.harmonics,
         state_indices(m, settings.harmonics),
-        sensors.arrays,
-        sensors.gravity,
         limits,
         confinement(limits, jerk),
-        start,
-        samples.time,
-        samples.sensor,
-        samples.reading,
-        samples.change,
-        variance,
         jerk,
         settings.walk(m),
         settings.raised(m),
-        levels,
-        keep,
-    )
-    return ChainMotion(samples.time, mean, sd, nis, likelihood, states, covariances, high, (x, P))
-
-
-def holding_limits(sensors: ChainSensors, settings: FilterSettings) -> np.ndarray:
-    """Limits of the estimated joints that hold the estimate, shape (m, 2) [rad]; infinite where
-    none shall.
-    """
-    return (
-        sensors.limits if settings.limits else np.tile([-np.inf, np.inf], (len(sensors.joints), 1))
     )
 
 
 def most_likely(
     sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples, since: float
 ) -> FilterSettings:
-    """Settings with the liveliness that makes the innovations after a time [s] most likely.
+    """Settings with the process noise that makes the innovations most likely.
 
     Maximum likelihood of a state space model (Harvey, Forecasting, Structural Time Series Models
-    and the Kalman Filter, 1989, sect. 3.4).
+    and the Kalman Filter, 1989, sect. 3.4). A coarse grid finds the highest maximum, a bounded
+    search (Brent) between its neighbours refines it.
 
-    A coarse grid finds the highest maximum, a bounded search (Brent) between its neighbours refines
-    it.
+    Args:
+        sensors: The chain and what sits on it.
+        settings: All others.
+        samples: What the sensors read.
+        since: Innovations from here on count [s].
     """
-    low, high = np.log10(LIVELINESS["fourier" if settings.harmonics else "kinematic"])
+    low, high = np.log10(PROCESS_NOISE["fourier" if settings.harmonics else "kinematic"])
     grid = np.linspace(low, high, GRID)
 
     def likelihood(exponent: float) -> float:
-        motion = run_filter(sensors, replace(settings, liveliness=10**exponent), samples)
+        motion = run_filter(sensors, replace(settings, process_noise=10**exponent), samples)
         value = motion.likelihood[motion.time >= since].sum()
         return value if np.isfinite(value) else -np.inf
 
@@ -199,4 +196,4 @@ def most_likely(
             method="bounded",
             options={"xatol": SEARCH_TOLERANCE, "maxiter": REFINEMENTS},
         ).x
-    return replace(settings, liveliness=float(10**found))
+    return replace(settings, process_noise=float(10**found))

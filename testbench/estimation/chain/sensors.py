@@ -1,6 +1,4 @@
-"""The sensors on a chain as arrays that the compiled filter takes: which joints carry each of them,
-and where it sits.
-"""
+"""The sensors on a chain as arrays: which joints carry each of them, and where it sits."""
 
 from __future__ import annotations
 
@@ -18,7 +16,18 @@ from testbench.model.kinematics import Kinematics, Pose
 
 
 class SensorArrays(NamedTuple):
-    """The arrays of `ChainSensors`."""
+    """What compiled code takes of `ChainSensors`, which says what each is.
+
+    Attributes:
+        rotations: Shape (s, k, 3, 3).
+        offsets: Shape (s, k, 3) [m].
+        axes: Shape (s, k, 3).
+        columns: Shape (s, k).
+        counts: Shape (s,).
+        tip_rotations: Shape (s, 3, 3).
+        tip_offsets: Shape (s, 3) [m].
+        gravity: Shape (3,) [m/s^2].
+    """
 
     rotations: np.ndarray
     offsets: np.ndarray
@@ -27,23 +36,18 @@ class SensorArrays(NamedTuple):
     counts: np.ndarray
     tip_rotations: np.ndarray
     tip_offsets: np.ndarray
+    gravity: np.ndarray
 
 
 @njit(cache=True)
 def read_sensor(
-    sensors: SensorArrays,
-    s: int,
-    gravity: np.ndarray,
-    motion: np.ndarray,
-    reading: np.ndarray,
-    slopes: np.ndarray,
+    sensors: SensorArrays, s: int, motion: np.ndarray, reading: np.ndarray, slopes: np.ndarray
 ) -> None:
     """Ideal reading of one sensor, and its derivatives.
 
     Args:
         sensors: All of them.
         s: Which one.
-        gravity: As for `sensor_reading`, shape (3,) [m/s^2].
         motion: As for `sensor_reading`, shape (3, m).
         reading: As for `sensor_reading`, shape (6,).
         slopes: As for `sensor_reading`, shape (3, 6, m).
@@ -56,7 +60,7 @@ def read_sensor(
         sensors.columns[s, :count],
     )
     tip = Tip(sensors.tip_rotations[s], sensors.tip_offsets[s])
-    sensor_reading(chain, tip, gravity, motion, reading, slopes)
+    sensor_reading(chain, tip, sensors.gravity, motion, reading, slopes)
 
 
 @dataclass(frozen=True)
@@ -66,16 +70,14 @@ class ChainSensors:
     Attributes:
         sensors: Names, s of them.
         joints: Names of the estimated joints, in the robot's order.
-        rotations: Placement of each estimated joint in the one before it, joints that stand still
-            folded in, shapes (s, k, 3, 3), (s, k, 3) [m], (s, k, 3).
-        offsets: Placement of each estimated joint in the one before it, joints that stand still
-            folded in, shapes (s, k, 3, 3), (s, k, 3) [m], (s, k, 3).
-        axes: Placement of each estimated joint in the one before it, joints that stand still folded
-            in, shapes (s, k, 3, 3), (s, k, 3) [m], (s, k, 3).
+        rotations: Rotation of each estimated joint's frame in the one before it, joints that stand
+            still folded in, shape (s, k, 3, 3).
+        offsets: Origin of each estimated joint's frame in the one before it, shape (s, k, 3) [m].
+        axes: Axis of each estimated joint in its own frame, unit vectors, shape (s, k, 3).
         columns: Which estimated joint it is, shape (s, k).
         counts: Number of estimated joints that carry each sensor, shape (s,).
-        tip_rotations: The sensor in the last of them.
-        tip_offsets: The sensor in the last of them.
+        tip_rotations: Rotation of the sensor in the frame of the last of them, shape (s, 3, 3).
+        tip_offsets: Place of the sensor in the frame of the last of them, shape (s, 3) [m].
         gravity: In the world, shape (3,) [m/s^2].
         limits: Lowest and highest angle, shape (m, 2) [rad].
     """
@@ -95,15 +97,7 @@ class ChainSensors:
     @property
     def arrays(self) -> SensorArrays:
         """What compiled code takes."""
-        return SensorArrays(
-            self.rotations,
-            self.offsets,
-            self.axes,
-            self.columns,
-            self.counts,
-            self.tip_rotations,
-            self.tip_offsets,
-        )
+        return SensorArrays(*(getattr(self, name) for name in SensorArrays._fields))
 
     def readings(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray
@@ -111,9 +105,9 @@ class ChainSensors:
         """Ideal readings in one state, and their derivatives.
 
         Args:
-            q: Shape (m,) [rad], [rad/s], [rad/s^2].
-            v: Shape (m,) [rad], [rad/s], [rad/s^2].
-            a: Shape (m,) [rad], [rad/s], [rad/s^2].
+            q: Joint angles, shape (m,) [rad].
+            v: Joint rates, shape (m,) [rad/s].
+            a: Joint accelerations, shape (m,) [rad/s^2].
 
         Returns:
             Angular rate and specific force of every sensor, shape (s, 6); derivatives by q, v and
@@ -121,11 +115,10 @@ class ChainSensors:
         """
         s, m = len(self.sensors), len(self.joints)
         reading = np.zeros((s, 6))
-        derivatives = np.zeros((3, s, 6, m))
-        motion = np.array([q, v, a], dtype=float)
+        slopes, motion = np.zeros((s, 3, 6, m)), np.array([q, v, a], dtype=float)
         for i in range(s):
-            read_sensor(self.arrays, i, self.gravity, motion, reading[i], derivatives[:, i])
-        return reading, derivatives[0], derivatives[1], derivatives[2]
+            read_sensor(self.arrays, i, motion, reading[i], slopes[i])
+        return reading, slopes[:, 0], slopes[:, 1], slopes[:, 2]
 
 
 def chain_sensors(
@@ -146,6 +139,7 @@ def chain_sensors(
     Raises:
         InputError: A joint carries none of the sensors: nothing would be known of it.
     """
+    # Longer than a screen: joints are chosen, folded and filled into arrays of one length.
     robot = kinematics.robot
     chains = {name: kinematics.chain_to(link) for name, (link, _) in places.items()}
     carrying = {
@@ -202,9 +196,7 @@ def _fold(
     place: Mapping[int, int],
     standing: np.ndarray,
 ) -> tuple[list[Pose], list[np.ndarray], list[int], Pose]:
-    """The chain of one sensor with the joints that stand still taken into the placement of the
-    next.
-    """
+    """The chain of one sensor, joints that stand still folded into the placement of the next."""
     chain, link = carried_by
     poses, own_axes, own_columns = [], [], []
     carried = Pose(np.eye(3), np.zeros(3))

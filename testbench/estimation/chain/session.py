@@ -54,7 +54,7 @@ CALIBRATED_BIAS_SD = 0.02
 believed instead [m/s^2].
 """
 SEARCHED_S = 10.0
-"""The liveliness is sought over this much of a section, from the beginning of its motion and
+"""The process noise is sought over this much of a section, from the beginning of its motion and
 `settling_s` on [s].
 """
 
@@ -104,9 +104,9 @@ def estimate_chain(
     if recording is None:
         return [], ["the chain was not estimated: the recording has no arm and no plan"]
     names = wanted.sensors or list(sensors)
-    judged = [step.section for step in recording.run.steps if step.role == "evaluation"]
+    evaluated = [step.section for step in recording.run.steps if step.role == "evaluation"]
     estimates, remarks = [], []
-    for section in wanted.sections or list(dict.fromkeys(judged)):
+    for section in wanted.sections or list(dict.fromkeys(evaluated)):
         try:
             part = _Section(recording, sensors, names, wanted, section)
             estimates += [part.estimate(state) for state in wanted.states]
@@ -207,7 +207,7 @@ class _Section:
         own = self.samples.sensor == 0
         unit = "walk_deg_sqrts" if state == "fourier" else "jerk_deg_s3_sqrthz"
         facts = {
-            unit: float(np.degrees(settings.liveliness)),
+            unit: float(np.degrees(settings.process_noise)),
             "normalised_innovation_squared": float(motion.nis.mean()),
             "smoothed": self.wanted.smooth,
         }
@@ -254,9 +254,7 @@ def _rest(steps: list[PlannedStep], section: str) -> tuple[int, int, int, int]:
 
 
 def _planned_pose(recording: ChainRecording, time_ns: int) -> np.ndarray:
-    """The pose that the plan states at a rest, shape (n_joints,) [rad]; not what the arm
-    measured.
-    """
+    """The pose that the plan states at a rest, shape (n_joints,) [rad]; not the measured one."""
     table = recording.plan
     planned_end = np.searchsorted(table["host_time_ns"], time_ns, side="right") - 1
     row = int(np.clip(planned_end, 0, len(table["host_time_ns"]) - 1))
@@ -301,9 +299,10 @@ def _noise(
     force: np.ndarray,
     scales: bool,
 ) -> SensorNoise:
-    """White noise as measured at rest, biases by the data sheet or, where the sensor was
-    calibrated, by the calibration; a gyroscope's response to gravity acts like a bias, and so does
-    an accelerometer's scale where it is no state of its own.
+    """White noise as measured at rest, biases by the calibration or else by the data sheet.
+
+    A gyroscope's response to gravity acts like a bias, and so does an accelerometer's scale where
+    it is no state of its own.
     """
     gyroscope, accelerometer = sheet.gyroscope.triad(), sheet.accelerometer.triad()
     calibrated = calibration.method != "none" and bool(
@@ -338,9 +337,10 @@ def _noise(
 
 
 def _with_clock(noise: SensorNoise, clock: ClockFit, seconds: float) -> SensorNoise:
-    """With what the fit of the sensor's clock leaves: its offset, and its drift as a random walk
-    that grows as far in a section of that length. A sensor on the host's clock, or one that no
-    motion was found for, is taken at its word.
+    """With what the fit of the sensor's clock leaves.
+
+    Its offset, and its drift as a random walk that grows as far in a section of that length. A
+    sensor on the host's clock, or one that no motion was found for, is taken at its word.
     """
     offset, drift = (
         value if np.isfinite(value) else 0.0
@@ -350,9 +350,7 @@ def _with_clock(noise: SensorNoise, clock: ClockFit, seconds: float) -> SensorNo
 
 
 def _wandering(triad: TriadParameters) -> float:
-    """Growth of the bias per square root of a second: random walk, and the beginning of a
-    Gauss-Markov process.
-    """
+    """Growth of the bias [unit/sqrt(s)]: random walk and the start of a Gauss-Markov process."""
     return float(
         np.hypot(
             triad.bias_instability * np.sqrt(2 / triad.bias_time_constant), triad.bias_random_walk
@@ -361,9 +359,7 @@ def _wandering(triad: TriadParameters) -> float:
 
 
 def _white(readings: np.ndarray) -> float:
-    """Standard deviation of white noise in readings at rest, from their differences, shape (n,
-    3).
-    """
+    """Standard deviation of white noise in readings at rest, shape (n, 3), by differences."""
     return float(np.sqrt(np.mean(np.diff(readings, axis=0) ** 2) / 2))
 
 

@@ -1,4 +1,4 @@
-"""What the chain filter is told: of the sensors, of the start, and how lively the joints are."""
+"""What the chain filter is told: noise of the sensors, the start, and noise of the process."""
 
 from __future__ import annotations
 
@@ -36,25 +36,19 @@ class SensorNoise:
     """What is known of one sensor beforehand.
 
     Attributes:
-        gyr_sd: Of the white noise of one reading [rad/s], [m/s^2].
-        acc_sd: Of the white noise of one reading [rad/s], [m/s^2].
-        gyr_bias_sd: Of the bias at the start.
-        acc_bias_sd: Of the bias at the start.
-        gyr_bias_walk: Growth of its standard deviation [rad/s/sqrt(s)], [m/s^2/sqrt(s)].
-        acc_bias_walk: Growth of its standard deviation [rad/s/sqrt(s)], [m/s^2/sqrt(s)].
-        gyr_scale_sd: Of the elements of the matrices that scale and axes are off by, on their
-            diagonals and beside them [1].
-        gyr_cross_sd: Of the elements of the matrices that scale and axes are off by, on their
-            diagonals and beside them [1].
-        acc_scale_sd: Of the elements of the matrices that scale and axes are off by, on their
-            diagonals and beside them [1].
-        acc_cross_sd: Of the elements of the matrices that scale and axes are off by, on their
-            diagonals and beside them [1].
+        gyr_sd: Of the white noise of a rate [rad/s].
+        acc_sd: Of the white noise of a force [m/s^2].
+        gyr_bias_sd: Of the gyroscope's bias at the start [rad/s].
+        acc_bias_sd: Of the accelerometer's bias at the start [m/s^2].
+        gyr_bias_walk: Growth of the gyroscope's bias [rad/s/sqrt(s)].
+        acc_bias_walk: Growth of the accelerometer's bias [m/s^2/sqrt(s)].
+        gyr_scale_sd: Of the scales of the gyroscope's axes [1].
+        gyr_cross_sd: Of what an axis of the gyroscope reads of the others [1].
+        acc_scale_sd: Of the scales of the accelerometer's axes [1].
+        acc_cross_sd: Of what an axis of the accelerometer reads of the others [1].
         g_sd: Of the elements of the gyroscope's response to force [rad/s/(m/s^2)].
-        gyr_cubic_sd: Of what an axis adds to its reading, over the reading's third power
-            [1/unit^2].
-        acc_cubic_sd: Of what an axis adds to its reading, over the reading's third power
-            [1/unit^2].
+        gyr_cubic_sd: Of what an axis adds to a rate, over its third power [s^2/rad^2].
+        acc_cubic_sd: Of what an axis adds to a force, over its third power [s^4/m^2].
         clock_sd: Of how much later than believed the samples were taken [s].
         clock_walk: Growth of it [s/sqrt(s)].
     """
@@ -87,9 +81,10 @@ class SensorNoise:
 
     @property
     def scale_variance(self) -> np.ndarray:
-        """Of the elements of the matrices, shape (33,): three rows of the gyroscope's, each
-        followed by that of its response to force, then three of the accelerometer's; and of the
-        nonlinearities of the six axes.
+        """Of scales, cross-axis responses and nonlinearities at the start, shape (33,).
+
+        Three rows of the gyroscope's matrix, each followed by that of its response to force, then
+        three of the accelerometer's; then the nonlinearities of the six axes.
         """
         gyr, acc = (
             np.where(np.eye(3, dtype=bool), scale, cross)
@@ -118,14 +113,12 @@ class FilterSettings:
 
     Attributes:
         harmonics: Of the Fourier state; 0 for the kinematic one.
-        biases: Whether the biases of the sensors and their clocks, and beside them their errors of
-            scale, axes and linearity, are states.
-        scales: Whether the biases of the sensors and their clocks, and beside them their errors of
-            scale, axes and linearity, are states.
+        biases: Whether the biases of the sensors and their clocks are states.
+        scales: Whether their errors of scale, axes and linearity are states too.
         noise: Of each sensor, in the order of ChainSensors.
-        start: Stated start pose, shape (m,), and its standard deviation [rad].
-        start_sd: Stated start pose, shape (m,), and its standard deviation [rad].
-        liveliness: Kinematic: square root of the power spectral density of the jerk
+        start: Stated start pose, shape (m,) [rad].
+        start_sd: Standard deviation of each of its angles [rad].
+        process_noise: Kinematic: square root of the power spectral density of the jerk
             [rad/s^3/sqrt(Hz)]; Fourier: random walk of the coefficients of the first harmonic
             [rad/sqrt(s)], the k-th over k^1.5.
         amplitude: How far each joint may be expected to swing, shape (m,) or one for all [rad];
@@ -138,7 +131,7 @@ class FilterSettings:
     noise: list[SensorNoise]
     start: np.ndarray
     start_sd: float
-    liveliness: float
+    process_noise: float
     biases: bool = True
     scales: bool = False
     amplitude: np.ndarray | float = AMPLITUDE_SD
@@ -147,9 +140,7 @@ class FilterSettings:
 
     @property
     def error_variance(self) -> np.ndarray:
-        """Of the sensor errors that are states, in their order: biases of all sensors, then clocks,
-        then scales.
-        """
+        """Of the sensor errors that are states: biases of all sensors, then clocks, then scales."""
         biases = [noise.bias_variance for noise in self.noise if self.biases]
         clocks = [np.array([noise.clock_sd**2]) for noise in self.noise if self.biases]
         scales = [noise.scale_variance for noise in self.noise if self.biases and self.scales]
@@ -157,7 +148,7 @@ class FilterSettings:
 
     def jerk(self, m: int) -> np.ndarray:
         """Power spectral density of the jerk of each joint, shape (m,)."""
-        return np.full(m, 0.0 if self.harmonics else self.liveliness**2)
+        return np.full(m, 0.0 if self.harmonics else self.process_noise**2)
 
     def walk(self, m: int) -> np.ndarray:
         """Growth of the variance of each state, shape (n,)."""
@@ -169,7 +160,7 @@ class FilterSettings:
             )
         motion = np.zeros(3 * m)
         if self.harmonics:
-            motion = np.append(np.repeat(self.liveliness**2 * self._fall() ** 2, m), 0.0)
+            motion = np.append(np.repeat(self.process_noise**2 * self._fall() ** 2, m), 0.0)
         return np.concatenate([motion, errors])
 
     def raised(self, m: int) -> np.ndarray:
@@ -182,15 +173,16 @@ class FilterSettings:
         return np.concatenate([motion, np.zeros_like(self.error_variance)])
 
     def coefficient_sd(self, m: int) -> np.ndarray:
-        """Prior standard deviation of the coefficients at rest, shape (m (2 n + 1),) [rad]; wide
-        for the mean angle.
+        """Prior standard deviation of the coefficients at rest, shape (m (2 n + 1),) [rad].
+
+        It is wide for the mean angle.
         """
         sd = np.repeat(REST_AMPLITUDE_SD * self._fall(), m)
         sd[:m] = AMPLITUDE_SD
         return sd
 
     def levels(self) -> np.ndarray:
-        """As `kernel.filter_chain` takes them."""
+        """As `kernel.FilterPoint` has them at the start, shape (5,)."""
         return np.array([RAISED_ABOVE, MEMORY_S, 1.0, 0.0, FALL_S])
 
     def _fall(self) -> np.ndarray:

@@ -1,5 +1,4 @@
-"""The Rauch-Tung-Striebel smoother over the chain filter: every instant told by all samples, those
-after it too.
+"""The Rauch-Tung-Striebel smoother over the chain filter, whose estimates know later samples too.
 
 Rauch, Tung & Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA Journal 3
 (1965), 1445-1450, with the filter's transition linearised at its own estimates (Särkkä, Bayesian
@@ -13,23 +12,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from testbench.estimation.chain.run import (
-    ChainMotion,
-    ChainSamples,
-    continue_filter,
-    holding_limits,
-)
+from testbench.estimation.chain.kernel import FilterPoint
+from testbench.estimation.chain.run import ChainMotion, ChainSamples, continue_filter, process_of
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.start import start_state
-from testbench.estimation.chain.state import (
-    confinement,
-    drive,
-    joint_motion,
-    propagate,
-    state_indices,
-    transition,
-)
+from testbench.estimation.chain.state import Process, drive, joint_motion, propagate, transition
 
 KEPT_NUMBERS = 2e7
 """Numbers of the covariances that are kept at a time: 160 MB."""
@@ -38,39 +26,36 @@ KEPT_NUMBERS = 2e7
 def run_smoother(
     sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples
 ) -> ChainMotion:
-    """Filter forwards and smooth backwards; arguments and result as for `run_filter`, without
-    states and covariances.
+    """Filter forwards and smooth backwards.
+
+    Arguments and result are those of `run_filter`, without states and covariances.
     """
     x, P = start_state(sensors, settings, samples.mean, samples.counts)
-    levels, now = settings.levels(), samples.start
+    point = FilterPoint(x, P, settings.levels(), samples.start)
     stride = max(int(KEPT_NUMBERS / len(x) ** 2), 1)
     marks, parts, motions = [], [], []
     samples = samples.rows(0, None)
     for begin in range(0, len(samples.time), stride):
         part = samples.rows(begin, begin + stride)
-        marks.append((x.copy(), P.copy(), levels.copy(), now))
-        motions.append(continue_filter(sensors, settings, part, x, P, now, levels))
+        marks.append(FilterPoint(x.copy(), P.copy(), point.levels.copy(), point.time))
+        motions.append(continue_filter(sensors, settings, part, point))
         parts.append(part)
-        now = float(part.time[-1])
-    m = len(sensors.joints)
-    indices = state_indices(m, settings.harmonics)
+        point = point._replace(time=float(part.time[-1]))
+    process = process_of(sensors, settings)
     later = (x.copy(), P.copy(), 0.0, 0.0)  # the last state is its own smoothed one
     means, sds = [], []
-    jerk = settings.jerk(m)
-    confined = confinement(holding_limits(sensors, settings), jerk)
-    noise = confined, jerk, settings.walk(m), settings.raised(m)
-    for part, (x0, P0, levels0, start) in zip(reversed(parts), reversed(marks), strict=True):
-        kept = continue_filter(sensors, settings, part, x0, P0, start, levels0, keep=True)
+    for part, mark in zip(reversed(parts), reversed(marks), strict=True):
+        kept = continue_filter(sensors, settings, part, mark, keep=True)
         steps, high = np.append(np.diff(part.time), later[2]), np.append(kept.high[1:], later[3])
         state, covariance = kept.state, kept.covariance
-        _smooth(state, covariance, later[0], later[1], m, settings.harmonics, steps, high, *noise)
-        mean, sd = _joints(state, covariance, indices, settings.harmonics)
+        _smooth(state, covariance, later[:2], process, steps, high)
+        mean, sd = _joints(state, covariance, process.indices, settings.harmonics)
         means.append(mean)
         sds.append(sd)
         later = (
             state[0].copy(),
             covariance[0].copy(),
-            float(part.time[0]) - start,
+            float(part.time[0]) - mark.time,
             float(kept.high[0]),
         )
     nis, high = (
@@ -96,25 +81,24 @@ def run_smoother(
 def _smooth(
     state: np.ndarray,
     covariance: np.ndarray,
-    x: np.ndarray,
-    P: np.ndarray,
-    m: int,
-    harmonics: int,
+    later: tuple[np.ndarray, np.ndarray],
+    process: Process,
     steps: np.ndarray,
     high: np.ndarray,
-    confined: np.ndarray,
-    jerk: np.ndarray,
-    walk: np.ndarray,
-    raised: np.ndarray,
 ) -> None:
-    """Replace filtered states (e, n) and covariances (e, n, n) by smoothed ones, from the smoothed
-    x, P after the last.
+    """Replace filtered states and covariances by smoothed ones.
 
-    `steps` and `high` are the time to the next sample [s] and whether the raised process noise
-    holds meanwhile, shape (e,).
+    Args:
+        state: States, shape (e, n).
+        covariance: Their covariances, shape (e, n, n).
+        later: Smoothed state and covariance of the sample after the last.
+        process: How the joints move.
+        steps: Time to the next sample, shape (e,) [s].
+        high: Part of the raised process noise that holds meanwhile, shape (e,).
     """
-    n = len(x)
-    x, P = x.copy(), P.copy()
+    harmonics, indices, _, confined, jerk, walk, raised = process
+    m, n = indices.shape[0], state.shape[1]
+    x, P = later[0].copy(), later[1].copy()
     for i in range(len(state) - 1, -1, -1):
         predicted, ahead = state[i].copy(), covariance[i].copy()
         dt = steps[i]
@@ -122,6 +106,7 @@ def _smooth(
         turned = state[i].copy()
         propagate(turned, ahead, m, harmonics, confined, dt)
         drive(ahead, m, harmonics, jerk, confined, walk + high[i] * raised, dt)
+        # gain C = P F' ahead^-1, solved with ahead scaled to correlations
         scale = np.sqrt(np.diag(ahead))
         scale = np.where(scale > 0, scale, 1.0)
         for r in range(n):
@@ -134,6 +119,7 @@ def _smooth(
         for r in range(n):
             for c in range(n):
                 ahead[r, c] *= scale[r] * scale[c]
+        # x + C (x_later - predicted) and P + C (P_later - ahead) C'
         state[i] += gain @ (x - predicted)
         covariance[i] += gain @ (P - ahead) @ gain.T
         covariance[i] = 0.5 * (covariance[i] + covariance[i].T)

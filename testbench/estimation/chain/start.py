@@ -29,11 +29,12 @@ def rest_pose(
     Args:
         sensors: The chain.
         settings: Start pose, noise and biases.
-        mean: Mean readings at rest, shape (s, 6).
+        mean: Mean readings at rest, shape (s, 6) [rad/s], [m/s^2].
         counts: Number of readings behind each mean, shape (s,).
 
     Returns:
-        Joint angles and the sensor errors that are states: their values and covariance.
+        Joint angles and the sensor errors that are states, shape (k,), and their covariance, shape
+        (k, k).
     """
     m, s = len(sensors.joints), len(sensors.sensors)
     errors = settings.error_variance
@@ -62,9 +63,7 @@ def rest_pose(
 
 
 def _by_errors(reading: np.ndarray, count: int) -> np.ndarray:
-    """Derivative of all readings by the sensor errors that are states, shape (6 s, count); readings
-    of shape (s, 6).
-    """
+    """Derivative of readings (s, 6) by the sensor errors that are states, shape (6 s, count)."""
     s = len(reading)
     J = np.zeros((6 * s, 40 * s))  # at rest nothing tells of the clocks
     J[:, : 6 * s] = np.eye(6 * s)
@@ -80,11 +79,20 @@ def _by_errors(reading: np.ndarray, count: int) -> np.ndarray:
 def start_state(
     sensors: ChainSensors, settings: FilterSettings, mean: np.ndarray, counts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """State and covariance at rest; arguments as for `rest_pose`.
+    """State and covariance at rest.
 
     The prior of the motion (unknown for q, v, a; that of the settings for Fourier coefficients)
     meets what rest says: the pose and sensor errors of `rest_pose`, and no rate and no
     acceleration.
+
+    Args:
+        sensors: The chain.
+        settings: Start pose, noise and biases.
+        mean: Mean readings at rest, shape (s, 6) [rad/s], [m/s^2].
+        counts: Number of readings behind each mean, shape (s,).
+
+    Returns:
+        State, shape (n,), and covariance, shape (n, n).
     """
     m, harmonics = len(sensors.joints), settings.harmonics
     theta, covariance = rest_pose(sensors, settings, mean, counts)
@@ -118,9 +126,8 @@ def start_state(
     said = np.concatenate([theta[:m], np.zeros(2 * m), theta[m:]])
     P = np.diag(sd**2)
     K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-    x = x + K @ (
-        said - H @ x
-    )  # linear but for omega, which multiplies coefficients that are still 0
+    # linear but for omega, which multiplies coefficients that are still 0
+    x = x + K @ (said - H @ x)
     left = np.eye(n) - K @ H
     P = left @ P @ left.T + K @ R @ K.T
     return x, (P + P.T) / 2

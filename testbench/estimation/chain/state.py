@@ -1,5 +1,4 @@
-"""The two state vectors of the chain filter, and how joint angles, rates and accelerations follow
-from them; compiled.
+"""The two state vectors of the chain filter and the joint motions that follow from them; compiled.
 
 kinematic: q, v and a of the m joints. The jerk is white noise. A joint with limits is drawn back to
 the middle of its range by three equal poles, (d/dt + lambda)^3 (q - middle) = white, a Matérn
@@ -22,9 +21,32 @@ accelerometer for each sensor, and how late each sensor's clock is; then, where 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+
+
+class Process(NamedTuple):
+    """How the joints move between readings.
+
+    Attributes:
+        harmonics: Of the Fourier series; 0 for the kinematic state.
+        indices: States that each joint depends on, as `state_indices` gives them, shape (m, k).
+        limits: Lowest and highest angle of each joint, shape (m, 2) [rad]; infinite for none.
+        confined: As `confinement` gives it, shape (m, 2).
+        jerk: Power spectral density of the jerk of each joint, shape (m,) [rad^2/s^5].
+        walk: Growth of the variance of each state, shape (n,) [unit^2/s].
+        raised: What is added to `walk` at the raised level of process noise, shape (n,).
+    """
+
+    harmonics: int
+    indices: np.ndarray
+    limits: np.ndarray
+    confined: np.ndarray
+    jerk: np.ndarray
+    walk: np.ndarray
+    raised: np.ndarray
 
 
 def motion_size(m: int, harmonics: int) -> int:
@@ -45,8 +67,7 @@ def state_indices(m: int, harmonics: int) -> np.ndarray:
 def joint_motion(
     x: np.ndarray, indices: np.ndarray, harmonics: int, motion: np.ndarray, slopes: np.ndarray
 ) -> None:
-    """Joint angles, rates and accelerations of a state, and their derivatives by the states they
-    depend on.
+    """Joint angles, rates and accelerations of a state, and their derivatives by that.
 
     Args:
         x: The state, shape (n,).
@@ -63,6 +84,7 @@ def joint_motion(
                 motion[order, j] = x[indices[j, order]]
                 slopes[order, j, order] = 1.0
             continue
+        # q = c_0 + sum c_k, v = omega sum k s_k, a = -omega^2 sum k^2 c_k
         omega = x[indices[j, 2 * harmonics + 1]]
         q = x[indices[j, 0]]
         rate = bend = 0.0
@@ -83,15 +105,17 @@ def joint_motion(
 
 
 def confinement(limits: np.ndarray, jerk: np.ndarray) -> np.ndarray:
-    """Middle of each joint's range [rad] and rate [1/s] at which the kinematic state is drawn back
-    to it, shape (m, 2).
+    """Middle of each joint's range, and the rate at which the state is drawn back to it.
 
-    Of (d/dt + lambda)^3 q = white noise of density S the stationary variance is 3 S / (16
-    lambda^5); that of an angle anywhere in a range is its square over twelve.
+    Of (d/dt + lambda)^3 q = white noise of density S, with lambda the rate, the stationary variance
+    is 3 S / (16 lambda^5); that of an angle anywhere in a range is its square over twelve.
 
     Args:
         limits: Shape (m, 2), infinite for none [rad].
         jerk: As `FilterSettings.jerk` gives it, shape (m,).
+
+    Returns:
+        Middle [rad] and rate [1/s], shape (m, 2).
     """
     known = np.isfinite(limits).all(axis=1)
     span = np.where(known, np.diff(np.where(known[:, None], limits, 0.0), axis=1)[:, 0], np.inf)
@@ -102,6 +126,7 @@ def confinement(limits: np.ndarray, jerk: np.ndarray) -> np.ndarray:
 @njit(cache=True)
 def _confined(rate: float, dt: float, f: np.ndarray) -> None:
     """The transition of q - middle, v and a of one joint over dt [s], filled into shape (3, 3)."""
+    # exp(A dt) of three equal poles at -rate: their polynomials times exp(-rate dt)
     r, d = rate, np.exp(-rate * dt)
     f[0, 0], f[0, 1], f[0, 2] = 1 + r * dt + 0.5 * (r * dt) ** 2, dt + r * dt**2, 0.5 * dt**2
     f[1, 0], f[1, 1], f[1, 2] = (
@@ -123,10 +148,17 @@ def _confined(rate: float, dt: float, f: np.ndarray) -> None:
 def transition(
     x: np.ndarray, m: int, harmonics: int, confined: np.ndarray, dt: float
 ) -> np.ndarray:
-    """The state after dt [s] without noise, and put into x; returns the derivative by the state
-    before, shape (n, n).
+    """Move a state on without noise.
 
-    `confined` is what `confinement` gives, shape (m, 2).
+    Args:
+        x: The state, shape (n,); replaced by the one after dt.
+        m: Joints.
+        harmonics: Of the Fourier series; 0 for the kinematic state.
+        confined: As `confinement` gives it, shape (m, 2).
+        dt: Time that passes [s].
+
+    Returns:
+        The derivative of the state after by that before, shape (n, n).
     """
     n = x.shape[0]
     F = np.eye(n)
@@ -146,6 +178,7 @@ def transition(
     for k in range(1, harmonics + 1):
         cosine, sine = np.cos(k * x[last] * dt), np.sin(k * x[last] * dt)
         for j in range(m):
+            # c_k and s_k turn by k omega dt
             i = m * (2 * k - 1) + j
             c, s = x[i], x[i + m]
             x[i] = cosine * c + sine * s
@@ -162,8 +195,15 @@ def transition(
 def propagate(
     x: np.ndarray, P: np.ndarray, m: int, harmonics: int, confined: np.ndarray, dt: float
 ) -> None:
-    """What `transition` does, with the covariance, without building the matrix: x and P are changed
-    in place.
+    """Move a state and its covariance on without noise, without building the matrix.
+
+    Args:
+        x: The state, shape (n,); replaced.
+        P: Its covariance, shape (n, n); replaced.
+        m: Joints.
+        harmonics: Of the Fourier series; 0 for the kinematic state.
+        confined: As `confinement` gives it, shape (m, 2).
+        dt: Time that passes [s].
     """
     if harmonics == 0:
         _propagate_kinematic(x, P, m, confined, dt)
@@ -245,7 +285,7 @@ def drive(
         harmonics: Of the Fourier series; 0 for the kinematic state.
         jerk: Power spectral density of the white jerk of each joint, shape (m,) [rad^2/s^5];
             kinematic state only.
-        confined: As for `transition`.
+        confined: As `confinement` gives it, shape (m, 2).
         walk: Growth of the variance of each state, shape (n,) [unit^2/s].
         dt: Time that passes [s].
     """
@@ -261,5 +301,5 @@ def drive(
                         P[r * m + j, c * m + j] += jerk[j] * weight * f[r, 2] * f[c, 2]
     for i in range(P.shape[0]):
         P[i, i] += walk[i] * dt
-        for c in range(i):  # rounding differs by row and column, and what is not symmetric may grow
+        for c in range(i):  # rounding differs by row and column, and asymmetry may grow
             P[i, c] = P[c, i] = 0.5 * (P[i, c] + P[c, i])

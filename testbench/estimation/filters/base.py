@@ -13,8 +13,7 @@ from testbench.exceptions import InputError, NotFoundError
 from testbench.model import rotation
 
 FilterState = dict[str, Any]
-"""All that a filter remembers after a sample, by name: numbers and lists of numbers, so that it can
-be written as JSON.
+"""All that a filter remembers after a sample, by name, as JSON can hold it.
 
 `filter` names the filter it belongs to. A filter that estimates the gyroscope's bias has it under
 `gyr_bias_rad_s`.
@@ -30,15 +29,15 @@ class Parameter:
 
     Attributes:
         name: With its unit, as protocols spell it.
-        default: Of the value.
-        unit: Of the value.
-        meaning: Of the value.
-        source: Of the default.
-        low: Plausible range, for tuning.
-        high: Plausible range, for tuning.
-        scale: How to walk through it; a "switch" is 0 or 1.
-        least: What is allowed.
-        most: What is allowed.
+        default: Value that it has unless another is given.
+        unit: Of the value, for people.
+        meaning: What it sets, in words.
+        source: Where the default comes from.
+        low: Lower end of the plausible range, for tuning.
+        high: Upper end of the plausible range, for tuning.
+        scale: How to walk through the range; a "switch" is 0 or 1.
+        least: Smallest value that is allowed.
+        most: Largest value that is allowed.
     """
 
     name: str
@@ -118,10 +117,8 @@ class UniformSamples:
             self.interval, self.gyr[rows], self.acc[rows], mag, device_q, intervals
         )
 
-    def turning(self) -> np.ndarray:
-        """Angular rate of the gyroscope, or of the device's orientation without one, shape (n, 3)
-        [rad/s].
-        """
+    def angular_rate(self) -> np.ndarray:
+        """Angular rate by the gyroscope, else by the device's orientation, shape (n, 3) [rad/s]."""
         if self.has("gyr") or self.device_q is None:
             return self.gyr
         step = rotation.multiply(rotation.conjugate(self.device_q[:-1]), self.device_q[1:])
@@ -129,8 +126,7 @@ class UniformSamples:
 
 
 class OrientationFilter(ABC):
-    """Turns samples into orientations; one instance is one choice of parameters and remembers
-    nothing else.
+    """Turns samples into orientations; an instance remembers its parameters and nothing else.
 
     Attributes:
         name: As protocols spell it.
@@ -188,18 +184,18 @@ class OrientationFilter(ABC):
     def advance(
         self, samples: UniformSamples, state: FilterState | None = None
     ) -> tuple[np.ndarray, FilterState]:
-        """Orientation at every sample of a piece of a recording; one sample is a piece, too.
+        """Orientation at every sample of a chunk of a recording, which may be a single sample.
 
         Args:
-            samples: The piece.
-            state: What this returned for the piece before; None at the beginning.
+            samples: The chunk.
+            state: What this returned for the chunk before; None at the beginning.
 
         Returns:
-            q_earth_from_sensor, shape (n, 4), and the state after the last sample. Pieces give what
+            q_earth_from_sensor, shape (n, 4), and the state after the last sample. Chunks give what
             the whole gives.
 
         Raises:
-            InputError: The filter cannot work piece by piece, or the state is another filter's.
+            InputError: The filter cannot work by chunks, or the state is another filter's.
         """
         raise InputError(f"the filter {self.name} needs the whole recording at once")
 
@@ -233,8 +229,9 @@ class RecursiveFilter(OrientationFilter):
 
 
 def on_regular_grid(kind: OrientationFilter, samples: UniformSamples) -> np.ndarray:
-    """Run a filter for regular sampling on irregular samples: interpolate linearly, run,
-    interpolate on the sphere.
+    """Run a filter for regular sampling on irregular samples.
+
+    The samples are interpolated linearly, the orientations back on the sphere.
     """
     time = np.cumsum(samples.steps())
     count = len(samples)

@@ -1,6 +1,4 @@
-"""Complementary filters: the gyroscope integrated, tilt and heading each drawn to what is measured
-with a time constant.
-"""
+"""Complementary filters: the integrated gyroscope, corrected in tilt and then in heading."""
 
 from __future__ import annotations
 
@@ -22,36 +20,40 @@ from testbench.estimation.filters.maths import (
 
 @njit(cache=True)
 def complementary(
-    readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool
+    readings: Readings,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
 ) -> np.ndarray:
-    """Integrate, then turn the earth frame by part of the angle to the measured vertical, then of
-    that to measured north.
+    """Integrate, then correct by part of the angle to the measured vertical and to north.
 
     Both corrections are in the earth frame and one after the other, as Valenti et al. 2015 have
     them, so that the field never tilts. The part is 1 - exp(-dt / tau).
 
     Args:
-        readings: Of the sensor.
+        readings: Samples of the sensor.
         p: Parameters, shape (k,): tau of the accelerometer [s], its gate [m/s^2], tau of the
             magnetometer [s], its gate.
-        state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, field of reference.
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q, field of reference.
         use_mag: Whether to use the magnetometer.
     """
-    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
+    gyr, acc, mag, dt = readings
+    # Longer than a screen: one sample's update, prediction and two corrections in order.
     n = gyr.shape[0]
     out = np.empty((n, 4))
     for i in range(n):
         if state[0] == 0.0:
             begin(state, acc[i], mag[i], use_mag, out[i])
             continue
+        # prediction by the gyroscope
         w, x, y, z = integrated(state, gyr[i], dt[i])
         a = length(acc[i])
         if usable_force(a, p[1]):
+            # the measured vertical in the earth: sine s of its tilt, about the axis (uy, -ux, 0)
             ux, uy, uz = to_earth(w, x, y, z, acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a)
-            s = np.sqrt(
-                ux * ux + uy * uy
-            )  # sine of the angle to the vertical; the axis is (uy, -ux, 0)
+            s = np.sqrt(ux * ux + uy * uy)
             if s > 0.0:
+                # part of the tilt, as a turn of the earth frame
                 half = 0.5 * (1.0 - np.exp(-dt[i] / p[0])) * np.arctan2(s, uz)
                 c, k = np.cos(half), np.sin(half) / s
                 dx, dy = k * uy, -k * ux
@@ -62,9 +64,8 @@ def complementary(
                     c * z + dx * y - dy * x,
                 )
         m = length(mag[i]) if use_mag else 0.0
-        if m > 0.0 and not field_deviates(
-            w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[3], state[5:7]
-        ):
+        if m > 0.0 and not field_deviates((w, x, y, z), mag[i], p[3], state[5:7]):
+            # part of the angle to measured north, about the vertical
             hx, hy, _ = to_earth(w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2])
             half = 0.5 * (1.0 - np.exp(-dt[i] / p[2])) * np.arctan2(hx, hy)
             c, s = np.cos(half), np.sin(half)

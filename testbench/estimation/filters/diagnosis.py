@@ -1,6 +1,4 @@
-"""Why a filter fails the self-test: each usual mistake is undone in turn, until the filter
-passes.
-"""
+"""Why a filter fails the self-test: each usual mistake is undone in turn, until it passes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Orientation from the directions of gravity and field in one sample: no gyroscope, no memory."""
+"""Orientation from the directions of gravity and field in one sample: no gyroscope, no memory.
+
+The vertical and north are those of `maths.with_north`: that is the ecompass, and TRIAD with gravity
+for its first vector (Shuster & Oh, J. Guidance and Control 4(1), 1981).
+"""
 
 from __future__ import annotations
 
@@ -14,11 +18,15 @@ LAYOUT = (("started", 1), ("q", 4), ("dip_cos_sin", 2))
 
 
 @njit(cache=True)
-def tilts(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
+def tilts(
+    readings: Readings,
+    p: np.ndarray,
+    state: np.ndarray,
+) -> np.ndarray:
     """The least rotation that turns each specific force upwards.
 
     Args:
-        readings: Of the sensor.
+        readings: Samples of the sensor.
         p: Unused, shape (0,).
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q, unused.
     """
@@ -37,11 +45,15 @@ def tilts(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def triads(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
+def triads(
+    readings: Readings,
+    p: np.ndarray,
+    state: np.ndarray,
+) -> np.ndarray:
     """TRIAD: the first vector is met exactly, the second as well as that allows.
 
     Args:
-        readings: Of the sensor.
+        readings: Samples of the sensor.
         p: Parameters, shape (k,): empty, or whether the field is the first vector.
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q, cosine and sine of
             the dip.
@@ -54,13 +66,13 @@ def triads(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
         if a > 0.0 and m > 0.0:
             ax, ay, az = acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a
             mx, my, mz = mag[i, 0] / m, mag[i, 1] / m, mag[i, 2] / m
-            if state[0] == 0.0:
+            if state[0] == 0.0:  # the dip below the horizon, for good
                 s = -(ax * mx + ay * my + az * mz)
                 state[0], state[1] = 1.0, 1.0
                 state[5], state[6] = np.sqrt(max(0.0, 1.0 - s * s)), s
             if field_first:
-                # the upward direction in the plane of both that encloses the expected angle with
-                # the field
+                # gravity's direction across the field; upwards is then in the plane of both, at
+                # the expected angle to the field
                 d = ax * mx + ay * my + az * mz
                 px, py, pz = ax - d * mx, ay - d * my, az - d * mz
                 k = np.sqrt(px * px + py * py + pz * pz)
@@ -79,7 +91,13 @@ def triads(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def minor(k: np.ndarray, row: int, column: int) -> float:
-    """Cofactor of a 4 x 4 matrix."""
+    """Cofactor of a matrix.
+
+    Args:
+        k: The matrix, shape (4, 4).
+        row: Row that is left out.
+        column: Column that is left out.
+    """
     r0, r1, r2 = (1 if row < 1 else 0), (2 if row < 2 else 1), (3 if row < 3 else 2)
     c0, c1, c2 = (1 if column < 1 else 0), (2 if column < 2 else 1), (3 if column < 3 else 2)
     value = (
@@ -91,19 +109,23 @@ def minor(k: np.ndarray, row: int, column: int) -> float:
 
 
 @njit(cache=True)
-def quests(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
-    """QUEST for two vectors: the eigenvector of Davenport's matrix K to its largest eigenvalue,
-    which is known in closed form.
+def quests(
+    readings: Readings,
+    p: np.ndarray,
+    state: np.ndarray,
+) -> np.ndarray:
+    """QUEST for two vectors: the eigenvector of Davenport's matrix K to its largest eigenvalue.
 
-    Shuster & Oh 1981, eq. 72 for the eigenvalue; the eigenvector as the largest column of the
-    adjugate of K - lambda, which has no singular angle.
+    Shuster & Oh 1981. The eigenvector is the largest column of the adjugate of K - lambda, which
+    has no singular angle.
 
     Args:
-        readings: Of the sensor.
+        readings: Samples of the sensor.
         p: Parameters, shape (k,): weight of the field, that of gravity being the rest of 1.
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q, cosine and sine of
             the dip.
     """
+    # Longer than a screen: one matrix and its eigenvector, element by element.
     acc, mag = readings.acc, readings.mag
     wm = p[0]
     wa = 1.0 - wm
@@ -115,7 +137,7 @@ def quests(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
             ax, ay, az = acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a
             mx, my, mz = mag[i, 0] / m, mag[i, 1] / m, mag[i, 2] / m
             dot = ax * mx + ay * my + az * mz
-            if state[0] == 0.0:
+            if state[0] == 0.0:  # the dip below the horizon, for good
                 state[0], state[1] = 1.0, 1.0
                 state[5], state[6] = np.sqrt(max(0.0, 1.0 - dot * dot)), -dot
             north, up = state[5], -state[6]
@@ -123,18 +145,20 @@ def quests(readings: Readings, p: np.ndarray, state: np.ndarray) -> np.ndarray:
             # north, up)
             b10, b11, b12 = wm * north * mx, wm * north * my, wm * north * mz
             b20, b21, b22 = wa * ax + wm * up * mx, wa * ay + wm * up * my, wa * az + wm * up * mz
+            # the largest eigenvalue: eq. 72
             across = np.sqrt(max(0.0, 1.0 - dot * dot)) * north
             largest = np.sqrt(wa * wa + wm * wm + 2.0 * wa * wm * (dot * up + across))
             trace = b11 + b22
-            # maximises q' K q = trace(R B'), with q = (w, x, y, z) of R_earth_from_sensor
+            # K, which maximises q' K q = trace(R B'), with q = (w, x, y, z) of R_earth_from_sensor
             k[0, 0], k[0, 1], k[0, 2], k[0, 3] = trace, b21 - b12, -b20, b10
             k[1, 1], k[1, 2], k[1, 3] = -trace, b10, b20
             k[2, 2], k[2, 3] = b11 - b22, b12 + b21
             k[3, 3] = b22 - b11
-            for r in range(4):
+            for r in range(4):  # K - lambda, symmetric
                 k[r, r] -= largest
                 for c in range(r):
                     k[r, c] = k[c, r]
+            # the largest column of its adjugate
             best, size = 0, -1.0
             for c in range(4):
                 diagonal = abs(minor(k, c, c))

@@ -26,13 +26,20 @@ def weigh(
     p: np.ndarray,
     k: float,
     g: np.ndarray,
-    z: np.ndarray,
     s: np.ndarray,
     y: np.ndarray,
     used: int,
 ) -> None:
-    """The factor of S = H P H' + R into s, and S^-1 z into y; g holds [g x] above [m x], shape (6,
-    3).
+    """Factorise the innovation's covariance S = H P H' + R, and replace y by S^-1 y.
+
+    Args:
+        state: As of `error_state`, shape (s,).
+        p: Parameters as of `error_state`, shape (k,).
+        k: The interval [s].
+        g: [g x] above [m x], of the expected gravity and field in the sensor, shape (6, 3).
+        s: Filled with the Cholesky factor of S, shape (6, 6).
+        y: The innovation, shape (6,).
+        used: Rows that count, 3 or 6.
     """
     for r in range(used):
         for c in range(r + 1):
@@ -43,8 +50,8 @@ def weigh(
                     * g[c, j]
                     * (state[11 + j] - 2.0 * k * state[23 + j] + k * k * state[14 + j])
                 )
+        # P of acceleration or disturbance, and R: noise of the reading and of the rate meanwhile
         s[r, r] += state[17 + r] + k * k * (p[1] + p[2]) + (p[0] + p[3] if r < 3 else p[5] + p[6])
-        y[r] = z[r]
     factorise(s, used)
     forwards(s, y, used, 0)
     backwards(s, y, used)
@@ -59,23 +66,64 @@ def choose(
     z: np.ndarray,
     s: np.ndarray,
     y: np.ndarray,
-    used: int,
 ) -> int:
-    """Weigh what can be used: the number of rows, 0 if the force is not a number.
+    """Weigh what can be used of a sample.
 
     The field is left out where it is not a number, or disturbed by more than twice its size.
+
+    Args:
+        state: As of `error_state`, shape (s,).
+        p: Parameters as of `error_state`, shape (k,).
+        k: The interval [s].
+        g: As of `weigh`, shape (6, 3).
+        z: Innovation, expected less measured gravity and field, shape (6,).
+        s: Filled as by `weigh`, shape (6, 6).
+        y: Filled with S^-1 z, shape (6,).
+
+    Returns:
+        Rows that count: 6, 3, or 0 if the force is not a number.
     """
     if not np.isfinite(z[0] + z[1] + z[2]):
         return 0
-    if used == 6 and np.isfinite(z[3] + z[4] + z[5]):
-        weigh(state, p, k, g, z, s, y, 6)
+    if np.isfinite(z[3] + z[4] + z[5]):
+        for r in range(6):
+            y[r] = z[r]
+        weigh(state, p, k, g, s, y, 6)
         disturbance2 = 0.0
-        for j in range(3):
+        for j in range(3):  # the disturbance that this sample tells, of K z
             disturbance2 += (state[20 + j] * y[3 + j]) ** 2
         if disturbance2 <= 4.0 * (state[26] * state[26] + state[27] * state[27]):
             return 6
-    weigh(state, p, k, g, z, s, y, 3)
+    for r in range(3):
+        y[r] = z[r]
+    weigh(state, p, k, g, s, y, 3)
     return 3
+
+
+@njit(cache=True)
+def estimate(
+    state: np.ndarray, k: float, g: np.ndarray, y: np.ndarray, e: np.ndarray, used: int
+) -> None:
+    """The error e = K z = P H' S^-1 z.
+
+    Args:
+        state: As of `error_state`, shape (s,).
+        k: The interval [s].
+        g: As of `weigh`, shape (6, 3).
+        y: S^-1 z, shape (6,).
+        e: Filled with turn, offset, acceleration and disturbance, shape (12,).
+        used: Rows that count.
+    """
+    for j in range(3):
+        along = 0.0
+        for r in range(used):
+            along += g[r, j] * y[r]
+        e[j] = (state[11 + j] - k * state[23 + j]) * along
+        e[3 + j] = (state[23 + j] - k * state[14 + j]) * along
+    for row in range(6):
+        e[6 + row] = 0.0
+        if row < used:
+            e[6 + row] = state[17 + row] * y[row] if row < 3 else -state[17 + row] * y[row]
 
 
 @njit(cache=True)
@@ -85,44 +133,53 @@ def renew(
     k: float,
     g: np.ndarray,
     s: np.ndarray,
-    y: np.ndarray,
-    e: np.ndarray,
     b: np.ndarray,
     used: int,
 ) -> None:
-    """The error e = K z, shape (12,), and Q for the next sample from the diagonal of P+ = P - K H
-    P.
+    """Q for the next sample, from the diagonal of P+ = P - K H P.
 
     The columns of H P are those of g times a number for turn and offset, and those of the identity
     for acceleration and disturbance, so that the diagonal of P H' S^-1 H P needs forward
     substitution only.
+
+    Args:
+        state: As of `error_state`, shape (s,); its Q is replaced.
+        p: Parameters as of `error_state`, shape (k,).
+        k: The interval [s].
+        g: As of `weigh`, shape (6, 3).
+        s: The Cholesky factor of S, shape (6, 6).
+        b: Space for a column of H P, shape (6,).
+        used: Rows that count.
     """
     for j in range(3):
         turn, offset = state[11 + j] - k * state[23 + j], state[23 + j] - k * state[14 + j]
-        along = 0.0
         for r in range(used):
             b[r] = g[r, j]
-            along += g[r, j] * y[r]
-        length2 = forwards(s, b, used, 0)
-        e[j], e[3 + j] = turn * along, offset * along
+        length2 = forwards(s, b, used, 0)  # diagonal of g' S^-1 g
+        # P+ of the offset and its drift; Q of turn and offset, and what the two share
         drifting = state[14 + j] - offset * offset * length2 + p[2]
         state[11 + j] += k * k * (drifting + p[1]) - turn * turn * length2
         state[14 + j], state[23 + j] = drifting, -k * drifting
         for part in range(2 if p.shape[0] > 5 else 1):
             row, at = 3 * part + j, 17 + 3 * part + j
-            e[6 + row], loss = 0.0, 0.0
+            loss = 0.0
             if row < used:
                 b[:] = 0.0
                 b[row] = 1.0
-                e[6 + row] = state[at] * y[row] if part == 0 else -state[at] * y[row]
                 loss = state[at] * state[at] * forwards(s, b, used, row)
+            # what is left of acceleration or disturbance a sample later, and what is new of it
             state[at] = p[4 + 3 * part] ** 2 * (state[at] - loss) + p[3 + 3 * part]
 
 
 @njit(cache=True)
 def first_variances(state: np.ndarray, mag: np.ndarray, p: np.ndarray, use_mag: bool) -> None:
-    """MATLAB's InitialProcessNoise, and the field of the first sample, with the strength that p
-    asks for.
+    """MATLAB's InitialProcessNoise, and the field of the first sample.
+
+    Args:
+        state: As of `error_state`, shape (s,), with the first orientation.
+        mag: Magnetic field, shape (3,) [uT].
+        p: Parameters as of `error_state`, shape (k,), with the strength of the field to assume.
+        use_mag: Whether to use the magnetometer.
     """
     for j in range(3):
         state[11 + j], state[14 + j], state[17 + j], state[20 + j] = (
@@ -138,9 +195,13 @@ def first_variances(state: np.ndarray, mag: np.ndarray, p: np.ndarray, use_mag: 
 
 
 @njit(cache=True)
-def error_state(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
-    """Error-state filter of orientation, gyroscope offset, linear acceleration and magnetic
-    disturbance.
+def error_state(
+    readings: Readings,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
+) -> np.ndarray:
+    """Error-state filter: orientation, gyroscope offset, linear acceleration, disturbance.
 
     The error is folded into the estimate after each sample, so that its prediction is zero and P- =
     Q, which is rebuilt from the diagonal of P+ (NXP AN5023, 2016; MATLAB's description of imufilter
@@ -150,16 +211,17 @@ def error_state(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: b
         z = [g - (acc - a); m - mag] = [[g x, -k g x, I, 0], [m x, -k m x, 0, -I]] x
 
     Args:
-        readings: Of the sensor.
-        p: Parameters, shape (k,): variances of accelerometer, gyroscope, offset drift, linear
-            acceleration, decay of that; of magnetometer, disturbance, decay of that, and strength
-            of the field [uT].
+        readings: Samples of the sensor.
+        p: Parameters, shape (k,): variances of accelerometer [m^2/s^4], gyroscope and offset drift
+            [rad^2/s^2], linear acceleration [m^2/s^4], decay of that; with a magnetometer variances
+            of it and of the disturbance [uT^2], decay of that, strength of the field [uT].
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q, offset,
             acceleration, diagonal of Q (turn, offset, acceleration, disturbance), its turn-offset
             part, field (north, up).
         use_mag: Whether to use the magnetometer.
     """
-    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
+    # Longer than a screen: one sample's prediction, innovation and correction.
+    gyr, acc, mag, dt = readings
     n = gyr.shape[0]
     out = np.empty((n, 4))
     s, g, e = np.empty((6, 6)), np.zeros((6, 3)), np.zeros(12)
@@ -169,6 +231,7 @@ def error_state(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: b
             if begin(state, acc[i], mag[i], use_mag, out[i]):
                 first_variances(state, mag[i], p, use_mag)
             continue
+        # prediction by the gyroscope less its offset
         k = dt[i]
         rx, ry, rz = (
             k * (gyr[i, 0] - state[5]),
@@ -176,16 +239,22 @@ def error_state(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: b
             k * (gyr[i, 2] - state[7]),
         )
         qw, qx, qy, qz = turned(state[1], state[2], state[3], state[4], rx, ry, rz)
+        # expected gravity and field in the sensor, and [g x] above [m x]
         x1, y1, z1 = to_sensor(qw, qx, qy, qz, 0.0, 0.0, GRAVITY)
         x2, y2, z2 = to_sensor(qw, qx, qy, qz, 0.0, state[26], state[27])
         g[0, 1], g[0, 2], g[1, 0], g[1, 2], g[2, 0], g[2, 1] = -z1, y1, z1, -x1, -y1, x1
         g[3, 1], g[3, 2], g[4, 0], g[4, 2], g[5, 0], g[5, 1] = -z2, y2, z2, -x2, -y2, x2
+        # the innovation; the force less the linear acceleration that is left of the last sample's
         z[0], z[1], z[2] = x1 - acc[i, 0], y1 - acc[i, 1], z1 - acc[i, 2]
         z[3], z[4], z[5] = x2 - mag[i, 0], y2 - mag[i, 1], z2 - mag[i, 2]
         for j in range(3):
             z[j] += p[4] * state[8 + j]
-        used = choose(state, p, k, g, z, s, y, 6 if use_mag else 3)
-        renew(state, p, k, g, s, y, e, b, used)
+        if not use_mag:
+            z[3] = np.nan
+        used = choose(state, p, k, g, z, s, y)
+        estimate(state, k, g, y, e, used)
+        renew(state, p, k, g, s, b, used)
+        # the error is folded into the estimate
         state[1], state[2], state[3], state[4] = turned(qw, qx, qy, qz, -e[0], -e[1], -e[2])
         for j in range(3):
             state[5 + j] -= e[3 + j]

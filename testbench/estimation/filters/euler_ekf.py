@@ -1,5 +1,6 @@
-"""The Euler-angle Kalman filters of Cabezuelo 2019: simple and improved prediction, corrected and
-as printed.
+"""The Euler-angle Kalman filters of Cabezuelo 2019, corrected and as printed.
+
+Equations are those of the thesis: simple prediction 4.7, improved prediction 4.4 to 4.6.
 """
 
 from __future__ import annotations
@@ -23,7 +24,14 @@ def wrapped(angle: float) -> float:
 
 @njit(cache=True)
 def put(out: np.ndarray, roll: float, pitch: float, yaw: float) -> None:
-    """q_earth_from_sensor of the intrinsic ZYX angles [rad]."""
+    """The quaternion q_earth_from_sensor of intrinsic ZYX angles.
+
+    Args:
+        out: Filled with the quaternion, shape (4,).
+        roll: About x [rad].
+        pitch: About y [rad].
+        yaw: About z [rad].
+    """
     cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
     cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
     out[0] = cy * cp * cr + sy * sp * sr
@@ -36,13 +44,22 @@ def put(out: np.ndarray, roll: float, pitch: float, yaw: float) -> None:
 def predicted(
     state: np.ndarray, g: np.ndarray, h: float, f: np.ndarray, simple: bool, printed: bool
 ) -> Three:
-    """Roll, pitch and yaw a step later, and F, shape (3, 3)."""
+    """Roll, pitch and yaw [rad] a step later, and F, the derivative by those before.
+
+    Args:
+        state: As of `euler_ekf`, shape (s,).
+        g: Angular rate, shape (3,) [rad/s].
+        h: The step [s].
+        f: Filled with F, shape (3, 3).
+        simple: Whether each angle is the integral of its own axis.
+        printed: Whether to keep the errors of the publication.
+    """
     roll, pitch, yaw = state[1], state[2], state[3]
     f[:, :] = 0.0
     f[0, 0], f[1, 1] = 1.0, 1.0
     if simple:
         f[2, 2] = 0.0 if printed else 1.0  # eq. 2.22 has diag(1, 1, 0)
-        return roll + h * g[0], pitch + h * g[1], yaw + h * g[2]
+        return roll + h * g[0], pitch + h * g[1], yaw + h * g[2]  # eq. 4.7
     sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
     if not printed and abs(cp) < LOCK:
         cp = LOCK if cp >= 0.0 else -LOCK
@@ -51,6 +68,7 @@ def predicted(
     f[0, 0], f[0, 1] = 1.0 + h * across * tan, h * along * sec * sec
     f[1, 0] = -h * along
     f[2, 0], f[2, 1], f[2, 2] = h * across * sec, h * along * sec * tan, 1.0
+    # eq. 4.4, with cos(pitch) for cos(roll) as printed; eqs 4.5 and 4.6 below
     rolled = g[0] + (g[1] * sr + g[2] * np.cos(pitch)) * tan if printed else g[0] + along * tan
     return roll + h * rolled, pitch + h * across, yaw + h * along * sec
 
@@ -59,12 +77,12 @@ def predicted(
 def innovation(
     ax: float, ay: float, az: float, roll: float, pitch: float, printed: bool
 ) -> tuple[float, float]:
-    """Roll and pitch of a specific force, less the predicted ones."""
+    """Roll and pitch [rad] of a specific force [m/s^2], less the predicted ones."""
     level = np.sqrt(ay * ay + az * az)
     if printed:
         measured = np.arctan(ay / az) if az != 0.0 else np.copysign(0.5 * np.pi, ay)
         return measured - roll, np.arctan2(-ax, level) - pitch
-    # a force along x says nothing of roll
+    # a force along x says nothing of roll, and an innovation beyond half a turn goes the other way
     v0 = wrapped(np.arctan2(ay, az) - roll) if level > LOCK * abs(ax) else 0.0
     return v0, np.arctan2(-ax, level) - pitch
 
@@ -73,10 +91,21 @@ def innovation(
 def correct(
     cov: np.ndarray, half: np.ndarray, f: np.ndarray, v0: float, v1: float, var0: float, var1: float
 ) -> Three:
-    """What the innovation v of the first two angles adds to all three; P <- P - K S K'."""
+    """What the innovation of roll and pitch adds to all three angles [rad]; P <- P - K S K'.
+
+    Args:
+        cov: P, shape (3, 3); updated.
+        half: Space for K, shape (3, 3).
+        f: Space for K S, shape (3, 3).
+        v0: Innovation of roll [rad].
+        v1: Innovation of pitch [rad].
+        var0: Variance of the measured roll [rad^2].
+        var1: Variance of the measured pitch [rad^2].
+    """
+    # S = H P H' + R, whose inverse is written out
     s00, s01, s11 = cov[0, 0] + var0, cov[0, 1], cov[1, 1] + var1
     det = s00 * s11 - s01 * s01
-    for r in range(3):
+    for r in range(3):  # K = P H' S^-1, and K S
         half[r, 0] = (cov[r, 0] * s11 - cov[r, 1] * s01) / det
         half[r, 1] = (cov[r, 1] * s00 - cov[r, 0] * s01) / det
         f[r, 0], f[r, 1] = half[r, 0] * s00 + half[r, 1] * s01, half[r, 0] * s01 + half[r, 1] * s11
@@ -92,7 +121,14 @@ def correct(
 
 @njit(cache=True)
 def propagate(cov: np.ndarray, half: np.ndarray, f: np.ndarray, noise: float) -> None:
-    """P <- F P F' + noise I."""
+    """P <- F P F' + noise I.
+
+    Args:
+        cov: P, shape (3, 3); updated.
+        half: Space for F P, shape (3, 3).
+        f: F, shape (3, 3).
+        noise: Variance that each angle gains [rad^2].
+    """
     for r in range(3):
         for c in range(3):
             half[r, c] = f[r, 0] * cov[0, c] + f[r, 1] * cov[1, c] + f[r, 2] * cov[2, c]
@@ -104,8 +140,13 @@ def propagate(cov: np.ndarray, half: np.ndarray, f: np.ndarray, noise: float) ->
 
 @njit(cache=True)
 def first(state: np.ndarray, acc: np.ndarray, p: np.ndarray, printed: bool) -> None:
-    """Start at zero with the process variance, or from the first force with the variances of what
-    it says.
+    """Start at zero with the process variance (printed), or from the first force.
+
+    Args:
+        state: As of `euler_ekf`, shape (s,); filled.
+        acc: Specific force, shape (3,) [m/s^2].
+        p: Parameters as of `euler_ekf`, shape (k,).
+        printed: Whether to keep the errors of the publication.
     """
     if printed:
         state[0], state[4], state[8], state[12] = 1.0, p[0] * p[0], p[0] * p[0], p[0] * p[0]
@@ -119,10 +160,13 @@ def first(state: np.ndarray, acc: np.ndarray, p: np.ndarray, printed: bool) -> N
 
 @njit(cache=True)
 def euler_ekf(
-    readings: Readings, p: np.ndarray, state: np.ndarray, simple: bool, printed: bool
+    readings: Readings,
+    p: np.ndarray,
+    state: np.ndarray,
+    simple: bool,
+    printed: bool,
 ) -> np.ndarray:
-    """Kalman filter of roll, pitch and yaw; the accelerometer corrects roll and pitch while its
-    size is gravity's.
+    """Kalman filter of roll, pitch and yaw; a force of gravity's size corrects roll and pitch.
 
     Printed: starts at zero, takes roll from the arctangent of a ratio, does not wrap the
     innovation, keeps P still while the gate is closed, has a process variance per sample, and
@@ -131,14 +175,14 @@ def euler_ekf(
     angle.
 
     Args:
-        readings: Of the sensor.
+        readings: Samples of the sensor.
         p: Parameters, shape (k,): process noise [rad] or [rad/sqrt(s)], sd of roll and of pitch
             [rad], gate [m/s^2].
         state: Kept from chunk to chunk and overwritten, shape (s,): started, roll, pitch, yaw, P
             (9).
         simple: Whether each angle is the integral of its own axis (eq. 4.7) instead of eqs 4.4 to
             4.6.
-        printed: With the errors of the publication.
+        printed: Whether to keep the errors of the publication.
     """
     gyr, acc, dt = readings.gyr, readings.acc, readings.dt
     out = np.empty((gyr.shape[0], 4))
@@ -150,9 +194,8 @@ def euler_ekf(
             put(out[i], state[1], state[2], state[3])
             continue
         roll, pitch, yaw = predicted(state, gyr[i], dt[i], f, simple, printed)
-        if (
-            not printed and abs(pitch) > 0.5 * np.pi
-        ):  # over the top: the same orientation with a pitch within a right angle
+        if not printed and abs(pitch) > 0.5 * np.pi:
+            # over the top: the same orientation with a pitch within a right angle
             pitch, roll, yaw = (np.pi if pitch > 0.0 else -np.pi) - pitch, roll + np.pi, yaw + np.pi
         roll, pitch, yaw = wrapped(roll), wrapped(pitch), wrapped(yaw)
         a = length(acc[i])
@@ -238,9 +281,7 @@ class EulerEkf(KernelFilter):
 
 
 class EulerEkfSimple(EulerEkf):
-    """Euler-angle EKF whose angles are each the integral of one gyroscope axis, otherwise
-    corrected.
-    """
+    """Euler-angle EKF with the simple prediction, otherwise corrected."""
 
     name = "euler_ekf_simple"
     source = f"{SOURCE}, eqs 2.9 to 2.25 and 4.7, errors corrected but for the prediction"

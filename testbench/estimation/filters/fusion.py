@@ -28,8 +28,8 @@ FORGIVEN = 9.0
 
 @njit(cache=True)
 def _feedback(sx: float, sy: float, sz: float, rx: float, ry: float, rz: float) -> Three:
-    """Half the cross product of a measured and an expected unit vector; of length 1 where they
-    differ by more than 90 deg.
+    """Half the cross product of a measured s and an expected r, both unit vectors; of length 1
+    where they differ by more than 90 deg.
     """
     x, y, z = sy * rz - sz * ry, sz * rx - sx * rz, sx * ry - sy * rx
     k = 0.5
@@ -48,8 +48,16 @@ def _accepted(
     dt: float,
     recovery: np.ndarray,
 ) -> bool:
-    """Whether a measurement counts; `recovery` holds for how long it was rejected of late, and how
-    long that is borne [s].
+    """Whether a measurement counts.
+
+    Args:
+        feedback2: Squared length of its feedback.
+        threshold: Angle beyond which it is rejected [rad]; 0: never.
+        timeout: Longest time to reject [s]; 0: never.
+        startup: Whether the filter starts up: nothing is rejected meanwhile.
+        dt: Interval before the sample [s].
+        recovery: For how long it was rejected of late, and how long that is borne, shape (2,) [s];
+            updated.
     """
     accepted = True
     if (
@@ -72,21 +80,28 @@ def _accepted(
 
 
 @njit(cache=True)
-def fusion(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
-    """Rate plus gain times the sum of measured x expected vertical and west; one explicit Euler
-    step a sample.
+def fusion(
+    readings: Readings,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
+) -> np.ndarray:
+    """Rate plus gain times the sum of measured x expected vertical and west.
+
+    One explicit Euler step a sample.
 
     Args:
-        readings: Of the sensor.
+        readings: Samples of the sensor.
         p: Parameters, shape (k,): gain, threshold of the vertical [deg], longest time to reject
             [s], range of the gyroscope [deg/s], and with a magnetometer threshold of the heading
             [deg].
-        state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, time since the start
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q, time since start
             [s], rejected and borne times of the vertical and of the heading [s].
         use_mag: Whether to use the magnetometer; without one the heading is held at zero while
             starting up.
     """
-    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
+    gyr, acc, mag, dt = readings
+    # Longer than a screen: one sample's update, whose parts share the state of the start-up.
     near_vertical, timeout, fastest = np.radians(p[1]), p[2], RANGE_SHARE * np.radians(p[3])
     near_heading = np.radians(p[4]) if use_mag else 0.0
     n = gyr.shape[0]
@@ -99,21 +114,25 @@ def fusion(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) 
         w, x, y, z = state[1], state[2], state[3], state[4]
         gx, gy, gz = gyr[i, 0], gyr[i, 1], gyr[i, 2]
         if fastest > 0.0 and max(abs(gx), abs(gy), abs(gz)) > fastest:
+            # the rate was clipped: start anew
             state[5] = state[6] = state[8] = 0.0
             state[7] = state[9] = timeout
         state[5] += dt[i]
+        # the gain is ramped down while starting up
         startup = state[5] < STARTUP_S - 0.5 * dt[i] and p[0] < STARTUP_GAIN
         gain = STARTUP_GAIN - (STARTUP_GAIN - p[0]) * state[5] / STARTUP_S if startup else p[0]
         ux, uy, uz = up_in_sensor(w, x, y, z)
         fx = fy = fz = 0.0
         a = length(acc[i])
         if a > 0.0:
+            # feedback of the vertical
             ex, ey, ez = _feedback(acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a, ux, uy, uz)
             if _accepted(
                 ex * ex + ey * ey + ez * ez, near_vertical, timeout, startup, dt[i], state[6:8]
             ):
                 fx, fy, fz = ex, ey, ez
         if use_mag and length(mag[i]) > 0.0:
+            # west as measured, up x field, against the expected one
             mx, my, mz = (
                 uy * mag[i, 2] - uz * mag[i, 1],
                 uz * mag[i, 0] - ux * mag[i, 2],
@@ -127,6 +146,7 @@ def fusion(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) 
                     ex * ex + ey * ey + ez * ez, near_heading, timeout, startup, dt[i], state[8:10]
                 ):
                     fx, fy, fz = fx + ex, fy + ey, fz + ez
+        # rate of change of q: q (rate / 2 + gain feedback), over a step
         hx, hy, hz = (
             (0.5 * gx + gain * fx) * dt[i],
             (0.5 * gy + gain * fy) * dt[i],
@@ -137,6 +157,7 @@ def fusion(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) 
         y2 = y + w * hy - x * hz + z * hx
         z2 = z + w * hz + x * hy - y * hx
         if startup and not use_mag:
+            # turn back about the vertical to heading zero
             half = 0.5 * np.arctan2(
                 w2 * z2 + x2 * y2, 0.5 * (w2 * w2 + x2 * x2 - y2 * y2 - z2 * z2)
             )

@@ -12,12 +12,12 @@ from testbench.exceptions import InputError
 
 
 class Readings(NamedTuple):
-    """Samples as a compiled function takes them.
+    """The samples that a kernel goes through, as contiguous arrays of floats.
 
     Attributes:
-        gyr: Angular rate, shape (n, 3) [rad/s].
+        gyr: Angular rate, shape (n, 3) [rad/s]; mean over the interval before its sample.
         acc: Specific force, shape (n, 3) [m/s^2].
-        mag: Magnetic field, shape (n, 3) [uT]; zeros without a magnetometer.
+        mag: Magnetic field, shape (n, 3) [uT]; zeros where there is no magnetometer.
         dt: Interval before each sample, shape (n,) [s].
     """
 
@@ -31,8 +31,10 @@ class KernelFilter(RecursiveFilter):
     """A recursive filter whose loop over the samples is one compiled function.
 
     Attributes:
-        kernel: Called with `Readings`, the parameters in the order of PARAMETERS and the state as
-            one vector, which it updates, then `options`; returns q_earth_from_sensor, (n, 4).
+        kernel: Called with the readings, the parameters in the order of PARAMETERS, shape (k,), the
+            state as one vector, shape (s,), which it updates, and then `options`; returns
+            q_earth_from_sensor, shape (n, 4).
+        options: What tells one filter of a kernel from another.
         layout: Names of the parts of the state and their lengths. The first is `started`, 0 until
             the first usable sample.
     """
@@ -58,8 +60,8 @@ class KernelFilter(RecursiveFilter):
             if samples.mag is not None
             else np.zeros_like(acc)
         )
-        values = np.array(list(self.parameters.values()))
         readings = Readings(gyr, acc, mag, samples.steps())
+        values = np.array(list(self.parameters.values()))
         q = type(self).kernel(readings, values, vector, *self.options)
         return q, self._unpack(vector)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +16,22 @@ from testbench.model import rotation
 RATE_HZ = 100.0
 REST_S, TURN_S = 6.0, 2.0
 """Time to settle before a turn, and time of the turn [s]."""
-TURN_RAD_S = np.radians(40.0)
-FAST_RAD_S, FAST_TURN_S = np.radians(400.0), 0.2
+
+
+class SteadyTurn(NamedTuple):
+    """A turn at a constant rate.
+
+    Attributes:
+        rate: Angular rate [rad/s].
+        seconds: How long it lasts [s].
+    """
+
+    rate: float
+    seconds: float
+
+
+SLOW = SteadyTurn(np.radians(40.0), TURN_S)
+FAST = SteadyTurn(np.radians(400.0), 0.2)
 """A turn of which a sample is twice the limit."""
 BIAS_RAD_S = np.radians(1.0)
 """Bias of the gyroscope in one check, that of a poor small sensor at power-up."""
@@ -57,8 +72,13 @@ class KnownMotion:
 
 @dataclass(frozen=True)
 class Check:
-    """One check: the worst of its recordings against its limit, both in degrees; the error is None
-    where there is none.
+    """One check of a filter: the worst of its recordings against a limit.
+
+    Attributes:
+        name: For people.
+        worst_deg: Its error; None where the filter gave no orientation.
+        limit_deg: Largest error that passes.
+        where: The recording of the worst error.
     """
 
     name: str
@@ -92,35 +112,34 @@ def recording(
     axis: np.ndarray | None = None,
     *,
     rate_hz: float = RATE_HZ,
-    turn_rad_s: float = TURN_RAD_S,
-    turn_s: float = TURN_S,
+    turn: SteadyTurn = SLOW,
     bias_rad_s: float = 0.0,
     irregular: bool = False,
 ) -> KnownMotion:
-    """Rest, and then a turn about an axis of the sensor if one is given; rates are means over the
-    interval before.
+    """Rest, and then a turn about an axis of the sensor if one is given.
+
+    Rates are means over the interval before each sample.
 
     Args:
         name: For people.
         start: q_earth_from_sensor, shape (4,).
         axis: Unit vector in the sensor, shape (3,); None: rest only.
-        rate_hz: Of sampling, and of the turn.
-        turn_rad_s: Of sampling, and of the turn.
-        turn_s: Of sampling, and of the turn.
+        rate_hz: Of sampling.
+        turn: How fast and how long it turns.
         bias_rad_s: Of the gyroscope, about the same axis.
         irregular: Whether the intervals differ, those of the turn in the mean from those of the
             rest.
     """
     rest = round(REST_S * rate_hz)
-    turn = 0 if axis is None else round(turn_s * rate_hz)
+    count = rest + (0 if axis is None else round(turn.seconds * rate_hz))
     along = np.zeros(3) if axis is None else axis
-    moving = np.arange(rest + turn) >= rest
-    intervals = np.full(rest + turn, 1 / rate_hz)
+    moving = np.arange(count) >= rest
+    intervals = np.full(count, 1 / rate_hz)
     if irregular:
-        intervals *= np.resize(PATTERN, rest + turn) * np.where(moving, STRETCH, 1.0)
-    angle = turn_rad_s * np.cumsum(np.where(moving, intervals, 0.0))
+        intervals *= np.resize(PATTERN, count) * np.where(moving, STRETCH, 1.0)
+    angle = turn.rate * np.cumsum(np.where(moving, intervals, 0.0))
     q = rotation.multiply(start, rotation.from_rotation_vector(angle[:, None] * along))
-    gyr = np.where(moving[:, None], turn_rad_s * along, 0.0) + bias_rad_s * along
+    gyr = np.where(moving[:, None], turn.rate * along, 0.0) + bias_rad_s * along
     back = rotation.conjugate(q)
     acc = rotation.rotate(back, np.array([0.0, 0.0, STANDARD_GRAVITY]))
     device = rotation.multiply(rotation.from_heading(DEVICE_HEADING_RAD), q)
@@ -132,7 +151,7 @@ def recording(
         device,
         intervals if irregular else None,
     )
-    return KnownMotion(name, samples, q, rest - 1 if turn else None)
+    return KnownMotion(name, samples, q, rest - 1 if count > rest else None)
 
 
 def pose(*angles_deg: float) -> np.ndarray:
@@ -141,8 +160,10 @@ def pose(*angles_deg: float) -> np.ndarray:
 
 
 def recordings(needs: tuple[str, ...]) -> dict[str, list[KnownMotion]]:
-    """Those of each check, for a filter that needs these; the device's orientation is in them for
-    one that asks for it.
+    """The recordings of each check.
+
+    Args:
+        needs: What the filter needs; the device's orientation is there for one that asks for it.
     """
     groups = _groups()
     if "device_q" in needs:
@@ -155,6 +176,7 @@ def _without_device(case: KnownMotion) -> KnownMotion:
 
 
 def _groups() -> dict[str, list[KnownMotion]]:
+    # Longer than a screen: a list of recordings, check by check.
     rests = [
         recording(f"axes {matrix.astype(int).tolist()}", rotation.from_matrix(matrix))
         for matrix in axis_aligned()
@@ -192,7 +214,7 @@ def _groups() -> dict[str, list[KnownMotion]]:
         for words, axis in (("a general", axis), ("the z", z))
     ]
     fast = [
-        (recording(f"about {name}", start, axis, turn_rad_s=FAST_RAD_S, turn_s=FAST_TURN_S), axis)
+        (recording(f"about {name}", start, axis, turn=FAST), axis)
         for name, axis in (("x", x), ("y", y), ("z", z))
     ]
     groups["late in a fast turn"] = [replace(case, behind=axis) for case, axis in fast]
@@ -218,17 +240,19 @@ LIMIT_DEG = {
 }
 """With a bias, a tenth more than the turn that the gyroscope alone makes of it."""
 TURN_LIMIT_DEG = 2.0
-"""Right filters stay below half of these; the smallest of the faults that are looked for is far
-above.
-"""
+"""Right filters stay below half of these; the smallest fault that is looked for is far above."""
 
 
 def error_deg(case: KnownMotion, q: np.ndarray, needs: tuple[str, ...]) -> float:
-    """Largest error of what a filter with these inputs can know: total, inclination, or the turn
-    since the rest [deg].
+    """Largest error of what a filter can know [deg]: total, inclination, or turn since the rest.
 
     With a bias the turn since the rest alone: only of that is it known how far off the gyroscope by
     itself would be.
+
+    Args:
+        case: The recording.
+        q: What the filter gave, q_earth_from_sensor, shape (n, 4).
+        needs: What the filter needs.
     """
     level = "acc" in needs or "device_q" in needs
     biased = case.begin is not None and bool(np.any(case.samples.gyr[case.begin]))

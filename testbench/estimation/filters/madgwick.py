@@ -30,26 +30,30 @@ BETA = "gain: rate at which the gyroscope's error is corrected"
 
 @njit(cache=True)
 def madgwick(
-    readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool, as_printed: bool
+    readings: Readings,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
+    as_printed: bool,
 ) -> np.ndarray:
-    """Madgwick's update: the gyroscope's rate of change of q, less beta times the unit gradient of
-    the misfit.
+    """Madgwick's update: the rate of change of q by the gyroscope, less beta times the unit
+    gradient of the misfit.
 
-    Equations of the 2010 report: f and J for gravity (25, 26) and for the field (29, 30), b from
-    the measured field (45, 46), normalised gradient (44), bias (47 to 49), step (42, 43). The
-    field's part is that of the report, whose earth has north along x: the misfit is not the same
-    function of a q that is off the unit sphere, and its gradient is what is scaled to one.
+    Equations are those of the 2010 report, whose earth has north along x. The field's part is
+    computed in that earth: off the unit sphere the misfit is not the same function of q in another
+    one, and its gradient is what is scaled to one.
 
     Args:
-        readings: Of the sensor.
-        p: Parameters, shape (k,): beta, zeta, gate of the accelerometer [m/s^2], gate of the
-            magnetometer.
-        state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, bias, field of
+        readings: Samples of the sensor.
+        p: Parameters, shape (k,): beta [rad/s], zeta [rad/s^2], gate of the accelerometer
+            [m/s^2], gate of the magnetometer.
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q, bias, field of
             reference.
         use_mag: Whether to use the magnetometer.
-        as_printed: zeta as in the "zeta" form without a bias state.
+        as_printed: Whether zeta corrects the rate of the same sample instead of a bias.
     """
-    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
+    # Longer than a screen: one sample's update, in the order of the report's equations.
+    gyr, acc, mag, dt = readings
     beta, zeta = p[0], p[1]
     n = gyr.shape[0]
     out = np.empty((n, 4))
@@ -61,25 +65,28 @@ def madgwick(
         sw = sx = sy = sz = 0.0
         a = length(acc[i])
         if usable_force(a, p[2]):
-            # residual of the upward direction in the sensor frame, and J' f
+            # misfit of the upward direction in the sensor, f: eq. 25
             f1 = 2.0 * (x * z - w * y) - acc[i, 0] / a
             f2 = 2.0 * (w * x + y * z) - acc[i, 1] / a
             f3 = 1.0 - 2.0 * (x * x + y * y) - acc[i, 2] / a
+            # its gradient, J' f: eq. 26
             sw = -2.0 * y * f1 + 2.0 * x * f2
             sx = 2.0 * z * f1 + 2.0 * w * f2 - 4.0 * x * f3
             sy = -2.0 * w * f1 + 2.0 * z * f2 - 4.0 * y * f3
             sz = 2.0 * x * f1 + 2.0 * y * f2
         m = length(mag[i]) if use_mag else 0.0
-        if m > 0.0 and not field_deviates(
-            w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[3], state[8:10]
-        ):
+        if m > 0.0 and not field_deviates((w, x, y, z), mag[i], p[3], state[8:10]):
             mx, my, mz = mag[i, 0] / m, mag[i, 1] / m, mag[i, 2] / m
             hx, hy, bz = to_earth(w, x, y, z, mx, my, mz)
+            # the field in the earth, (b, 0, bz): eqs 45, 46
             b = np.sqrt(hx * hx + hy * hy)
+            # q turned by a right angle about the vertical, to north along x
             w1, x1, y1, z1 = HALF * (w + z), HALF * (x + y), HALF * (y - x), HALF * (z - w)
+            # misfit of the field in the sensor: eq. 29
             g1 = b * (1.0 - 2.0 * (y1 * y1 + z1 * z1)) + 2.0 * bz * (x1 * z1 - w1 * y1) - mx
             g2 = 2.0 * b * (x1 * y1 - w1 * z1) + 2.0 * bz * (w1 * x1 + y1 * z1) - my
             g3 = 2.0 * b * (w1 * y1 + x1 * z1) + bz * (1.0 - 2.0 * (x1 * x1 + y1 * y1)) - mz
+            # its gradient, J' f: eq. 30
             tw = -2.0 * bz * y1 * g1 + 2.0 * (bz * x1 - b * z1) * g2 + 2.0 * b * y1 * g3
             tx = (
                 2.0 * bz * z1 * g1
@@ -96,6 +103,7 @@ def madgwick(
                 + 2.0 * (bz * y1 - b * w1) * g2
                 + 2.0 * b * x1 * g3
             )
+            # turned back to the bench's earth, and added to that of gravity: eqs 31, 32
             sw, sx, sy, sz = (
                 sw + HALF * (tw - tz),
                 sx + HALF * (tx - ty),
@@ -105,9 +113,9 @@ def madgwick(
         step = np.sqrt(sw * sw + sx * sx + sy * sy + sz * sz)
         g0, gx, gy, gz = 0.0, gyr[i, 0], gyr[i, 1], gyr[i, 2]
         if step > 0.0:
-            sw, sx, sy, sz = sw / step, sx / step, sy / step, sz / step
+            sw, sx, sy, sz = sw / step, sx / step, sy / step, sz / step  # eq. 44
             if zeta > 0.0:
-                # error of the rate, 2 q* s
+                # error of the rate, 2 q* s: eq. 47
                 ex = 2.0 * (w * sx - x * sw - y * sz + z * sy)
                 ey = 2.0 * (w * sy + x * sz - y * sw - z * sx)
                 ez = 2.0 * (w * sz - x * sy + y * sx - z * sw)
@@ -118,11 +126,12 @@ def madgwick(
                         gy - dt[i] * zeta * ey,
                         gz - dt[i] * zeta * ez,
                     )
-                else:
+                else:  # eq. 48
                     state[5] += zeta * ex * dt[i]
                     state[6] += zeta * ey * dt[i]
                     state[7] += zeta * ez * dt[i]
-        gx, gy, gz = gx - state[5], gy - state[6], gz - state[7]
+        gx, gy, gz = gx - state[5], gy - state[6], gz - state[7]  # eq. 49
+        # rate of change of q by the rate, less beta times the gradient, over a step: eqs 42, 43
         w2 = w + dt[i] * (0.5 * (w * g0 - x * gx - y * gy - z * gz) - beta * sw)
         x2 = x + dt[i] * (0.5 * (x * g0 + w * gx + y * gz - z * gy) - beta * sx)
         y2 = y + dt[i] * (0.5 * (y * g0 + w * gy - x * gz + z * gx) - beta * sy)
@@ -173,9 +182,7 @@ class MadgwickMarg(KernelFilter):
 
 
 class MadgwickZetaAsPrinted(MadgwickMarg):
-    """Madgwick's filter with zeta applied to the rate of the same sample, without a bias state:
-    beta + interval * zeta.
-    """
+    """Madgwick's filter with a zeta that corrects the rate of the same sample: no bias is kept."""
 
     name = "madgwick_zeta_as_printed"
     source = (

@@ -22,22 +22,25 @@ PAPER = "Mahony, Hamel & Pflimlin, IEEE Trans. Automatic Control 53(5), 2008"
 
 
 @njit(cache=True)
-def mahony(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
-    """Mahony's explicit complementary filter: rate - bias + kp e, where e is the sum of measured x
-    expected directions.
+def mahony(
+    readings: Readings,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
+) -> np.ndarray:
+    """Mahony's explicit complementary filter, eqs 48a to 48c, with unit weights.
 
-    Equations 48a to 48c with unit weights; the expected field has the measured one's dip. One
-    explicit Euler step a sample.
+    The expected field has the measured one's dip. One explicit Euler step a sample.
 
     Args:
-        readings: Of the sensor.
-        p: Parameters, shape (k,): kp, ki, gate of the accelerometer [m/s^2], gate of the
-            magnetometer.
-        state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, bias, field of
+        readings: Samples of the sensor.
+        p: Parameters, shape (k,): kp [rad/s], ki [rad/s^2], gate of the accelerometer [m/s^2],
+            gate of the magnetometer.
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q, bias, field of
             reference.
         use_mag: Whether to use the magnetometer.
     """
-    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
+    gyr, acc, mag, dt = readings
     kp, ki = p[0], p[1]
     n = gyr.shape[0]
     out = np.empty((n, 4))
@@ -51,18 +54,20 @@ def mahony(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) 
         if usable_force(a, p[2]):
             ux, uy, uz = up_in_sensor(w, x, y, z)
             ax, ay, az = acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a
+            # error: measured x expected vertical, the first term of the sum in eqs 48
             ex, ey, ez = ay * uz - az * uy, az * ux - ax * uz, ax * uy - ay * ux
         m = length(mag[i]) if use_mag else 0.0
-        if m > 0.0 and not field_deviates(
-            w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[3], state[8:10]
-        ):
+        if m > 0.0 and not field_deviates((w, x, y, z), mag[i], p[3], state[8:10]):
             mx, my, mz = mag[i, 0] / m, mag[i, 1] / m, mag[i, 2] / m
             hx, hy, hz = to_earth(w, x, y, z, mx, my, mz)
             vx, vy, vz = to_sensor(w, x, y, z, 0.0, np.sqrt(hx * hx + hy * hy), hz)
+            # plus measured x expected field, the second term
             ex, ey, ez = ex + my * vz - mz * vy, ey + mz * vx - mx * vz, ez + mx * vy - my * vx
+        # bias: its rate of change is -ki times the error
         state[5] -= ki * ex * dt[i]
         state[6] -= ki * ey * dt[i]
         state[7] -= ki * ez * dt[i]
+        # rate of change of q: q (rate - bias + kp error) / 2, over a step
         h = 0.5 * dt[i]
         gx = h * (gyr[i, 0] - state[5] + kp * ex)
         gy = h * (gyr[i, 1] - state[6] + kp * ey)

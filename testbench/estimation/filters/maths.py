@@ -20,14 +20,12 @@ Four = tuple[float, float, float, float]
 
 @njit(cache=True)
 def turned(w: float, x: float, y: float, z: float, rx: float, ry: float, rz: float) -> Four:
-    """The quaternion after a turn by the rotation vector r [rad] about axes of the sensor: q exp(r
-    / 2).
-    """
+    """The quaternion q exp(r / 2) after a turn by the rotation vector r [rad] in the sensor."""
     angle2 = rx * rx + ry * ry + rz * rz
     if angle2 > 1e-8:
         angle = np.sqrt(angle2)
         c, s = np.cos(0.5 * angle), np.sin(0.5 * angle) / angle
-    else:
+    else:  # the first two terms of both series
         c, s = 1.0 - angle2 / 8.0, 0.5 - angle2 / 48.0
     dx, dy, dz = s * rx, s * ry, s * rz
     nw = w * c - x * dx - y * dy - z * dz
@@ -43,9 +41,9 @@ def integrated(state: np.ndarray, rate: np.ndarray, dt: float) -> Four:
     """The quaternion of a state after a turn by its rate over an interval.
 
     Args:
-        state: Begin, q, and more, shape (s,), s >= 5.
-        rate: Shape (3,) [rad/s].
-        dt: [s].
+        state: Of the filter, started and q and more, shape (s,), s >= 5.
+        rate: Angular rate, shape (3,) [rad/s].
+        dt: The interval [s].
     """
     rx, ry, rz = rate[0] * dt, rate[1] * dt, rate[2] * dt
     return turned(state[1], state[2], state[3], state[4], rx, ry, rz)
@@ -54,6 +52,7 @@ def integrated(state: np.ndarray, rate: np.ndarray, dt: float) -> Four:
 @njit(cache=True)
 def to_earth(w: float, x: float, y: float, z: float, vx: float, vy: float, vz: float) -> Three:
     """A vector of the sensor frame seen in the earth frame: R v."""
+    # v + w t + u x t with t = 2 u x v, u the vector part of q
     tx = 2.0 * (y * vz - z * vy)
     ty = 2.0 * (z * vx - x * vz)
     tz = 2.0 * (x * vy - y * vx)
@@ -73,7 +72,7 @@ def up_in_sensor(w: float, x: float, y: float, z: float) -> Three:
 @njit(cache=True)
 def levelled(ax: float, ay: float, az: float) -> Four:
     """q_earth_from_sensor of least rotation that turns the unit vector a upwards."""
-    if az < -1.0 + 1e-12:
+    if az < -1.0 + 1e-12:  # upside down: half a turn about any level axis
         return 0.0, 1.0, 0.0, 0.0
     w = np.sqrt((1.0 + az) / 2.0)
     return w, ay / (2.0 * w), -ax / (2.0 * w), 0.0
@@ -87,8 +86,13 @@ def to_sensor(w: float, x: float, y: float, z: float, vx: float, vy: float, vz: 
 
 @njit(cache=True)
 def tilt(acc: np.ndarray) -> np.ndarray:
-    """q_earth_from_sensor of least rotation that turns a specific force, shape (3,), upwards;
-    identity without a force.
+    """q_earth_from_sensor of least rotation that turns a specific force upwards.
+
+    Args:
+        acc: Specific force, shape (3,) [m/s^2].
+
+    Returns:
+        Shape (4,); the identity without a force.
     """
     norm = np.sqrt(acc[0] ** 2 + acc[1] ** 2 + acc[2] ** 2)
     if not norm > 0.0:
@@ -98,14 +102,21 @@ def tilt(acc: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def length(v: np.ndarray) -> float:
-    """Length of a vector of three; NaN if it holds one."""
+    """Length of a vector; NaN if it holds one.
+
+    Args:
+        v: Shape (3,).
+    """
     return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 @njit(cache=True)
 def usable_force(a: float, gate: float) -> bool:
-    """Whether a specific force of this size [m/s^2] is near enough to gravity; a gate of 0 takes
-    any that is not zero.
+    """Whether a specific force is near enough to gravity to correct by.
+
+    Args:
+        a: Its size [m/s^2].
+        gate: Largest difference from standard gravity [m/s^2]; 0 takes any force but none.
     """
     return a > 0.0 and (not gate > 0.0 or abs(a - GRAVITY) <= gate)
 
@@ -114,10 +125,12 @@ def usable_force(a: float, gate: float) -> bool:
 def with_north(
     ax: float, ay: float, az: float, mx: float, my: float, mz: float
 ) -> tuple[float, float, float, float, bool]:
-    """q_enu_from_sensor that turns a upwards and the horizontal part of m northwards, and whether
-    there is such a part.
+    """q_enu_from_sensor that turns a upwards and the horizontal part of m northwards.
 
     The columns of R_sensor_from_enu are m x a, a x (m x a), a, scaled to unit length.
+
+    Returns:
+        The quaternion, and whether m has a horizontal part.
     """
     ex, ey, ez = my * az - mz * ay, mz * ax - mx * az, mx * ay - my * ax
     e = np.sqrt(ex * ex + ey * ey + ez * ez)
@@ -125,7 +138,7 @@ def with_north(
         return 1.0, 0.0, 0.0, 0.0, False
     ex, ey, ez = ex / e, ey / e, ez / e
     nx, ny, nz = ay * ez - az * ey, az * ex - ax * ez, ax * ey - ay * ex
-    # rows of R_enu_from_sensor are east, north, up; the largest component first (Shepperd 1978)
+    # rows of R_enu_from_sensor are east, north, up; by the largest component (Shepperd 1978)
     trace = ex + ny + az
     if trace >= ex and trace >= ny and trace >= az:
         w, x, y, z = 1.0 + trace, ay - nz, ez - ax, nx - ey
@@ -141,8 +154,13 @@ def with_north(
 
 @njit(cache=True)
 def started(state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool) -> bool:
-    """Start from the first usable accelerometer (and magnetometer) sample; state[0] is 1 and
-    state[1:5] the quaternion then.
+    """Start from the first usable sample, and say whether this is one.
+
+    Args:
+        state: Of the filter, shape (s,); state[0] becomes 1 and state[1:5] the quaternion.
+        acc: Specific force, shape (3,) [m/s^2].
+        mag: Magnetic field, shape (3,) [uT].
+        use_mag: Whether the heading comes from the magnetometer; else it is arbitrary.
     """
     a = np.sqrt(acc[0] ** 2 + acc[1] ** 2 + acc[2] ** 2)
     if not a > 0.0:
@@ -167,8 +185,14 @@ def started(state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool) 
 def begin(
     state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool, out: np.ndarray
 ) -> bool:
-    """Start if this sample allows it, and write the orientation, shape (4,): the start, or the
-    identity while there is none.
+    """Start if this sample allows it; the orientation is the identity until then.
+
+    Args:
+        state: Of the filter, shape (s,), as for `started`.
+        acc: Specific force, shape (3,) [m/s^2].
+        mag: Magnetic field, shape (3,) [uT].
+        use_mag: Whether to use the magnetometer.
+        out: Filled with the orientation, shape (4,).
     """
     begun = started(state, acc, mag, use_mag)
     out[0] = 1.0
@@ -179,26 +203,21 @@ def begin(
 
 
 @njit(cache=True)
-def field_deviates(
-    w: float,
-    x: float,
-    y: float,
-    z: float,
-    mx: float,
-    my: float,
-    mz: float,
-    gate: float,
-    reference: np.ndarray,
-) -> bool:
-    """Whether the field differs from the reference by more than a fraction `gate` of it; 0 switches
-    the gate off.
+def field_deviates(q: Four, mag: np.ndarray, gate: float, reference: np.ndarray) -> bool:
+    """Whether the field differs from that of reference by too much.
 
     Compared are the horizontal and the vertical part, so that both strength and dip count.
-    `reference` holds them; a zero reference is set to this sample's.
+
+    Args:
+        q: Orientation, q_earth_from_sensor.
+        mag: Magnetic field in the sensor, shape (3,) [uT].
+        gate: Largest difference, as a fraction of the reference; 0: no field differs by too much.
+        reference: Horizontal and vertical part, shape (2,) [uT]; zeros are replaced by those of
+            this sample.
     """
     if not gate > 0.0:
         return False
-    hx, hy, hz = to_earth(w, x, y, z, mx, my, mz)
+    hx, hy, hz = to_earth(q[0], q[1], q[2], q[3], mag[0], mag[1], mag[2])
     h = np.sqrt(hx * hx + hy * hy)
     if reference[0] == 0.0 and reference[1] == 0.0:
         reference[0], reference[1] = h, hz
@@ -209,8 +228,11 @@ def field_deviates(
 
 @njit(cache=True)
 def factorise(s: np.ndarray, n: int) -> None:
-    """Replace the lower triangle of the symmetric positive S, shape (n, n), by that of its Cholesky
-    factor L, S = L L'.
+    """Replace the lower triangle of a symmetric positive S by its Cholesky factor L, S = L L'.
+
+    Args:
+        s: The matrix, shape (k, k) with k >= n.
+        n: Rows and columns that count.
     """
     for j in range(n):
         d = s[j, j]
@@ -227,8 +249,16 @@ def factorise(s: np.ndarray, n: int) -> None:
 
 @njit(cache=True)
 def forwards(s: np.ndarray, b: np.ndarray, n: int, first: int) -> float:
-    """Replace b, shape (n,), by L^-1 b, where all before `first` are zero; its squared length is b'
-    S^-1 b.
+    """Replace b by L^-1 b.
+
+    Args:
+        s: L as `factorise` leaves it, shape (k, k) with k >= n.
+        b: Shape (k,).
+        n: Rows that count.
+        first: Row before which b is zero.
+
+    Returns:
+        The squared length of the result, b' S^-1 b.
     """
     length2 = 0.0
     for i in range(first, n):
@@ -242,7 +272,13 @@ def forwards(s: np.ndarray, b: np.ndarray, n: int, first: int) -> float:
 
 @njit(cache=True)
 def backwards(s: np.ndarray, b: np.ndarray, n: int) -> None:
-    """Replace b, shape (n,), by L'^-1 b."""
+    """Replace b by L'^-1 b.
+
+    Args:
+        s: L as `factorise` leaves it, shape (k, k) with k >= n.
+        b: Shape (k,).
+        n: Rows that count.
+    """
     for i in range(n - 1, -1, -1):
         t = b[i]
         for k in range(i + 1, n):

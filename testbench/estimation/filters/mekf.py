@@ -10,6 +10,7 @@ from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
 from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import (
     GRAVITY,
+    Three,
     begin,
     field_deviates,
     length,
@@ -22,19 +23,28 @@ from testbench.estimation.filters.maths import (
 
 @njit(cache=True)
 def correct(e: np.ndarray, cov: np.ndarray, v: np.ndarray, h: np.ndarray, var: float) -> None:
-    """Correct the error (turn, bias) by one direction, measured v and expected h in the sensor: v =
-    h + h x turn.
+    """Correct the error by one direction, v = h + h x turn.
 
-    One component after the other, all linearised at the prediction.
+    One component after the other, all linearised at the prediction: as their noises are independent
+    this is the update by all at once.
+
+    Args:
+        e: Error so far, turn [rad] and bias [rad/s], shape (6,); added to.
+        cov: Its covariance, shape (6, 6); updated.
+        v: Measured direction in the sensor, shape (3,).
+        h: Expected direction in the sensor, shape (3,).
+        var: Variance of a component of v.
     """
     ph = np.empty(6)
     for row in range(3):
+        # row of H = [[h x], 0]
         if row == 0:
             h0, h1, h2 = 0.0, -h[2], h[1]
         elif row == 1:
             h0, h1, h2 = h[2], 0.0, -h[0]
         else:
             h0, h1, h2 = -h[1], h[0], 0.0
+        # P H', the innovation's variance, and the gain times the innovation
         for j in range(6):
             ph[j] = cov[j, 0] * h0 + cov[j, 1] * h1 + cov[j, 2] * h2
         s = 1.0 / (h0 * ph[0] + h1 * ph[1] + h2 * ph[2] + var)
@@ -48,29 +58,30 @@ def correct(e: np.ndarray, cov: np.ndarray, v: np.ndarray, h: np.ndarray, var: f
 
 @njit(cache=True)
 def predict(
-    cov: np.ndarray,
-    half: np.ndarray,
-    rx: float,
-    ry: float,
-    rz: float,
-    h: float,
-    noise: float,
-    walk: float,
+    cov: np.ndarray, half: np.ndarray, turn: Three, h: float, noise: float, walk: float
 ) -> None:
-    """P <- F P F' + Q, F = [[I - r x, -h I], [0, I]] for the turn r [rad] in h seconds; Q as
-    Farrenkopf 1978.
+    """P <- F P F' + Q, with F = [[I - r x, -h I], [0, I]] for a turn r.
+
+    Args:
+        cov: P, shape (6, 6); updated.
+        half: Space for F P, shape (6, 6).
+        turn: r, the turn in the interval [rad].
+        h: The interval [s].
+        noise: Noise density of the gyroscope [rad/s/sqrt(Hz)].
+        walk: Random walk of its bias [rad/s^2/sqrt(Hz)].
     """
-    for j in range(6):
+    rx, ry, rz = turn
+    for j in range(6):  # F P
         half[0, j] = cov[0, j] + rz * cov[1, j] - ry * cov[2, j] - h * cov[3, j]
         half[1, j] = cov[1, j] - rz * cov[0, j] + rx * cov[2, j] - h * cov[4, j]
         half[2, j] = cov[2, j] + ry * cov[0, j] - rx * cov[1, j] - h * cov[5, j]
         half[3, j], half[4, j], half[5, j] = cov[3, j], cov[4, j], cov[5, j]
-    for j in range(6):
+    for j in range(6):  # (F P) F'
         cov[j, 0] = half[j, 0] + rz * half[j, 1] - ry * half[j, 2] - h * half[j, 3]
         cov[j, 1] = half[j, 1] - rz * half[j, 0] + rx * half[j, 2] - h * half[j, 4]
         cov[j, 2] = half[j, 2] + ry * half[j, 0] - rx * half[j, 1] - h * half[j, 5]
         cov[j, 3], cov[j, 4], cov[j, 5] = half[j, 3], half[j, 4], half[j, 5]
-    for j in range(3):
+    for j in range(3):  # Q of white noise on rate and walk of the bias, Farrenkopf 1978
         cov[j, j] += noise * noise * h + walk * walk * h * h * h / 3.0
         cov[j, j + 3] -= 0.5 * walk * walk * h * h
         cov[j + 3, j] -= 0.5 * walk * walk * h * h
@@ -79,12 +90,18 @@ def predict(
 
 @njit(cache=True)
 def first_covariance(state: np.ndarray, cov: np.ndarray, p: np.ndarray, use_mag: bool) -> None:
-    """P = a^2 (I - u u') + m^2 u u' for the turn: the force gives the inclination, the field the
-    heading, about the vertical.
+    """Covariance at the start: P = a^2 (I - u u') + m^2 u u' for the turn, and that of p for the
+    bias.
 
-    u is the vertical in the sensor, a and m the standard deviations of the force's and the field's
-    direction. Without a magnetometer the heading is a convention, and has that of the force. For
-    the bias that of p.
+    u is the vertical in the sensor. The force gives the inclination, the field the heading; a and m
+    are the standard deviations of their directions. Without a magnetometer the heading is a
+    convention, and m that of the force.
+
+    Args:
+        state: As of `mekf`, shape (s,).
+        cov: P, shape (6, 6); filled.
+        p: Parameters as of `mekf`, shape (k,).
+        use_mag: Whether to use the magnetometer.
     """
     tilting = (p[3] / GRAVITY) ** 2
     heading = p[5] * p[5] if use_mag else tilting
@@ -97,20 +114,24 @@ def first_covariance(state: np.ndarray, cov: np.ndarray, p: np.ndarray, use_mag:
 
 
 @njit(cache=True)
-def mekf(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
-    """MEKF: the quaternion is integrated with the corrected rate; the Kalman filter estimates its
-    error and the bias.
+def mekf(
+    readings: Readings,
+    p: np.ndarray,
+    state: np.ndarray,
+    use_mag: bool,
+) -> np.ndarray:
+    """MEKF: integrate the quaternion; the Kalman filter estimates its error and the bias.
 
     Args:
-        readings: Of the sensor.
+        readings: Samples of the sensor.
         p: Parameters, shape (k,): noise density [rad/s/sqrt(Hz)], bias walk [rad/s^2/sqrt(Hz)],
             first sd of the bias [rad/s], sd of the force [m/s^2], its gate [m/s^2], sd of the
             field's direction, its gate.
-        state: Kept from chunk to chunk and overwritten, shape (s,): begin, q, bias, covariance
+        state: Kept from chunk to chunk and overwritten, shape (s,): started, q, bias, covariance
             (36), direction of the field (north, up), field of reference.
         use_mag: Whether to use the magnetometer.
     """
-    gyr, acc, mag, dt = readings.gyr, readings.acc, readings.mag, readings.dt
+    gyr, acc, mag, dt = readings
     n = gyr.shape[0]
     out = np.empty((n, 4))
     cov, half = state[8:44].reshape(6, 6), np.empty((6, 6))
@@ -119,32 +140,33 @@ def mekf(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) ->
         if state[0] == 0.0:
             if begin(state, acc[i], mag[i], use_mag, out[i]):
                 first_covariance(state, cov, p, use_mag)
-                if use_mag:
+                if use_mag:  # the field's dip, kept for good
                     _, hy, hz = to_earth(
                         state[1], state[2], state[3], state[4], mag[i, 0], mag[i, 1], mag[i, 2]
                     )
                     state[44], state[45] = hy / length(mag[i]), hz / length(mag[i])
             continue
+        # prediction, with the rate less the bias
         rx, ry, rz = (
             (gyr[i, 0] - state[5]) * dt[i],
             (gyr[i, 1] - state[6]) * dt[i],
             (gyr[i, 2] - state[7]) * dt[i],
         )
         w, x, y, z = turned(state[1], state[2], state[3], state[4], rx, ry, rz)
-        predict(cov, half, rx, ry, rz, dt[i], p[0], p[1])
+        predict(cov, half, (rx, ry, rz), dt[i], p[0], p[1])
         for j in range(6):
             e[j] = 0.0
+        # corrections, both linearised at the prediction
         if usable_force(length(acc[i]), p[4]):
             h[0], h[1], h[2] = to_sensor(w, x, y, z, 0.0, 0.0, GRAVITY)
             correct(e, cov, acc[i], h, p[3] * p[3])
         m = length(mag[i]) if use_mag else 0.0
-        if m > 0.0 and not field_deviates(
-            w, x, y, z, mag[i, 0], mag[i, 1], mag[i, 2], p[6], state[46:48]
-        ):
+        if m > 0.0 and not field_deviates((w, x, y, z), mag[i], p[6], state[46:48]):
             h[0], h[1], h[2] = to_sensor(w, x, y, z, 0.0, state[44], state[45])
             for j in range(3):
                 v[j] = mag[i, j] / m
             correct(e, cov, v, h, p[5] * p[5])
+        # reset: the error goes into the quaternion and the bias, and is zero again
         state[1], state[2], state[3], state[4] = turned(w, x, y, z, e[0], e[1], e[2])
         state[5] += e[3]
         state[6] += e[4]

@@ -25,9 +25,7 @@ QUANTITIES = ("gyr", "acc", "mag", "device_q")
 
 
 def installed_filters() -> dict[str, EntryPoint]:
-    """Entry points of installed packages in the group `testbench.filters`, by name; nothing is
-    imported yet.
-    """
+    """Entry points in the group `testbench.filters`, by name; nothing is imported yet."""
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
@@ -86,9 +84,7 @@ def _is_filter(kind: object) -> TypeGuard[type[OrientationFilter]]:
 
 
 def _from_class(kind: object, text: str) -> OrientationFilter:
-    """An instance of a user's class, once it is known to be a filter that can stand beside the
-    others.
-    """
+    """An instance of a user's class, once it is known to be a filter that fits the others."""
     if not _is_filter(kind) or inspect.isabstract(kind):
         raise InputError(
             f"{text} is no filter: it must be a class derived from OrientationFilter that has `run`"

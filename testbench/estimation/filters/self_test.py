@@ -69,7 +69,7 @@ def output_fault(kind: OrientationFilter, case: KnownMotion) -> str:
 
 
 def self_test(kind: OrientationFilter) -> SelfTest:
-    """Judge a filter, and say what is wrong with it where that can be told.
+    """Test a filter, and say what is wrong with it where that can be told.
 
     A device's orientation is given to a filter that needs it: right, in an earth of another
     heading.

@@ -131,12 +131,10 @@ class Vqf6D(RecursiveFilter):
     def advance(
         self, samples: UniformSamples, state: FilterState | None = None
     ) -> tuple[np.ndarray, FilterState]:
-        """See OrientationFilter; the samples must be regular, because its low-pass filters are made
-        for one interval.
-        """
+        """See OrientationFilter; samples must be regular, as its low-pass filters are."""
         if samples.intervals is not None:
             raise InputError(
-                f"the filter {self.name} takes pieces of regular samples only; run() interpolates "
+                f"the filter {self.name} takes chunks of regular samples only; run() interpolates "
                 "a whole recording"
             )
         vqf = VQF(samples.interval, **_params(self.parameters))

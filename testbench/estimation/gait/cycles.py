@@ -16,8 +16,8 @@ class Cycles:
     """Gait cycles of one leg, in order.
 
     Attributes:
-        begin: Rows of the first and last sample, shape (k,).
-        end: Rows of the first and last sample, shape (k,).
+        begin: Row of the first sample of each, shape (k,).
+        end: Row of the last sample of each, shape (k,).
         peak: Row of the largest step signal in each, shape (k,).
         swing: Largest less smallest step signal [rad], shape (k,) (eq. 2.27).
     """
@@ -47,7 +47,7 @@ def find_cycles(
     pair starts afresh.
 
     Args:
-        time_ns: Increasing, shape (n,).
+        time_ns: Increasing, shape (n,) [ns].
         step_signal: Angle of the limb, without jumps of a turn, shape (n,) [rad]; samples that are
             not finite are passed over.
         parameters: Thresholds.
@@ -68,6 +68,7 @@ def find_cycles(
         begin.append(rows[a])
         end.append(rows[b])
         peak.append(rows[largest])
+        # eq. 2.27
         swing.append(float(np.ptp(x[a : b + 1])))
         k += 2
     return Cycles(
@@ -76,13 +77,15 @@ def find_cycles(
 
 
 def without_offset(time_ns: np.ndarray, x: np.ndarray, window_s: float) -> tuple[np.ndarray, int]:
-    """The mean over the window before each sample less the sample (with the published sign), and
-    the first row that has one.
+    """The mean over the window before each sample less the sample, with the published sign.
 
     Args:
-        time_ns: Shape (n,).
-        x: Finite, shape (n,).
+        time_ns: Increasing, shape (n,) [ns].
+        x: The signal, finite, shape (n,) [rad].
         window_s: Length of the window.
+
+    Returns:
+        The difference, shape (n,) [rad], and the first row with a whole window before it.
     """
     if not len(x):
         return x, 0
@@ -97,9 +100,7 @@ def without_offset(time_ns: np.ndarray, x: np.ndarray, window_s: float) -> tuple
 
 @njit(cache=True)
 def _half_swings(s: np.ndarray, first: int, threshold: float) -> np.ndarray:
-    """First row, last row and extreme value of each excursion beyond the threshold, sides
-    alternating, shape (k, 3).
-    """
+    """First row, last row and extreme value of each half swing, sides alternating, shape (k, 3)."""
     found = np.empty((len(s), 3))
     count, side = 0, 0
     for i in range(first, len(s)):

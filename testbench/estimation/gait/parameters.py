@@ -1,6 +1,4 @@
-"""Parameters of step detection and step length, and the published ones (Cabezuelo 2019, table
-11).
-"""
+"""Parameters of step detection and step length, with those of Cabezuelo 2019, table 11."""
 
 from __future__ import annotations
 
@@ -27,8 +25,8 @@ class PedestrianParameters:
         amplitude_deg: Swing from peak to peak that a cycle must exceed.
         false_zero_deg: Excursion that a half swing must exceed on either side of zero.
         offset_window_s: Length of the mean that is taken off: 100 samples at the source's 100 Hz.
-        slope_m_deg: Step length by the swing in degrees, a_H and b_H of E. Muñoz 2016.
-        intercept_m: Step length by the swing in degrees, a_H and b_H of E. Muñoz 2016.
+        slope_m_deg: Step length by the swing, a_H of E. Muñoz 2016.
+        intercept_m: Step length without any swing, b_H of E. Muñoz 2016.
         form: "line", a_H swing + b_H, or "product", a_H swing b_H as eq. 2.28 is printed.
         mounting: How the sensor is worn, a key of `MOUNTINGS`.
     """
@@ -49,7 +47,7 @@ class PedestrianParameters:
         product would be 0.3 m.
         """
         if self.form == "product":
-            return self.slope_m_deg * swing_deg * self.intercept_m
+            return self.slope_m_deg * swing_deg * self.intercept_m  # eq. 2.28 as printed
         return self.slope_m_deg * swing_deg + self.intercept_m
 
 

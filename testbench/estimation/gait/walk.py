@@ -1,5 +1,6 @@
-"""From an orientation series to a walk: signals, cycles, their lengths, and the path (Cabezuelo
-2019, eqs 2.26 to 2.29).
+"""From an orientation series to a walk: signals, cycles, lengths, and the path.
+
+Equations are those of Cabezuelo 2019.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def walk(
     """Count cycles and reckon the path.
 
     Args:
-        time_ns: Increasing, shape (n,).
+        time_ns: Increasing, shape (n,) [ns].
         q_world_from_sensor: Shape (n, 4); rows that are not finite are passed over.
         parameters: See `PUBLISHED`.
         heading: At the start [rad].
@@ -60,14 +61,15 @@ def walk(
     """
     step, orientation = gait_signals(q_world_from_sensor, parameters)
     cycles = find_cycles(time_ns, step, parameters)
+    # eq. 2.28
     lengths = np.array(
         [parameters.length(float(np.degrees(swing))) for swing in cycles.swing], dtype=float
     )
     known = orientation[np.isfinite(orientation)]
     start = float(known[0]) if len(known) else 0.0
-    headings = (
-        heading + orientation[cycles.peak] - start
-    )  # the sum of the changes from peak to peak
+    # the sum of the changes from peak to peak
+    headings = heading + orientation[cycles.peak] - start
+    # eq. 2.29: x += L cos, y += L sin
     moves = lengths[:, None] * np.column_stack([np.cos(headings), np.sin(headings)])
     return Walk(cycles, lengths, headings, np.vstack([np.zeros((1, 2)), np.cumsum(moves, axis=0)]))
 
@@ -75,8 +77,14 @@ def walk(
 def gait_signals(
     q_world_from_sensor: np.ndarray, parameters: PedestrianParameters
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Step signal (pitch) and orientation signal (yaw) of the level frame, intrinsic ZYX, without
-    jumps, shape (n,) [rad].
+    """Step signal (pitch) and orientation signal (yaw) of the level frame, intrinsic ZYX.
+
+    Args:
+        q_world_from_sensor: Shape (n, 4); rows that are not finite give NaN.
+        parameters: With how the sensor is worn.
+
+    Returns:
+        Both signals, without jumps, shape (n,) [rad] each.
     """
     q_level_from_sensor = rotation.from_matrix(
         np.array(MOUNTINGS[parameters.mounting], dtype=float)

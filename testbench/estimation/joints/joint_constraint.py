@@ -33,7 +33,7 @@ RATE_HZ = 10.0
 SLOW_S, FAST_SD = 5.0, np.radians(0.5)
 """How long most of what the constraint is off by lasts [s], and the part of each look [rad]."""
 WINDOW_S = 60.0
-"""About so long a stretch decides on the heading in its middle [s]."""
+"""About this long a window decides on the heading in its middle [s]."""
 START_SD, LARGEST_SD = np.radians(0.5), np.radians(30.0)
 """Of the heading in the reference pose, which the alignment has brought to zero as well as a sensor
 is mounted (`uncertainty` in robots/ur3e), and the most that it is begun with [rad].
@@ -50,9 +50,9 @@ def track_heading(
     """Follow the heading over the whole of a recording.
 
     Args:
-        time_ns: Increasing, shape (n,).
-        q_world_from_proximal: Of the segments at the same instants, shape (n, 4).
-        q_world_from_distal: Of the segments at the same instants, shape (n, 4).
+        time_ns: Increasing, shape (n,) [ns].
+        q_world_from_proximal: Of the proximal segment, shape (n, 4).
+        q_world_from_distal: Of the distal segment, at the same instants, shape (n, 4).
         constraint: The joint's axes in its segments.
         start_ns: Where the heading is zero, but for `START_SD`; None where nobody knows it: then a
             constant heading that suits the whole is the first guess.
@@ -72,9 +72,8 @@ def track_heading(
         seconds[rows],
         heading_terms(*axes_in_world(q_proximal, q_distal, constraint), constraint),
     )
-    walk = np.radians(constraint.drift_deg) / np.sqrt(
-        60.0
-    )  # the sd after a minute, as one of a second
+    # the sd after a minute, as one of a second
+    walk = np.radians(constraint.drift_deg) / np.sqrt(60.0)
     axes_sd = np.radians(constraint.axes_sd_deg)
     if start_ns is None:
         known, (first, first_sd) = -1, _guess(q_proximal, q_distal, constraint)
@@ -86,9 +85,8 @@ def track_heading(
         )
     heading, variance = _smooth(at, terms, first, first_sd, known, walk, axes_sd)
     lasting = axes_sd**2 / 2 * _response(heading, terms, q_proximal, q_distal, constraint)
-    told = (
-        first_sd**2 if known < 0 else START_SD**2 + np.abs(at - at[known]) * walk**2
-    )  # where the axes tell nothing
+    # where the axes tell nothing
+    told = first_sd**2 if known < 0 else START_SD**2 + np.abs(at - at[known]) * walk**2
     sd = np.sqrt(variance + np.minimum(lasting, told))
     return RelativeHeading(np.interp(seconds, at, heading), np.interp(seconds, at, sd))
 
@@ -117,9 +115,9 @@ def _response(
     q_distal: np.ndarray,
     constraint: JointConstraint,
 ) -> np.ndarray:
-    """Squared response of the heading to a lasting error of the axes [rad/rad], shape (m,): a least
-    squares over `WINDOW_S`.
+    """Squared response of the heading to a lasting error of the axes, shape (m,) [rad^2/rad^2].
 
+    It is that of a least squares over `WINDOW_S`.
     With j2' = j2 turned by the heading, two axes are off by j1 . j2' / sin(angle), whose
     differential is j2' . dj1 + j1 . dj2'; one is off by z . (j2' x j1) / length, with (z x j2') .
     dj1 + (j1 x z) . dj2'. An axis that is off by the small rotation e in its segment, dj = R (e x
@@ -136,6 +134,7 @@ def _response(
         scale = 1 / np.sin(np.radians(constraint.angle_deg))
         for_proximal, for_distal = scale * turned, scale * proximal
     for_distal = rotation.rotate(rotation.from_heading(-heading), for_distal)
+    # axis x R' w of both axes
     levers = np.hstack(
         [
             np.cross(
@@ -179,7 +178,7 @@ def _smooth(
     ahead, P_ahead = np.zeros((m, 2)), np.zeros((m, 2, 2))  # before it
     ahead[0, 0], P_ahead[0, 0, 0], P_ahead[0, 1, 1] = first, first_sd**2, axes_sd**2
     for k in range(m):
-        if k > 0:
+        if k > 0:  # prediction: the heading walks, the slow part fades
             dt = abs(seconds[k] - seconds[k - 1])
             kept = np.exp(-dt / SLOW_S)
             ahead[k, 0], ahead[k, 1] = x[k - 1, 0], kept * x[k - 1, 1]
@@ -187,6 +186,7 @@ def _smooth(
             P_ahead[k, 0, 1] = kept * P[k - 1, 0, 1]
             P_ahead[k, 1, 0] = P_ahead[k, 0, 1]
             P_ahead[k, 1, 1] = kept**2 * P[k - 1, 1, 1] + axes_sd**2 * (1 - kept**2)
+        # update by a cos d + b sin d + c + slow part = 0
         a, b, c = terms[k]
         sine, cosine = np.sin(ahead[k, 0]), np.cos(ahead[k, 0])
         H = np.array([b * cosine - a * sine, 1.0])
@@ -199,7 +199,7 @@ def _smooth(
             gain = P[k, :, 0] / (P[k, 0, 0] + START_SD**2)
             x[k] = x[k] - gain * x[k, 0]
             P[k] = P[k] - np.outer(gain, P[k, 0])
-    for k in range(m - 2, -1, -1):
+    for k in range(m - 2, -1, -1):  # backwards: x + C (x_later - ahead), and P alike
         F = np.array([[1.0, 0.0], [0.0, np.exp(-abs(seconds[k + 1] - seconds[k]) / SLOW_S)]])
         back = P[k] @ F @ np.linalg.inv(P_ahead[k + 1])
         x[k] = x[k] + back @ (x[k + 1] - ahead[k + 1])

@@ -17,9 +17,7 @@ from testbench.records.results.estimate import JointEstimate, SensorEstimate
 from testbench.records.specs.protocol import JointDefinition
 
 VAGUE_DEG = 10.0
-"""A heading that is known no better for half of the time is remarked on: it is hardly the
-constraint that gives it.
-"""
+"""A heading that is known no better for half of the time is remarked on."""
 
 
 def estimate_joint(
@@ -28,8 +26,7 @@ def estimate_joint(
     sensors: Mapping[str, SensorEstimate],
     filters: Sequence[OrientationFilter],
 ) -> JointEstimate:
-    """Joint angles at the proximal sensor's instants; the distal orientation is interpolated to
-    them.
+    """Joint angles at the proximal sensor's instants, with the distal one interpolated to them.
 
     Args:
         joint: As defined.
@@ -60,9 +57,7 @@ def estimate_joint(
 
 
 def _is_constrained(joint: JointDefinition, kind: OrientationFilter) -> bool:
-    """Whether the joint's axes correct a filter's heading; one that does not know up cannot be
-    corrected about it.
-    """
+    """Whether the joint's axes correct a filter's heading, which must know up and not north."""
     if joint.constraint is None:
         return False
     if joint.constraint.filters is not None:
@@ -78,9 +73,7 @@ def _constrained(
     q_distal: np.ndarray,
     start_ns: int | None,
 ) -> np.ndarray:
-    """The distal orientation, turned by the heading that the joint's axes tell of a filter; `found`
-    takes that in.
-    """
+    """The distal orientation turned by the heading that the joint's axes tell, kept in `found`."""
     assert joint.constraint is not None
     try:
         track = track_heading(found.host_time_ns, q_proximal, q_distal, joint.constraint, start_ns)

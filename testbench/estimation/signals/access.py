@@ -99,7 +99,12 @@ class SampleAccess(ABC):
 
     @abstractmethod
     def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
-        """What the gates find; `static`, shape (n,), is where the kept samples are at rest."""
+        """What the gates find.
+
+        Args:
+            clock: Gives the samples' instants on the host's clock.
+            static: Whether each kept sample is at rest, shape (n,), bool.
+        """
 
     @abstractmethod
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:

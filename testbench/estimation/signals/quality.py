@@ -15,15 +15,11 @@ LONG_GAP_S = 0.25
 """After a gap this long a filter has lost its way for `RECOVERY_S`."""
 RECOVERY_S = 1.0
 LOST_GAP_S = 1.0
-"""After a gap this long nobody knows how the sensor turned meanwhile, and a heading without a
-magnetometer is lost for good.
-"""
+"""After a gap this long a heading without a magnetometer is lost for good."""
 NORM_TOLERANCE = 0.01
 """Quaternions further from unit length than this are refused [1]."""
 REST_TOLERANCE = 0.05
-"""Part of g by which the mean norm of the specific force at rest may differ before it is remarked
-on.
-"""
+"""Part of g by which the mean norm of the force at rest may differ before it is remarked on."""
 FIELD_TOLERANCE = 0.2
 """Part of its median by which the magnetic norm may differ before a sample counts as disturbed."""
 
@@ -33,7 +29,7 @@ class Quality:
     """What the gates found.
 
     Attributes:
-        flags: Samples by reason, each of shape (n,), bool; flagged samples are not judged.
+        flags: Samples by reason, each of shape (n,), bool; flagged samples are not evaluated.
         remarks: Sentences on what is odd but excludes nothing.
         numbers: Samples refused by each gate, where the flags stand for several samples each; None
             to count the flags.
@@ -55,8 +51,9 @@ class Quality:
 
 @dataclass
 class Traits:
-    """What must be known of a whole recording before any of its samples can be judged; it may be
-    told piece by piece.
+    """What must be known of a whole recording before a sample can be refused.
+
+    It may be told chunk by chunk.
 
     Attributes:
         has_noise: False for a model without noise, which no repetition can be held against.
@@ -97,25 +94,25 @@ class Traits:
 
     @property
     def noisy(self) -> bool:
-        """Whether readings differ from sample to sample as a rule; a sensor without noise repeats
-        itself whenever it rests.
-        """
+        """Whether readings differ from sample to sample as a rule, as those of a real sensor do."""
         return self.has_noise and any(
             2 * same < self._count for key, same in self._same.items() if key in self.present
         )
 
 
 class AfterGaps:
-    """Flags the samples after a gap in time until a filter has found its way again; goes on from
-    call to call.
-    """
+    """Flags the samples after a gap until a filter has settled again; goes on from call to call."""
 
     def __init__(self) -> None:
         self._last: int | None = None
         self._until = np.iinfo(np.int64).min
 
     def __call__(self, time_ns: np.ndarray) -> np.ndarray:
-        """Flags of the next samples, shape (n,), bool, by their host times, shape (n,)."""
+        """Flags of the next samples, shape (n,), bool.
+
+        Args:
+            time_ns: Their host times, shape (n,) [ns].
+        """
         gaps = np.diff(time_ns, prepend=time_ns[:1] if self._last is None else self._last)
         until = np.full(len(time_ns), self._until)
         for i in np.flatnonzero(gaps > LONG_GAP_S * NANOSECONDS):
@@ -136,8 +133,8 @@ def assess(
 
     Args:
         samples: As recorded.
-        time_ns: Their host times, shape (n,).
-        static: At rest, shape (n,).
+        time_ns: Their host times, shape (n,) [ns].
+        static: Whether each is at rest, shape (n,), bool.
         has_noise: As in `Traits`.
     """
     flags = {
@@ -148,11 +145,12 @@ def assess(
 
 
 def sample_flags(samples: ImuSamples, traits: Traits) -> dict[str, np.ndarray]:
-    """Samples to be refused for what they read, by reason, each of shape (n,); `STUCK_SAMPLES`
-    neighbours matter on each side.
+    """Samples to be refused for what they read, by reason, each of shape (n,), bool.
+
+    `STUCK_SAMPLES` neighbouring rows matter on each side.
 
     Args:
-        samples: All or a piece.
+        samples: All or a chunk.
         traits: Of the whole recording.
     """
     flags = {
@@ -168,9 +166,7 @@ def sample_flags(samples: ImuSamples, traits: Traits) -> dict[str, np.ndarray]:
 
 
 def _stuck(samples: ImuSamples, traits: Traits) -> np.ndarray:
-    """Runs of samples identical in every axis; none for a sensor without noise, which is so
-    whenever it rests.
-    """
+    """Runs of samples identical in every axis; none of a sensor without noise."""
     repeated = np.full(len(samples), traits.noisy)
     for key in traits.present & {"gyr", "acc"}:
         array = getattr(samples, key)
@@ -190,8 +186,11 @@ def _runs(mask: np.ndarray, length: int) -> np.ndarray:
 
 
 def remarks_on(samples: ImuSamples, rest: np.ndarray) -> list[str]:
-    """Sentences on what is odd about readings at rest, shape (n,), bool, and about the magnetic
-    field.
+    """Sentences on what is odd about readings at rest and about the magnetic field.
+
+    Args:
+        samples: As recorded.
+        rest: Whether each is at rest and sound, shape (n,), bool.
     """
     remarks = []
     norm = np.linalg.norm(samples.acc[rest], axis=1)

@@ -1,6 +1,4 @@
-"""Angular rates by whatever a recording has: a gyroscope, a vendor's orientation, or a truth of
-orientations only.
-"""
+"""Angular rates by whatever a recording has: gyroscope, device orientation, or truth."""
 
 from __future__ import annotations
 
@@ -38,16 +36,18 @@ class RateMagnitude:
         return self if step <= 1 else replace(self, time=self.time[::step], rate=self.rate[::step])
 
     def known_at(self, time: np.ndarray) -> np.ndarray:
-        """Whether a time lies within the record and not in one of its gaps, shape (m,), bool."""
+        """Whether times lie within the record and not in one of its gaps, shape (m,), bool.
+
+        Args:
+            time: Shape (m,) [s].
+        """
         index = np.clip(np.searchsorted(self.time, time, side="right"), 1, len(self.time) - 1)
         inside = (time > self.time[0]) & (time < self.time[-1])
         return np.asarray(inside & (self.time[index] - self.time[index - 1] <= self.gap))
 
 
 def truth_rate(truth: Truth) -> RateMagnitude:
-    """Angular-rate magnitude of the truth; without rates, from the angles between its orientations,
-    whatever their signs.
-    """
+    """Angular-rate magnitude of the truth, by its rates, else between its orientations."""
     time = truth.host_time_ns / NANOSECONDS
     if truth.rate is not None:
         known = np.isfinite(truth.rate).all(axis=1)
@@ -59,9 +59,7 @@ def truth_rate(truth: Truth) -> RateMagnitude:
 
 
 def sensor_rate(samples: ImuSamples) -> RateMagnitude:
-    """Angular-rate magnitude by the sensor's own clock: from the gyroscope, else from the device's
-    orientation.
-    """
+    """Angular-rate magnitude on the sensor's clock: by gyroscope, else by device orientation."""
     time = samples.device_time_ns / NANOSECONDS
     known = np.isfinite(samples.gyr).all(axis=1)
     if known.any():
@@ -73,8 +71,12 @@ def sensor_rate(samples: ImuSamples) -> RateMagnitude:
 
 
 def rest_reading(gyr: np.ndarray) -> np.ndarray:
-    """What a gyroscope reads at rest, shape (3,) [rad/s]: the median over the tenth of the record
-    that varies least.
+    """What a gyroscope reads at rest, shape (3,) [rad/s].
+
+    That is the median over the tenth of the record that varies least.
+
+    Args:
+        gyr: Shape (n, 3) [rad/s].
     """
     size = 25
     if len(gyr) < 4 * size:
@@ -83,9 +85,8 @@ def rest_reading(gyr: np.ndarray) -> np.ndarray:
     spread = blocks.var(axis=1).sum(axis=1)
     quiet = blocks[spread <= np.quantile(spread, 0.1)].reshape(-1, 3)
     reading = np.median(quiet, axis=0)
-    return (
-        reading if np.linalg.norm(reading) < np.radians(10) else np.zeros(3)
-    )  # more than that is motion
+    # more than that is motion
+    return reading if np.linalg.norm(reading) < np.radians(10) else np.zeros(3)
 
 
 def _from_orientations(time: np.ndarray, q: np.ndarray) -> RateMagnitude:
@@ -98,7 +99,7 @@ def _from_orientations(time: np.ndarray, q: np.ndarray) -> RateMagnitude:
     interval = np.diff(time)
     usual = float(np.median(interval))
     angle = rotation.angle(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
-    near = interval <= WIDEST * usual
+    close = interval <= WIDEST * usual
     return RateMagnitude(
-        (time[:-1] + interval / 2)[near], (angle / interval)[near], usual, WIDEST * usual
+        (time[:-1] + interval / 2)[close], (angle / interval)[close], usual, WIDEST * usual
     )

@@ -12,24 +12,22 @@ LEAST_SPREAD = np.radians(0.3)
 """A spread below this counts as rest however quiet the sensor is [rad/s]."""
 NOISE_FACTOR = 3.0
 MOST_BIAS = np.radians(2.0)
-"""A steady reading may differ by this from the quietest and still be rest: a bias moves with the
-pose [rad/s].
-"""
+"""A steady reading at rest may differ by this from the quietest [rad/s]: biases move with pose."""
 
 
 def detect_static(gyr: np.ndarray, interval: float, real: np.ndarray | None = None) -> np.ndarray:
     """Samples at which the sensor is at rest.
 
     The RMS of the angular rate about its own mean, over a window, must stay below three times its
-    quietest tenth, and the mean near the quietest one; a turn that is both steady and slower than 2
-    deg/s is taken for a bias. The borders of each rest are drawn in by half a window, so that no
-    transient is let in.
+    quietest tenth, and the mean close to the quietest one; a turn that is both steady and slower
+    than 2 deg/s is taken for a bias. The borders of each still interval are drawn in by half a
+    window, so that no transient is let in.
 
     Args:
         gyr: Shape (n, 3) [rad/s].
-        interval: [s].
-        real: Rows that were measured, not filled in: a straight line over a gap is quieter than any
-            sensor and must not set the measure; all if None.
+        interval: Between samples [s].
+        real: Rows that were measured, not filled in, shape (k,); all if None. A straight line over
+            a gap is quieter than any sensor and must not set the measure.
 
     Returns:
         Shape (n,), bool.
@@ -47,7 +45,12 @@ def detect_static(gyr: np.ndarray, interval: float, real: np.ndarray | None = No
 
 
 def intervals_of(resting: np.ndarray, least: int = 1) -> np.ndarray:
-    """Runs of True that last `least` samples at least, shape (n,) to (k, 2)."""
+    """Runs of True, begin and end (exclusive), shape (k, 2).
+
+    Args:
+        resting: Whether each sample is at rest, shape (n,), bool.
+        least: Shortest run [samples].
+    """
     steps = np.diff(np.concatenate([[0], np.asarray(resting).astype(np.int8), [0]]))
     runs = np.column_stack([np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)])
     return np.asarray(runs[runs[:, 1] - runs[:, 0] >= least])

@@ -27,7 +27,7 @@ ITERATIONS = 15
 MOST_POINTS = 400_000
 """More rates than this are thinned out: hours of them say no more of two numbers."""
 CLUSTER_S = 2.0
-"""Residuals nearer than this count as one when the uncertainty is stated [s]."""
+"""Residuals closer than this count as one when the uncertainty is stated [s]."""
 PART_ERROR_S = 50e-6
 """What the part's own cross-axis and g-sensitivity errors may do to the offset in every move alike
 [s]; from simulation.
@@ -55,9 +55,8 @@ def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0)
     true, measured = truth_rate(truth), sensor_rate(samples)
     if len(true.time) < 10 or len(measured.time) < 10 or true.rate.max() < LEAST_RATE:
         return arrival
-    delay = (
-        rate_delay if measured.width == 0 else 0.0
-    )  # the rate between two orientations is not late
+    # the rate between two orientations is not late
+    delay = rate_delay if measured.width == 0 else 0.0
     # A device's clock may count from anywhere; about its own beginning offset and drift are far
     # from singular.
     zero = float(measured.time[0]) - float(true.time[0])
@@ -74,9 +73,7 @@ def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0)
 
 
 def _fit_arrival(samples: ImuSamples) -> ClockFit:
-    """From the least delayed arrivals: in each of up to 50 windows, the sample whose delay was
-    shortest.
-    """
+    """From the least delayed arrivals, one in each of up to 50 windows."""
     host, device = samples.host_time_ns / NANOSECONDS, samples.device_time_ns / NANOSECONDS
     if len(host) < 2:
         return ClockFit(offset_s=float(device[0] - host[0]) if len(host) else 0.0, method="arrival")
@@ -119,10 +116,10 @@ def _coarse_lag(time: np.ndarray, rate: np.ndarray, true: RateMagnitude) -> floa
 def _refine(
     measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float
 ) -> ClockFit | None:
-    """Gauss-Newton on offset, drift and gain: minimise sum (rate(t) - gain * truth((t - offset) /
-    (1 + drift)))^2.
+    """Gauss-Newton on offset, drift and gain.
 
-    None where the two records drift apart, so that nothing can be compared.
+    Minimises the sum of (rate(t) - gain * truth((t - offset) / (1 + drift)))^2. None where the two
+    records drift apart, so that nothing can be compared.
     """
     slope = np.gradient(true.rate, true.time)
     middle = float(measured.time.mean())
@@ -175,8 +172,9 @@ def _refine(
 def _jackknife_covariance(
     jacobian: np.ndarray, residual: np.ndarray, cluster: np.ndarray
 ) -> np.ndarray:
-    """Covariance of a least-squares fit by leaving out one cluster at a time (Efron & Tibshirani
-    1993, chapter 11).
+    """Covariance of a least-squares fit by leaving out one cluster at a time.
+
+    Efron & Tibshirani 1993, chapter 11.
 
     What remains after the fit is mostly the gyroscope's own errors, which last as long as a move
     does; and moves may be few.

@@ -18,8 +18,8 @@ LEAST_LIKENESS = 0.9
 is most of one of them.
 """
 STRETCH = 300_000
-"""Samples that tell whether the accelerometer lags, of a longer recording: those with most
-motion.
+"""Consecutive samples of a longer recording, those with most motion, that tell whether the
+accelerometer lags.
 """
 
 
@@ -46,13 +46,17 @@ def audit_timing(
 
 
 def usual_interval(steps_ns: np.ndarray) -> float:
-    """Median of the intervals [ns] that are longer than nothing [s]; NaN where there is none."""
+    """Median of the intervals that are longer than nothing [s]; NaN where there is none.
+
+    Args:
+        steps_ns: Intervals, shape (n,) [ns].
+    """
     moving = steps_ns[steps_ns > 0]
     return float(np.median(moving)) / NANOSECONDS if len(moving) else float("nan")
 
 
 class IntervalAudit:
-    """Intervals between time stamps and steps of the counter, counted piece by piece.
+    """Intervals between time stamps and steps of the counter, counted chunk by chunk.
 
     Args:
         median: The usual interval [s].
@@ -67,7 +71,12 @@ class IntervalAudit:
         self._first = self._last = self._counter = 0
 
     def add(self, device_time_ns: np.ndarray, counter: np.ndarray) -> None:
-        """Count the next samples."""
+        """Count the next samples.
+
+        Args:
+            device_time_ns: Their time stamps, shape (n,) [ns].
+            counter: Their numbers, shape (n,).
+        """
         if not len(counter):
             return
         if not self._samples:
@@ -98,7 +107,7 @@ class IntervalAudit:
         """The audit.
 
         Args:
-            nominal_rate: [Hz].
+            nominal_rate: As the data sheet or file says [Hz], or None.
             jitter: Of the arrival [s].
             lag: How much later than the gyroscope the accelerometer is [s].
         """
@@ -126,9 +135,7 @@ class IntervalAudit:
 
 
 def arrival_jitter(samples: ImuSamples) -> float:
-    """Standard deviation of the arrivals at the host about a straight line over the device's time
-    [s].
-    """
+    """Standard deviation of the arrivals about a straight line over the device's time [s]."""
     time = (samples.device_time_ns - samples.device_time_ns.mean()) / NANOSECONDS
     delay = (samples.host_time_ns - samples.device_time_ns) / NANOSECONDS
     delay -= delay.mean()
@@ -137,8 +144,7 @@ def arrival_jitter(samples: ImuSamples) -> float:
 
 
 def asynchrony(samples: ImuSamples, interval: float) -> float:
-    """How much later than the gyroscope the accelerometer sees a turn [s]; NaN where the motion
-    does not tell.
+    """How much later the accelerometer sees a turn than the gyroscope [s]; NaN if nothing tells.
 
     While turning, gravity's direction u in the sensor moves as du/dt = -omega x u: the magnitudes
     of both sides are correlated.
@@ -150,12 +156,13 @@ def asynchrony(samples: ImuSamples, interval: float) -> float:
     ):
         return float("nan")
     if len(samples) > STRETCH:
-        samples = _liveliest(samples)
+        samples = _most_active(samples)
     kernel = np.ones(SMOOTH) / SMOOTH
 
     def smooth(columns: np.ndarray) -> np.ndarray:
         return np.column_stack([np.convolve(column, kernel, mode="same") for column in columns.T])
 
+    # |du/dt| as the accelerometer sees it, and |omega x u| as the gyroscope does
     u = smooth(samples.acc)
     u = u / np.maximum(rotation.lengths(u), 1e-9)[:, None]
     seen = rotation.lengths(np.gradient(u, interval, axis=0))
@@ -173,19 +180,20 @@ def asynchrony(samples: ImuSamples, interval: float) -> float:
     likeness = correlation[k] / np.sqrt(np.sum(a[begin_k:end_k] ** 2) * np.sum(b[begin:end] ** 2))
     if k in (0, len(lags) - 1) or not likeness > LEAST_LIKENESS:
         return float("nan")
+    # vertex of the parabola through three points
     left, top, right = correlation[k - 1 : k + 2]
     return float((lags[k] + 0.5 * (left - right) / (left - 2 * top + right)) * interval)
 
 
-def _liveliest(samples: ImuSamples) -> ImuSamples:
-    """The stretch of a recording in which it turns most."""
+def _most_active(samples: ImuSamples) -> ImuSamples:
+    """The `STRETCH` consecutive samples in which the sensor turns most."""
     turned = (
         np.abs(samples.gyr[: len(samples) // 1000 * 1000]).sum(axis=1).reshape(-1, 1000).sum(axis=1)
     )
     total = np.concatenate([[0.0], np.cumsum(turned)])
     size = STRETCH // 1000
     begin = 1000 * int(np.argmax(total[size:] - total[:-size]))
-    stretch = slice(begin, begin + STRETCH)
+    part = slice(begin, begin + STRETCH)
     return ImuSamples.from_groups(
-        {key: column[stretch] for key, column in vars(samples).items() if column is not None}
+        {key: column[part] for key, column in vars(samples).items() if column is not None}
     )

@@ -1,6 +1,4 @@
-"""A regular time grid for filters that want one: lost packets are filled by interpolation, and
-taken out again afterwards.
-"""
+"""A regular time grid for filters: lost packets are filled in, and taken out again afterwards."""
 
 from __future__ import annotations
 
@@ -63,7 +61,7 @@ def fill_rows(
     """Samples at rows of a regular grid, interpolated where they were lost or are not finite.
 
     Args:
-        samples: All or a piece with its neighbours.
+        samples: All, or a chunk with its neighbouring rows.
         rows: Of each sample, increasing, shape (n,).
         grid: The rows that are wanted, shape (m,).
         interval: Between rows [s].
@@ -100,9 +98,7 @@ def fill_rows(
 
 
 def _irregular(device_time_ns: np.ndarray, rows: np.ndarray, clock: ClockFit) -> np.ndarray | None:
-    """Time before each sample of the grid, shape (m,) [s], where the stamps are irregular and can
-    be believed; else None.
-    """
+    """Time before each row of the grid, shape (m,) [s]; None unless stamps tell irregular ones."""
     if len(rows) < 3:
         return None
     stamps = np.interp(

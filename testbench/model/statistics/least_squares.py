@@ -1,4 +1,4 @@
-"""Weighted non-linear least squares with uncertainty, and refusal of poor excitation.
+"""Weighted non-linear least squares with uncertainty; data that tell too little are refused.
 
 Gauss-Newton covariance (J' J)^-1 of residuals scaled to unit variance (Bates & Watts, Nonlinear
 Regression Analysis, 1988, section 2.3). Whether the data determine a parameter is asked against its
@@ -24,8 +24,8 @@ class FitParameter:
     """One unknown.
 
     Attributes:
-        name: What the record calls it.
-        unit: Unit of its value, for the record.
+        name: As the fit lists it.
+        unit: Of its value.
         start: Where the search begins.
         size: Standard deviation of what is known beforehand, such as a data sheet's tolerance; the
             scale of the search, and the uncertainty that a fit must beat.
@@ -53,7 +53,6 @@ class PoorExcitation(InputError):
         )
 
 
-# One piece: the problem scaled by the parameters' sizes, solved, and scaled back.
 def solve(
     residuals: Residuals,
     parameters: Sequence[FitParameter],
@@ -73,14 +72,15 @@ def solve(
         jacobian: Gives the derivatives, shape (m, p); by differences if None.
         known_scatter: The residuals' standard deviation is 1 by knowledge; else it is estimated
             from what the fit leaves.
-        residual_unit: Unit of the residuals in the record.
-        residual_scale: How many of that unit one unit of `residuals` is.
+        residual_unit: Unit that the fit states its residuals in.
+        residual_scale: How many of that unit a residual of 1 is.
         advice: Against poor excitation.
 
     Raises:
         PoorExcitation: Fewer residuals than parameters, or a parameter that the data leave vaguer
             than its size.
     """
+    # Longer than a screen: the call of SciPy and the fit that it comes to, one step.
     p = len(parameters)
     start, size = (
         np.array([getattr(item, key) for item in parameters]) for key in ("start", "size")

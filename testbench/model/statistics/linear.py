@@ -29,9 +29,7 @@ def solve_linear(
     residual_scale: float = 1.0,
     advice: str = "more poses or motions about other axes are needed",
 ) -> Fit:
-    """Fit observed = design @ values.
-
-    Rows are divided by their standard deviations, or all by a typical one.
+    """Fit observed = design @ values, rows divided by their standard deviations.
 
     With as many observations as parameters nothing is left to tell the scatter from, and the
     standard deviations are believed.
@@ -39,11 +37,11 @@ def solve_linear(
     Args:
         design: Shape (m, p).
         observed: Shape (m,).
-        parameters: The unknowns; their `start` is not used.
-        known_scatter: The residuals' standard deviation is 1 by knowledge; else it is estimated
+        parameters: Their `start` is not used.
+        known_scatter: The standard deviations of the rows are known; else the scatter is estimated
             from what the fit leaves.
-        residual_unit: Unit of the residuals in the record.
-        residual_scale: How many of that unit one unit of `observed` is.
+        residual_unit: Unit that the fit states its residuals in.
+        residual_scale: How many of that unit a residual of 1 is.
         advice: Against poor excitation.
 
     Raises:
@@ -74,14 +72,14 @@ def solve_linear(
 
 
 def axis_by_axis(regressors: np.ndarray, axes: int) -> np.ndarray:
-    """Design of several axes with the same regressors and own coefficients, axis after axis.
+    """Design of several axes with the same regressors and coefficients of their own.
 
     Args:
-        regressors: Of each of m observations, shape (m, q).
-        axes: How many axes were observed.
+        regressors: Shape (m, q).
+        axes: Number of axes.
 
     Returns:
-        Shape (m * axes, q * axes), in the units of the regressors.
+        Shape (m * axes, q * axes), rows pose by pose, columns axis by axis.
     """
     m, q = regressors.shape
     design = np.zeros((m, axes, axes * q))
@@ -110,12 +108,12 @@ def widened_by_misfit(fit: Fit) -> Fit:
 
 
 def whitening(covariance: np.ndarray) -> np.ndarray:
-    """Matrices W with W C W' = 1: the inverse of the Cholesky factor of each covariance C.
+    """Matrices W with W C W' = 1: the inverse of the Cholesky factor of each covariance.
 
     Args:
-        covariance: Shape (m, k, k).
+        covariance: C, shape (m, k, k).
 
     Returns:
-        Shape (m, k, k), in the inverse unit of the standard deviations.
+        Shape (m, k, k).
     """
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))

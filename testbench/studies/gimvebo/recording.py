@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.estimation.calibration.norm_only import norm_only
-from testbench.estimation.calibration.poses import static_poses
+from testbench.estimation.calibration.poses import TrueVector, static_poses
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
 from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS
@@ -76,7 +76,7 @@ def read_part(session: Session, estimate: Estimate) -> Part:
             if step.section == "poses"
         ]
     )
-    poses = static_poses(samples.acc, rests, times=time / NANOSECONDS, magnitude=gravity)
+    poses = static_poses(samples.acc, rests, times=time / NANOSECONDS, true=TrueVector(gravity))
     accelerometer = norm_only(poses)
     left = np.linalg.norm(accelerometer.apply(poses.mean), axis=1) / gravity - 1
     up_sd = max(float(np.sqrt(np.mean(left**2))), 1e-6)

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from testbench.estimation.calibration.ferraris import FerrarisTurn, ferraris, ferraris_gyroscope
-from testbench.estimation.calibration.poses import StaticPoses, static_poses
+from testbench.estimation.calibration.poses import StaticPoses, TrueVector, static_poses
 from testbench.exceptions import InputError
 from testbench.model.statistics.least_squares import PoorExcitation
 from tests.estimation.calibration.simulated import GRAVITY, SIX, part, poses_of, rng
@@ -32,7 +32,7 @@ def test_agrees_with_imucal_on_its_example(data):
     acc, gyr = table.iloc[:, 3:].to_numpy(), np.radians(table.iloc[:, :3].to_numpy())
     times = np.arange(len(acc)) / RATE_HZ
     intervals = np.array([[sections[name]["start"], sections[name]["end"]] for name in FACES])
-    poses = static_poses(acc, intervals, times=times, magnitude=EARTH)
+    poses = static_poses(acc, intervals, times=times, true=TrueVector(EARTH))
     ours = ferraris(poses)
     np.testing.assert_allclose(ours.bias, oracle.b_a, rtol=1e-6)
     np.testing.assert_allclose(np.linalg.inv(ours.matrix), oracle.K_a @ oracle.R_a, rtol=1e-6)
@@ -40,7 +40,7 @@ def test_agrees_with_imucal_on_its_example(data):
         slice(sections[f"{axis}_rot"]["start"], sections[f"{axis}_rot"]["end"]) for axis in "xyz"
     ]
     turns = [FerrarisTurn(gyr[cut], ours.apply(acc[cut]), 1 / RATE_HZ) for cut in cuts]
-    rest = static_poses(gyr, intervals, times=times, magnitude=EARTH, floor=0.0)
+    rest = static_poses(gyr, intervals, times=times, true=TrueVector(EARTH), floor=0.0)
     gyroscope = ferraris_gyroscope(rest, poses, turns, np.radians(-360))
     np.testing.assert_allclose(np.degrees(gyroscope.bias), oracle.b_g, rtol=1e-6)
     np.testing.assert_allclose(np.degrees(gyroscope.g_matrix), oracle.K_ga, rtol=1e-6)

@@ -13,7 +13,7 @@ from testbench.estimation.calibration.gyroscope import (
     static_bias,
 )
 from testbench.estimation.calibration.norm_only import norm_only
-from testbench.estimation.calibration.poses import static_poses
+from testbench.estimation.calibration.poses import TrueVector, static_poses
 from testbench.estimation.calibration.turns import GyroscopeRecording, turns_between_rests
 from testbench.formats import import_recording
 from testbench.formats.vendors.imu_tk import COUNTS_PER_RAD_S, LOCAL_GRAVITY
@@ -52,7 +52,7 @@ def recording(data, tmp_path_factory) -> GyroscopeRecording:
     )
     rests = rests_of(acc)
     accelerometer = norm_only(
-        static_poses(acc, np.array(rests), times=regular, magnitude=LOCAL_GRAVITY)
+        static_poses(acc, np.array(rests), times=regular, true=TrueVector(LOCAL_GRAVITY))
     )
     return turns_between_rests(gyr, INTERVAL, rests, accelerometer.apply(acc), up_sd=2e-4)
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from testbench.estimation.calibration.axis_model import orthogonality
 from testbench.estimation.calibration.hinge_axis import axis_of_turn, hinge_axes
 from testbench.estimation.calibration.methods import METHODS
-from testbench.estimation.calibration.poses import StaticPoses, static_poses
+from testbench.estimation.calibration.poses import StaticPoses, TrueVector, static_poses
 from testbench.estimation.calibration.sensor_to_segment import from_arm_kinematics, from_rates
 from testbench.estimation.calibration.static_intervals import (
     between_peaks,
@@ -59,7 +59,7 @@ def poses_of_session(result: Result, sensor: str = "forearm") -> StaticPoses:
         truth.host_time_ns, truth.q_world_from_sensor, (middle * NANOSECONDS).astype(np.int64)
     )
     expected = rotation.rotate(rotation.conjugate(q), -session.robot.gravity)
-    return static_poses(samples.acc, intervals, times=times, expected=expected)
+    return static_poses(samples.acc, intervals, times=times, true=TrueVector(expected=expected))
 
 
 @pytest.fixture(scope="module", params=["xsens_dot", "matrix"])

@@ -7,7 +7,7 @@ import pytest
 
 from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.norm_only import norm_only
-from testbench.estimation.calibration.poses import StaticPoses, static_poses
+from testbench.estimation.calibration.poses import StaticPoses, TrueVector, static_poses
 from testbench.estimation.calibration.static_intervals import by_gyroscope, by_variance
 from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.exceptions import InputError
@@ -25,7 +25,7 @@ def test_means_variances_and_times_are_those_of_the_samples():
         samples,
         np.array([[100, 200], [500, 501], [600, 1000]]),
         times=times,
-        expected=np.eye(3),
+        true=TrueVector(expected=np.eye(3)),
         temperature=temperature,
         floor=0.02,
     )
@@ -113,7 +113,7 @@ def test_imu_tks_recording_is_calibrated_by_the_length_of_gravity(data):
     fits = []
     for intervals in (found.intervals, by_gyroscope(gyr, 0.01)):
         assert 36 <= len(intervals) <= 42
-        poses = static_poses(acc, intervals, times=counts[:, 0], magnitude=IMU_TK_GRAVITY)
+        poses = static_poses(acc, intervals, times=counts[:, 0], true=TrueVector(IMU_TK_GRAVITY))
         assert cross_validate(norm_only, poses)["gravity_norm_rms_mm_s2"] < 2.0
         calibration = norm_only(poses)
         halves = [norm_only(poses.subset(np.arange(len(poses)) % 2 == k)).fits[0] for k in (0, 1)]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from testbench.estimation.chain.kernel import FilterPoint
 from testbench.estimation.chain.run import continue_filter, most_likely, run_filter
 from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.smoother import run_smoother
@@ -102,13 +103,15 @@ def test_the_smoother_is_better_than_the_filter_and_as_honest(runs, settings, se
     assert (size > low).all() and (size < high).all()
     whole = run_smoother(sensors, settings, runs[0][1])
     monkeypatch.setattr("testbench.estimation.chain.smoother.KEPT_NUMBERS", 1e5)
-    pieces = run_smoother(sensors, settings, runs[0][1])
-    np.testing.assert_allclose(pieces.mean, whole.mean, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(pieces.sd, whole.sd, rtol=1e-6)
+    chunks = run_smoother(sensors, settings, runs[0][1])
+    np.testing.assert_allclose(chunks.mean, whole.mean, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(chunks.sd, whole.sd, rtol=1e-6)
 
 
-def test_the_liveliness_is_found_from_the_innovations(runs, settings, sensors):
-    found = most_likely(sensors, replace(settings, liveliness=1.0), runs[0][1], 0.0).liveliness
+def test_the_process_noise_is_found_from_the_innovations(runs, settings, sensors):
+    found = most_likely(
+        sensors, replace(settings, process_noise=1.0), runs[0][1], 0.0
+    ).process_noise
     assert found == pytest.approx(DENSITY, rel=0.25)
 
 
@@ -165,9 +168,8 @@ def test_the_covariance_of_a_fourier_series_is_what_the_errors_show(sensors, set
             joint_motion(x, indices, HARMONICS, motion[i + 1], slopes)
         P, levels = np.diag(sd**2), fourier.levels()
         levels[0] = np.inf  # this motion has no fade
-        result = continue_filter(
-            sensors, fourier, measure(motion, rng), guess, P, 0.0, levels, keep=True
-        )
+        begin = FilterPoint(guess, P, levels, 0.0)
+        result = continue_filter(sensors, fourier, measure(motion, rng), begin, keep=True)
         values.append(nees(result.state[-1, :size] - x, result.covariance[-1, :size, :size]))
         omegas.append(
             (result.state[-1, size - 1] - x[-1])
@@ -236,7 +238,8 @@ def test_a_late_clock_and_a_bent_axis_are_in_the_covariance_and_would_be_missed_
             P = np.diag(np.concatenate([reach**2, [0.003**2], own.error_variance]))
             levels = own.levels()
             levels[0] = np.inf
-            result = continue_filter(sensors, own, samples, first, P, 0.0, levels, keep=True)
+            begin = FilterPoint(first, P, levels, 0.0)
+            result = continue_filter(sensors, own, samples, begin, keep=True)
             values[key].append(
                 nees(result.state[-1, :size] - end, result.covariance[-1, :size, :size])
             )

@@ -98,7 +98,7 @@ def test_pieces_of_irregular_samples_go_to_filters_that_take_them_only():
         first, state = kind.advance(samples.piece(slice(0, 111)))
         second, _ = kind.advance(samples.piece(slice(111, None)), state)
         np.testing.assert_array_equal(np.vstack([first, second]), kind.run(samples))
-    with pytest.raises(InputError, match="pieces of regular samples only"):
+    with pytest.raises(InputError, match="chunks of regular samples only"):
         get_filter("vqf_6d").advance(samples)
 
 
