@@ -1,5 +1,4 @@
-"""The one tree of errors: a bad input is refused, a bad bench is reported, a bad sensor is neither
-(it is a verdict).
+"""The one tree of errors: bad input and a bad bench; a bad sensor is a verdict, not an error.
 
 Every error is a full sentence, carries its numbers as attributes, and knows the exit code of the
 command line.
@@ -49,8 +48,9 @@ class Problem:
 
 
 class FileProblems(InputError):
-    """An input file was refused; lists every problem found in it at once as `file:line:column:
-    path: message`.
+    """An input file was refused.
+
+    Lists every problem found in it at once as `file:line:column: path: message`.
     """
 
     def __init__(self, file: str | Path, problems: list[Problem]):
@@ -70,9 +70,7 @@ MOST_DIGITS = 9
 
 
 def _apart(value: float, limit: float, digits: int) -> tuple[str, str]:
-    """Two numbers with as many digits after the point, at least `digits`, as show which is
-    larger.
-    """
+    """Two numbers with as many digits after the point, at least `digits`, as tell them apart."""
     while (
         digits < MOST_DIGITS and value != limit and f"{value:.{digits}f}" == f"{limit:.{digits}f}"
     ):
@@ -101,46 +99,70 @@ class PlanError(InputError):
         return f"{self.place}: {sentence}" if self.place else sentence
 
 
+@dataclass(frozen=True)
+class Excess:
+    """A joint beyond one of its limits.
+
+    Attributes:
+        joint: Joint name.
+        quantity: "position", "velocity" or "acceleration".
+        value: What is reached when the limit is first exceeded [unit].
+        limit: The limit [unit].
+        unit: Of the numbers, such as "deg/s".
+        time: When the limit is first exceeded [s], from the start of the plan.
+        step: Name of the step.
+        onwards: The farthest from the limit that the joint goes after that in the same step
+            [unit].
+    """
+
+    joint: str
+    quantity: str
+    value: float
+    limit: float
+    unit: str
+    time: float
+    step: str
+    onwards: float
+
+
 class LimitError(PlanError):
     """A joint would exceed one of its limits.
 
     Attributes:
         joint: Joint name.
         quantity: "position", "velocity" or "acceleration".
-        value: In unit.
-        limit: In unit.
-        unit: Unit of value and limit.
-        time: [s] from the start of the plan, when it is first exceeded.
+        value: What is reached when the limit is first exceeded [unit].
+        limit: The limit [unit].
+        unit: Of the numbers, such as "deg/s".
+        time: When the limit is first exceeded [s], from the start of the plan.
         step: Name of the step.
-        onwards: The farthest from the limit that the joint goes after that in the same step, in the
-            same unit.
+        onwards: The farthest from the limit that the joint goes after that in the same step
+            [unit].
     """
 
-    def __init__(
-        self,
-        joint: str,
-        quantity: str,
-        value: float,
-        limit: float,
-        unit: str,
-        time: float,
-        step: str,
-        onwards: float,
-    ):
-        self.joint, self.quantity, self.value, self.limit = joint, quantity, value, limit
-        self.unit, self.time, self.step, self.onwards = unit, time, step, onwards
-        shown, bound = _apart(value, limit, 2)
+    def __init__(self, excess: Excess):
+        self.joint, self.quantity, self.unit = excess.joint, excess.quantity, excess.unit
+        self.value, self.limit, self.onwards = excess.value, excess.limit, excess.onwards
+        self.time, self.step = excess.time, excess.step
+        shown, bound = _apart(excess.value, excess.limit, 2)
+        farthest, _ = _apart(excess.onwards, excess.limit, 2)
         super().__init__(
-            f"joint {joint}: {quantity} {shown} {unit} exceeds {bound} {unit} at t = {time:.3f} s "
-            f"(step '{step}'), "
-            f"and goes on to {_apart(onwards, limit, 2)[0]} {unit}"
+            f"joint {excess.joint}: {excess.quantity} {shown} {excess.unit} exceeds "
+            f"{bound} {excess.unit} at t = {excess.time:.3f} s (step '{excess.step}'), "
+            f"and goes on to {farthest} {excess.unit}"
         )
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Two bodies too near to each other: their clearance [m], negative where they overlap, when
-    [s], and in which step.
+    """Two bodies too near to each other.
+
+    Attributes:
+        first: One body.
+        second: The other body.
+        clearance: Distance between them [m], negative where they overlap.
+        time: When [s], from the start of the plan.
+        step: Name of the step.
     """
 
     first: str
@@ -154,12 +176,12 @@ class CollisionError(PlanError):
     """Two bodies would touch.
 
     Attributes:
-        first: The first contact, clearance in metres and time in seconds.
-        second: The first contact, clearance in metres and time in seconds.
-        clearance: The first contact, clearance in metres and time in seconds.
-        time: The first contact, clearance in metres and time in seconds.
-        step: The first contact, clearance in metres and time in seconds.
-        margin: That must be kept [m].
+        first: One body of the first contact.
+        second: The other body of the first contact.
+        clearance: Distance between them [m], negative where they overlap.
+        time: When they first come too near [s], from the start of the plan.
+        step: Name of the step of the first contact.
+        margin: Clearance that must be kept [m].
         worst: The nearest that any two bodies come in the whole motion.
     """
 

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
 
 
 def main() -> None:
-    """Run the command line; every error that was foreseen is one message and an exit code, never a
-    traceback.
+    """Run the command line; each foreseen error is one message and an exit code, no traceback.
 
     With --json among the arguments the message is one JSON object on stderr, also for a command
     that was mistyped.

@@ -346,21 +346,18 @@ def sessions(
             {"sessions": [entry | {"damage": causes.get(str(entry["session"]))} for entry in found]}
         )
     else:
-        columns = [
-            "session",
-            "kind",
-            "status",
-            "outcome",
-            "duration [s]",
-            "started (UTC)",
-            "resumes",
-        ]
-        rows = [[*row[:5], row[5] and str(row[5])[:19].replace("T", " "), row[6]] for row in rows]
-        if not any(row[-1] for row in rows):
-            columns, rows = columns[:-1], [row[:-1] for row in rows]
-        say_table(f"Sessions in {logs}", columns, rows)
-        for name, cause in causes.items():
-            say(f"{name} is damaged: {cause}")
+        _say_sessions(logs, rows, causes)
+
+
+def _say_sessions(logs: Path, rows: list[list[Any]], causes: dict[str, str]) -> None:
+    """The sessions of a folder as a table, and of the damaged ones why."""
+    columns = ["session", "kind", "status", "outcome", "duration [s]", "started (UTC)", "resumes"]
+    rows = [[*row[:5], row[5] and str(row[5])[:19].replace("T", " "), row[6]] for row in rows]
+    if not any(row[-1] for row in rows):
+        columns, rows = columns[:-1], [row[:-1] for row in rows]
+    say_table(f"Sessions in {logs}", columns, rows)
+    for name, cause in causes.items():
+        say(f"{name} is damaged: {cause}")
 
 
 @app.command()

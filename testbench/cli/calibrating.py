@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from testbench.cli.options import JsonOption, SensorOption
 from testbench.cli.output import say, say_json, say_table
+
+if TYPE_CHECKING:
+    from testbench.pipeline.calibrate import MadeCalibration
 
 
 class Witness(StrEnum):
@@ -31,6 +34,7 @@ def _list(asked: bool) -> None:
     raise typer.Exit
 
 
+# Long by its options, one parameter each.
 def calibrate(
     session: Annotated[Path, typer.Argument(help="Folder of a session with static poses.")],
     out: Annotated[
@@ -87,8 +91,6 @@ def calibrate(
     """Calibrate a sensor from a session: corrections with their uncertainty, judged on poses held
     out.
     """
-    import numpy as np
-
     from testbench.pipeline.calibrate import calibrate as make_calibration
     from testbench.pipeline.request import CalibrationRequest
     from testbench.records.session.session import Session
@@ -105,26 +107,39 @@ def calibrate(
         report=not no_report,
     )
     made = make_calibration(Session(session), asked)
-    result = made.result
     if json:
-        triads = {
-            triad: {
-                "method": found.method,
-                "validation": found.validation,
-                "remarks": list(found.remarks),
-            }
-            for triad, found in result.calibration.triads.items()
+        _say_calibration_json(made)
+    else:
+        _say_calibration(made)
+
+
+def _say_calibration_json(made: MadeCalibration) -> None:
+    """What was written, which methods made it, and how far it holds on poses held out."""
+    result = made.result
+    triads = {
+        triad: {
+            "method": found.method,
+            "validation": found.validation,
+            "remarks": list(found.remarks),
         }
-        files = {"file": str(made.file), "report": str(made.report) if made.report else None}
-        say_json(
-            {
-                **files,
-                "sensor": result.calibration.sensor,
-                "triads": triads,
-                "remarks": result.remarks,
-            }
-        )
-        return
+        for triad, found in result.calibration.triads.items()
+    }
+    files = {"file": str(made.file), "report": str(made.report) if made.report else None}
+    say_json(
+        {
+            **files,
+            "sensor": result.calibration.sensor,
+            "triads": triads,
+            "remarks": result.remarks,
+        }
+    )
+
+
+def _say_calibration(made: MadeCalibration) -> None:
+    """Parameters with their uncertainty, figures of the poses held out, remarks, files."""
+    import numpy as np
+
+    result = made.result
     rows: list[list[Any]] = []
     for triad, found in result.calibration.triads.items():
         for fit in found.fits:

@@ -19,6 +19,7 @@ class CriterionName(StrEnum):
     A = "A"
 
 
+# Long by its options, one parameter each.
 def design(
     out: Annotated[Path, typer.Option("--out", help="Protocol file to write.")],
     robot: Annotated[str, typer.Option("--robot", help="Robot name, robot.yaml or URDF.")] = "ur3e",

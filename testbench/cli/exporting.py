@@ -31,6 +31,7 @@ def _complete_export(incomplete: str) -> list[str]:
     return [name for name in EXPORTS if name.startswith(incomplete)]
 
 
+# Long by its options, one parameter each.
 def export(
     session: SessionArgument,
     to: Annotated[

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from testbench.cli.options import JsonOption, complete_robot
 from testbench.cli.output import say, say_json, say_table
+
+if TYPE_CHECKING:
+    from testbench.records.session.session import Session
 
 TRUTH_PANEL = "Truth from a file of its own"
 OPEN_PANEL = "What the files leave open"
@@ -28,6 +31,7 @@ def _complete_format(incomplete: str) -> list[str]:
     return [name for name in FORMATS if name.startswith(incomplete)]
 
 
+# Long by its options, one parameter each, and the request that holds them.
 def import_files(
     format_name: Annotated[
         str,
@@ -210,6 +214,11 @@ def import_files(
             ),
         )
     )
+    _say_imported(session, json)
+
+
+def _say_imported(session: Session, json: bool) -> None:
+    """What an import made."""
     manifest = session.manifest
     if json:
         say_json(

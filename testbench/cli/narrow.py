@@ -1,6 +1,4 @@
-"""Tables on a terminal that is narrower than they are: numbers stay whole, words go on in the next
-line.
-"""
+"""Tables on a terminal narrower than they are: numbers stay whole, words wrap."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The command `noise`: what a sensor reads at rest, to be kept as a sensor that can be
-simulated.
-"""
+"""The command `noise`: what a sensor reads at rest, kept as a preset for simulation."""
 
 from __future__ import annotations
 

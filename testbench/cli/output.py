@@ -29,9 +29,7 @@ def say_error(message: str, notes: Sequence[str] = ()) -> None:
 
 
 def say_json_error(error: BenchError) -> None:
-    """One line of JSON on stderr: what kind of error, the message, the exit code, and where in a
-    file if that is known.
-    """
+    """One line of JSON on stderr: kind of error, message, exit code, and place in a file."""
     from testbench.exceptions import FileProblems
     from testbench.records.disk.json_file import plain_values
 
@@ -64,8 +62,9 @@ def say_json(data: Any) -> None:
 
 
 def in_ranges(numbers: Sequence[int], longest: int = 100) -> str:
-    """Rising whole numbers in few words, such as "3, 12-40, 45"; of what makes more than so many
-    characters, how many more.
+    """Rising whole numbers in few words, such as "3, 12-40, 45".
+
+    Of what makes more than so many characters, how many more.
     """
     spans: list[list[int]] = []
     for number in numbers:
@@ -128,8 +127,9 @@ def _is_number(value: Any) -> bool:
 
 
 class RunDisplay:
-    """A bar with step, part done and remaining time on stderr, and lines above it; where there is
-    no terminal, the lines alone.
+    """A bar with step, part done and remaining time on stderr, and lines above it.
+
+    Where there is no terminal, the lines alone.
 
     The bar appears with the first progress, so that whoever is asked something before has the
     terminal alone.
@@ -244,110 +244,21 @@ def say_warnings(plan: Plan) -> None:
 def say_evaluation(
     evaluation: Evaluation, session: str, report: str | None, simulated: Sequence[str] = ()
 ) -> None:
-    """The summary of a session; `simulated`: what of it was not real."""
+    """The summary of a session.
+
+    Args:
+        evaluation: Of the session.
+        session: Its folder.
+        report: Where its report lies; none if None.
+        simulated: What of the session was not real.
+    """
     if evaluation.limited:
-        say_table(
-            "Verdict",
-            ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome"],
-            [
-                [
-                    m.name,
-                    m.filter or "",
-                    m.section or "",
-                    m.value,
-                    m.expanded_uncertainty,
-                    m.lower,
-                    m.upper,
-                    m.outcome.words,
-                ]
-                for m in evaluation.metrics
-                if m.outcome is not None
-            ],
-        )
-    keys = sorted({(r.joint, r.section, r.filter, r.sequence) for r in evaluation.joint_angle})
-    if keys:
-        wanted = (
-            "flexion_mean_error_deg",
-            "flexion_mean_abs_error_deg",
-            "flexion_rmse_deg",
-            "flexion_max_abs_error_deg",
-        )
-        values = {(m.name, m.section, m.filter, m.sequence): m.value for m in evaluation.metrics}
-        expanded = {
-            (b.owner, b.section): b.expanded_deg
-            for b in evaluation.uncertainty
-            if b.quantity == "flexion"
-        }
-        groups = _groups(evaluation, keys)
-        say_table(
-            "Flexion error [deg]; U: of the truth (k = 2); filters that share a letter were not "
-            "shown to differ",
-            [
-                "joint",
-                "section",
-                "filter",
-                "sequence",
-                "mean",
-                "U",
-                "mean |e|",
-                "RMSE",
-                "max |e|",
-                "group",
-            ],
-            [
-                [j, s, f, e, mean, expanded.get((j, s)), *rest, groups.get((j, s, f, e), "")]
-                for j, s, f, e in keys
-                for mean, *rest in [[values.get((f"{j}.{kind}", s, f, e)) for kind in wanted]]
-            ],
-        )
+        _say_verdict(evaluation)
+    _say_flexion(evaluation)
     if evaluation.chain:
-        say_table(
-            "Joints of the chain, error [deg]; U: of the truth (k = 2); covered: errors within "
-            "1.96 of the stated uncertainty",
-            [
-                "section",
-                "joint",
-                "state",
-                "mean",
-                "U",
-                "mean |e|",
-                "RMSE",
-                "largest",
-                "stated",
-                "covered [%]",
-            ],
-            [
-                [
-                    r.section,
-                    r.joint,
-                    r.state,
-                    r.mean_error_deg,
-                    r.expanded_uncertainty_deg,
-                    r.mean_abs_error_deg,
-                    r.rmse_deg,
-                    r.largest_error_deg,
-                    r.uncertainty_deg,
-                    r.covered_percent,
-                ]
-                for r in _joint_by_joint(evaluation.chain)
-            ],
-        )
+        _say_chain(evaluation)
     if evaluation.orientation:
-        say_table(
-            "Orientation error, RMSE [deg]",
-            ["sensor", "filter", "samples", "total", "heading", "inclination"],
-            [
-                [
-                    r.sensor,
-                    r.filter,
-                    r.n,
-                    r.total_rmse_deg,
-                    r.heading_rmse_deg,
-                    r.inclination_rmse_deg,
-                ]
-                for r in evaluation.orientation
-            ],
-        )
+        _say_orientation(evaluation)
     say_noise(evaluation.noise)
     for note in evaluation.notes:
         say(f"note: {note}")
@@ -357,6 +268,123 @@ def say_evaluation(
     say(f"session: {session}")
     if report:
         say(f"report:  {report}")
+
+
+def _say_verdict(evaluation: Evaluation) -> None:
+    """Metrics with limits, and whether they keep them."""
+    say_table(
+        "Verdict",
+        ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome"],
+        [
+            [
+                m.name,
+                m.filter or "",
+                m.section or "",
+                m.value,
+                m.expanded_uncertainty,
+                m.lower,
+                m.upper,
+                m.outcome.words,
+            ]
+            for m in evaluation.metrics
+            if m.outcome is not None
+        ],
+    )
+
+
+def _say_flexion(evaluation: Evaluation) -> None:
+    """Errors of the joint angles, where there are any."""
+    keys = sorted({(r.joint, r.section, r.filter, r.sequence) for r in evaluation.joint_angle})
+    if not keys:
+        return
+    wanted = (
+        "flexion_mean_error_deg",
+        "flexion_mean_abs_error_deg",
+        "flexion_rmse_deg",
+        "flexion_max_abs_error_deg",
+    )
+    values = {(m.name, m.section, m.filter, m.sequence): m.value for m in evaluation.metrics}
+    expanded = {
+        (b.owner, b.section): b.expanded_deg
+        for b in evaluation.uncertainty
+        if b.quantity == "flexion"
+    }
+    groups = _groups(evaluation, keys)
+    say_table(
+        "Flexion error [deg]; U: of the truth (k = 2); filters that share a letter were not "
+        "shown to differ",
+        [
+            "joint",
+            "section",
+            "filter",
+            "sequence",
+            "mean",
+            "U",
+            "mean |e|",
+            "RMSE",
+            "max |e|",
+            "group",
+        ],
+        [
+            [j, s, f, e, mean, expanded.get((j, s)), *rest, groups.get((j, s, f, e), "")]
+            for j, s, f, e in keys
+            for mean, *rest in [[values.get((f"{j}.{kind}", s, f, e)) for kind in wanted]]
+        ],
+    )
+
+
+def _say_chain(evaluation: Evaluation) -> None:
+    """Errors of the joints of the chain."""
+    say_table(
+        "Joints of the chain, error [deg]; U: of the truth (k = 2); covered: errors within "
+        "1.96 of the stated uncertainty",
+        [
+            "section",
+            "joint",
+            "state",
+            "mean",
+            "U",
+            "mean |e|",
+            "RMSE",
+            "largest",
+            "stated",
+            "covered [%]",
+        ],
+        [
+            [
+                r.section,
+                r.joint,
+                r.state,
+                r.mean_error_deg,
+                r.expanded_uncertainty_deg,
+                r.mean_abs_error_deg,
+                r.rmse_deg,
+                r.largest_error_deg,
+                r.uncertainty_deg,
+                r.covered_percent,
+            ]
+            for r in _joint_by_joint(evaluation.chain)
+        ],
+    )
+
+
+def _say_orientation(evaluation: Evaluation) -> None:
+    """Errors of the orientation filters."""
+    say_table(
+        "Orientation error, RMSE [deg]",
+        ["sensor", "filter", "samples", "total", "heading", "inclination"],
+        [
+            [
+                r.sensor,
+                r.filter,
+                r.n,
+                r.total_rmse_deg,
+                r.heading_rmse_deg,
+                r.inclination_rmse_deg,
+            ]
+            for r in evaluation.orientation
+        ],
+    )
 
 
 def _groups(

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from testbench.records.session.session import Session
 
 
+# Long by its options, one parameter each.
 def record(
     serial: Annotated[
         list[str] | None,

@@ -1,6 +1,4 @@
-"""The command `run`: what was typed becomes a request, and a person is shown what happens and asked
-what must be asked.
-"""
+"""The command `run`: what was typed becomes a request, and a person sees and is asked."""
 
 from __future__ import annotations
 
@@ -63,6 +61,7 @@ else:
 ARM_HELP = "Which arm to drive: " + ", ".join(f"{arm.name} {arm.title}" for arm in ARMS.values())
 
 
+# Long by its options, one parameter each, and the request that holds them.
 def run(
     protocol: Annotated[str | None, PROTOCOL] = None,
     robot: RobotOption = None,
@@ -230,8 +229,9 @@ class _Asker:
 
 
 def resume_line(asked: RunRequest, session: Path) -> str:
-    """The command that goes on with a session, with the same arm and sensors; the hazards will be
-    asked for.
+    """The command that goes on with a session, with the same arm and sensors.
+
+    The hazards will be asked for.
     """
     words, arm = ["testbench", "run", "--resume", str(session)], asked.arm
     if arm.driver == SIM.name:
@@ -250,7 +250,8 @@ def resume_line(asked: RunRequest, session: Path) -> str:
 
 
 def say_motion(plan: Plan, steps: list[PlannedStep] | None = None) -> None:
-    """Every motion with its pose, so that a person can walk through it before anything moves;
+    """Every motion with its pose, so that a person can walk through it before anything moves.
+
     `steps`: those to do.
     """
     import numpy as np

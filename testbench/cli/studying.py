@@ -27,6 +27,7 @@ def _complete_study(incomplete: str) -> list[str]:
     return [name for name in STUDIES if name.startswith(incomplete)]
 
 
+# Long by its options, one parameter each.
 def study(
     name: Annotated[
         str | None,

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from testbench.records.results.tuning import Tuning
 
 
+# Long by its options, one parameter each, and the request that holds them.
 def tune(
     sessions: Annotated[list[Path], typer.Argument(help="Sessions to tune on, with truth.")],
     filter_name: Annotated[

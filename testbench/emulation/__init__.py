@@ -1,3 +1,1 @@
-"""Emulations of hardware that answer real client libraries over real connections, to rehearse and
-to test without an arm.
-"""
+"""Emulated hardware that answers real client libraries, for rehearsals and tests without an arm."""

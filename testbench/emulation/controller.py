@@ -1,6 +1,4 @@
-"""What emulated controllers have in common: a clock of control periods, joints, and faults that
-come by a scenario.
-"""
+"""What emulated controllers share: a clock of control periods, joints, and scenarios of faults."""
 
 from __future__ import annotations
 
@@ -26,7 +24,7 @@ class EmulatedController(ABC):
     Args:
         robot: The arm.
         identity: What the controller says of itself.
-        q: Joint angles at the start [rad]; the arm's home if None.
+        q: Joint angles at the start, shape (n,) [rad]; the arm's home if None.
         seed: Of the encoders' noise.
         scenario: Faults to come.
 

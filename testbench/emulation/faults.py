@@ -140,8 +140,7 @@ def load_scenario(path: Path, kind: type[AnyScenario]) -> AnyScenario:
 
 
 def parse_command(text: str, known: Mapping[str, FaultKind]) -> tuple[str, str, float | None]:
-    """A line of the control port in parts: verb ("fault", "clear", "status", "quit"), name and
-    value.
+    """Verb ("fault", "clear", "status", "quit"), name and value of a line of the control port.
 
     Args:
         text: The line.

@@ -1,5 +1,4 @@
-"""How emulated joints move: references of a controller's commands, limits, and the servo that
-follows them.
+"""How emulated joints move: commanded references, limits, and the servo that follows.
 
 Makers publish neither the filter of their servo commands nor the servo. Here a streamed target
 passes a critically damped filter that lags a ramp by the lookahead time (for UR's `servoj` at the
@@ -72,8 +71,12 @@ class Joints:
         return self.at_rest and float(np.abs(self._state[1]).max()) < 1e-3
 
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
-        """Go to joint angles [rad] in a straight line; speed [rad/s] and acceleration [rad/s^2] of
-        the leading joint.
+        """Go to joint angles in a straight line.
+
+        Args:
+            target: Joint angles, shape (n,) [rad].
+            speed: Of the leading joint [rad/s].
+            acceleration: Of the leading joint [rad/s^2].
         """
         if np.abs(self.v_reference).max() > 1e-9:
             self.stop(acceleration)
@@ -94,8 +97,12 @@ class Joints:
         self._elapsed, self.mode = 0.0, Mode.MOVE
 
     def servo(self, target: np.ndarray, lookahead: float, gain: float) -> None:
-        """Follow a target [rad]; lookahead [s] from 0.03 to 0.2, gain from 100 to 2000 (script
-        manual).
+        """Follow a target.
+
+        Args:
+            target: Joint angles, shape (n,) [rad].
+            lookahead: From 0.03 to 0.2 (script manual) [s].
+            gain: From 100 to 2000 (script manual).
         """
         self._target = target.copy()
         lookahead, gain = min(max(lookahead, 0.03), 0.2), min(max(gain, 100.0), 2000.0)
@@ -103,8 +110,11 @@ class Joints:
         self.mode, self._pending = Mode.SERVO, None
 
     def speed(self, rates: np.ndarray, acceleration: float) -> None:
-        """Approach joint rates [rad/s] with an acceleration of the leading joint [rad/s^2], and
-        keep them.
+        """Approach joint rates, and keep them.
+
+        Args:
+            rates: Joint rates, shape (n,) [rad/s].
+            acceleration: Of the leading joint [rad/s^2].
         """
         self._rates, self._acceleration = rates.copy(), acceleration
         self.mode, self._pending = Mode.SPEED, None

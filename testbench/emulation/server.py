@@ -1,6 +1,4 @@
-"""Sockets and the clock of emulated controllers: one thread, one loop, a tick each control
-period.
-"""
+"""Sockets and clock of emulated controllers: one thread, one loop, a tick each control period."""
 
 from __future__ import annotations
 
@@ -226,8 +224,9 @@ class Server(ABC):
         self.close()
 
     def step(self) -> int:
-        """Let the control periods pass that are due by now, do what was put off until now, and say
-        how many periods there were.
+        """Let the control periods pass that are due by now, and say how many there were.
+
+        What was put off until now is done as well.
         """
         passed = self._catch_up()
         while self._later and self._later[0][0] <= self.clock.monotonic_ns():

@@ -1,6 +1,4 @@
-"""The physical hazards that a person looks at before a real arm moves; asked once a session, and
-recorded.
-"""
+"""The physical hazards that a person looks at, once a session, before a real arm moves."""
 
 from __future__ import annotations
 

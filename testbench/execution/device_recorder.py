@@ -1,6 +1,4 @@
-"""Record devices alone: no arm, no plan, no truth; a session that estimate and evaluate read like
-any other.
-"""
+"""Record devices alone, without arm, plan and truth, into a session like any other."""
 
 from __future__ import annotations
 

@@ -40,8 +40,9 @@ class Devices:
     started: bool = False
 
     def kickoff(self) -> None:
-        """Connect all, then start all, so that the first does not wait long for the last; a second
-        call does nothing.
+        """Connect all, then start all; a second call does nothing.
+
+        So the first does not wait long for the last.
         """
         if self.started:
             return
@@ -55,8 +56,9 @@ class Devices:
             imu.kickoff()
 
     def listen(self) -> None:
-        """Make sure that devices deliver samples whose connection alone does not show it, and let
-        go of them again.
+        """Make sure that devices deliver samples, where connecting alone does not show it.
+
+        They are let go of again.
 
         Raises:
             DriverError: A port cannot be opened, or a board delivers no sample that fits its
@@ -131,14 +133,8 @@ def open_devices(
         imus[name] = imu
 
     for number, text in enumerate(serial, 1):
-        name, rest = _split_name(text)
-        port, _, line_format = rest.rpartition(":")
-        if not port or not line_format:
-            raise InputError(
-                f"--serial {text}: must be PORT:FORMAT, such as /dev/ttyACM0:mpu6050 or "
-                "/dev/ttyACM0:board.yaml"
-            )
-        add(name or f"serial{number}", SerialImu(port, load_line_format(line_format), time))
+        name, imu = _serial_imu(text, time)
+        add(name or f"serial{number}", imu)
     if dots:
         bluetooth = bluetooth or BluetoothLoop()
         try:
@@ -155,6 +151,18 @@ def open_devices(
     return Devices(imus, time, bluetooth, common)
 
 
+def _serial_imu(text: str, time: SessionTime) -> tuple[str, SerialImu]:
+    """The device of `[NAME=]PORT:FORMAT`, and its name or ""."""
+    name, rest = _split_name(text)
+    port, _, line_format = rest.rpartition(":")
+    if not port or not line_format:
+        raise InputError(
+            f"--serial {text}: must be PORT:FORMAT, such as /dev/ttyACM0:mpu6050 or "
+            "/dev/ttyACM0:board.yaml"
+        )
+    return name, SerialImu(port, load_line_format(line_format), time)
+
+
 def _split_name(text: str) -> tuple[str, str]:
     """`NAME=rest` in two; no name where what stands before the sign is none."""
     name, sign, rest = text.partition("=")
@@ -164,9 +172,7 @@ def _split_name(text: str) -> tuple[str, str]:
 def scan_devices(
     duration_s: float = SCAN_S, bluetooth: BluetoothLoop | None = None
 ) -> dict[str, list[Any]]:
-    """What could be recorded: `serial` ports, `dots` that can be heard, and `notes` on what could
-    not be searched.
-    """
+    """What could be recorded: `serial` ports, `dots` in range, `notes` on what was not searched."""
     found: dict[str, list[Any]] = {"serial": [], "dots": [], "notes": []}
     try:
         found["serial"] = list_serial_ports()

@@ -84,8 +84,9 @@ class _Sensor:
 
 
 class GuardWatch:
-    """Looks at everything that is recorded, piece by piece; says once that a limit is broken, until
-    it clearly holds again.
+    """Looks at everything that is recorded, chunk by chunk.
+
+    Says once that a limit is broken, until it clearly holds again.
 
     Args:
         guards: Limits and actions.

@@ -1,5 +1,4 @@
-"""The loop of every run: of a simulated, an emulated, a replayed or a real arm, and of devices
-alone.
+"""The loop of every run: simulated, emulated, replayed or real arm, and devices alone.
 
 Everything is asked for what it recorded up to the same host time, again and again: the arm first,
 for sensors may follow what it reports. What time is - a simulation's, which passes because somebody

@@ -1,5 +1,4 @@
-"""What the operator asks for while a run goes on: stop by Ctrl-C, pause and resume by key or by
-signal.
+"""What the operator asks for during a run: stop by Ctrl-C, pause and resume by key or signal.
 
 Keys, where standard input is a terminal: p pauses, r resumes, q stops. Signals: SIGUSR1 pauses,
 SIGUSR2 resumes, SIGINT and SIGTERM stop. (SIGTSTP is not used: a process that is suspended cannot

@@ -12,8 +12,9 @@ from testbench.records.session.session import Event
 
 
 class Pausing:
-    """Pauses and resumes one run. That the arm rests, or goes on, and not the wish, changes the
-    state of the run.
+    """Pauses and resumes one run.
+
+    That the arm rests, or goes on, and not the wish, changes the state of the run.
 
     Args:
         arm: Which is told.

@@ -1,5 +1,6 @@
-"""Recover a session whose recording was cut off by a kill or a power cut: keep every whole batch,
-and say what is missing.
+"""Recover a session whose recording was cut off by a kill or a power cut.
+
+Every whole batch is kept, and what is missing is said.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ SMALLEST_JOURNAL = 64
 
 @session_locked
 def recover(session: Session) -> Session:
-    """Make a cut-off session readable, of a run or of devices alone; one that was closed is
-    returned as it is.
+    """Make a cut-off session readable; one that was closed is returned as it is.
+
+    It may be of a run or of devices alone.
 
     Raises:
         SessionError: It is still being recorded, or the arm's journal is lost, so that there is no

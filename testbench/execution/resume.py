@@ -1,6 +1,4 @@
-"""Go on with a session whose run broke off: what is missing of it, and whether bench and protocol
-are still the same.
-"""
+"""Go on with a session whose run broke off: what is missing, and what has changed since."""
 
 from __future__ import annotations
 
@@ -107,8 +105,9 @@ def refuse_edited_protocol(session: Session, plan: Plan) -> str:
 
 @contextmanager
 def stored_protocol(session: Session) -> Iterator[Path]:
-    """The protocol of a session with those it includes, as files under their own names, while the
-    context lasts.
+    """The protocol of a session with those it includes, as files, while the context lasts.
+
+    They stand under their own names.
     """
     name = _protocol_name(session)
     with TemporaryDirectory(prefix="testbench-") as folder:
@@ -142,8 +141,7 @@ def stored_robot(session: Session) -> Robot:
 
 
 def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[str]:
-    """What is not as it was when the session began, as sentences with the lines that differ; empty
-    where all is the same.
+    """What is not as it was when the session began, with the lines that differ; empty if nothing.
 
     Args:
         session: To go on with.
@@ -238,8 +236,9 @@ def _difference(before: str, after: str) -> str:
 
 
 def missing_steps(session: Session, plan: Plan) -> list[PlannedStep]:
-    """Steps to do on a real arm: from the first one without complete data on, and before them,
-    again, those that give the sensors their references.
+    """Steps to do on a real arm, from the first one without complete data on.
+
+    Before them, again, those that give the sensors their references.
 
     A break loses the sensors' headings and perhaps their clocks, so reference and calibration steps
     are done once more.

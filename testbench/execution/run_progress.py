@@ -53,8 +53,9 @@ class Meter(ABC):
 
 
 class ProgressMeter(Meter):
-    """Follows the events of an arm through the motions that it is to do: progress is the planned
-    time of what is done, since steps differ much in length.
+    """Progress of an arm through the motions that it is to do, as the planned time of what is done.
+
+    Steps differ much in length, so that their number says little.
 
     Args:
         plan: The motion.

@@ -1,6 +1,4 @@
-"""Kinematic truth: what each sensor went through, from what the arm measured, the URDF and the
-mounting as believed.
-"""
+"""Kinematic truth of each sensor, from the arm's measured angles, the URDF and the mounting."""
 
 from __future__ import annotations
 

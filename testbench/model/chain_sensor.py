@@ -27,6 +27,7 @@ def _cross(x: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
     out[2] = x[0] * y[1] - x[1] * y[0]
 
 
+# One compiled loop that shares its work arrays: calls with slices would cost more than the sums.
 @njit(cache=True)
 def sensor_reading(
     chain: Chain,

@@ -274,6 +274,7 @@ def _derivative(q: np.ndarray, w: np.ndarray, out: np.ndarray) -> None:
     out[3] = 0.5 * (q[0] * w[2] + q[1] * w[1] - q[2] * w[0])
 
 
+# One branch a scheme; compiled, so that it cannot be looked up by the scheme's name.
 @njit(cache=True)
 def step_quaternion(scheme: int, w: np.ndarray, h: float, work: np.ndarray, s: np.ndarray) -> None:
     """The quaternion that one step multiplies with on the right.

@@ -114,8 +114,9 @@ class LoadedAnalysis:
 
 
 def load_analysis(asked: AnalysisRequest) -> LoadedAnalysis:
-    """Read what a request for an analysis names, and refuse what cannot be used, before anything
-    moves.
+    """Read what a request for an analysis names, and refuse what cannot be used.
+
+    This is done before anything moves.
 
     Raises:
         NotFoundError: An unknown filter.
@@ -144,8 +145,9 @@ def sound_filters(names: Sequence[str]) -> list[str | OrientationFilter]:
 
 
 def sound(kind: OrientationFilter) -> OrientationFilter:
-    """A user's own filter, once it has passed the self-test: one with a wrong unit or sign is not
-    ranked beside the others.
+    """A user's own filter, once it has passed the self-test.
+
+    One with a wrong unit or sign is not ranked beside the others.
 
     Raises:
         InputError: It fails; says in what.
@@ -198,8 +200,7 @@ def make_estimate(session: Session, asked: AnalysisRequest | None = None) -> Est
 
 @session_locked
 def load_or_estimate(session: Session, asked: AnalysisRequest | None = None) -> Estimate:
-    """The estimate on disk if it was made from this very recording, and as asked where anything is;
-    else a new one, which is kept.
+    """The estimate on disk if it fits the recording and the request; else a new one, which is kept.
 
     Args:
         session: The recording.
@@ -250,8 +251,9 @@ def is_as_asked(stored: Estimate, session: Session, loaded: LoadedAnalysis) -> b
 
 @session_locked
 def judge_again(session: Session, asked: AnalysisRequest | None = None) -> Evaluation:
-    """Evaluate what is estimated; a report that exists already is written anew, so that it never
-    contradicts the session.
+    """Evaluate what is estimated.
+
+    A report that exists already is written anew, so that it never contradicts the session.
 
     Args:
         session: The recording.

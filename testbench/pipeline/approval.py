@@ -13,8 +13,7 @@ from testbench.pipeline.watcher import Watcher
 
 
 def approve(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> dict[str, Any]:
-    """Show the whole motion, and ask for the hazards; where nobody wants the arm to move, that is
-    all.
+    """Show the whole motion, and ask for the hazards where somebody wants the arm to move.
 
     A person is asked last, when arm and options are such that the run will not be refused
     afterwards.

@@ -1,6 +1,4 @@
-"""The arm and the sensors that a request asks for, and what is refused of them before anything
-moves.
-"""
+"""The arm and sensors that a request asks for, and what is refused before anything moves."""
 
 from __future__ import annotations
 
@@ -28,8 +26,9 @@ def moves(asked: RunRequest) -> bool:
 
 
 def refuse_arm(asked: RunRequest, consent: Consent) -> None:
-    """Refuse what the chosen arm would take no notice of - somebody meant another run than this
-    one - and what it cannot do without.
+    """Refuse what the chosen arm would take no notice of, and what it cannot do without.
+
+    Of the first, somebody meant another run than this one.
 
     Args:
         asked: A new run, or one that goes on: a simulated session keeps its seed, its rhythm and
@@ -113,8 +112,7 @@ def make_arm(plan: Plan, asked: RunRequest, clock: Clock) -> tuple[SteppingArm, 
 def look_at_arm(
     plan: Plan, asked: RunRequest, steps: list[PlannedStep] | None, clock: Clock
 ) -> None:
-    """Refuse what a run would refuse of its sensors and of its arm, before a person is asked
-    anything.
+    """Refuse what a run would refuse of its sensors and arm, before a person is asked anything.
 
     The controller is let go again: a person takes time to answer.
 

@@ -1,6 +1,4 @@
-"""A sensor as measured at rest, in the words of a data sheet: to be saved as a preset and
-simulated.
-"""
+"""A sensor as measured at rest, in the words of a data sheet: a preset to simulate it by."""
 
 from __future__ import annotations
 
@@ -9,7 +7,9 @@ import numpy as np
 from testbench.evaluation.noise import UNITS
 from testbench.exceptions import InputError
 from testbench.records.results.evaluation import NoiseRow
-from testbench.records.specs.sensor import ImuParameters
+from testbench.records.specs.sensor import Accelerometer, Gyroscope, ImuParameters, Magnetometer
+
+Sheet = Accelerometer | Gyroscope | Magnetometer
 
 WHITE = {
     "acc": "noise_density_ug_sqrthz",
@@ -81,46 +81,13 @@ def measured_sensor(
             )
         if not own or sheet is None:
             continue
-        density = list(getattr(sheet, WHITE[quantity]))
-        shown = ""
-        for i, axis in enumerate("xyz"):
-            white = own[axis].noise_density if axis in own else None
-            if white is None:
-                kept.append(
-                    f"{triad} {axis}: white noise lost among the others; {density[i]:g} kept"
-                )
-                continue
-            unrounded = _without_rounding(own[axis], white, sheet.triad().resolution)
-            if unrounded is None:
-                kept.append(
-                    f"{triad} {axis}: white noise hidden by the counts of the sensor; "
-                    f"{density[i]:g} kept"
-                )
-            else:
-                density[i] = float(f"{unrounded:.4g}")
-                shown += axis
+        density, shown = _white_noise(own, sheet, quantity, triad, kept)
         measured += [f"white noise of the {triad} ({', '.join(shown)})"] if shown else []
         changes[triad] = {WHITE[quantity]: density}
         if quantity in SLOW:
-            found = {
-                kind: [value for row in own.values() if (value := getattr(row, kind)) is not None]
-                for kind in KINDS
-            }
-            for key, kind in zip(SLOW[quantity], KINDS, strict=True):
-                words = kind.replace("_", " ")
-                if found[kind]:
-                    changes[triad][key] = float(f"{np.sqrt(np.mean(np.square(found[kind]))):.4g}")
-                    measured.append(f"{words} of the {triad}")
-                elif kind == "bias_instability" and found["rate_random_walk"]:
-                    changes[triad][key] = 0.0
-                    kept.append(
-                        f"{triad}: {words} not shown by this rest; 0 written, because the random "
-                        "walk holds the slow noise"
-                    )
-                else:
-                    kept.append(
-                        f"{triad}: {words} not shown by this rest; {getattr(sheet, key):g} kept"
-                    )
+            slow, words = _slow_noise(own, sheet, quantity, triad, kept)
+            changes[triad] |= slow
+            measured += [f"{word} of the {triad}" for word in words]
     update: dict[str, object] = {
         triad: getattr(base, triad).model_copy(update=values) for triad, values in changes.items()
     }
@@ -134,6 +101,71 @@ def measured_sensor(
     if rate is not None:
         update["rate_hz"] = float(f"{rate:.6g}")
     return ImuParameters.model_validate(base.model_copy(update=update).model_dump()), kept
+
+
+def _white_noise(
+    own: dict[str, NoiseRow], sheet: Sheet, quantity: str, triad: str, kept: list[str]
+) -> tuple[list[float], str]:
+    """Density of a triad's white noise by axis, and the axes of which it was measured.
+
+    Args:
+        own: What was measured, by axis.
+        sheet: The triad's data sheet.
+        quantity: What the triad measures.
+        triad: Its name.
+        kept: Gets a sentence on each axis of which nothing was measured.
+    """
+    density = list(getattr(sheet, WHITE[quantity]))
+    shown = ""
+    for i, axis in enumerate("xyz"):
+        white = own[axis].noise_density if axis in own else None
+        if white is None:
+            kept.append(f"{triad} {axis}: white noise lost among the others; {density[i]:g} kept")
+            continue
+        unrounded = _without_rounding(own[axis], white, sheet.triad().resolution)
+        if unrounded is None:
+            kept.append(
+                f"{triad} {axis}: white noise hidden by the counts of the sensor; "
+                f"{density[i]:g} kept"
+            )
+        else:
+            density[i] = float(f"{unrounded:.4g}")
+            shown += axis
+    return density, shown
+
+
+def _slow_noise(
+    own: dict[str, NoiseRow], sheet: Sheet, quantity: str, triad: str, kept: list[str]
+) -> tuple[dict[str, object], list[str]]:
+    """Slow changes of a triad's bias for the file, and the names of those that were measured.
+
+    Args:
+        own: What was measured, by axis.
+        sheet: The triad's data sheet.
+        quantity: What the triad measures.
+        triad: Its name.
+        kept: Gets a sentence on each kind of change that was not measured.
+    """
+    values: dict[str, object] = {}
+    measured: list[str] = []
+    found = {
+        kind: [value for row in own.values() if (value := getattr(row, kind)) is not None]
+        for kind in KINDS
+    }
+    for key, kind in zip(SLOW[quantity], KINDS, strict=True):
+        words = kind.replace("_", " ")
+        if found[kind]:
+            values[key] = float(f"{np.sqrt(np.mean(np.square(found[kind]))):.4g}")
+            measured.append(words)
+        elif kind == "bias_instability" and found["rate_random_walk"]:
+            values[key] = 0.0
+            kept.append(
+                f"{triad}: {words} not shown by this rest; 0 written, because the random "
+                "walk holds the slow noise"
+            )
+        else:
+            kept.append(f"{triad}: {words} not shown by this rest; {getattr(sheet, key):g} kept")
+    return values, measured
 
 
 def _without_rounding(row: NoiseRow, density: float, resolution: float) -> float | None:

@@ -1,6 +1,4 @@
-"""Walking through the parameters of a filter: a grid over their ranges, then Nelder-Mead from its
-best point.
-"""
+"""Search through the parameters of a filter: a grid, then Nelder-Mead from its best point."""
 
 from __future__ import annotations
 

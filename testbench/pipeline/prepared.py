@@ -1,6 +1,4 @@
-"""A request for a run that was looked at: everything it names is read, its motion is planned, and
-nothing of it is refused.
-"""
+"""A request for a run with all it names read, its motion planned, and nothing to be refused."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""What somebody asks of the bench, as records: command line, Python, studies and all other callers
-build these and hand them on.
+"""What somebody asks of the bench, as records that every caller builds and hands on.
 
 A record is frozen, compares and hashes by its content, and goes through JSON unchanged, so that it
 can be sent to another process, kept beside a result and found again by its hash. Nothing that lives

@@ -46,8 +46,9 @@ def refuse_other_arm(asked: RunRequest) -> None:
 
 
 def prepare_resume(asked: RunRequest, analysis: LoadedAnalysis) -> Prepared:
-    """Look at what is missing of a session, and whether its files are still what they were; nothing
-    is connected.
+    """What is missing of a session, and whether its files are still what they were.
+
+    Nothing is connected.
 
     A simulated run is completed in its own folder. A real arm does what is missing in a session of
     its own, after the steps that give the sensors their references.

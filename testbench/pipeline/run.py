@@ -59,8 +59,7 @@ def run(asked: Request, watcher: Watcher | None = None, prepared: Prepared | Non
 
 
 def prepare(asked: Request, consent: Consent | None = None) -> Prepared:
-    """Read and plan everything that a request for a run names; nothing moves, and nothing is
-    connected.
+    """Read and plan everything that a request for a run names; nothing is connected or moves.
 
     Args:
         asked: What to run, and how to analyse it.

@@ -1,5 +1,4 @@
-"""Tuning a filter: the parameters that suit each session best, one set for all of them, and what
-that set is worth elsewhere.
+"""Tuning a filter: the parameters that suit each session, one set for all, and a test of it.
 
 Sessions that choose parameters and sessions that test them are kept apart: the search is never
 given the latter.
@@ -43,9 +42,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Sessions:
-    """Sessions that choose the parameters, sessions that test them, and how they were told
-    apart.
-    """
+    """Sessions that choose the parameters, those that test them, and how they were told apart."""
 
     tuning: list[Session]
     test: list[Session] = field(default_factory=list)
@@ -184,6 +181,7 @@ class SearchWanted:
     leave_one_out: bool = False
 
 
+# One piece: each stage of the search needs the trials and the optimum of the one before.
 def find_parameters(
     kind: OrientationFilter,
     sessions: Sessions,

@@ -1,5 +1,6 @@
-"""Who looks on while a request is carried out, and what a person allows: what lives, and is no part
-of a request.
+"""Who looks on while a request is carried out, and what a person allows.
+
+They live, so they are no part of a request.
 """
 
 from __future__ import annotations

@@ -6,7 +6,14 @@ import math
 
 import numpy as np
 
-from testbench.exceptions import CollisionError, Contact, LimitError, PlanError, SensorRangeError
+from testbench.exceptions import (
+    CollisionError,
+    Contact,
+    Excess,
+    LimitError,
+    PlanError,
+    SensorRangeError,
+)
 from testbench.frames import NANOSECONDS
 from testbench.model.collision import CollisionModel
 from testbench.model.kinematics import Kinematics, Pose
@@ -133,10 +140,8 @@ class _Limits:
         first, bound, onwards = np.degrees(
             [value, limit, farthest(values[row:end, column])]
         ).tolist()
-        error = LimitError(
-            joint, quantity, first, bound, unit, time / NANOSECONDS, step.name, onwards
-        )
-        raise self.locate.placed(error, time)
+        excess = Excess(joint, quantity, first, bound, unit, time / NANOSECONDS, step.name, onwards)
+        raise self.locate.placed(LimitError(excess), time)
 
     def uses(self) -> list[JointUse]:
         low, high, speed, acceleration = np.degrees(

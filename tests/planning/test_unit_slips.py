@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from testbench import plan
-from testbench.exceptions import LimitError, PlanError
+from testbench.exceptions import Excess, LimitError, PlanError
 
 QUICK = Path(__file__).parents[2] / "protocols/quick.yaml"
 
@@ -111,11 +111,11 @@ def test_the_ranges_of_the_true_angles_stand_beside_what_is_commanded():
 
 
 def test_a_limit_that_is_hardly_exceeded_is_shown_with_the_digits_that_say_so():
-    error = LimitError("elbow", "position", 360.0004, 360.0, "deg", 1.0, "far", 375.0)
+    error = LimitError(Excess("elbow", "position", 360.0004, 360.0, "deg", 1.0, "far", 375.0))
     assert str(error).startswith(
         "joint elbow: position 360.0004 deg exceeds 360.0000 deg at t = 1.000 s"
     )
     assert "goes on to 375.00 deg" in str(error)
     assert "position 400.00 deg exceeds 360.00 deg" in str(
-        LimitError("elbow", "position", 400, 360, "deg", 1, "far", 400)
+        LimitError(Excess("elbow", "position", 400, 360, "deg", 1, "far", 400))
     )

@@ -16,9 +16,10 @@ from testbench.records.specs.protocol_arm import Guards
 
 
 class SteppingArm(ABC):
-    """An arm that goes through the steps of a plan in its own time, and says when each of them
-    happened: connect, check_way, prepare, kickoff, read until finished; stop is allowed in every
-    state.
+    """An arm that goes through the steps of a plan in its own time, and says when each happened.
+
+    Order of calls: connect, check_way, prepare, kickoff, read until finished; stop is allowed in
+    every state.
 
     Attributes:
         time: Of the session; whether it is real or virtual is the arm's affair.
@@ -89,8 +90,10 @@ class SteppingArm(ABC):
 
     @abstractmethod
     def events(self) -> list[Event]:
-        """What happened since the last call: step_started, step_settled, step_ended with their
-        `index`, paused, resumed, faults.
+        """What happened since the last call.
+
+        That is step_started, step_settled, step_ended with their `index`, paused, resumed, and
+        faults.
         """
 
     @abstractmethod

@@ -42,11 +42,10 @@ class ArmClient(ABC):
         time: The host's clock; the machine's if None.
 
     Attributes:
-        q: Angles [rad] and rates [rad/s] of the newest sample, and where the controller is going.
-        v: Angles [rad] and rates [rad/s] of the newest sample, and where the controller is going.
-        q_target: Angles [rad] and rates [rad/s] of the newest sample, and where the controller is
-            going.
-        q_smooth: Angles without the hiss of their encoders.
+        q: Joint angles of the newest sample, shape (n,) [rad].
+        v: Joint rates of the newest sample, shape (n,) [rad/s].
+        q_target: Joint angles that the controller is going to, shape (n,) [rad].
+        q_smooth: Joint angles without the noise of their encoders, shape (n,) [rad].
         slider: Share of the asked speed at which the controller moves.
         listening: Whether it can be asked for samples.
     """
@@ -75,9 +74,9 @@ class ArmClient(ABC):
 
         Args:
             stamp_ns: Of the controller's clock.
-            q: Shape (n,) [rad], [rad/s], [rad].
-            v: Shape (n,) [rad], [rad/s], [rad].
-            target: Shape (n,) [rad], [rad/s], [rad].
+            q: Measured joint angles, shape (n,) [rad].
+            v: Measured joint rates, shape (n,) [rad/s].
+            target: Joint angles that the controller is going to, shape (n,) [rad].
 
         Returns:
             Its host time [ns], and how many samples were missed before it.
@@ -113,8 +112,9 @@ class ArmClient(ABC):
 
     @abstractmethod
     def connect(self) -> dict[str, Any]:
-        """Connect, and say what there is, with the reason to refuse it under `refused`; nothing
-        moves.
+        """Connect, and say what there is; nothing moves.
+
+        A reason to refuse the arm stands under `refused`.
 
         Raises:
             ArmFault: There is no controller, or none that this client can drive.
@@ -144,8 +144,12 @@ class ArmClient(ABC):
 
     @abstractmethod
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
-        """Begin a straight move of the joints; speed [rad/s] and acceleration [rad/s^2] of the
-        leading joint.
+        """Begin a straight move of the joints.
+
+        Args:
+            target: Joint angles, shape (n,) [rad].
+            speed: Of the leading joint [rad/s].
+            acceleration: Of the leading joint [rad/s^2].
         """
 
     def begin_stream(self) -> None:  # noqa: B027 - most controllers take a first target at any time
@@ -153,7 +157,11 @@ class ArmClient(ABC):
 
     @abstractmethod
     def stream(self, target: np.ndarray) -> None:
-        """Send a target."""
+        """Send a target.
+
+        Args:
+            target: Joint angles, shape (n,) [rad].
+        """
 
     @abstractmethod
     def stop_stream(self, deceleration: float) -> None:

@@ -79,9 +79,7 @@ class ControllerClock:
         return 0.0 if self._offset is None else self._offset
 
     def begin(self) -> None:
-        """From now on the mapping goes on smoothly, for samples are being recorded, unless it is
-        proved wrong.
-        """
+        """Samples are being recorded: let the mapping go on smoothly, unless it is proved wrong."""
         self._slewing = True
 
     def steps(self) -> list[ClockStep]:
@@ -110,8 +108,7 @@ class ControllerClock:
         return self.at(controller_ns)
 
     def not_before(self, controller_ns: int, cause_ns: int, margin_ns: int = STEP_NS) -> float:
-        """Take note of something that the controller stamped, and that cannot have happened before
-        its cause.
+        """Take note of a stamp of something that cannot have happened before its cause.
 
         Where it seems to, and the packages of right now all say that the clocks' difference has
         grown, the mapping follows at once: to their least difference, or as far as the cause

@@ -1,6 +1,4 @@
-"""One bench on this machine drives a controller at a time: a lock on a file named after its
-address.
-"""
+"""A lock by which only one bench on this machine drives a controller at a time."""
 
 from __future__ import annotations
 
@@ -18,8 +16,7 @@ USED_BY_ANOTHER_RUN = (
 
 
 class ControllerLock:
-    """The right to drive the controller at an address, until it is let go or the process ends,
-    however it ends.
+    """The right to drive the controller at an address, until let go or the process ends.
 
     Args:
         host: Name or address of the controller; names of one address share one lock.
@@ -55,8 +52,9 @@ class ControllerLock:
         return os.open(self.path, os.O_RDONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
 
     def release(self) -> None:
-        """Let go; a second call does nothing. The file stays, so that two processes never hold two
-        files of one name.
+        """Let go; a second call does nothing.
+
+        The file stays, so that two processes never hold two files of one name.
         """
         if self._file is not None:
             os.close(self._file)

@@ -83,8 +83,7 @@ class Link:
             ) from None
 
     def begin(self, *message: Any) -> None:
-        """Send a request for motion; from now on the process must be heard of, however long the
-        bench took before.
+        """Send a request for motion; from now on the process must be heard of.
 
         Raises:
             DriverError: The process has ended.
@@ -149,8 +148,9 @@ class Link:
         )
 
     def kill(self) -> None:
-        """End the process at once; an arm in motion is then left to what `LinkSettings.orphaned`
-        says.
+        """End the process at once.
+
+        An arm in motion is then left to what `LinkSettings.orphaned` says.
         """
         self._process.kill()
 

@@ -18,8 +18,7 @@ WARNINGS = Guards(imu_silence_s=Guard(limit=2.0, action="warn"))
 
 
 class NoArm(SteppingArm):
-    """Stands where an arm would: it does not move, reports nothing, and is finished when its time
-    is over.
+    """Stands where an arm would: does not move, reports nothing, is finished when its time is over.
 
     Args:
         time: Of the session.

@@ -22,8 +22,9 @@ class Onset:
         self._resting = False
 
     def expect(self, cause_ns: int) -> None:
-        """A motion is commanded now [ns]; nothing can be told of it where the reference still moves
-        from the one before.
+        """A motion is commanded now [ns].
+
+        Nothing can be told of it where the reference still moves from the one before.
         """
         self._cause_ns, self._place = (cause_ns, self._target) if self._resting else (None, None)
 

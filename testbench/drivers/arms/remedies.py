@@ -1,5 +1,6 @@
-"""What a person does after an arm has stopped, by the word that its driver has for the cause;
-sentences without a full stop.
+"""What a person does after an arm has stopped, by the driver's word for the cause.
+
+Sentences without a full stop.
 """
 
 from __future__ import annotations

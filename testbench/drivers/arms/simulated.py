@@ -1,6 +1,4 @@
-"""A simulated arm: servo lag, encoders that round and hiss, and joints that are not quite where the
-encoders say.
-"""
+"""A simulated arm: servo lag, noisy and rounding encoders, and joints slightly off from them."""
 
 from __future__ import annotations
 
@@ -132,8 +130,14 @@ class SimulatedArm(SteppingArm):
         return self._samples(times[1:][keep], sent[1:][keep], servo[1:][keep])
 
     def true_state(self, time_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """True joint angles, rates and accelerations at times within what was just read, shape (n,
-        n_joints).
+        """True motion of the joints at times within what was just read.
+
+        Args:
+            time_ns: Shape (n,) [ns].
+
+        Returns:
+            Joint angles [rad], rates [rad/s] and accelerations [rad/s^2], each of shape
+            (n, n_joints).
         """
         return Trajectory(self._times, self._true[:, 0], self._true[:, 1], self._true[:, 2]).at(
             time_ns
@@ -220,9 +224,7 @@ def simulated_arm(plan: Plan, wanted: WantedArm, time: VirtualTime | None = None
 
 
 def draw_zero_errors(robot: Robot, seed: int) -> np.ndarray:
-    """How far each joint's true angle lies from what its encoder says, through a whole run, shape
-    (n_joints,) [rad].
-    """
+    """True minus encoder angle of each joint through a whole run, shape (n_joints,) [rad]."""
     return robot.joint_angle_uncertainty * random_stream(seed, "arm", "zeros").standard_normal(
         len(robot.joint_names)
     )
@@ -234,15 +236,18 @@ def servo_response(
 ) -> np.ndarray:
     """Angles and rates of joints that follow a reference.
 
+    The state x of a joint is its angle and rate, u its reference: x+ = Phi x + now u + following u+
+    over one control period.
+
     Args:
-        Phi: Update x+ = Phi x + now u + following u+.
-        now: Update x+ = Phi x + now u + following u+.
-        following: Update x+ = Phi x + now u + following u+.
-        start: First state, shape (2, m).
-        sent: Shape (n, m).
+        Phi: Influence of the state, shape (2, 2).
+        now: Influence of the reference at the beginning of the period, shape (2,).
+        following: Influence of the reference at its end, shape (2,).
+        start: First state of m joints, shape (2, m) [rad, rad/s].
+        sent: Reference, shape (n, m) [rad].
 
     Returns:
-        Shape (n, 2, m); the first row is the start.
+        States, shape (n, 2, m) [rad, rad/s]; the first one is the start.
     """
     n, m = sent.shape
     states = np.empty((n, 2, m))

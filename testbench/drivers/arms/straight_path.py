@@ -1,5 +1,6 @@
-"""Clearance along straight lines between joint angles: the path of moveJ, which no plan has looked
-at.
+"""Clearance along straight lines between joint angles: the path of moveJ.
+
+No plan has looked at it.
 """
 
 from __future__ import annotations
@@ -31,8 +32,11 @@ class StraightPaths:
         self._limits = robot.position_limits
 
     def blocked(self, start: np.ndarray, end: np.ndarray) -> NearestPair | None:
-        """The pair that comes nearest within the margin on the way, or None if the way is free;
-        angles of shape (n,) [rad].
+        """The pair that comes nearest within the margin on the way, or None if the way is free.
+
+        Args:
+            start: Joint angles at the start, shape (n,) [rad].
+            end: Joint angles at the end, shape (n,) [rad].
         """
         count = max(math.ceil(float(np.abs(end - start).sum()) / STEP_RAD), 1)
         for share in np.linspace(0.0, 1.0, count + 1):

@@ -1,6 +1,4 @@
-"""Universal Robots e-series arms, through the client library ur_rtde: poses by moveJ, sweeps by
-servoJ.
-"""
+"""Universal Robots e-series arms through ur_rtde: poses by moveJ, sweeps by servoJ."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""A Universal Robots controller through its client library ur_rtde: connect, ask, sample, move,
-stop.
+"""A Universal Robots controller through its client library ur_rtde.
 
 Samples are read as one piece: the time stamp is read before and after the values, and where it
 changed they are read again.
@@ -71,8 +70,8 @@ class UrSettings(LinkSettings):
     """How a Universal Robots arm is driven.
 
     Attributes:
-        lookahead: Of servoJ [s].
-        gain: Of servoJ [s].
+        lookahead: Lookahead time of servoJ [s].
+        gain: Gain of servoJ, a number without unit.
         watchdog: The controller ends the program, which stops the arm, when no input comes for so
             long [s]; it is the last resort, for when the driving process itself is gone.
         least_slider: Smallest position of the speed slider that does not stop the run.
@@ -149,20 +148,7 @@ class UrClient(ArmClient):
             refusal = self._refusal()
             if refusal is not None:
                 return info | {"refused": refusal}
-            interface = rtde_control.RTDEControlInterface
-            flags = (
-                interface.FLAG_UPLOAD_SCRIPT
-                | interface.FLAG_UPPER_RANGE_REGISTERS
-                | interface.FLAG_NO_EXT_FT
-            )
-            self._control = interface(host, self.settings.control_hz, flags)
-            if self.settings.mass is not None and not self._control.setPayload(
-                self.settings.mass, list(self.settings.centre)
-            ):
-                raise ArmFault("payload", "the controller did not take the weight of the tool")
-            if not self._control.setWatchdog(1 / self.settings.watchdog):
-                raise ArmFault("watchdog", "the controller's watchdog could not be set")
-            self._program_seen, self._said_at = True, self.now()
+            self._start_program(rtde_control.RTDEControlInterface)
         except ArmFault:
             raise
         except Exception as error:
@@ -171,6 +157,24 @@ class UrClient(ArmClient):
             ) from None
         return info
 
+    def _start_program(self, interface: Any) -> None:
+        """Let the client library's program run on the controller, with tool and watchdog set."""
+        settings = self.settings
+        flags = (
+            interface.FLAG_UPLOAD_SCRIPT
+            | interface.FLAG_UPPER_RANGE_REGISTERS
+            | interface.FLAG_NO_EXT_FT
+        )
+        self._control = interface(settings.host, settings.control_hz, flags)
+        if settings.mass is not None and not self._control.setPayload(
+            settings.mass, list(settings.centre)
+        ):
+            raise ArmFault("payload", "the controller did not take the weight of the tool")
+        if not self._control.setWatchdog(1 / settings.watchdog):
+            raise ArmFault("watchdog", "the controller's watchdog could not be set")
+        self._program_seen, self._said_at = True, self.now()
+
+    # One piece, since the questions go over one connection and every failure of it is one fault.
     def _ask(self, dashboard: Any) -> dict[str, Any]:
         """What the dashboard says of the arm, and why it must be refused, if it must."""
         host = self.settings.host
@@ -354,8 +358,9 @@ class UrClient(ArmClient):
             raise ArmFault("power_off", f"the arm lost its power (robot mode {self._modes[0]})")
 
     def keep_alive(self) -> None:
-        """Feed the controller's watchdog; a feed that is lost is repeated, for the watchdog itself
-        decides what is too late.
+        """Feed the controller's watchdog.
+
+        A feed that is lost is repeated, for the watchdog itself decides what is too late.
         """
         now = self.now()
         if self._control is not None and now - self._fed > KEEP_ALIVE_S:
@@ -368,7 +373,13 @@ class UrClient(ArmClient):
                 raise ArmFault("refused", "the watchdog could not be fed")
 
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
-        """Begin a moveJ."""
+        """Begin a moveJ.
+
+        Args:
+            target: Joint angles, shape (n,) [rad].
+            speed: Of the leading joint [rad/s].
+            acceleration: Of the leading joint [rad/s^2].
+        """
         asked_ns = self.now_ns()
         self._command(
             "moveJ was refused", self._control.moveJ, target.tolist(), speed, acceleration, True
@@ -378,7 +389,11 @@ class UrClient(ArmClient):
         self.clock.not_before(round(1e9 * self._receive.getTimestamp()), asked_ns, ANSWERED_NS)
 
     def stream(self, target: np.ndarray) -> None:
-        """Send a target of servoJ; the controller's watchdog is fed by it."""
+        """Send a target of servoJ, which also feeds the controller's watchdog.
+
+        Args:
+            target: Joint angles, shape (n,) [rad].
+        """
         settings, period = self.settings, 1.0 / self.settings.control_hz
         self._fed, self._streaming = self.now(), True
         self._command(

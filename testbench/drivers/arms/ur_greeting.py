@@ -1,6 +1,4 @@
-"""Whether a Universal Robots dashboard answers at an address, before the client library is let
-loose on it.
-"""
+"""Whether a Universal Robots dashboard answers, before the client library connects to it."""
 
 from __future__ import annotations
 
@@ -19,8 +17,8 @@ def greet_dashboard(
     """What is wrong at an address, in a sentence; None if a dashboard answers.
 
     Args:
-        host: Where.
-        port: Where.
+        host: Name or address of the controller.
+        port: Of its dashboard.
         patience_s: For the connection, and for each answer [s].
     """
     said = b""

@@ -64,14 +64,12 @@ class Stopped(Exception):
 
 
 class Worker:
-    """The loop.
+    """The loop, which goes by the client's clock.
 
     Args:
         connection: To the bench.
         client: Of the controller.
         settings: As the bench said.
-
-    The loop goes by the client's clock.
     """
 
     def __init__(self, connection: Connection, client: ArmClient, settings: LinkSettings):

@@ -1,5 +1,4 @@
-"""UFACTORY xArm arms, through the client library xarm-python-sdk: poses in position mode, sweeps in
-servo mode.
+"""UFACTORY xArm arms through xarm-python-sdk: poses in position mode, sweeps in servo mode.
 
 Written against the maker's published interfaces and tested against an emulated controller, never on
 an arm.

@@ -1,5 +1,4 @@
-"""A UFACTORY xArm controller through its client library xarm-python-sdk: connect, ask, sample,
-move, stop.
+"""A UFACTORY xArm controller through its client library xarm-python-sdk.
 
 Commands go through the library. Samples come from the controller's report port 30000, which the
 library does not read: only there is a time stamp, and only there are the angles sure to be those
@@ -84,8 +83,9 @@ class XArmSettings(LinkSettings):
 
 
 def stop_at_once(host: str, port: int, timeout: float = 0.5) -> None:
-    """Tell a controller to stop, over a connection of its own and without the library; never
-    raises.
+    """Tell a controller to stop, over a connection of its own; never raises.
+
+    The library is not used.
 
     The frame (docs.ufactory.cc/private_tcp_protocol): transaction, protocol 2, length 2, register
     12 (state), 4 (stop).
@@ -396,7 +396,13 @@ class XArmClient(ArmClient):
         """The controller has no watchdog that could be fed."""
 
     def move(self, target: np.ndarray, speed: float, acceleration: float) -> None:
-        """Begin a move; the first one, to the start, takes the controller over."""
+        """Begin a move; the first one, to the start, takes the controller over.
+
+        Args:
+            target: Joint angles, shape (n,) [rad].
+            speed: Of the leading joint [rad/s].
+            acceleration: Of the leading joint [rad/s^2].
+        """
         if not self._taken_over:
             self._take_over()
         self._enter(POSITION)

@@ -14,9 +14,9 @@ class Imu(ABC):
 
     Attributes:
         rate: Nominal output rate [Hz].
-        has_magnetometer: What its samples hold.
-        has_orientation: What its samples hold.
-        has_temperature: What its samples hold.
+        has_magnetometer: Whether its samples hold the magnetic field.
+        has_orientation: Whether its samples hold orientations of the device's own.
+        has_temperature: Whether its samples hold a temperature.
     """
 
     rate: float
@@ -25,13 +25,15 @@ class Imu(ABC):
     has_temperature: bool = False
 
     def connect(self) -> None:  # noqa: B027 - nothing to do for a device on a wire
-        """Make the link to the device where that takes long, so that all can then begin together;
-        it does not record yet.
+        """Make the link to the device, where that takes long; it does not record yet.
+
+        All devices can then begin together.
         """
 
     def trial(self) -> Imu | None:
-        """The same device once more, to hear whether it delivers before anything depends on it;
-        must be stopped before this one begins. None where connecting shows that.
+        """The same device once more, to hear whether it delivers before anything depends on it.
+
+        Must be stopped before this one begins. None where connecting shows that.
         """
         return None
 
@@ -51,8 +53,9 @@ class Imu(ABC):
 
     @abstractmethod
     def read(self, until_ns: int) -> ImuSamples:
-        """What was sampled since the last call, up to a host time; waits for it where time is
-        real.
+        """What was sampled since the last call, up to a host time.
+
+        Waits for that time where time is real.
         """
 
     @abstractmethod
@@ -68,13 +71,9 @@ class Imu(ABC):
         return ImuSamples.columns(self.has_magnetometer, self.has_orientation, self.has_temperature)
 
     def events(self) -> list[Event]:
-        """What happened to the device since the last call, such as a lost connection; nothing by
-        default.
-        """
+        """What happened to the device since the last call; nothing by default."""
         return []
 
     def statistics(self) -> dict[str, int]:
-        """What the device counted so far: samples, and events by their kinds; nothing by
-        default.
-        """
+        """Numbers of samples and of events by their kinds so far; nothing by default."""
         return {}

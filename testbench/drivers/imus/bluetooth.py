@@ -1,6 +1,4 @@
-"""Bluetooth for drivers that are not asynchronous: bleak in an event loop of its own thread, and
-the search for Xsens DOTs.
-"""
+"""Bluetooth for synchronous drivers: bleak in a thread's event loop, and search for Xsens DOTs."""
 
 from __future__ import annotations
 

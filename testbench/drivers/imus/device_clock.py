@@ -1,6 +1,4 @@
-"""A device's own clock: counters that wrap, boards that restart, samples that were lost on the
-way.
-"""
+"""A device's own clock: counters that wrap, boards that restart, samples that were lost."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The motion that an arm reports, as simulated sensors feel it: for rehearsals on a real or an
-emulated arm.
-"""
+"""The motion that an arm reports, as simulated sensors feel it: for rehearsals on a moving arm."""
 
 from __future__ import annotations
 
@@ -73,14 +71,21 @@ class ReportedMotion:
         curve = CubicHermiteSpline(self._time / NANOSECONDS, self._q, self._v)
         q, v = curve(grid / NANOSECONDS), curve(grid / NANOSECONDS, 1)
         a = savitzky_golay(v, self._window, 3, 1, self._interval / NANOSECONDS)
-        # Encoders hiss: unsmoothed angles 8 ms apart would make accelerations of 0.3 rad/s^2
+        # Encoders are noisy: unsmoothed angles 8 ms apart would make accelerations of 0.3 rad/s^2
         # between the knots.
         q, v = (savitzky_golay(array, self._window, 3) for array in (q, v))
         known = slice(None, -(self._window // 2), KNOT_EVERY)
         self._motion = Trajectory(grid[known], q[known], v[known], a[known])
 
     def state(self, time_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Joint angles, rates and accelerations at times that are known, shape (n, n_joints).
+        """Motion of the joints at times that are known.
+
+        Args:
+            time_ns: Shape (n,) [ns].
+
+        Returns:
+            Joint angles [rad], rates [rad/s] and accelerations [rad/s^2], each of shape
+            (n, n_joints).
 
         Raises:
             DriverError: Nothing is known yet.

@@ -1,6 +1,4 @@
-"""Line format: how a board writes its samples as lines of text, as a YAML file; docs/devices.md
-explains every key.
-"""
+"""Line format: how a board writes its samples as text; docs/devices.md explains every key."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Parse a board's lines by their format, fast enough for several boards at hundreds of lines a
-second.
-"""
+"""Parse a board's lines by their format, fast enough for several boards at hundreds a second."""
 
 from __future__ import annotations
 
@@ -134,6 +132,7 @@ class LineParser:
             if (kind, axis) in places
         ]
 
+    # One piece, since it runs once a sample and calls would cost more than the checks.
     def parse(self, line: bytes) -> Line | None:
         """Read one line, without its end; None for a comment or an empty line.
 

@@ -168,8 +168,9 @@ class SerialImu(StreamedImu):
         self._stopped = True
 
     def trial(self) -> SerialImu:
-        """The same device once more, to listen to before anything depends on it; must be stopped
-        before this one starts.
+        """The same device once more, to listen to before anything depends on it.
+
+        Must be stopped before this one starts.
         """
         time = SessionTime(self.time.clock)
         return SerialImu(

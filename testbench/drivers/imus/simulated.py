@@ -1,6 +1,4 @@
-"""A simulated inertial sensor: it feels the arm's true motion and reports it on its own clock, with
-its own errors.
-"""
+"""A simulated inertial sensor: feels the arm's true motion, with its own clock and errors."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""What every live sensor shares: a bounded queue that never blocks the device, and notices of
-faults.
+"""What every live sensor shares: a bounded queue of samples, and notices of faults.
 
 A live sensor has a thread of its own that reads the device and puts samples into the queue; the
 recorder takes them out.
@@ -56,8 +55,9 @@ class Notices:
             )
 
     def tally(self, event: str, count: int = 1, **details: Any) -> None:
-        """Note something that may come in swarms: the event holds the count of a second and the
-        details of its first.
+        """Note something that may come in swarms.
+
+        The event holds the count of a second and the details of its first.
         """
         with self._lock:
             self.totals[event] = self.totals.get(event, 0) + count
@@ -65,8 +65,9 @@ class Notices:
             tally.count += count
 
     def take(self, everything: bool = False) -> list[Event]:
-        """Events since the last call; tallies only once their second is over, unless `everything`
-        is asked for.
+        """Events since the last call.
+
+        Tallies come only once their second is over, unless `everything` is asked for.
         """
         now = self._time.now_ns()
         with self._lock:
@@ -87,13 +88,14 @@ field [uT], quaternion.
 
 
 class SampleQueue:
-    """A bounded queue of samples; what does not fit is dropped and counted, so that the device's
-    reader never waits.
+    """A bounded queue of samples; what does not fit is dropped and counted.
+
+    The device's reader never waits for it.
 
     Args:
         capacity: Samples it holds.
-        magnetometer: What follows rate and force in each row.
-        orientation: What follows rate and force in each row.
+        magnetometer: Whether each row holds the magnetic field.
+        orientation: Whether each row ends with a quaternion.
         notices: Told of drops.
     """
 
@@ -145,8 +147,8 @@ class StreamedImu(Imu):
     Args:
         time: Of the session.
         rate: Nominal [Hz].
-        magnetometer: What its samples hold.
-        orientation: What its samples hold.
+        magnetometer: Whether its samples hold the magnetic field.
+        orientation: Whether its samples hold orientations of the device's own.
         queue_s: Length of the queue [s].
     """
 
@@ -182,9 +184,7 @@ class StreamedImu(Imu):
         return self.queue.take(until_ns)
 
     def events(self) -> list[Event]:
-        """What happened since the last call; swarms of the same fault within a second are one
-        event.
-        """
+        """What happened since the last call; the same fault many times in a second is one event."""
         return self.notices.take(everything=self._stopped)
 
     def statistics(self) -> dict[str, int]:

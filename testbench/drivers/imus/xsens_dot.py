@@ -1,6 +1,4 @@
-"""Xsens DOT over Bluetooth: connect, set the rate, stream, and connect again when the link is
-lost.
-"""
+"""Xsens DOT over Bluetooth: connect, set the rate, stream, and connect again."""
 
 from __future__ import annotations
 

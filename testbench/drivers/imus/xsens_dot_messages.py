@@ -26,8 +26,9 @@ ANSWER_S = 3.0
 
 
 def message(identifier: int, data: bytes = b"") -> bytes:
-    """Bytes of a synchronisation message [5.1]: identifier, length, data, and a checksum that makes
-    the sum of all zero.
+    """Bytes of a synchronisation message [5.1].
+
+    They are identifier, length, data, and a checksum that makes the sum of all zero.
     """
     body = bytes((SYNCHRONISATION, 1 + len(data), identifier)) + data
     return body + bytes((-sum(body) & 0xFF,))
@@ -39,8 +40,7 @@ def start_message(root_address: str) -> bytes:
 
 
 def parse(data: bytes) -> tuple[int, bytes] | None:
-    """Identifier and data of a synchronisation message; None for anything else, or where the
-    checksum is wrong.
+    """Identifier and data of a synchronisation message; None for anything else.
 
     Args:
         data: As read; characteristics are longer than the messages in them.

@@ -1,5 +1,4 @@
-"""Xsens DOT: names and bytes of its Bluetooth services, and what its payloads mean. Pure; nothing
-here talks to a device.
+"""Xsens DOT: its Bluetooth services, and what its payloads mean; talks to no device.
 
 Source: Movella DOT BLE Service Specification, document XD0506P, revision C, July 2023 (sections in
 brackets below). All numbers are little-endian [1.3].
@@ -104,9 +103,7 @@ class PayloadMode:
 
     @property
     def has_force(self) -> bool:
-        """Whether specific force is in it, or follows from it: free acceleration and orientation
-        give it exactly.
-        """
+        """Whether specific force is in it, or follows from free acceleration and orientation."""
         oriented = self.has_orientation and "free_acceleration" in self.parts
         return "acceleration" in self.parts or "dv" in self.parts or oriented
 
@@ -354,9 +351,7 @@ def parse_device_control(data: bytes) -> DeviceSettings:
 
 
 def set_rate_command(control: bytes, rate: int) -> bytes:
-    """Bytes for 0x1002 that set the output rate and leave everything else: only bit 4 of the visit
-    index is set.
-    """
+    """Bytes for 0x1002 that set the output rate alone: bit 4 of the visit index."""
     data = bytearray(control[:32].ljust(32, b"\0"))
     data[0] = 0x10
     data[1] = data[2] = 0  # neither blink nor power off

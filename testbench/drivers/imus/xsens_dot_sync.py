@@ -1,5 +1,4 @@
-"""Synchronisation of Xsens DOTs: one is the root, whose clock the others take over, by radio among
-themselves.
+"""Synchronisation of Xsens DOTs: by radio, the others take over the clock of the root.
 
 Source: Movella DOT BLE Service Specification, document XD0506P, revision C, July 2023 (sections in
 brackets below). The sensors must be let go while they listen to the root, and tell the result once
@@ -72,8 +71,9 @@ async def result_of(client: Any) -> int:
 
 
 def synchronise(dots: Sequence[XsensDot], listen_s: float | None = None) -> None:
-    """Bring the clocks of connected sensors to that of the first; they are connected again when it
-    returns.
+    """Bring the clocks of connected sensors to that of the first.
+
+    They are connected again when it returns.
 
     Args:
         dots: Connected, their output rates set (that is impossible afterwards), and not streaming.

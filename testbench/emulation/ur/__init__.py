@@ -1,3 +1,1 @@
-"""A Universal Robots controller on loopback: dashboard, script ports and RTDE, with joints that
-move like an arm's.
-"""
+"""A Universal Robots controller on loopback: dashboard, script ports, RTDE, moving joints."""

@@ -1,6 +1,4 @@
-"""The emulated controller: what its safety system, its program and its joints do from one control
-period to the next.
-"""
+"""The emulated controller: safety system, program and joints, one control period at a time."""
 
 from __future__ import annotations
 

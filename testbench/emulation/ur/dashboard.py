@@ -23,6 +23,7 @@ REMOTE_ONLY = {
 REFUSED = "Command is not allowed due to safety reasons"
 
 
+# One branch a command, in the order of the dashboard's manual.
 def answer(controller: Controller, command: str) -> str:  # noqa: C901 - one branch a command
     """What the dashboard says to a command."""
     if command in REMOTE_ONLY and not controller.remote_control:

@@ -1,5 +1,4 @@
-"""The script that ur_rtde uploads, as a machine of its own: it reads commands from input registers
-and answers in output ones.
+"""The script that ur_rtde uploads, as a machine: commands in input registers, answers in output.
 
 The client writes a command's number into input integer register 0 and its arguments into the input
 double registers (both shifted by 24 with the upper range). The script writes 1 into output integer
@@ -131,6 +130,7 @@ class ControlScript:
             self._waiting = True  # a command that moves nothing is done at the next instant
         return ended
 
+    # One branch a command of the client library's script.
     def _process(self, controller: Machine, command: int) -> str | None:
         joints, first = controller.joints, self.offset
         value = controller.registers.input_double

@@ -74,10 +74,10 @@ class UrServer(Server):
     """Serves one emulated controller.
 
     Args:
-        controller: As for `Server`.
-        address: As for `Server`.
-        token: As for `Server`.
-        clock: As for `Server`.
+        controller: What is served.
+        address: To listen on.
+        token: What a client must say first on an address that is not loopback, see `Server`.
+        clock: What the control periods go by; the machine's if None.
     """
 
     faults: ClassVar[Mapping[str, FaultKind]] = FAULTS

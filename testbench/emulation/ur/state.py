@@ -1,5 +1,4 @@
-"""What an emulated controller knows of itself: modes, safety, program, registers, and the variables
-that RTDE gives out.
+"""State of an emulated controller: modes, safety, program, registers, and RTDE variables.
 
 Numbers of modes and bits: Universal Robots, Real-Time Data Exchange (RTDE) guide, tables of output
 fields.

@@ -120,5 +120,9 @@ def floats(data: bytes, count: int) -> np.ndarray | None:
 
 
 def padded(values: np.ndarray) -> np.ndarray:
-    """Values of the joints there are, with zeros for the rest, shape (7,)."""
+    """Values of the joints there are, with zeros for the rest, shape (7,).
+
+    Args:
+        values: One for each joint, shape (n,).
+    """
     return np.pad(values, (0, JOINTS - len(values)))

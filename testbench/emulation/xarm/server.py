@@ -53,11 +53,11 @@ class XArmServer(Server):
     """Serves one emulated controller.
 
     Args:
-        controller: As for `Server`.
-        address: As for `Server`.
-        token: As for `Server`.
+        controller: What is served.
+        address: To listen on.
+        token: What a client must say first on an address that is not loopback, see `Server`.
         command_port: The controller's is 502, which needs privileges.
-        clock: As for `Server`.
+        clock: What the control periods go by; the machine's if None.
     """
 
     faults: ClassVar[Mapping[str, FaultKind]] = FAULTS

@@ -1,5 +1,4 @@
-"""Errors as a series of blocks, and what may be inferred from them although neighbours resemble
-each other.
+"""Errors as a series of blocks, and what may be inferred although neighbours are correlated.
 
 Sensor errors last: samples a hundredth of a second apart say nearly the same, and so may
 neighbouring poses. The series is resampled in blocks long enough to hold that memory (Politis &

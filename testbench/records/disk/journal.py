@@ -125,8 +125,9 @@ class Journal:
 
 
 def journal_batches(path: Path) -> tuple[pa.Schema, Iterator[pa.RecordBatch]]:
-    """The schema of a journal, and its whole batches one by one, also of one that was cut off in
-    the middle of a batch.
+    """The schema of a journal, and its whole batches one by one.
+
+    Also of one that was cut off in the middle of a batch.
 
     Raises:
         SessionError: Not even the schema can be read.

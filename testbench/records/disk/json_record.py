@@ -1,6 +1,4 @@
-"""Results as JSON on disk: dataclasses are written as they are, and read back and checked by their
-types.
-"""
+"""Results as JSON on disk: dataclasses, read back and checked by their types."""
 
 from __future__ import annotations
 

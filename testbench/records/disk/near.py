@@ -1,6 +1,4 @@
-"""Rows of a long table on either side of given instants: all that interpolating at these instants
-needs of it.
-"""
+"""Rows of a long table about given instants: all that interpolating there needs."""
 
 from __future__ import annotations
 
@@ -25,9 +23,7 @@ TIME = "host_time_ns"
 
 @dataclass(frozen=True)
 class Instants:
-    """Host times at which a session is looked at [ns], increasing: by sensor for the truths, and
-    for the arm.
-    """
+    """Host times at which a session is looked at [ns], increasing: by sensor, and for the arm."""
 
     sensors: Mapping[str, np.ndarray]
     arm: np.ndarray

@@ -46,8 +46,9 @@ def to_arrow(values: np.ndarray, kind: pa.DataType | None = None) -> pa.Array:
 
 
 def from_arrow(column: pa.ChunkedArray) -> np.ndarray:
-    """The values of a column of Arrow, shape (n,), as `to_arrow` took them; read-only where they
-    are in one piece. `to_numpy` would load pandas likewise.
+    """The values of a column of Arrow, shape (n,), as `to_arrow` took them.
+
+    Read-only where they are in one piece. `to_numpy` would load pandas likewise.
     """
     kind = column.type
     plain = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)

@@ -199,6 +199,7 @@ def _syntax_problem(error: Exception, text: str) -> Problem:
     return Problem(f"not valid YAML: {_one_line(said)}", "", line, column)
 
 
+# One recursion over the kinds of nodes, each of which refuses what it does not take.
 def _construct(
     loader: _Loader,
     node: yaml.Node,
@@ -258,9 +259,7 @@ def _is_unicode(text: str) -> bool:
 
 
 def few(problems: list[Problem]) -> list[Problem]:
-    """The first problems, and how many more there are, so that a thoroughly wrong file does not
-    fill the terminal.
-    """
+    """The first problems, and how many more there are: a wrong file shall not fill the terminal."""
     more = len(problems) - MOST_PROBLEMS
     return (
         problems if more <= 0 else [*problems[:MOST_PROBLEMS], Problem(f"and {more} more problems")]
@@ -317,8 +316,9 @@ def validation_problems(
 
 
 def locate(places: dict[Location, tuple[int, int]], path: Location, message: str) -> Problem:
-    """The problem at `path`, or at the nearest part of it that stands in the file (a union adds
-    names of its own).
+    """The problem at `path`, or at the nearest part of it that stands in the file.
+
+    A union adds names of its own.
     """
     known: Location = ()
     for part in path:

@@ -1,6 +1,4 @@
-"""Calibration: the corrections of one sensor, dated and with their uncertainty; a YAML file that a
-later session can use.
-"""
+"""Calibration: the dated corrections of one sensor with their uncertainty, for later sessions."""
 
 from __future__ import annotations
 

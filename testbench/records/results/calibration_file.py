@@ -1,6 +1,4 @@
-"""Calibration files: the corrections of one sensor, dated, as YAML; and the folder of many that a
-session is corrected from.
-"""
+"""Calibration files: dated corrections of one sensor as YAML, and the folder of many."""
 
 from __future__ import annotations
 
@@ -15,7 +13,7 @@ from pydantic import Field
 
 from testbench.exceptions import InputError
 from testbench.records.disk.replacing import stored_where_asked, write_text
-from testbench.records.disk.yaml_file import load_yaml
+from testbench.records.disk.yaml_file import YamlDocument, load_yaml
 from testbench.records.results.calibration import MountingCalibration, TriadCalibration
 from testbench.records.results.fit import Fit
 from testbench.records.specs.strict import Angles3, Name, StrictModel, UtcText
@@ -266,6 +264,29 @@ def load_calibration(file: Path) -> SensorCalibration:
     """
     document = load_yaml(file, CalibrationEntry)
     entry = document.value
+    _check_sizes(document)
+    _check_matrices(document)
+    return SensorCalibration(
+        entry.sensor,
+        entry.device,
+        datetime.fromisoformat(entry.calibrated_utc),
+        entry.session,
+        entry.fingerprint,
+        entry.software,
+        entry.temperature_deg_c,
+        {
+            triad: _triad(triad, found)
+            for triad in TRIADS
+            if (found := getattr(entry, triad)) is not None
+        },
+        file,
+        None if entry.mounting is None else _mounting(entry.mounting),
+    )
+
+
+def _check_sizes(document: YamlDocument[CalibrationEntry]) -> None:
+    """Refuse a fit whose lists are not all as long as its parameters are many."""
+    entry = document.value
     placed = [
         ((triad, "fits", i), fit)
         for triad in TRIADS
@@ -281,6 +302,11 @@ def load_calibration(file: Path) -> SensorCalibration:
             raise document.problem(
                 f"names, units, values, sd and covariance must all be of size {p}", *place
             )
+
+
+def _check_matrices(document: YamlDocument[CalibrationEntry]) -> None:
+    """Refuse corrections that no sensor needs, and a mounting that is no rotation."""
+    entry = document.value
     for triad in TRIADS:
         found = getattr(entry, triad)
         if found is not None:
@@ -303,22 +329,6 @@ def load_calibration(file: Path) -> SensorCalibration:
         R = np.array(entry.mounting.matrix)
         if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
             raise document.problem("the matrix is no rotation", "mounting", "matrix")
-    return SensorCalibration(
-        entry.sensor,
-        entry.device,
-        datetime.fromisoformat(entry.calibrated_utc),
-        entry.session,
-        entry.fingerprint,
-        entry.software,
-        entry.temperature_deg_c,
-        {
-            triad: _triad(triad, found)
-            for triad in TRIADS
-            if (found := getattr(entry, triad)) is not None
-        },
-        file,
-        None if entry.mounting is None else _mounting(entry.mounting),
-    )
 
 
 def find_calibration(

@@ -1,6 +1,4 @@
-"""What a calibration came to, with the evidence that its report shows; only the calibration itself
-is kept as a file.
-"""
+"""What a calibration came to, with the evidence for its report; only the calibration is kept."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Evaluation: errors against the truth, and the verdict; evaluation.json is documented in
-docs/session_format.md.
-"""
+"""Evaluation: errors against the truth, and the verdict; docs/session_format.md documents it."""
 
 from __future__ import annotations
 
@@ -456,8 +454,7 @@ def _as_written() -> TypeAdapter[Evaluation]:
 
 
 def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
-    """The outcome of a session as it was last evaluated, and the same in words; None where it was
-    not.
+    """The outcome of a session's last evaluation, and the same in words; None if there is none.
 
     Raises:
         SessionError: What was written of it is damaged.

@@ -1,6 +1,4 @@
-"""Rows of an evaluation that sum up many poses, sweeps or samples, and those that compare
-filters.
-"""
+"""Rows of an evaluation that sum up poses, sweeps or samples, or compare filters."""
 
 from __future__ import annotations
 

@@ -93,9 +93,7 @@ class PlannedStep:
 
 
 def judged_steps(steps: list[PlannedStep]) -> list[PlannedStep]:
-    """Steps whose errors count: those of evaluation sections, or all but calibration where there is
-    none.
-    """
+    """Steps whose errors count: of evaluation sections, or all but calibration if there is none."""
     chosen = [step for step in steps if step.role == "evaluation"]
     return chosen or [step for step in steps if step.role != "calibration"] or steps
 
@@ -234,9 +232,7 @@ class Plan:
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 over protocol, robot, trajectory and steps: the same inputs give the same
-        hash.
-        """
+        """SHA-256 over protocol, robot, trajectory and steps: same inputs, same hash."""
         digest = hashlib.sha256()
         for name, text in sorted(self.protocol.texts().items()):
             digest.update(f"{name}\0{text}\0".encode())

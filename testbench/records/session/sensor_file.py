@@ -1,6 +1,4 @@
-"""What one sensor reported and what it went through, on disk: opened once, and read from as it is
-asked for.
-"""
+"""What one sensor reported and what it went through, on disk, read as it is asked for."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Write a session: journals while it runs, Parquet once it is closed, a manifest that says how it
-went.
-"""
+"""Write a session: journals while it runs, Parquet once it is closed, and a manifest."""
 
 from __future__ import annotations
 
@@ -134,9 +132,7 @@ class SessionWriter:
     def open_journal(
         self, name: str, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None
     ) -> None:
-        """Begin a stream that becomes `<name>.parquet` when the session is closed, or go on with
-        one that became it.
-        """
+        """Begin a stream that becomes `<name>.parquet` on closing, or go on with one that did."""
         table = self.path / table_file(name)
         if table.is_file():
             self._journals[name] = Journal.continued(
@@ -194,9 +190,7 @@ class SessionWriter:
             self._write_manifest()
 
     def abandon(self) -> None:
-        """Let go of every file as it is; the session stays unfinished, and can be recovered once
-        there is room.
-        """
+        """Let go of every file as it is; the session can be recovered once there is room."""
         for journal in self._journals.values():
             journal.abandon()
         with suppress(OSError, ValueError):
@@ -230,8 +224,9 @@ class SessionWriter:
 
 
 def note_end(session: Session, event: Event) -> None:
-    """Append the last event of a session that was cut off, once: its recovery may have been cut off
-    after it had said so.
+    """Append the last event of a session that was cut off, once.
+
+    Its recovery may have been cut off after it had said so.
     """
     if session.events[-1:] != [event]:
         with _appended(session.path / EVENTS) as events:

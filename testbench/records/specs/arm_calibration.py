@@ -1,6 +1,4 @@
-"""An arm's own kinematics: the corrections of its DH parameters, which its maker measured and its
-controller keeps.
-"""
+"""An arm's own kinematics: corrections of its DH parameters, as its controller keeps them."""
 
 from __future__ import annotations
 

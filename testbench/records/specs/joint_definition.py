@@ -1,6 +1,4 @@
-"""How a joint's rotation is written in three angles: the words of a protocol; docs/joint_angles.md
-explains each.
-"""
+"""How a joint's rotation is written in three angles; docs/joint_angles.md explains each."""
 
 from __future__ import annotations
 

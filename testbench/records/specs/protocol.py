@@ -1,6 +1,4 @@
-"""Protocol: what a person wants the bench to do, as a YAML file; docs/protocol_reference.md
-explains every key.
-"""
+"""Protocol: what the bench shall do, as YAML; docs/protocol_reference.md explains every key."""
 
 from __future__ import annotations
 

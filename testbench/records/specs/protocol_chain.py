@@ -1,6 +1,4 @@
-"""The part of a protocol that asks for the joints of the whole chain, estimated from the sensors on
-its links.
-"""
+"""The part of a protocol that asks for all joints of a chain, from the sensors on its links."""
 
 from __future__ import annotations
 

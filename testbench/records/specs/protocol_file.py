@@ -1,6 +1,4 @@
-"""Read a protocol file with those it includes, and check that the names in it agree with one
-another.
-"""
+"""Read a protocol file with those it includes, and check that its names agree."""
 
 from __future__ import annotations
 
@@ -270,6 +268,7 @@ class _Names:
             ):
                 self._refuse(f"the variable '{name}' is looped over twice", *where, m)
 
+    # One check a field of the limit, each against the names that the field may hold.
     def _limit(self, limit: AcceptanceLimit, *where: Any) -> None:
         spec = self.spec
         joint_metrics = [f"{joint}.{kind}" for joint in spec.joints for kind in JOINT_METRICS]

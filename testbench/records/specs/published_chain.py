@@ -1,6 +1,4 @@
-"""Published results of a filter over a kinematic chain; tables of joints, where `published` has
-tables of flexions.
-"""
+"""Published results of a filter over a kinematic chain; `published` has those of flexions."""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""Robot: what the bench knows of an arm beside its URDF: limits with their reasons, mounting,
-servo, noise of its encoders. Of a bare URDF, what it does not say is filled in, and told.
+"""Robot: what the bench knows of an arm beside its URDF.
+
+Limits with their reasons, mounting, servo, noise of its encoders. Of a bare URDF, what it does not
+say is filled in, and told.
 """
 
 from __future__ import annotations
@@ -205,8 +207,7 @@ class RobotSpec(StrictModel):
 
 
 class Robot:
-    """An arm the bench can plan for: its specification, where its URDF lies, and its limits in
-    radians.
+    """An arm the bench can plan for: its specification, its URDF, and its limits in radians.
 
     Args:
         spec: The content of robot.yaml.
@@ -389,6 +390,40 @@ def robot_from_urdf(
         raise FileProblems(path, [Problem(f"not a readable URDF: {error}")]) from None
     if root.tag != "robot":
         raise FileProblems(path, [Problem(f"not a URDF: its root is <{root.tag}>, not <robot>")])
+    movable = _arm_joints(path, root, entry)
+    joints = [_joint(key, joint) for key, joint in movable.items()]
+    home = (
+        entry.home_deg
+        if entry
+        else [0.0 if not j["position_deg"] else sum(j["position_deg"]) / 2 for j in joints]
+    )
+    data: dict[str, Any] = {
+        "name": name or root.get("name") or path.stem,
+        "description": entry.description if entry else f"from {path.name}",
+        "urdf": str(path),
+        "joints": joints,
+        "assumptions": [
+            f"{path.name} states no acceleration, jerk, servo or floor: full speed in "
+            f"{TIME_TO_FULL_SPEED} s, a servo of "
+            f"{Servo().natural_frequency_hz:g} Hz and no floor are assumed"
+            + ("" if entry else ", and home in the middle of each joint's range")
+        ],
+        "home_deg": home,
+    }
+    text = yaml.safe_dump(data, sort_keys=False)
+    return Robot(
+        RobotSpec.model_validate(data), path.resolve(), text, None if entry else path.resolve()
+    )
+
+
+def _arm_joints(
+    path: Path, root: ElementTree.Element, entry: CatalogueEntry | None
+) -> dict[str, ElementTree.Element]:
+    """The joints of a URDF that make up the arm, by name, in the arm's order.
+
+    Raises:
+        FileProblems: It lacks some of them, or one does not rotate.
+    """
     movable = {
         joint.get("name", ""): joint
         for joint in root.findall("joint")
@@ -415,29 +450,7 @@ def robot_from_urdf(
             raise FileProblems(
                 path, [Problem(f"joint {key} is prismatic; the bench drives rotating joints only")]
             )
-    joints = [_joint(key, movable[key]) for key in names]
-    home = (
-        entry.home_deg
-        if entry
-        else [0.0 if not j["position_deg"] else sum(j["position_deg"]) / 2 for j in joints]
-    )
-    data: dict[str, Any] = {
-        "name": name or root.get("name") or path.stem,
-        "description": entry.description if entry else f"from {path.name}",
-        "urdf": str(path),
-        "joints": joints,
-        "assumptions": [
-            f"{path.name} states no acceleration, jerk, servo or floor: full speed in "
-            f"{TIME_TO_FULL_SPEED} s, a servo of "
-            f"{Servo().natural_frequency_hz:g} Hz and no floor are assumed"
-            + ("" if entry else ", and home in the middle of each joint's range")
-        ],
-        "home_deg": home,
-    }
-    text = yaml.safe_dump(data, sort_keys=False)
-    return Robot(
-        RobotSpec.model_validate(data), path.resolve(), text, None if entry else path.resolve()
-    )
+    return {key: movable[key] for key in names}
 
 
 def _joint(name: str, joint: ElementTree.Element) -> dict[str, Any]:

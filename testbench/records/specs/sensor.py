@@ -1,6 +1,4 @@
-"""Sensors: inertial measurement units in the words and units of their data sheets, and the presets
-that ship.
-"""
+"""Sensors: inertial measurement units in terms of their data sheets, and presets that ship."""
 
 from __future__ import annotations
 

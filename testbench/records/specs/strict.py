@@ -1,6 +1,4 @@
-"""Building blocks of every record that a person writes: nothing unknown, nothing coerced, nothing
-infinite.
-"""
+"""Building blocks of every record that a person writes: nothing unknown, coerced or infinite."""
 
 from __future__ import annotations
 
