@@ -1,5 +1,6 @@
-"""The mapping of a file to a session, as a person writes it: which column is what; docs/formats.md
-explains it.
+"""The mapping of a file to a session, as a person writes it: which column is what.
+
+docs/formats.md explains it.
 """
 
 from __future__ import annotations
@@ -112,8 +113,9 @@ class QuaternionColumns(StrictModel):
 
 
 class TruthColumns(QuaternionColumns):
-    """Orientations of a reference system, of the sensor or of the body it is mounted on; empty or
-    NaN where lost.
+    """Orientations of a reference system, of the sensor or of the body it is mounted on.
+
+    Empty or NaN where lost.
     """
 
     file: str | None = Field(

@@ -10,8 +10,9 @@ from testbench.formats.units import QUANTITIES, Unit, find_unit
 
 @dataclass
 class Options:
-    """Answers for an importer; one that no importer asked for is refused, because it would silently
-    do nothing.
+    """Answers for an importer.
+
+    One that no importer asked for is refused, because it would silently do nothing.
 
     Attributes:
         mapping: Path or name of a mapping of the generic format.
@@ -43,8 +44,9 @@ class Options:
             )
 
     def unit(self, quantity: str, stated: str | None) -> Unit | None:
-        """The unit of a quantity: as the person says, else as the file or its format states, else
-        None.
+        """The unit of a quantity.
+
+        It is as the person says, else as the file or its format states, else None.
 
         Args:
             quantity: "acc", "gyr" or "mag".

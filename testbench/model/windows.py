@@ -58,9 +58,10 @@ def _running_mean(longer: np.ndarray, size: int) -> np.ndarray:
 def savitzky_golay(
     signal: np.ndarray, window: int, order: int, derivative: int = 0, interval: float = 1.0
 ) -> np.ndarray:
-    """Value or derivative of the polynomial that fits the window about each sample best (Savitzky &
-    Golay, Analytical Chemistry 36, 1964, 1627-1639); near the ends, of that of the outermost
-    window.
+    """Value or derivative of the polynomial that fits the window about each sample best.
+
+    Near the ends it is that of the outermost window (Savitzky & Golay, Analytical Chemistry 36,
+    1964, 1627-1639).
 
     Args:
         signal: Shape (n, k).

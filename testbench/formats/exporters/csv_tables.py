@@ -13,8 +13,9 @@ from testbench.formats.exporters.writing import write_index
 
 
 def write(source: ExportSource, folder: Path) -> list[str]:
-    """Write one CSV file for each table, and export.json; numbers in full precision, empty where
-    there is none.
+    """Write one CSV file for each table, and export.json.
+
+    Numbers are in full precision; a cell is empty where there is none.
     """
     tables = all_tables(source)
     options = csv.WriteOptions(include_header=True, quoting_style="needed")

@@ -1,5 +1,6 @@
-"""The tree of frames of a session over time: links by the arm's kinematics, sensors by their
-mounting and by the filter.
+"""The tree of frames of a session over time.
+
+Links stand by the arm's kinematics, sensors by their mounting and by the filter.
 """
 
 from __future__ import annotations
@@ -128,8 +129,9 @@ def _true_sensors(source: ExportSource) -> list[Transforms]:
 def _estimated_sensors(
     source: ExportSource, kinematics: Kinematics | None, arm: ArmSamples | None
 ) -> list[Transforms]:
-    """The orientation by the chosen filter, where the arm carries the sensor; at the world's origin
-    without an arm.
+    """The orientation by the chosen filter, at the sensor's place.
+
+    That is where the arm carries the sensor, or the world's origin without an arm.
     """
     if source.filter == TRUTH:
         return []

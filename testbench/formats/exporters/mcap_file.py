@@ -1,5 +1,6 @@
-"""MCAP with ROS 2 messages: IMUs, magnetic fields, joint states and frames, stamped with the date
-of the session.
+"""MCAP with ROS 2 messages, stamped with the date of the session.
+
+It holds IMUs, magnetic fields, joint states and frames.
 """
 
 from __future__ import annotations
@@ -180,8 +181,9 @@ def _sensor_streams(source: ExportSource, name: str) -> list[Stream]:
 def _orientation_at(
     source: ExportSource, name: str, time_ns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Orientation x, y, z, w and its covariance (9) at the samples; -1 and no rotation where it is
-    not known.
+    """Orientation x, y, z, w and its covariance (9) at the samples.
+
+    -1 and no rotation where it is not known.
     """
     q = source.orientation_at(name, time_ns)
     known = np.isfinite(q).all(axis=1)

@@ -1,5 +1,6 @@
-"""Reading .mat files that nobody vouches for: sizes are checked against the file's before anything
-is allocated.
+"""Reading .mat files that nobody vouches for.
+
+Sizes are checked against the file's before anything is allocated.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ LARGEST = 4 << 30
 
 
 def load_mat(file: Path) -> dict[str, Any]:
-    """Variables of a .mat file; structs as dicts, arrays with time along axis 0 where their shapes
-    tell.
+    """Variables of a .mat file; structs as dicts.
+
+    Arrays have time along axis 0 where their shapes tell.
 
     Raises:
         FileProblems: Missing, damaged, or claiming more than it can hold.

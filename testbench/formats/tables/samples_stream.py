@@ -161,7 +161,16 @@ def _assemble(time: np.ndarray, origin: int, counter: np.ndarray, q: Quantities)
 
 
 def stack(columns: Columns, names: list[str], factor: float = 1.0) -> np.ndarray:
-    """Columns side by side times a factor, shape (n, k)."""
+    """Columns side by side times a factor.
+
+    Args:
+        columns: By name, each of shape (n,).
+        names: Those wanted, k of them.
+        factor: Of every number.
+
+    Returns:
+        Shape (n, k).
+    """
     result = np.column_stack([columns[name] for name in names])
     return result if factor == 1.0 else result * factor
 
@@ -206,8 +215,9 @@ def _unit(q: np.ndarray) -> np.ndarray:
 
 
 def measured_rate(samples: ImuSamples) -> float | None:
-    """Mean rate without gaps [Hz], or None where it cannot be told; stamps may be coarse, even
-    repeat.
+    """Mean rate without gaps [Hz], or None where it cannot be told.
+
+    Stamps may be coarse, even repeat.
     """
     steps = np.diff(samples.device_time_ns)
     if len(steps) < 2 or not np.any(steps > 0):

@@ -1,5 +1,6 @@
-"""From what a file says of time to nanoseconds: counters that wrap, seconds and their parts, a time
-of day, or only a rate.
+"""From what a file says of time to nanoseconds.
+
+It is counters that wrap, seconds and their parts, a time of day, or only a rate.
 
 Every class keeps its place from chunk to chunk, so that pieces give the same times as the whole.
 """
@@ -21,8 +22,9 @@ LONGEST_LOSS = 2000
 
 
 class Unwrapper:
-    """A counter of a given number of bits, without its wraps; a step counts as the shorter way
-    round.
+    """A counter of a given number of bits, without its wraps.
+
+    A step counts as the shorter way round.
 
     Args:
         bits: Width of the counter.
@@ -34,9 +36,7 @@ class Unwrapper:
         self._value = 0
 
     def __call__(self, raw: np.ndarray) -> np.ndarray:
-        """Increasing where the counter increases, shape (n,), int64; the first value is kept as it
-        is.
-        """
+        """Increasing where the counter increases, shape (n,), int64; the first value is kept."""
         raw = np.asarray(raw, dtype=np.int64)
         if not len(raw):
             return raw
@@ -50,8 +50,9 @@ class Unwrapper:
 
 
 class CounterUnwrapper:
-    """A sample counter whose width the file does not tell: 8, 16 or 32 bits, whichever makes a step
-    back a small step on.
+    """A sample counter whose width the file does not tell: 8, 16 or 32 bits.
+
+    It is whichever makes a step back a small step on.
     """
 
     def __init__(self) -> None:
@@ -138,8 +139,9 @@ class StampedTime(Timeline):
 
 
 class RegularTime(Timeline):
-    """No times at all: sample after sample at a rate; a counter that came with them keeps the place
-    of lost ones.
+    """No times at all: sample after sample at a rate.
+
+    A counter that came with them keeps the place of lost ones.
 
     Args:
         rate: [Hz].
@@ -215,8 +217,9 @@ class SpreadTime(Timeline):
 
 
 def _best_origin(stamps: np.ndarray, spread: np.ndarray) -> float:
-    """Time of the first sample [s]: within the first steady stretch, every sample lies in the
-    second that its stamp says.
+    """Time of the first sample [s].
+
+    Within the first steady stretch, every sample lies in the second that its stamp says.
     """
     late = stamps - spread
     steady = np.abs(late - late[0]) < 1.0
@@ -225,8 +228,9 @@ def _best_origin(stamps: np.ndarray, spread: np.ndarray) -> float:
 
 
 class BadRowError(InputError):
-    """A row of the chunk at hand is at fault; whoever knows the file turns it into `file:line:
-    message`.
+    """A row of the chunk at hand is at fault.
+
+    Whoever knows the file turns it into `file:line: message`.
     """
 
     def __init__(self, message: str, row: int):

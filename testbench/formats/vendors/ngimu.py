@@ -1,5 +1,6 @@
-"""x-io NGIMU: sensors.csv and quaternion.csv of a device, as the vendor's software writes them in
-one folder a device.
+"""x-io NGIMU: sensors.csv and quaternion.csv of a device.
+
+The vendor's software writes them in one folder a device.
 
 Titles carry their units: Time (s), Gyroscope X (deg/s), Accelerometer X (g), Magnetometer X (uT);
 quaternion.csv has W, X, Y, Z. The device's quaternion turns vectors of the earth (x magnetic north,
@@ -47,8 +48,9 @@ class WithOrientation:
         return [*self.sensors.names, *Q]
 
     def chunks(self, kinds: Mapping[str, Kind]) -> Iterator[Columns]:
-        """See `Source.chunks`; quaternions are interpolated spherically, and NaN before the first
-        and after the last.
+        """See `Source.chunks`; quaternions are interpolated spherically.
+
+        They are NaN before the first and after the last.
         """
         own = {name: kind for name, kind in kinds.items() if name not in Q} | {self.time: "float"}
         wanted: dict[str, Kind] = dict.fromkeys([self.q_time, *Q], "float")

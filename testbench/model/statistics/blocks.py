@@ -1,5 +1,6 @@
-"""Errors as a series of blocks, and what may be inferred from them although neighbours resemble
-each other.
+"""Errors as a series of blocks, and what may be inferred from them.
+
+Neighbours resemble each other, so that single errors would say too much.
 
 Sensor errors last: samples a hundredth of a second apart say nearly the same, and so may
 neighbouring poses. The series is resampled in blocks long enough to hold that memory (Politis &

@@ -1,5 +1,6 @@
-"""Weighted non-linear least squares with uncertainty, and the refusal of data that do not determine
-the parameters.
+"""Weighted non-linear least squares with uncertainty.
+
+Data that do not determine the parameters are refused.
 
 Gauss-Newton covariance (J' J)^-1 of residuals scaled to unit variance (Bates & Watts, Nonlinear
 Regression Analysis, 1988, section 2.3). Whether the data determine a parameter is asked against its

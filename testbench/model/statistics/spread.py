@@ -1,5 +1,6 @@
-"""Whether one error is larger than another, over simulated parts: the change, its spread, and what
-may be said of it.
+"""Whether one error is larger than another, over simulated parts.
+
+That is the change, its spread, and what may be said of it.
 """
 
 from __future__ import annotations
@@ -41,8 +42,9 @@ class Change:
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Of the mean [%], by Student's t of the logarithms; None of a single part, which has no
-        spread.
+        """Of the mean [%], by Student's t of the logarithms.
+
+        None of a single part, which has no spread.
         """
         n = len(self.ratios)
         if n < 2:

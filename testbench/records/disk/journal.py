@@ -95,7 +95,11 @@ class Journal:
         return journal
 
     def append(self, columns: Columns) -> None:
-        """Append equally long columns and hand them to the operating system."""
+        """Append rows and hand them to the operating system.
+
+        Args:
+            columns: By name, each of shape (n,).
+        """
         arrays = [
             to_arrow(columns[name], self._schema.field(name).type) for name in self._schema.names
         ]
@@ -125,8 +129,9 @@ class Journal:
 
 
 def journal_batches(path: Path) -> tuple[pa.Schema, Iterator[pa.RecordBatch]]:
-    """The schema of a journal, and its whole batches one by one, also of one that was cut off in
-    the middle of a batch.
+    """The schema of a journal, and its whole batches one by one.
+
+    It may have been cut off in the middle of a batch.
 
     Raises:
         SessionError: Not even the schema can be read.

@@ -24,8 +24,9 @@ def write_json(path: Path, data: Any) -> None:
 
 
 def json_text(data: Any) -> str:
-    """Readable JSON of mappings, lists, dataclasses, arrays and numbers, one value a line; NaN
-    becomes null, as JSON wants.
+    """Readable JSON of mappings, lists, dataclasses, arrays and numbers, one value a line.
+
+    NaN becomes null, as JSON wants.
     """
     try:
         return orjson.dumps(data, default=_plain, option=_READABLE).decode() + "\n"
@@ -50,8 +51,9 @@ def read_json(path: Path) -> Any:
 
 
 def plain_values(value: Any) -> Any:
-    """The value as JSON knows it: of dataclasses, arrays and numbers of NumPy only mappings, lists
-    and numbers are left; NaN becomes null.
+    """The value as JSON knows it: mappings, lists and numbers, of dataclasses and arrays, too.
+
+    NaN becomes null.
     """
     return json.loads(json_text(value))
 

@@ -1,5 +1,6 @@
-"""Results as JSON on disk: dataclasses are written as they are, and read back and checked by their
-types.
+"""Results as JSON on disk.
+
+Dataclasses are written as they are, and read back and checked by their types.
 """
 
 from __future__ import annotations

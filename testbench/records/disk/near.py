@@ -1,5 +1,6 @@
-"""Rows of a long table on either side of given instants: all that interpolating at these instants
-needs of it.
+"""Rows of a long table on either side of given instants.
+
+They are all that interpolating at these instants needs.
 """
 
 from __future__ import annotations
@@ -25,8 +26,11 @@ TIME = "host_time_ns"
 
 @dataclass(frozen=True)
 class Instants:
-    """Host times at which a session is looked at [ns], increasing: by sensor for the truths, and
-    for the arm.
+    """Host times at which a session is looked at.
+
+    Attributes:
+        sensors: For the truths, by sensor: increasing, each of shape (n,) [ns].
+        arm: For the arm: increasing, shape (n,) [ns].
     """
 
     sensors: Mapping[str, np.ndarray]

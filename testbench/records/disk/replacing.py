@@ -1,5 +1,6 @@
-"""The one way to write a file or a folder: beside its place under a name of its own, synced, and
-renamed once it is whole.
+"""The one way to write a file or a folder.
+
+It is written beside its place under a name of its own, synced, and renamed once it is whole.
 
 What is found under a name was written whole and by one writer. Nothing is written through a
 symbolic link: a link under the final name is replaced, not followed, and the name that is written
@@ -115,8 +116,7 @@ def replaced_folder(folder: Path, summary: Path | None = None) -> Iterator[Path]
 
 @contextmanager
 def stored(path: Path, comfort: str = "the recording is as it was") -> Iterator[None]:
-    """Say in one sentence what could not be written, and what has become of the rest or is to be
-    done.
+    """Say in one sentence what could not be written, and what has become of the rest.
 
     Raises:
         StorageError: The disk does not take it.
@@ -184,8 +184,9 @@ def _claimed_folder(path: Path) -> tuple[Path, int]:
 
 
 def _hold(held: int, partial: Path) -> bool:
-    """Lock what was just made; False where another writer took it for left over and removed it
-    before.
+    """Lock what was just made.
+
+    False where another writer took it for left over and removed it before.
     """
     with suppress(OSError):  # a file system without locks: what a kill leaves there stays
         fcntl.flock(held, fcntl.LOCK_EX)
@@ -263,7 +264,8 @@ def free_folder(logs: Path, name: str) -> Path:
 
 
 def dated_folder(logs: Path, name: str, clock: Clock) -> Path:
-    """A folder for what begins now: `<logs>/<date>_<name>`, or that with a number where it
-    exists.
+    """A folder for what begins now: `<logs>/<date>_<name>`.
+
+    Where it exists, a number is added.
     """
     return free_folder(logs, f"{utc_name(clock.utc())}_{name}")

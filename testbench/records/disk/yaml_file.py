@@ -258,8 +258,9 @@ def _is_unicode(text: str) -> bool:
 
 
 def few(problems: list[Problem]) -> list[Problem]:
-    """The first problems, and how many more there are, so that a thoroughly wrong file does not
-    fill the terminal.
+    """The first problems, and how many more there are.
+
+    So a thoroughly wrong file does not fill the terminal.
     """
     more = len(problems) - MOST_PROBLEMS
     return (
@@ -317,8 +318,9 @@ def validation_problems(
 
 
 def locate(places: dict[Location, tuple[int, int]], path: Location, message: str) -> Problem:
-    """The problem at `path`, or at the nearest part of it that stands in the file (a union adds
-    names of its own).
+    """The problem at `path`, or at the nearest part of it that stands in the file.
+
+    A union adds names of its own to the path.
     """
     known: Location = ()
     for part in path:

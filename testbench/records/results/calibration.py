@@ -1,5 +1,6 @@
-"""Calibration: the corrections of one sensor, dated and with their uncertainty; a YAML file that a
-later session can use.
+"""Calibration: the corrections of one sensor, dated and with their uncertainty.
+
+It is a YAML file that a later session can use.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from testbench.records.results.fit import Fit
 
 @dataclass(frozen=True)
 class TriadCalibration:
-    """Corrections of three sensing axes: corrected = matrix (raw - bias - drift (T - reference) -
-    g_matrix force).
+    """Corrections of three sensing axes.
+
+    corrected = matrix (raw - bias - drift (T - reference) - g_matrix force).
 
     Attributes:
         method: As `testbench calibrate` spells it.

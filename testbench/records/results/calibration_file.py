@@ -1,5 +1,6 @@
-"""Calibration files: the corrections of one sensor, dated, as YAML; and the folder of many that a
-session is corrected from.
+"""Calibration files: the corrections of one sensor, dated, as YAML.
+
+A session can be corrected from a folder of many.
 """
 
 from __future__ import annotations

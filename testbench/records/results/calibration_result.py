@@ -1,5 +1,6 @@
-"""What a calibration came to, with the evidence that its report shows; only the calibration itself
-is kept as a file.
+"""What a calibration came to, with the evidence that its report shows.
+
+Only the calibration itself is kept as a file.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Estimate: what sensors, filters and joint angles say, on the host's clock and in the world frame;
-derived, may be rebuilt.
+"""Estimate: what sensors, filters and joint angles say, on the host's clock, in the world.
+
+It is derived and may be rebuilt.
 """
 
 from __future__ import annotations

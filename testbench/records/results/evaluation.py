@@ -1,5 +1,6 @@
-"""Evaluation: errors against the truth, and the verdict; evaluation.json is documented in
-docs/session_format.md.
+"""Evaluation: errors against the truth, and the verdict.
+
+evaluation.json is documented in docs/session_format.md.
 """
 
 from __future__ import annotations
@@ -66,8 +67,7 @@ SEVERITY = [Outcome.PASS, Outcome.MARGINAL, Outcome.NOT_MEASURED, Outcome.FAIL]
 
 @dataclass(frozen=True)
 class JointRow:
-    """Errors of a flexion angle over one group of samples: one commanded pose, or one sweep;
-    degrees.
+    """Errors of a flexion angle over one commanded pose, or one sweep; degrees.
 
     Attributes:
         joint: Of the protocol.
@@ -456,8 +456,9 @@ def _as_written() -> TypeAdapter[Evaluation]:
 
 
 def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
-    """The outcome of a session as it was last evaluated, and the same in words; None where it was
-    not.
+    """The outcome of a session as it was last evaluated, and the same in words.
+
+    None where it was not.
 
     Raises:
         SessionError: What was written of it is damaged.

@@ -1,6 +1,4 @@
-"""Rows of an evaluation that sum up many poses, sweeps or samples, and those that compare
-filters.
-"""
+"""Rows of an evaluation that sum up many poses or samples, and that compare filters."""
 
 from __future__ import annotations
 
@@ -206,8 +204,9 @@ class RankRow:
 
 @dataclass(frozen=True)
 class GyroscopeBiasRow:
-    """What a calibrated gyroscope still reads at rest: the error of the estimated bias; deg/s, one
-    axis.
+    """What a calibrated gyroscope still reads at rest; deg/s, one axis.
+
+    It is the error of the estimated bias.
 
     Attributes:
         estimated_deg_s: Bias by the calibration.

@@ -1,5 +1,6 @@
-"""Fit: fitted parameters with their uncertainty; what every calibration and every study of
-parameters hands on.
+"""Fit: fitted parameters with their uncertainty.
+
+Every calibration and every study of parameters hands one on.
 """
 
 from __future__ import annotations
@@ -66,8 +67,9 @@ class Fit:
         )
 
     def half_width(self, level: float = 0.95) -> np.ndarray:
-        """Half of each parameter's confidence interval, shape (p,) (Student's t; JCGM 100:2008,
-        annex G).
+        """Half of each parameter's confidence interval, shape (p,).
+
+        By Student's t (JCGM 100:2008, annex G).
         """
         return np.asarray(stdtrit(self.dof, 0.5 + level / 2)) * self.sd
 

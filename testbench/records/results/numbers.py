@@ -24,8 +24,9 @@ def show_number(value: float) -> str:
 
 
 def decimals_by(sd: float | None) -> int | None:
-    """Decimals that show a value to the second significant digit of its standard uncertainty; None
-    where that is unknown, or too small to be written out.
+    """Decimals that show a value to the second significant digit of its standard uncertainty.
+
+    None where that is unknown, or too small to be written out.
     """
     if sd is None or not isfinite(sd) or sd <= 0:
         return None

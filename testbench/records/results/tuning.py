@@ -1,5 +1,6 @@
-"""Tuning: the parameters of a filter that suit some sessions best, with how they were found and
-what they were found on.
+"""Tuning: the parameters of a filter that suit some sessions best.
+
+With them stands how they were found and what they were found on.
 """
 
 from __future__ import annotations
@@ -47,9 +48,7 @@ class SessionTuning(StrictModel):
     )
 
     def is_recording_of(self, other: SessionTuning) -> bool:
-        """Whether both are the same recording, be it under another name or analysed in another
-        way.
-        """
+        """Whether both are the same recording, under whatever name and however analysed."""
         return self.fingerprint == other.fingerprint or bool(
             set(self.samples.values()) & set(other.samples.values())
         )

@@ -45,8 +45,9 @@ class EarlierSteps:
 
 
 def earlier_steps(session: Session) -> EarlierSteps | None:
-    """What another session has of this one's plan; None where it goes on from none, or its plan
-    cannot be read.
+    """What another session has of this one's plan.
+
+    None where it goes on from none, or its plan cannot be read.
     """
     resumes = session.manifest.resumes
     if resumes is None or resumes.steps is None:

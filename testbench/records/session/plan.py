@@ -93,8 +93,9 @@ class PlannedStep:
 
 
 def judged_steps(steps: list[PlannedStep]) -> list[PlannedStep]:
-    """Steps whose errors count: those of evaluation sections, or all but calibration where there is
-    none.
+    """Steps whose errors count.
+
+    They are those of evaluation sections, or all but calibration where there is none.
     """
     chosen = [step for step in steps if step.role == "evaluation"]
     return chosen or [step for step in steps if step.role != "calibration"] or steps
@@ -234,8 +235,9 @@ class Plan:
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 over protocol, robot, trajectory and steps: the same inputs give the same
-        hash.
+        """SHA-256 over protocol, robot, trajectory and steps.
+
+        The same inputs give the same hash.
         """
         digest = hashlib.sha256()
         for name, text in sorted(self.protocol.texts().items()):

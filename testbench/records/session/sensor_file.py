@@ -1,5 +1,6 @@
-"""What one sensor reported and what it went through, on disk: opened once, and read from as it is
-asked for.
+"""What one sensor reported and what it went through, on disk.
+
+It is opened once, and read from as it is asked for.
 """
 
 from __future__ import annotations
@@ -92,8 +93,9 @@ class TruthFile:
         return Truth.from_columns(read_parquet(self._path))
 
     def thinned(self) -> Truth:
-        """Evenly spread rows of a long one, for what looks at the whole of it: with rates or, where
-        it has none, orientations; a short one as it is.
+        """Evenly spread rows of a long one, for what looks at the whole of it.
+
+        They have rates or, where it has none, orientations; a short one is given as it is.
         """
         if not self.is_long:
             return self.read()

@@ -1,5 +1,6 @@
-"""Session: a recording on disk, and the door to read it; docs/session_format.md describes every
-file.
+"""Session: a recording on disk, and the door to read it.
+
+docs/session_format.md describes every file.
 """
 
 from __future__ import annotations
@@ -92,8 +93,9 @@ class Session:
 
     @property
     def recorded_at(self) -> datetime | None:
-        """When the samples were taken; None where nobody knows, as of an import whose files do not
-        say.
+        """When the samples were taken.
+
+        None where nobody knows, as of an import whose files do not say.
 
         Raises:
             SessionError: What the manifest has is no date.
@@ -142,15 +144,17 @@ class Session:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of the manifest, which holds the hashes of every raw file and what to compute
-        from them.
+        """SHA-256 of the manifest.
+
+        That holds the hashes of every raw file and what to compute from them.
         """
         return hashlib.sha256((self.path / MANIFEST).read_bytes()).hexdigest()
 
     @property
     def has_protocol(self) -> bool:
-        """Whether the bench ran it, step by step; of an imported recording at most the poses of the
-        arm are known.
+        """Whether the bench ran it, step by step.
+
+        Of an imported recording at most the poses of the arm are known.
         """
         return self.manifest.kind == "run"
 
@@ -211,8 +215,9 @@ class Session:
         return self.sensor(sensor).read(begin, end, every)
 
     def imu_batches(self, sensor: str, rows: int = ROWS_PER_GROUP) -> Iterator[ImuSamples]:
-        """Raw samples of a sensor in pieces of at most so many, for recordings that do not fit in
-        memory.
+        """Raw samples of a sensor in chunks of at most so many.
+
+        For recordings that do not fit in memory.
         """
         return self.sensor(sensor).batches(rows)
 
@@ -231,8 +236,7 @@ class Session:
         return self.sensor(sensor).count
 
     def near(self, instants: Instants) -> Session:
-        """The same session, of whose long truths and arm only those samples are read that lie
-        around the instants.
+        """The same session with only those rows of long truths and arm that lie around instants.
 
         What is interpolated at these instants is not changed by it, and the memory is bounded
         whatever the length. Truths that do not come from an arm are read whole: whether one of
@@ -277,8 +281,9 @@ class Session:
         return ArmSamples.from_columns(read_parquet(file), names)
 
     def arm_joint(self, joint: str) -> tuple[np.ndarray, np.ndarray] | None:
-        """When one joint of the arm was measured [ns], and its angles [rad], shape (n,) each; None
-        where there is none.
+        """When one joint of the arm was measured [ns], and its angles [rad], shape (n,) each.
+
+        None where there is no such joint.
         """
         file = self.path / table_file(ARM)
         if not file.is_file() or self.robot is None or joint not in self.robot.joint_names:
@@ -388,8 +393,9 @@ def step_events(steps: Iterable[PlannedStep]) -> list[Event]:
 
 
 def list_sessions(logs: Path) -> list[Session]:
-    """Sessions below a folder, oldest first; folders that are none, or that cannot be read, are
-    passed over.
+    """Sessions below a folder, oldest first.
+
+    Folders that are none, or that cannot be read, are passed over.
     """
     sessions = []
     for path in sorted(logs.glob(f"*/{MANIFEST}")):
@@ -399,8 +405,9 @@ def list_sessions(logs: Path) -> list[Session]:
 
 
 def damaged_sessions(logs: Path) -> dict[str, str]:
-    """Folders below a folder that have a manifest and are no readable session: by their names, what
-    is wrong with them.
+    """Folders below a folder that have a manifest and are no readable session.
+
+    By their names, what is wrong with them.
     """
     damaged = {}
     for path in sorted(logs.glob(f"*/{MANIFEST}")):

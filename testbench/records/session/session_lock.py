@@ -1,5 +1,6 @@
-"""One process at a time works on what is derived from a session: estimate, evaluation, report and
-exports that lie together are of one another.
+"""One process at a time works on what is derived from a session.
+
+Estimate, evaluation, report and exports that lie together are of one another.
 """
 
 from __future__ import annotations
@@ -75,9 +76,7 @@ def session_lock(folder: Path, wait_s: float | None = None) -> Iterator[None]:
 def session_locked(
     function: Callable[Concatenate[Session, Parameters], Returned],
 ) -> Callable[Concatenate[Session, Parameters], Returned]:
-    """Let a function that works on a session have it to itself, from what it reads to what it
-    writes.
-    """
+    """Let a function have a session to itself, from what it reads to what it writes."""
 
     @wraps(function)
     def locked(session: Session, *args: Parameters.args, **options: Parameters.kwargs) -> Returned:

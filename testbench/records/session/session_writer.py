@@ -1,5 +1,6 @@
-"""Write a session: journals while it runs, Parquet once it is closed, a manifest that says how it
-went.
+"""Write a session.
+
+It is journals while it runs, Parquet once it is closed, and a manifest that says how it went.
 """
 
 from __future__ import annotations
@@ -128,14 +129,21 @@ class SessionWriter:
     def add_table(
         self, name: str, columns: Columns, notes: Mapping[str, str] | None = None
     ) -> None:
-        """Write a whole table at once, as `<name>.parquet`."""
+        """Write a whole table at once, as `<name>.parquet`.
+
+        Args:
+            name: Of the table.
+            columns: By name, each of shape (n,).
+            notes: What the table is, by key; kept in the schema's metadata.
+        """
         write_parquet(self.path / table_file(name), columns, notes)
 
     def open_journal(
         self, name: str, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None
     ) -> None:
-        """Begin a stream that becomes `<name>.parquet` when the session is closed, or go on with
-        one that became it.
+        """Begin a stream that becomes `<name>.parquet` when the session is closed.
+
+        Or go on with one that became it.
         """
         table = self.path / table_file(name)
         if table.is_file():
@@ -151,6 +159,10 @@ class SessionWriter:
 
     def append(self, name: str, columns: Columns) -> None:
         """Append samples to a stream.
+
+        Args:
+            name: Of the stream.
+            columns: By name, each of shape (n,).
 
         Raises:
             StorageError: They cannot be written; so do `event`, `flush`, `sync` and `close`.
@@ -194,8 +206,9 @@ class SessionWriter:
             self._write_manifest()
 
     def abandon(self) -> None:
-        """Let go of every file as it is; the session stays unfinished, and can be recovered once
-        there is room.
+        """Let go of every file as it is.
+
+        The session stays unfinished, and can be recovered once there is room.
         """
         for journal in self._journals.values():
             journal.abandon()
@@ -210,8 +223,9 @@ class SessionWriter:
             raise StorageError(f"{self.path} cannot be written: {disk_reason(error)}") from None
 
     def discard(self) -> None:
-        """Undo: remove the folder with all that was written; for imports, whose source still
-        exists.
+        """Undo: remove the folder with all that was written.
+
+        For imports, whose source still exists.
         """
         for journal in self._journals.values():
             journal.close()
@@ -230,8 +244,9 @@ class SessionWriter:
 
 
 def note_end(session: Session, event: Event) -> None:
-    """Append the last event of a session that was cut off, once: its recovery may have been cut off
-    after it had said so.
+    """Append the last event of a session that was cut off, once.
+
+    Its recovery may have been cut off after it had said so.
     """
     if session.events[-1:] != [event]:
         with _appended(session.path / EVENTS) as events:

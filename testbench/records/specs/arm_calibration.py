@@ -1,5 +1,6 @@
-"""An arm's own kinematics: the corrections of its DH parameters, which its maker measured and its
-controller keeps.
+"""An arm's own kinematics: the corrections of its DH parameters.
+
+Its maker measured them and its controller keeps them.
 """
 
 from __future__ import annotations

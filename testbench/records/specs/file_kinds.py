@@ -1,5 +1,6 @@
-"""What a YAML or JSON file is by its keys, so that one given in the place of another is called by
-its name.
+"""What a YAML or JSON file is, by its keys.
+
+So one given in the place of another is called by its name.
 """
 
 from __future__ import annotations
@@ -79,8 +80,9 @@ def kind_of(data: dict[str, Any]) -> FileKind | None:
 def why_no_protocol(
     data: dict[str, Any], needed: Collection[str], known: Collection[str]
 ) -> str | None:
-    """A sentence that says that a file is no protocol and what it looks like; None where it may be
-    meant as one.
+    """A sentence that says that a file is no protocol and what it looks like.
+
+    None where it may be meant as one.
 
     Args:
         data: Its content.

@@ -1,5 +1,6 @@
-"""Protocol: what a person wants the bench to do, as a YAML file; docs/protocol_reference.md
-explains every key.
+"""Protocol: what a person wants the bench to do, as a YAML file.
+
+docs/protocol_reference.md explains every key.
 """
 
 from __future__ import annotations
@@ -410,8 +411,9 @@ class ProtocolSpec(StrictModel):
 
 @dataclass
 class Protocol:
-    """A protocol with the file it was read from, the protocols it includes, and the texts of its
-    sensor presets, by name.
+    """A protocol with the file it was read from.
+
+    With it come the protocols it includes, and the texts of its sensor presets, by name.
     """
 
     document: YamlDocument[ProtocolSpec]

@@ -1,6 +1,4 @@
-"""The part of a protocol that concerns a real arm: its tool, its speed, and the guards that watch a
-run.
-"""
+"""The part of a protocol that concerns a real arm: tool, speed, and guards of a run."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""The part of a protocol that asks for the joints of the whole chain, estimated from the sensors on
-its links.
+"""The part of a protocol that asks for the joints of the whole chain.
+
+They are estimated from the sensors on its links.
 """
 
 from __future__ import annotations

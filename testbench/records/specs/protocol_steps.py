@@ -1,6 +1,4 @@
-"""The part of a protocol that moves the arm: sections, steps, sweeps, and the variables they are
-computed from.
-"""
+"""The part of a protocol that moves the arm: sections, steps, sweeps and variables."""
 
 from __future__ import annotations
 

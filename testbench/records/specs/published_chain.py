@@ -1,5 +1,6 @@
-"""Published results of a filter over a kinematic chain; tables of joints, where `published` has
-tables of flexions.
+"""Published results of a filter over a kinematic chain.
+
+Tables of joints, where `published` has tables of flexions.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
-"""Robot: what the bench knows of an arm beside its URDF: limits with their reasons, mounting,
-servo, noise of its encoders. Of a bare URDF, what it does not say is filled in, and told.
+"""Robot: what the bench knows of an arm beside its URDF.
+
+That is limits with their reasons, mounting, servo, noise of its encoders. Of a bare URDF, what it
+does not say is filled in, and told.
 """
 
 from __future__ import annotations
@@ -205,8 +207,9 @@ class RobotSpec(StrictModel):
 
 
 class Robot:
-    """An arm the bench can plan for: its specification, where its URDF lies, and its limits in
-    radians.
+    """An arm the bench can plan for.
+
+    It is its specification, where its URDF lies, and its limits in radians.
 
     Args:
         spec: The content of robot.yaml.
@@ -254,8 +257,8 @@ class Robot:
 
     @property
     def joint_angle_uncertainty(self) -> np.ndarray:
-        """Standard uncertainty of each joint's angle by the calibration of the kinematics, shape
-        (n,), [rad].
+        """Standard uncertainty of each joint's angle by the kinematic calibration, shape (n,)
+        [rad].
         """
         return np.radians(
             np.broadcast_to(

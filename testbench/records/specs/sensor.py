@@ -1,5 +1,6 @@
-"""Sensors: inertial measurement units in the words and units of their data sheets, and the presets
-that ship.
+"""Sensors: inertial measurement units in the words and units of their data sheets.
+
+With them come the presets that ship.
 """
 
 from __future__ import annotations

@@ -9,9 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def shipped_folder(name: str) -> Path:
-    """The folder `name` ("protocols" or "robots") of the source tree, or its copy inside the
-    installed package.
-    """
+    """The folder `name` ("protocols" or "robots") of the source tree, or its installed copy."""
     source = PACKAGE.parent / name
     return source if (PACKAGE.parent / "pyproject.toml").is_file() else PACKAGE / "shipped" / name
 

@@ -1,5 +1,6 @@
-"""Building blocks of every record that a person writes: nothing unknown, nothing coerced, nothing
-infinite.
+"""Building blocks of every record that a person writes.
+
+Nothing is unknown, nothing coerced, nothing infinite.
 """
 
 from __future__ import annotations
