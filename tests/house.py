@@ -23,7 +23,7 @@ MOST_LINES = 50
 MOST_COMPLEX = 10
 SECTIONS = ("Args", "Attributes", "Raises")
 HEADINGS = (*SECTIONS, "Returns", "Yields", "Note", "Notes", "Example", "Examples", "References")
-ARRAYS = {"ndarray", "NDArray", "ArrayLike"}
+ARRAYS = {"ndarray", "NDArray", "ArrayLike", "Array", "Columns"}
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 Bases = dict[str, ast.ClassDef]

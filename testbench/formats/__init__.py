@@ -1,6 +1,4 @@
-"""Foreign files: each importer turns a recording into a session that every later stage treats like
-any other.
-"""
+"""Foreign files: each importer turns a recording into a session like any other."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""When a recording was made, by what its files say: a header, a stamp, or the name that a vendor's
-software gave.
+"""When a recording was made, by what its files say.
+
+That is a header, a stamp, or the name that a vendor's software gave.
 
 A date that could be read in two ways (3/4/2023) is not read at all.
 """
@@ -105,9 +106,7 @@ def _offset(zone: re.Match[str]) -> timedelta:
 
 
 def recorded(text: str | None, source: str) -> Recorded | None:
-    """The date that a text states, None where it states none. `source`: Where it stands, a
-    phrase.
-    """
+    """The date that a text states, None where it states none; `source` says where it stands."""
     found = read_date(text) if text else None
     if found is None:
         return None
@@ -116,9 +115,7 @@ def recorded(text: str | None, source: str) -> Recorded | None:
 
 
 def recorded_in_name(file: Path) -> Recorded | None:
-    """The date and time in the name of a file, or of the two folders around it, as vendors'
-    software writes them.
-    """
+    """The date and time in the name of a file, or of the two folders around it."""
     file = file.absolute()
     for name, what in (
         (file.stem, "the file's name"),

@@ -1,5 +1,6 @@
-"""The mapping of a file to a session, as a person writes it: which column is what; docs/formats.md
-explains it.
+"""The mapping of a file to a session, as a person writes it: which column is what.
+
+docs/formats.md explains it.
 """
 
 from __future__ import annotations

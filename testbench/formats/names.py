@@ -10,8 +10,9 @@ _STAMP = re.compile(r"[_-]\d{8}[_-]\d{6}([_-]\d{1,6})?$")
 
 
 def sensor_name(text: str) -> str:
-    """A name that can stand in a file name, an expression and a metric: a letter, then letters,
-    digits and _.
+    """A name that can stand in a file name, an expression and a metric.
+
+    It is a letter, then letters, digits and _.
 
     Whatever else a file says, such as a path, spaces or a dot, becomes _; what then does not begin
     with a letter is put behind `imu_`.
@@ -23,7 +24,8 @@ def sensor_name(text: str) -> str:
 
 
 def stem_without_stamp(stem: str) -> str:
-    """The stem of a file without the date and time that vendors' apps append:
+    """The stem of a file without the date and time that vendors' apps append.
+
     Pelvis_20210820_202113_836 is Pelvis.
     """
     return _STAMP.sub("", stem) or stem

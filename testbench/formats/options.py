@@ -44,8 +44,9 @@ class Options:
             )
 
     def unit(self, quantity: str, stated: str | None) -> Unit | None:
-        """The unit of a quantity: as the person says, else as the file or its format states, else
-        None.
+        """The unit of a quantity.
+
+        It is as the person says, else as the file or its format states, else None.
 
         Args:
             quantity: "acc", "gyr" or "mag".

@@ -1,5 +1,6 @@
-"""Whether the numbers can be what their units say: gravity at rest, and turning as the
-accelerometer sees it.
+"""Whether the numbers can be what their units say.
+
+Gravity at rest tells it, and rotation as the accelerometer sees it.
 
 At rest an accelerometer reads 9.81 m/s^2, and nothing else: that tells g, mg and m/s^2 apart. While
 a sensor turns, the specific force turns in its frame as da/dt = -omega x a, whatever the unit of a;
@@ -103,8 +104,9 @@ def _rest_norms(acc: np.ndarray, rate: float) -> np.ndarray:
 
 
 def _turning(chunk: ImuSamples, rate: float) -> np.ndarray:
-    """X x, x y, y y and the number of rows, for y = step of acc and x = -omega x acc dt, to be
-    regressed through the origin.
+    """X x, x y, y y and the number of rows of a regression through the origin.
+
+    In it y is the step of acc and x is -omega x acc dt.
     """
     size = max(round(TURN_BLOCK_S * rate), 1)
     count = len(chunk) // size

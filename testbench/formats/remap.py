@@ -1,5 +1,6 @@
-"""Another sensor frame for a recording that was read: its samples, the vendor's orientation and the
-truth turn with it.
+"""Another sensor frame for a recording that was read.
+
+Its samples, the vendor's orientation and the truth turn with it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""What is worth computing from an imported recording: filters that its sensors feed, alignment that
-its truth allows.
+"""What is worth computing from an imported recording.
+
+That is filters that its sensors feed, and alignment that its truth allows.
 """
 
 from __future__ import annotations

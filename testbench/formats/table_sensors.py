@@ -1,5 +1,6 @@
-"""Sensors out of a table whose columns were recognised: units stated or decided, time by stamps, a
-counter or a rate.
+"""Sensors out of a table whose columns were recognised.
+
+Units are stated or decided; time comes by stamps, a counter or a rate.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Units of foreign files and their factors to the units of a session (m/s^2, rad/s, uT,
-seconds).
-"""
+"""Units of foreign files and their factors to those of a session (m/s^2, rad/s, uT, s)."""
 
 from __future__ import annotations
 
@@ -78,8 +76,9 @@ def find_unit(quantity: str, name: str) -> Unit:
 
 
 def known_unit(quantity: str, name: str) -> Unit | None:
-    """A unit by the name or a usual spelling of it, or None; G (gauss) and g (gravity) differ by
-    the quantity.
+    """A unit by the name or a usual spelling of it, or None.
+
+    G (gauss) and g (gravity) differ by the quantity.
     """
     factors, plain = _FACTORS[quantity], name.strip()
     if plain in factors:

@@ -171,8 +171,9 @@ def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
 
 
 def _nonnegative(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The x without negative parts that makes |A x - b| least, shapes (n, k) and (n,) to (k,)
-    (Lawson & Hanson, Solving Least Squares Problems, 1974, section 23.3).
+    """The x without negative parts that makes |A x - b| least, shapes (n, k) and (n,) to (k,).
+
+    Lawson & Hanson, Solving Least Squares Problems, 1974, section 23.3.
 
     `scipy.optimize.nnls` does the same, in a package that takes a quarter of a second to load.
     """

@@ -141,8 +141,9 @@ class Kinematics:
 
     @cached_property
     def _places(self) -> list[tuple[int, int, bool]]:
-        """Of each joint its column, where Pinocchio's configuration vector has it, and whether it
-        stands there as cosine and sine: a joint without limits does.
+        """Of each joint its column, its place in Pinocchio's vector, and whether it is two numbers.
+
+        A joint without limits stands there as cosine and sine.
         """
         joints = [
             (column, self.model.joints[self.model.getJointId(name)])
@@ -226,8 +227,9 @@ class Kinematics:
 
     @lru_cache(maxsize=64)  # noqa: B019 - a Kinematics lives as long as the run
     def _chains(self, links: tuple[str, ...]) -> list[tuple[tuple[Any, ...], list[int]]]:
-        """The chains that carry some links, longest first, as `link_poses` takes them, and the
-        places of the links on each: those whose joints are the first ones of it.
+        """The chains that carry some links, longest first, as `link_poses` takes them.
+
+        With each come the places of the links on it: those whose joints are the first ones of it.
         """
         for link in links:
             self.check_link(link)

@@ -128,8 +128,9 @@ def rotate(q_target_from_source: np.ndarray, x_source: np.ndarray) -> np.ndarray
 
 @njit(cache=True)
 def _rotated(q: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Row by row, shapes (n, 4) and (n, 3), where either may be a single row for all: x + w t + v
-    cross t with t = 2 v cross x.
+    """Row by row, shapes (n, 4) and (n, 3), where either may be a single row for all.
+
+    x + w t + v cross t with t = 2 v cross x.
     """
     n = max(len(q), len(x)) if len(q) and len(x) else 0
     result = np.empty((n, 3))
@@ -373,8 +374,9 @@ def from_euler(sequence: str, angles: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _from_euler(axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Row by row, shape (n, 3) to (n, 4): q = q(axis 1) q(axis 2) q(axis 3), each axis fixed to the
-    body that the turns before it have moved.
+    """Row by row, shape (n, 3) to (n, 4): q = q(axis 1) q(axis 2) q(axis 3).
+
+    Each axis is fixed to the body that the rotations before it have moved.
     """
     q = np.empty((len(angles), 4))
     turn = np.empty(3)
@@ -411,8 +413,10 @@ def to_euler(sequence: str, q: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _euler_angles(axes: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Row by row, shape (n, 4) to (n, 3): Bernardes & Viollet, PLoS ONE 17 (2022) e0276302,
-    algorithm 1; their angles belong to turns about fixed axes, which come in the opposite order.
+    """Row by row, shape (n, 4) to (n, 3).
+
+    Bernardes & Viollet, PLoS ONE 17 (2022) e0276302, algorithm 1; their angles belong to rotations
+    about fixed axes, which come in the opposite order.
     """
     k, j, i = axes
     symmetric = i == k

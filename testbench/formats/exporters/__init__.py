@@ -1,5 +1,6 @@
-"""Exporters: a session and what was estimated from it, in the formats that other programs read;
-docs/exports.md.
+"""Exporters: a session and its estimates in the formats that other programs read.
+
+docs/exports.md describes each.
 """
 
 from __future__ import annotations

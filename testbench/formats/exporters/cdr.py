@@ -1,5 +1,6 @@
-"""CDR, the wire format of ROS 2 messages (OMG DDS-XTypes 1.3, 7.4.1: plain CDR, little endian),
-many messages at once.
+"""CDR, the wire format of ROS 2 messages, many messages at once.
+
+OMG DDS-XTypes 1.3, 7.4.1: plain CDR, little endian.
 
 Strings and lengths of arrays stay the same from message to message of a channel, and so does the
 place of every number: a layout is one template of bytes and the places of the numbers in it, which
@@ -17,8 +18,9 @@ HEADER = b"\x00\x01\x00\x00"
 
 
 class CdrLayout:
-    """The bytes of a message whose strings and array lengths are known, fields in the order of its
-    definition.
+    """The bytes of a message whose strings and array lengths are known.
+
+    Fields are in the order of its definition.
     """
 
     def __init__(self) -> None:

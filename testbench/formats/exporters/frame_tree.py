@@ -1,5 +1,6 @@
-"""The tree of frames of a session over time: links by the arm's kinematics, sensors by their
-mounting and by the filter.
+"""The tree of frames of a session over time.
+
+Links stand by the arm's kinematics, sensors by their mounting and by the filter.
 """
 
 from __future__ import annotations

@@ -58,8 +58,9 @@ def write(source: ExportSource, path: Path) -> list[str]:
 
 
 def arm_matrices(table: Table, joints: list[str]) -> Table:
-    """The arm's columns with a matrix for each quantity, one column a joint in the robot's
-    order.
+    """The arm's columns with a matrix for each quantity, one column a joint.
+
+    Joints are in the robot's order.
     """
     result = {name: values for name, values in table.items() if name.endswith(("time_s", "_ns"))}
     for prefix, suffix in (("q_sent", "_rad"), ("q_measured", "_rad"), ("v_measured", "_rad_s")):

@@ -1,5 +1,6 @@
-"""MCAP with ROS 2 messages: IMUs, magnetic fields, joint states and frames, stamped with the date
-of the session.
+"""MCAP with ROS 2 messages, stamped with the date of the session.
+
+It holds IMUs, magnetic fields, joint states and frames.
 """
 
 from __future__ import annotations

@@ -50,8 +50,9 @@ def write(source: ExportSource, path: Path) -> list[str]:
 
 
 def _series(source: ExportSource) -> dict[str, tuple[np.ndarray, dict[str, np.ndarray]]]:
-    """Instants [ns] and continuous angles [rad] by column, for each joint and for the arm; all
-    finite.
+    """Instants [ns] and continuous angles [rad] by column, for each joint and for the arm.
+
+    All are finite.
     """
     result: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
     for joint in source.joint_names():

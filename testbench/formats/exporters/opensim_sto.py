@@ -57,8 +57,9 @@ def write(source: ExportSource, path: Path) -> list[str]:
 
 
 def column_names(source: ExportSource) -> list[str]:
-    """<segment>_imu for each sensor, or <sensor>_imu where a segment is not named or carries
-    several sensors.
+    """<segment>_imu for each sensor.
+
+    It is <sensor>_imu where a segment is not named or carries several sensors.
     """
     placed = source.session.analysis.sensors
     segments = {}

@@ -1,6 +1,4 @@
-"""The text files of OpenSim: a header of keys, then columns of numbers separated by tabs, time
-first.
-"""
+"""The text files of OpenSim: a header of keys, then columns of numbers, time first."""
 
 from __future__ import annotations
 

@@ -63,8 +63,9 @@ SCHEMAS = {
 
 
 def imu_layout(frame: str) -> CdrLayout:
-    """sensor_msgs/msg/Imu: slots q_xyzw, q_covariance (9), rate, force. Covariances of zeros are
-    unknown, by its definition.
+    """sensor_msgs/msg/Imu: slots q_xyzw, q_covariance (9), rate, force.
+
+    Covariances of zeros are unknown, by its definition.
     """
     layout = _header(CdrLayout(), frame).slot("q_xyzw", "<f8", 4).slot("q_covariance", "<f8", 9)
     layout.slot("rate", "<f8", 3).constant("<f8", [0.0] * 9)
@@ -72,8 +73,9 @@ def imu_layout(frame: str) -> CdrLayout:
 
 
 def magnetic_field_layout(frame: str) -> CdrLayout:
-    """sensor_msgs/msg/MagneticField: slot field [T]. A covariance of zeros is unknown, by its
-    definition.
+    """sensor_msgs/msg/MagneticField: slot field [T].
+
+    A covariance of zeros is unknown, by its definition.
     """
     return _header(CdrLayout(), frame).slot("field", "<f8", 3).constant("<f8", [0.0] * 9)
 
@@ -89,8 +91,9 @@ def joint_state_layout(frame: str, joints: list[str]) -> CdrLayout:
 
 
 def transforms_layout(frames: list[tuple[str, str]]) -> CdrLayout:
-    """tf2_msgs/msg/TFMessage of these (parent, child) frames: slots sec_i, nanosec_i,
-    translation_i, q_xyzw_i.
+    """tf2_msgs/msg/TFMessage of these (parent, child) frames.
+
+    Slots are sec_i, nanosec_i, translation_i and q_xyzw_i.
     """
     layout = CdrLayout().constant("<u4", [len(frames)])
     for i, (parent, child) in enumerate(frames):

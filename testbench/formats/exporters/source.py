@@ -1,6 +1,4 @@
-"""What an exporter draws from: a session, its estimate, and the filter and frame that were asked
-for.
-"""
+"""What an exporter draws from: a session, its estimate, and the filter and frame asked for."""
 
 from __future__ import annotations
 
@@ -75,9 +73,7 @@ class ExportSource:
 
     @cached_property
     def filters(self) -> list[str]:
-        """Filters whose estimates an export of all of them holds: the wanted one, or every one that
-        ran for any sensor.
-        """
+        """Filters of an export that holds several: the wanted one, or every one that ran."""
         if self.wanted is not None:
             return [self.filter]
         return list(
@@ -88,8 +84,9 @@ class ExportSource:
 
     @cached_property
     def filter(self) -> str:
-        """The filter of exports that hold one: the wanted one, else the first of the protocol's
-        that ran for every sensor.
+        """The filter of an export that holds one.
+
+        It is the wanted one, else the first of the protocol's that ran for every sensor.
 
         Raises:
             InputError: It could not run for a sensor, or none ran.
@@ -126,8 +123,7 @@ class ExportSource:
             )
 
     def orientation(self, sensor: str) -> tuple[np.ndarray, np.ndarray]:
-        """Orientation of a sensor by the chosen filter where it is known, at strictly increasing
-        instants.
+        """Orientation of a sensor by the chosen filter, at strictly increasing instants.
 
         Returns:
             Host times, shape (n,), int64 [ns], and q_world_from_sensor, shape (n, 4).

@@ -1,5 +1,6 @@
-"""Flat tables of a session on the common host time: raw samples with the estimates and the truth
-beside them.
+"""Flat tables of a session on the common host time.
+
+Raw samples stand there with the estimates and the truth beside them.
 """
 
 from __future__ import annotations
@@ -61,8 +62,9 @@ def timed(host_time_ns: np.ndarray) -> Table:
 
 
 def sensor_table(source: ExportSource, name: str) -> Table:
-    """Raw samples of a sensor at the instants they were taken, the filters' orientations, and the
-    true one.
+    """Raw samples of a sensor at the instants they were taken, and its orientations.
+
+    They are those of the filters, and the true one.
     """
     samples, estimated = source.imus[name], source.estimate.sensors[name]
     raw = samples.to_columns()
@@ -80,8 +82,9 @@ def sensor_table(source: ExportSource, name: str) -> Table:
 
 
 def joint_table(source: ExportSource, name: str) -> Table:
-    """Euler angles and flexion of a joint by every filter and by the truth, at the proximal
-    sensor's instants.
+    """Angles and flexion of a joint by every filter and by the truth.
+
+    They are at the proximal sensor's instants.
     """
     estimated, definitions = source.estimate.joints[name], source.definitions(name)
     result = timed(estimated.host_time_ns)
@@ -119,8 +122,9 @@ AXIS = re.compile(r"(?P<before>.+)_(?P<part>[wxyz])(?P<after>(?:_.+)?)")
 
 
 def grouped(table: Table) -> Table:
-    """The table with columns that are the parts of one vector or quaternion side by side:
-    gyr_x_rad_s, ... to gyr_rad_s.
+    """The table with the parts of one vector or quaternion side by side.
+
+    So gyr_x_rad_s, ... become gyr_rad_s.
     """
     groups: dict[str, list[np.ndarray]] = {}
     for column, values in table.items():

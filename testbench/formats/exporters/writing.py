@@ -70,8 +70,9 @@ def _spare_the_recording(path: Path, session: Session) -> None:
 
 @contextmanager
 def written_whole(path: Path, is_folder: bool) -> Iterator[Path]:
-    """A place to write to, beside `path`, that takes its name when everything went well and else is
-    removed.
+    """A place to write to, beside `path`, that takes its name when everything went well.
+
+    Else it is removed.
 
     Raises:
         InputError: The place cannot be written to.

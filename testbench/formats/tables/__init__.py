@@ -1,3 +1,1 @@
-"""Tables of samples: text, Parquet and MATLAB files read in pieces, and how their columns become
-samples.
-"""
+"""Tables of samples: text, Parquet and MATLAB files, read in chunks."""

@@ -1,5 +1,6 @@
-"""The bytes of a text file from a given line on, checked as they pass: encoding, zero bytes,
-runaway lines.
+"""The bytes of a text file from a given line on, checked as they pass.
+
+Wrong encoding, zero bytes and runaway lines are found.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Reading .mat files that nobody vouches for: sizes are checked against the file's before anything
-is allocated.
+"""Reading .mat files that nobody vouches for.
+
+Sizes are checked against the file's before anything is allocated.
 """
 
 from __future__ import annotations

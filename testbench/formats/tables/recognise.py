@@ -1,5 +1,6 @@
-"""Columns by the usual spellings of their titles, for formats whose exact titles vary from version
-to version.
+"""Columns by the usual spellings of their titles.
+
+It is for formats whose exact titles vary from version to version.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ class Found:
 
 
 def find_sensors(names: Sequence[str]) -> dict[str, Found]:
-    """Sensors among the columns of a table, by what stands before the quantity in their titles (""
-    for one sensor alone).
+    """Sensors among the columns of a table, by what stands before the quantity in their titles.
+
+    It is "" for one sensor alone.
 
     `IMU2 Acc X (g)` is the x axis of the accelerometer of a sensor `IMU2`; a quantity counts only
     if all its axes are there.

@@ -161,7 +161,16 @@ def _assemble(time: np.ndarray, origin: int, counter: np.ndarray, q: Quantities)
 
 
 def stack(columns: Columns, names: list[str], factor: float = 1.0) -> np.ndarray:
-    """Columns side by side times a factor, shape (n, k)."""
+    """Columns side by side times a factor.
+
+    Args:
+        columns: By name, each of shape (n,).
+        names: Those wanted, k of them.
+        factor: Of every number.
+
+    Returns:
+        Shape (n, k).
+    """
     result = np.column_stack([columns[name] for name in names])
     return result if factor == 1.0 else result * factor
 

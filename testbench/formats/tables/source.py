@@ -1,5 +1,6 @@
-"""Where samples come from: a table with named columns that is handed over in chunks and knows where
-each row stands.
+"""Where samples come from: a table with named columns, handed over in chunks.
+
+It knows where each row stands.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""Tables of numbers in text files: fast where all is well, and exact about the line where it is
-not.
+"""Tables of numbers in text files: fast where all is well, exact about the line where not.
 
 pyarrow reads the columns in blocks; when it refuses one, the rows are read once more, slowly, to
 say which line is at fault and why.
@@ -94,8 +93,9 @@ class TextTable:
         self._fit_width()
 
     def _fit_width(self) -> None:
-        """Let the columns be as many as the first row has, where they differ only by separators at
-        the end of a line.
+        """Let the columns be as many as the first row has.
+
+        That is done where they differ only by separators at the end of a line.
         """
         self._width = len(self.names)
         with self._stream() as stream:
@@ -249,9 +249,7 @@ class TextTable:
 
 
 def decimal_of(row: str, separator: str) -> str:
-    """A comma where a row holds numbers such as 9,81 between other separators than commas, else a
-    point.
-    """
+    """A comma where a row holds numbers such as 9,81 between other separators, else a point."""
     if separator == ",":
         return "."
     fields = split_line(row, separator)

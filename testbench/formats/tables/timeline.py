@@ -1,5 +1,6 @@
-"""From what a file says of time to nanoseconds: counters that wrap, seconds and their parts, a time
-of day, or only a rate.
+"""From what a file says of time to nanoseconds.
+
+It is counters that wrap, seconds and their parts, a time of day, or only a rate.
 
 Every class keeps its place from chunk to chunk, so that pieces give the same times as the whole.
 """
@@ -52,8 +53,9 @@ class Unwrapper:
 
 
 class CounterUnwrapper:
-    """A sample counter whose width the file does not tell: 8, 16 or 32 bits, whichever makes a step
-    back a small step on.
+    """A sample counter whose width the file does not tell: 8, 16 or 32 bits.
+
+    It is whichever makes a step back a small step on.
     """
 
     def __init__(self) -> None:
@@ -218,8 +220,9 @@ class SpreadTime(Timeline):
 
 
 def _best_origin(stamps: np.ndarray, spread: np.ndarray) -> float:
-    """Time of the first sample [s]: within the first steady stretch, every sample lies in the
-    second that its stamp says.
+    """Time of the first sample [s].
+
+    Within the first steady stretch, every sample lies in the second that its stamp says.
     """
     late = stamps - spread
     steady = np.abs(late - late[0]) < 1.0

@@ -1,5 +1,6 @@
-"""Truth from a file beside the recording: a robot's joint log, its commanded poses, or orientations
-of a reference system.
+"""Truth from a file beside the recording.
+
+It is a robot's joint log, its commanded poses, or orientations of a reference system.
 """
 
 from __future__ import annotations

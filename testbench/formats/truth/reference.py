@@ -1,5 +1,6 @@
-"""Orientations of a reference system, made fit to be compared with: unit length, one sign, gaps
-that show.
+"""Orientations of a reference system, made fit to be compared with.
+
+They get unit length, one sign, and gaps that show.
 """
 
 from __future__ import annotations
@@ -76,9 +77,7 @@ def _with_gaps(
 
 
 def collect(chunks: Iterable[ImuSamples]) -> tuple[np.ndarray, np.ndarray]:
-    """Host times [ns] and orientations, shapes (n,) and (n, 4), of samples that hold nothing
-    else.
-    """
+    """Host times [ns] and orientations, shapes (n,) and (n, 4), of samples with nothing else."""
     times, orientations = [], []
     for chunk in chunks:
         assert chunk.device_q is not None

@@ -1,5 +1,6 @@
-"""A robot's own log as truth: joint angles over time, or a list of commanded poses that are each
-held for a while.
+"""A robot's own log as truth.
+
+It holds joint angles over time, or commanded poses that are each held for a while.
 
 A log with times gives orientation, angular rate and specific force at every row, by forward
 kinematics. A list of poses without times, as RoboDK scripts write it, gives the orientation during
@@ -131,8 +132,9 @@ def read_robot_log(
 
 
 def _lists(file: Path, joints: int, notes: list[str]) -> np.ndarray | None:
-    """Joint angles of lines such as `[0, -90, -90, 0, 90, 0]`, as a script prints them, or None
-    where the file has no such lines.
+    """Joint angles of lines such as `[0, -90, -90, 0, 90, 0]`, as a script prints them.
+
+    None where the file has no such lines.
     """
     first = next((line for line in head_of(file) if line.strip()), "")
     if not first.lstrip().startswith(("[", "(")):

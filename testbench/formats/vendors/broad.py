@@ -1,5 +1,6 @@
-"""BROAD: the Berlin Robust Orientation Estimation Assessment Dataset (Laidig et al., Data 6(7):72,
-2021).
+"""BROAD: the Berlin Robust Orientation Estimation Assessment Dataset.
+
+Laidig et al., Data 6(7):72, 2021.
 
 A trial holds one IMU, an optical reference in the same frames and on the same clock, and marks the
 movement phases whose errors count.

@@ -1,5 +1,6 @@
-"""imu_tk: a pair of text files, accelerometer and gyroscope, each with the columns time [s], x, y,
-z.
+"""imu_tk: a pair of text files, each with the columns time [s], x, y, z.
+
+One is of the accelerometer, one of the gyroscope.
 
 The example of imu_tk (Pretto and Grisetti) holds raw counts of an Xsens MTi, unsigned 16 bit around
 32768. A session holds SI units, so raw counts are scaled by nominal factors, which stand in the

@@ -1,5 +1,6 @@
-"""MATRIX (ICM-40607): CSV with dateTime, acc_x..z [g], gyr_x..z [deg/s] and temperatures; 100 Hz,
-stamps of whole seconds.
+"""MATRIX (ICM-40607): CSV at 100 Hz, with stamps of whole seconds.
+
+Its columns are dateTime, acc_x..z [g], gyr_x..z [deg/s] and temperatures.
 
 Source: Castellanos Alonso, Universidad de Oviedo, 2023.
 """

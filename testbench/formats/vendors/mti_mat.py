@@ -1,5 +1,6 @@
-"""MATLAB files with the arrays of an inertial sensor by their usual names, as scripts around Xsens
-MTi and others save them.
+"""MATLAB files with the arrays of an inertial sensor by their usual names.
+
+Scripts around Xsens MTi and others save them.
 
 An array of n samples has the shape (n, 3), or (3, n). Several sensors are structs, each with its
 own arrays. The file states no units: gravity at rest and the turns tell them, or a person does.

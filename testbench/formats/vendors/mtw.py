@@ -1,5 +1,6 @@
-"""Xsens MTw and MTi: text files exported by MT Manager: `//` lines, titles, columns apart by tabs
-(or commas).
+"""Xsens MTw and MTi: text files exported by MT Manager.
+
+They have `//` lines, titles, and columns apart by tabs (or commas).
 
 Source: MTw Awinda user manual, table of the ASCII export; MTi documentation. Acceleration m/s^2,
 angular rate rad/s, magnetic field in arbitrary units; PacketCounter wraps at 65535; SampleTimeFine
@@ -106,8 +107,9 @@ def read(files: list[Path], options: Options) -> Recording:
 
 
 def _name(table: TextTable, header: dict[str, str]) -> str:
-    """Device number from the header or the end of the file's name (MT_0120000B-000_00B432CC), else
-    the whole name.
+    """Device number from the header or the end of the file's name, else the whole name.
+
+    It is 00B432CC of MT_0120000B-000_00B432CC.
     """
     found = re.search(r"_([0-9A-F]{8})$", table.file.stem, re.IGNORECASE)
     return header.get("DeviceId") or (found.group(1) if found else table.file.stem)

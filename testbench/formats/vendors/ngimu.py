@@ -1,5 +1,6 @@
-"""x-io NGIMU: sensors.csv and quaternion.csv of a device, as the vendor's software writes them in
-one folder a device.
+"""x-io NGIMU: sensors.csv and quaternion.csv of a device.
+
+The vendor's software writes them in one folder a device.
 
 Titles carry their units: Time (s), Gyroscope X (deg/s), Accelerometer X (g), Magnetometer X (uT);
 quaternion.csv has W, X, Y, Z. The device's quaternion turns vectors of the earth (x magnetic north,

@@ -1,5 +1,6 @@
-"""Shimmer: CSV or TSV exported by Consensys: `sep=`, a row of titles (`Shimmer_40AC_Gyro_X_CAL`), a
-row of units, the samples.
+"""Shimmer: CSV or TSV exported by Consensys.
+
+`sep=`, a row of titles (`Shimmer_40AC_Gyro_X_CAL`), a row of units, the samples.
 
 Calibrated columns (`_CAL`) are read, of the low-noise accelerometer if there is one, else of the
 wide-range one. The magnetic field is in units of the local field; stamps are milliseconds (Unix or

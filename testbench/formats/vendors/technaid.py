@@ -1,5 +1,6 @@
-"""Technaid Tech-IMU / Tech-MCS: CSV converted from the vendor's captures, with blanks around the
-titles of the columns.
+"""Technaid Tech-IMU / Tech-MCS: CSV converted from the vendor's captures.
+
+There are blanks around the titles of the columns.
 
 The vendor publishes no layout of a CSV; the titles are recognised by their usual spellings. Several
 IMUs may stand in one file, each with its name before its columns (`IMU1 AccX`, `Shank_GyrZ`).

@@ -199,9 +199,7 @@ def _kinds(table: TextTable) -> dict[str, Kind]:
 
 
 def _stale_rows(head: Columns, kinds: dict[str, Kind], rate: float) -> int:
-    """How many rows at the beginning are all zero, or of another time or place than the next
-    ones.
-    """
+    """How many rows at the beginning are zero, or of another time or place than the next ones."""
     values = np.column_stack(
         [
             head[column]
@@ -225,8 +223,9 @@ def _stale_rows(head: Columns, kinds: dict[str, Kind], rate: float) -> int:
 
 
 def _jumps(head: Columns) -> bool:
-    """Whether the first row lies further from the second than a moving sensor can be: ten times any
-    later step.
+    """Whether the first row lies farther from the second than a moving sensor can be.
+
+    That is ten times any later step.
     """
     floors = {"quat": 0.035, "euler": 2.0, "acc": 0.5, "gyr": 5.0}
     for key, floor in floors.items():

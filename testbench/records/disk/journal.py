@@ -95,7 +95,11 @@ class Journal:
         return journal
 
     def append(self, columns: Columns) -> None:
-        """Append equally long columns and hand them to the operating system."""
+        """Append rows and hand them to the operating system.
+
+        Args:
+            columns: By name, each of shape (n,).
+        """
         arrays = [
             to_arrow(columns[name], self._schema.field(name).type) for name in self._schema.names
         ]

@@ -182,8 +182,9 @@ def _claimed_folder(path: Path) -> tuple[Path, int]:
 
 
 def _hold(held: int, partial: Path) -> bool:
-    """Lock what was just made; False where another writer took it for left over and removed it
-    before.
+    """Lock what was just made.
+
+    False where another writer took it for left over and removed it before.
     """
     with suppress(OSError):  # a file system without locks: what a kill leaves there stays
         fcntl.flock(held, fcntl.LOCK_EX)

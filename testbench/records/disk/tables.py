@@ -18,8 +18,9 @@ Columns = Mapping[str, np.ndarray]
 
 
 def _encoding(schema: pa.Schema) -> dict[str, Any]:
-    """How columns are stored: measured numbers hardly repeat, and their bytes compress when like
-    stands beside like.
+    """How columns are stored.
+
+    Measured numbers hardly repeat, and their bytes compress when like stands beside like.
 
     Without dictionaries and with numbers split by bytes, tables are a fifth smaller than with plain
     zstd and are written and read in about half the time.
@@ -82,7 +83,13 @@ def to_table(columns: Columns, notes: Mapping[str, str] | None = None) -> pa.Tab
 
 
 def write_parquet(path: Path, columns: Columns, notes: Mapping[str, str] | None = None) -> None:
-    """Write a Parquet file in one step."""
+    """Write a Parquet file in one step.
+
+    Args:
+        path: Of the file.
+        columns: By name, each of shape (n,).
+        notes: What the table is, by key; kept in the schema's metadata.
+    """
     table = to_table(columns, notes)
     with replaced_file(path) as partial:
         pq.write_table(table, partial, row_group_size=ROWS_PER_GROUP, **_encoding(table.schema))

@@ -11,8 +11,9 @@ from testbench.records.results.fit import Fit
 
 @dataclass(frozen=True)
 class TriadCalibration:
-    """Corrections of three sensing axes: corrected = matrix (raw - bias - drift (T - reference) -
-    g_matrix force).
+    """Corrections of three sensing axes.
+
+    corrected = matrix (raw - bias - drift (T - reference) - g_matrix force).
 
     Attributes:
         method: As `testbench calibrate` spells it.

@@ -64,8 +64,7 @@ SEVERITY = [Outcome.PASS, Outcome.MARGINAL, Outcome.NOT_MEASURED, Outcome.FAIL]
 
 @dataclass(frozen=True)
 class JointRow:
-    """Errors of a flexion angle over one group of samples: one commanded pose, or one sweep;
-    degrees.
+    """Errors of a flexion angle over one commanded pose, or one sweep; degrees.
 
     Attributes:
         joint: Of the protocol.

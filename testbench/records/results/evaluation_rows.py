@@ -204,8 +204,9 @@ class RankRow:
 
 @dataclass(frozen=True)
 class GyroscopeBiasRow:
-    """What a calibrated gyroscope still reads at rest: the error of the estimated bias; deg/s, one
-    axis.
+    """What a calibrated gyroscope still reads at rest; deg/s, one axis.
+
+    It is the error of the estimated bias.
 
     Attributes:
         estimated_deg_s: Bias by the calibration.

@@ -205,8 +205,17 @@ class StudyCurves:
 
 @dataclass(frozen=True, eq=False)
 class StudySurface:
-    """Values over a grid, z of shape (len(y), len(x)); the axes' titles carry the unit. how: How to
-    read it.
+    """Values over a grid; the titles of the axes carry the unit.
+
+    Attributes:
+        caption: What it shows.
+        x_axis: Title of the abscissa.
+        y_axis: Title of the ordinate.
+        z_axis: Title of the values.
+        x: Shape (m,).
+        y: Shape (n,).
+        z: Shape (n, m).
+        how: How to read it.
     """
 
     caption: str

@@ -90,8 +90,9 @@ class TruthFile:
         return Truth.from_columns(read_parquet(self._path))
 
     def thinned(self) -> Truth:
-        """Evenly spread rows of a long one, for what looks at the whole of it: with rates or, where
-        it has none, orientations; a short one as it is.
+        """Evenly spread rows of a long one, for what looks at the whole of it.
+
+        They have rates or, where it has none, orientations; a short one is given as it is.
         """
         if not self.is_long:
             return self.read()

@@ -126,7 +126,13 @@ class SessionWriter:
     def add_table(
         self, name: str, columns: Columns, notes: Mapping[str, str] | None = None
     ) -> None:
-        """Write a whole table at once, as `<name>.parquet`."""
+        """Write a whole table at once, as `<name>.parquet`.
+
+        Args:
+            name: Of the table.
+            columns: By name, each of shape (n,).
+            notes: What the table is, by key; kept in the schema's metadata.
+        """
         write_parquet(self.path / table_file(name), columns, notes)
 
     def open_journal(
@@ -147,6 +153,10 @@ class SessionWriter:
 
     def append(self, name: str, columns: Columns) -> None:
         """Append samples to a stream.
+
+        Args:
+            name: Of the stream.
+            columns: By name, each of shape (n,).
 
         Raises:
             StorageError: They cannot be written; so do `event`, `flush`, `sync` and `close`.
@@ -204,8 +214,9 @@ class SessionWriter:
             raise StorageError(f"{self.path} cannot be written: {disk_reason(error)}") from None
 
     def discard(self) -> None:
-        """Undo: remove the folder with all that was written; for imports, whose source still
-        exists.
+        """Undo: remove the folder with all that was written.
+
+        For imports, whose source still exists.
         """
         for journal in self._journals.values():
             journal.close()

@@ -80,9 +80,7 @@ class JointRotation(StrictModel):
 
     @property
     def label(self) -> str:
-        """A word for it that can stand in a column's name: ZXZ, isb_elbow, grood_suntay_knee_left,
-        hinge_z, ...
-        """
+        """A word for it that can stand in a column's name, such as ZXZ, isb_elbow or hinge_z."""
         if self.euler is not None:
             return self.euler
         for kind in ("hinge", "swing_twist"):

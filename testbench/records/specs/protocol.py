@@ -408,8 +408,9 @@ class ProtocolSpec(StrictModel):
 
 @dataclass
 class Protocol:
-    """A protocol with the file it was read from, the protocols it includes, and the texts of its
-    sensor presets, by name.
+    """A protocol with the file it was read from.
+
+    With it come the protocols it includes, and the texts of its sensor presets, by name.
     """
 
     document: YamlDocument[ProtocolSpec]

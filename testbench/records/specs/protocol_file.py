@@ -94,8 +94,9 @@ def _no_protocol(data: dict[str, Any]) -> str | None:
 
 
 def _read_presets(document: YamlDocument[ProtocolSpec]) -> tuple[dict[str, str], list[Problem]]:
-    """Put the content of preset files into the sensors that name them, so that nothing but the
-    protocol is needed later.
+    """Put the content of preset files into the sensors that name them.
+
+    So nothing but the protocol is needed later.
 
     Returns:
         The texts of the files by name, and what is wrong with them.

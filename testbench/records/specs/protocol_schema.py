@@ -52,8 +52,9 @@ def _tidy(part: dict[str, Any]) -> None:
 
 
 def _optional_parameters() -> dict[str, Any]:
-    """The sensor's parameters with nothing required, for those given beside a preset need not be
-    complete.
+    """The sensor's parameters with nothing required.
+
+    Those given beside a preset need not be complete.
     """
     whole = ImuParameters.model_json_schema()
     parts = whole.pop("$defs") | {"ImuParameters": whole}

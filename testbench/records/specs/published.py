@@ -52,8 +52,9 @@ class FlexionErrors(StrictModel):
 
 
 class CalibrationBias(StrictModel):
-    """What was left of an accelerometer's bias after a published calibration, |bias| and standard
-    deviation of x, y, z [mg].
+    """What was left of an accelerometer's bias after a published calibration [mg].
+
+    |bias| and standard deviation of x, y, z.
     """
 
     table: str
@@ -83,8 +84,9 @@ class PublishedResults(Publication):
 
 
 class PublishedRow(StrictModel):
-    """One row of a published table: its values in the order of the columns, None where none is
-    given.
+    """One row of a published table: its values in the order of the columns.
+
+    None where none is given.
     """
 
     label: str

@@ -255,8 +255,8 @@ class Robot:
 
     @property
     def joint_angle_uncertainty(self) -> np.ndarray:
-        """Standard uncertainty of each joint's angle by the calibration of the kinematics, shape
-        (n,), [rad].
+        """Standard uncertainty of each joint's angle by the kinematic calibration, shape (n,)
+        [rad].
         """
         return np.radians(
             np.broadcast_to(
